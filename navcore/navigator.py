@@ -20,13 +20,13 @@ from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.grid.grid import Box, GridSpec, OccupancyGrid, inflate_layers
 from navcore.grid.growth import growth_to
 from navcore.localisation.estimate import LocalisationEstimate
-from navcore.localisation.keyframe_store import restored, stored
 from navcore.localisation.localisation import Localisation, Outcome, Task
 from navcore.localisation.map_correction import (
     AppliedCorrection,
     MapCorrection,
     PrepareCorrection,
 )
+from navcore.localisation.scans.keyframe_store import restored, stored
 from navcore.localisation.zone_margins import ZoneMargins
 from navcore.mapping.correction import PreparedCorrection
 from navcore.mapping.extent import needed_part, permitted_part

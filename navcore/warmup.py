@@ -17,12 +17,12 @@ from navcore.geometry.camera import Intrinsics, pixel_rays
 from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
-from navcore.localisation.matching import search
-from navcore.localisation.place_map import place_map_of
-from navcore.localisation.place_search import search_places
-from navcore.localisation.scan import Keyframe, Scan
-from navcore.localisation.scan_map import ScanMap
-from navcore.localisation.submap import Submap
+from navcore.localisation.relocalisation.place_map import place_map_of
+from navcore.localisation.relocalisation.place_search import search_places
+from navcore.localisation.relocalisation.submap import Submap
+from navcore.localisation.scans.matching import search
+from navcore.localisation.scans.scan import Keyframe, Scan
+from navcore.localisation.scans.scan_map import ScanMap
 from navcore.mapping.extent import measured_bounds
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list

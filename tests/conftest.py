@@ -1,4 +1,5 @@
-"""No test reads or writes the engines that the user's machine remembers."""
+"""What holds for all tests: they neither read nor write the engines that the user's machine
+remembers, and a law has the same examples whichever tests ran before."""
 
 from __future__ import annotations
 
@@ -6,6 +7,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis.internal.conjecture import providers
+
+# Hypothesis adds constants of all imported modules to its examples, which so depend on what was
+# imported before. To find them it parses sources, which fails within Playwright's greenlets.
+providers._get_local_constants = lambda: providers._local_constants
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -11,11 +11,11 @@ from app.runtime.robot_controller import RobotController
 from navcore.errors import Refused
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
-from navcore.localisation.place_check import PlaceCheck as CheckedPlace
-from navcore.localisation.place_check import check_place
-from navcore.localisation.place_map import PlaceMap, place_map_of
-from navcore.localisation.scan import Scan
-from navcore.localisation.submap import submap_of
+from navcore.localisation.relocalisation.place_check import PlaceCheck as CheckedPlace
+from navcore.localisation.relocalisation.place_check import check_place
+from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
+from navcore.localisation.relocalisation.submap import submap_of
+from navcore.localisation.scans.scan import Scan
 from navcore.mission.mission import Goal, checked
 from web.interface.localisation import PlaceCheck, PlaceOut
 

@@ -21,10 +21,10 @@ from navcore.config.localisation import LocalisationConfig
 from navcore.geometry.arrays import Bools, Floats
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.localisation.estimate import LocalisationState
-from navcore.localisation.keyframe_chain import KnownPoses
-from navcore.localisation.localiser import Localiser
-from navcore.localisation.odometry_model import OdometryStep
-from navcore.localisation.scan import Keyframe, Scan, scan_of
+from navcore.localisation.scans.scan import Keyframe, Scan, scan_of
+from navcore.localisation.tracking.keyframe_chain import KnownPoses
+from navcore.localisation.tracking.localiser import Localiser
+from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.navigator import TickResult
 from navcore.perception.ground import ground_heights

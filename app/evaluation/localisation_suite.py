@@ -30,8 +30,8 @@ from app.evaluation.relocalisation import (
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.files import write_whole
-from navcore.localisation.localiser import Localiser
-from navcore.localisation.scan import Keyframe
+from navcore.localisation.scans.scan import Keyframe
+from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.pose_ids import PoseIds
 from navcore.mission.beware_list import BewareList
 from sim.robot.odometry_grade import OdometryGrade

@@ -14,11 +14,15 @@ from app.evaluation.localisation import Drive, odometry_of
 from navcore.config.localisation import LocalisationConfig
 from navcore.config.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
-from navcore.localisation.localiser import Localiser
-from navcore.localisation.place_map import PlaceMap, place_map_of
-from navcore.localisation.relocalisation import RelocalisationState, Relocaliser, search_task
-from navcore.localisation.scan import Keyframe, Scan
-from navcore.localisation.scan_map import ScanMap
+from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
+from navcore.localisation.relocalisation.relocalisation import (
+    RelocalisationState,
+    Relocaliser,
+    search_task,
+)
+from navcore.localisation.scans.scan import Keyframe, Scan
+from navcore.localisation.scans.scan_map import ScanMap
+from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.pose_ids import PoseIds
 from sim.robot.odometry_grade import OdometryGrade
 
@@ -101,7 +105,7 @@ def switched_on(
             continue
         place, k, driven_m = found
         true = run.drive.true_poses[k]
-        is_right = is_here and (
+        is_right = is_here and bool(
             place.distance_to(true.x_m, true.y_m) <= RIGHT_M
             and abs(wrap_angle(place.yaw_rad - true.yaw_rad)) <= RIGHT_RAD
         )
@@ -224,7 +228,7 @@ def _follow_over(
         if not estimate.is_known:
             return way_m, (stamp_ns - began_ns) / 1e9, False
         true = drive.true_poses[k]
-        is_right = estimate.T_map_base.distance_to(true.x_m, true.y_m) <= 2 * RIGHT_M
+        is_right = bool(estimate.T_map_base.distance_to(true.x_m, true.y_m) <= 2 * RIGHT_M)
         if way_m > FOLLOWED_M:
             break
     return None, 0.0, is_right

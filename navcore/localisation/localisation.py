@@ -16,20 +16,20 @@ from navcore.localisation.estimate import LocalisationEstimate, LocalisationStat
 from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.fixes import TagMap, fixes_of
 from navcore.localisation.fresh_fixes import FreshFixes
-from navcore.localisation.localiser import Localiser
-from navcore.localisation.loop_closer import CloseLoops, LoopCloser, with_later
-from navcore.localisation.loop_closure import LoopClosures
-from navcore.localisation.place_map import PlaceMap
-from navcore.localisation.relocalisation import (
+from navcore.localisation.loops.loop_closer import CloseLoops, LoopCloser, with_later
+from navcore.localisation.loops.loop_closure import LoopClosures
+from navcore.localisation.relocalisation.place_map import PlaceMap
+from navcore.localisation.relocalisation.relocalisation import (
     PlaceProposal,
     RelocalisationState,
     Relocaliser,
     SearchResult,
 )
-from navcore.localisation.scan import Keyframe, Scan
-from navcore.localisation.scan_map import ScanMap
+from navcore.localisation.scans.scan import Keyframe, Scan
+from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.start_check import StartCheck
 from navcore.localisation.tasks import PrepareSearch, SearchPlaces
+from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.pose_ids import PoseIds
 from navcore.perception.labels import Labels
 from navcore.perception.people.track import Track

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from navcore.config.localisation import TrackingConfig
 from navcore.geometry.transform import Pose2, Twist
 from navcore.localisation.localisation import Localisation, Outcome, Task
-from navcore.localisation.loop_closure import LoopClosures
+from navcore.localisation.loops.loop_closure import LoopClosures
 from navcore.mapping.correction import MapSnapshot, PreparedCorrection, prepare
 from navcore.mapping.point_map import PointMap
 

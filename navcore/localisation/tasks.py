@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from navcore.config.relocalisation import RelocalisationConfig
 from navcore.geometry.arrays import Points
-from navcore.localisation.place_map import PlaceMap, place_map_of
-from navcore.localisation.relocalisation import SearchResult, SearchTask, search_task
-from navcore.localisation.scan import Keyframe
+from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
+from navcore.localisation.relocalisation.relocalisation import SearchResult, SearchTask, search_task
+from navcore.localisation.scans.scan import Keyframe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -10,7 +10,7 @@ import pytest
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.map_persistence import load_map, save_map
 from navcore.geometry.transform import Pose2
-from navcore.localisation.keyframe_store import stored
+from navcore.localisation.scans.keyframe_store import stored
 from navcore.mission.beware_list import default_beware_list
 from sim.scenario.load import load_scenario
 

@@ -17,7 +17,7 @@ from app.evaluation.relocalisation import (
 from navcore.config.localisation import LocalisationConfig
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL
-from navcore.localisation.scan import Keyframe
+from navcore.localisation.scans.scan import Keyframe
 from navcore.mapping.pose_ids import PoseIds
 from navcore.robot.frame import Frame
 from sim.robot.odometry_grade import OdometryGrade

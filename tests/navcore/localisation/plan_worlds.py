@@ -12,7 +12,7 @@ import numpy as np
 
 from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.transform import Pose2, wrap_angle
-from navcore.localisation.scan import Scan
+from navcore.localisation.scans.scan import Scan
 
 WALL_M = 0.12
 FIELD_OF_VIEW_RAD = math.radians(87.0)

@@ -1,0 +1,229 @@
+"""Pose graph in the plane: the poses that agree best with all edges, and which loops do not.
+
+Levenberg–Marquardt on sparse normal equations. Odometry is trusted; loops and absolute positions
+are weighted by graduated non-convexity with a truncated least squares cost (Yang, Antonante,
+Tzoumas, Carlone 2020): the cost starts convex and tightens until each is believed or rejected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from navcore.config.pose_graph import DEFAULT_POSE_GRAPH, PoseGraphConfig
+from navcore.errors import BadGeometry
+from navcore.geometry.arrays import Bools, Floats
+from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.localisation.graph.edges import Edge
+from navcore.localisation.graph.normal_equations import Factors, NormalEquations, factors_of
+
+SMALLEST_DAMPING = 1e-9
+"""Damping, as a share of the diagonal, that keeps poses without any constraint where they are."""
+LARGEST_DAMPING = 1e8
+"""Damping beyond which no smaller cost is expected."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AbsolutePose:
+    """A measured pose in the map, by GNSS, a tag or a dock."""
+
+    pose_id: int
+    """Pose ID that was measured."""
+    T_map_base: Pose2
+    """Measured pose of the robot; the heading is arbitrary where it was not measured."""
+    information: Matrix
+    """(3, 3) inverse of the covariance of x and y in metres along the map's axes and yaw in
+    radians; rows and columns of zeros for what was not measured."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoseGraph:
+    """Poses and what is known about them."""
+
+    poses: Mapping[int, Pose2]
+    """First guess of T_map_base by pose ID."""
+    odometry: Sequence[Edge]
+    """Trusted edges between the poses of consecutive keyframes."""
+    loops: Sequence[Edge] = ()
+    """Edges that may be wrong."""
+    absolute: Sequence[AbsolutePose] = ()
+    """Positions in the map that may be wrong."""
+    fixed: frozenset[int] = frozenset()
+    """Pose IDs that never move, such as those of an accepted map. With neither these nor absolute
+    positions the first pose stays."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OptimisedGraph:
+    """Result of the optimisation."""
+
+    poses: Mapping[int, Pose2]
+    """T_map_base by pose ID; those that are fixed are the given values."""
+    accepted_loops: tuple[bool, ...]
+    """For each loop whether it was believed."""
+    accepted_absolute: tuple[bool, ...]
+    """For each absolute position whether it was believed."""
+    chi2: float
+    """Sum of the squared Mahalanobis distances of everything that was believed."""
+    steps: int
+    """Number of linear systems that were solved."""
+    _equations: NormalEquations = field(repr=False)
+    _state: Floats = field(repr=False)
+    _weights: Floats = field(repr=False)
+
+    def covariances(self, pose_ids: Sequence[int]) -> dict[int, Matrix]:
+        """Return the (3, 3) marginal covariance of x, y and yaw of poses, along the map's axes,
+        relative to what is fixed; zero for fixed poses. Solves one linear system for each pose."""
+        index = {pose_id: i for i, pose_id in enumerate(self.poses)}
+        blocks = self._equations.covariances(
+            self._state, self._weights, [index[pose_id] for pose_id in pose_ids], SMALLEST_DAMPING
+        )
+        return dict(zip(pose_ids, blocks, strict=True))
+
+    def relative_covariance(self, from_id: int, to_id: int) -> Matrix:
+        """Return the (3, 3) covariance of the second pose in the frame of the first, as an `Edge`
+        has it."""
+        index = {pose_id: i for i, pose_id in enumerate(self.poses)}
+        return self._equations.relative_covariance(
+            self._state, self._weights, index[from_id], index[to_id], SMALLEST_DAMPING
+        )
+
+
+def optimise(graph: PoseGraph, config: PoseGraphConfig = DEFAULT_POSE_GRAPH) -> OptimisedGraph:
+    """Return the poses that fit best, and which loops and absolute positions were believed.
+
+    Deterministic. Raises `BadGeometry` if a factor names an unknown pose or has a covariance that
+    is not positive definite.
+    """
+    ids = list(graph.poses)
+    index = {pose_id: i for i, pose_id in enumerate(ids)}
+    factors = _factors(graph, index)
+    state = np.array([(p.x_m, p.y_m, p.yaw_rad) for p in graph.poses.values()]).reshape(-1, 3)
+    equations = NormalEquations(factors, len(ids), _free(graph, ids))
+    trusted = np.zeros(len(factors.first), dtype=bool)
+    trusted[: len(graph.odometry)] = True
+    solver = _Solver(equations, config)
+    state, weights = solver.graduated(state, trusted)
+    believed = weights > 0.5
+    chi2 = equations.chi2(state)
+    first_absolute = len(graph.odometry) + len(graph.loops)
+    return OptimisedGraph(
+        poses=_poses(graph, ids, state),
+        accepted_loops=tuple(map(bool, believed[len(graph.odometry) : first_absolute])),
+        accepted_absolute=tuple(map(bool, believed[first_absolute:])),
+        chi2=float(chi2[believed].sum()),
+        steps=solver.steps,
+        _equations=equations,
+        _state=state,
+        _weights=weights,
+    )
+
+
+def _factors(graph: PoseGraph, index: Mapping[int, int]) -> Factors:
+    edges = [*graph.odometry, *graph.loops]
+    named = [i for e in edges for i in (e.from_id, e.to_id)] + [a.pose_id for a in graph.absolute]
+    for pose_id in (*named, *graph.fixed):
+        if pose_id not in index:
+            raise BadGeometry(f"pose graph: unknown pose ID {pose_id}; it is none of the poses")
+    ends = [(index[e.from_id], index[e.to_id]) for e in edges]
+    try:
+        information: list[Matrix] = [np.asarray(np.linalg.inv(e.covariance)) for e in edges]
+        return factors_of(
+            ends=ends + [(-1, index[a.pose_id]) for a in graph.absolute],
+            measured=[e.T_from_to for e in edges] + [a.T_map_base for a in graph.absolute],
+            information=information + [_in_body(a) for a in graph.absolute],
+        )
+    except np.linalg.LinAlgError:
+        raise BadGeometry(
+            "pose graph: a covariance is not positive definite; give each edge (3, 3) with "
+            "positive variances"
+        ) from None
+
+
+def _in_body(absolute: AbsolutePose) -> Matrix:
+    """Return the information along the axes of the measured pose, as edges have it."""
+    rotation = np.eye(3)
+    rotation[:2, :2] = absolute.T_map_base.matrix()[:2, :2]
+    return np.asarray(rotation.T @ absolute.information @ rotation)
+
+
+def _free(graph: PoseGraph, ids: Sequence[int]) -> Bools:
+    free = np.array([pose_id not in graph.fixed for pose_id in ids], dtype=bool)
+    if not graph.fixed and not graph.absolute:
+        free[:1] = False
+    return free
+
+
+def _poses(graph: PoseGraph, ids: Sequence[int], state: Floats) -> dict[int, Pose2]:
+    return {
+        pose_id: graph.poses[pose_id]
+        if pose_id in graph.fixed
+        else Pose2(x_m=float(x), y_m=float(y), yaw_rad=wrap_angle(float(yaw)))
+        for pose_id, (x, y, yaw) in zip(ids, state, strict=True)
+    }
+
+
+class _Solver:
+    """Levenberg–Marquardt, alone and within graduated non-convexity."""
+
+    def __init__(self, equations: NormalEquations, config: PoseGraphConfig) -> None:
+        self._equations = equations
+        self._config = config
+        self._damping = SMALLEST_DAMPING
+        self.steps = 0
+
+    def graduated(self, state: Floats, trusted: Bools) -> tuple[Floats, Floats]:
+        """Return poses and weights, 0 or 1 for each factor."""
+        limit = self._config.inlier_chi2
+        weights = np.ones(len(trusted))
+        doubtful = ~trusted
+        state = self._minimise(state, weights)
+        worst = float(self._equations.chi2(state)[doubtful].max(initial=0.0))
+        mu = limit / max(2.0 * worst - limit, 1e-9)
+        for _ in range(self._config.gnc_steps if worst > limit else 0):
+            chi2 = self._equations.chi2(state)
+            weights[doubtful] = _truncated_weights(chi2[doubtful], limit, mu)
+            if np.isin(weights, (0.0, 1.0)).all():
+                break
+            state, _ = self._step(state, weights)
+            mu *= self._config.gnc_factor
+        for _ in range(10):  # what the last poses say is an outlier or not, until nothing changes
+            decided = np.where(doubtful, self._equations.chi2(state) <= limit, 1.0)
+            if self.steps and (decided == weights).all():
+                break
+            weights = decided.astype(np.float64)
+            state = self._minimise(state, weights)
+        return self._minimise(state, weights), weights
+
+    def _minimise(self, state: Floats, weights: Floats) -> Floats:
+        for _ in range(self._config.max_steps):
+            state, change = self._step(state, weights)
+            if change < self._config.converged_m:
+                break
+        return state
+
+    def _step(self, state: Floats, weights: Floats) -> tuple[Floats, float]:
+        """Return the poses after one step and the largest change; no step makes the cost
+        larger."""
+        equations = self._equations
+        chi2 = equations.chi2(state)
+        cost = float(weights @ chi2)
+        while self._damping < LARGEST_DAMPING:
+            change = equations.step(state, weights, self._damping)
+            self.steps += 1
+            new = state + change
+            if float(weights @ equations.chi2(new)) <= cost * (1.0 + 1e-12) + 1e-15:
+                self._damping = max(self._damping / 10.0, SMALLEST_DAMPING)
+                return new, float(np.abs(change).max(initial=0.0))
+            self._damping *= 100.0
+        self._damping = SMALLEST_DAMPING
+        return state, 0.0
+
+
+def _truncated_weights(chi2: Floats, limit: float, mu: float) -> Floats:
+    """Return the weights of the truncated least squares cost at the convexity `mu`."""
+    low, high = mu / (mu + 1.0) * limit, (mu + 1.0) / mu * limit
+    between = np.sqrt(limit * mu * (mu + 1.0) / np.maximum(chi2, 1e-12)) - mu
+    return np.where(chi2 <= low, 1.0, np.where(chi2 >= high, 0.0, between))

@@ -1,0 +1,1 @@
+"""Loop closures: places of the present session that are seen again."""

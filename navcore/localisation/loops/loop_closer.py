@@ -1,0 +1,111 @@
+"""The pose graph of a session: gathers keyframes and edges, and says when loops are worth looking
+for.
+
+Only the chain since the robot was last placed takes part: no edge leads to it from before. A saved
+map is followed and not corrected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from navcore.config.pose_graph import LoopClosureConfig, PoseGraphConfig
+from navcore.geometry.transform import IDENTITY, Pose2
+from navcore.localisation.graph.edges import Edge
+from navcore.localisation.loops.loop_closure import LoopClosures, close_loops
+from navcore.localisation.scans.scan import Keyframe
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CloseLoops:
+    """Look for loops among keyframes."""
+
+    keyframes: tuple[Keyframe, ...]
+    """Keyframes in the order of driving."""
+    odometry: tuple[Edge, ...]
+    """Edges between consecutive ones."""
+    tried_until: int
+    """Number of keyframes that were tried before."""
+    loops: tuple[Edge, ...]
+    """Loops that are believed already."""
+    loop_config: LoopClosureConfig
+    """Which matches count."""
+    graph_config: PoseGraphConfig
+    """How the graph is optimised."""
+
+    def run(self, is_cancelled: Callable[[], bool]) -> LoopClosures | None:
+        """Return corrected poses; None without a loop, or if it was cancelled."""
+        return close_loops(
+            self.keyframes,
+            self.odometry,
+            tried_until=self.tried_until,
+            loops=self.loops,
+            config=self.loop_config,
+            graph_config=self.graph_config,
+            is_cancelled=is_cancelled,
+        )
+
+
+@dataclass(slots=True)
+class LoopCloser:
+    """Keyframes and edges of one chain."""
+
+    loop_config: LoopClosureConfig
+    """Which matches count."""
+    graph_config: PoseGraphConfig
+    """How the graph is optimised."""
+    _edges: list[Edge] = field(default_factory=list)
+    _loops: tuple[Edge, ...] = ()
+    _chain: dict[int, None] = field(default_factory=dict)
+    _tried: int = 0
+
+    def note(self, edges: tuple[Edge, ...]) -> None:
+        """Take the edges since the last call."""
+        for edge in edges:
+            self._edges.append(edge)
+            self._chain.setdefault(edge.from_id)
+            self._chain.setdefault(edge.to_id)
+
+    def next_task(self, keyframe: Callable[[int], Keyframe | None]) -> CloseLoops | None:
+        """Return what to compute once enough keyframes are new; `keyframe` gives those of an ID at
+        its present pose."""
+        if len(self._chain) - self._tried < self.loop_config.new_keyframes:
+            return None
+        tried, self._tried = self._tried, len(self._chain)
+        found = [keyframe(pose_id) for pose_id in self._chain]
+        keyframes = tuple(one for one in found if one is not None)
+        if len(keyframes) < len(found):
+            return None
+        return CloseLoops(
+            keyframes=keyframes,
+            odometry=tuple(self._edges),
+            tried_until=tried,
+            loops=self._loops,
+            loop_config=self.loop_config,
+            graph_config=self.graph_config,
+        )
+
+    def take(self, closures: LoopClosures) -> None:
+        """Believe the loops of a task."""
+        self._loops = closures.loops
+
+    def restart(self) -> None:
+        """Begin a new chain: the robot was placed, and no edge leads there."""
+        self._edges, self._loops, self._chain, self._tried = [], (), {}, 0
+
+
+def with_later(
+    corrected: Mapping[int, Pose2], present: Mapping[int, Pose2]
+) -> tuple[dict[int, Pose2], Pose2]:
+    """Return corrected poses with those that have no keyframe, and T_new_old of the newest.
+
+    A pose without a keyframe moves rigidly with the last one before it that has one.
+    """
+    moved, motion = dict(corrected), IDENTITY
+    for pose_id in sorted(present):
+        if pose_id in corrected:
+            motion = corrected[pose_id] @ present[pose_id].inverse()
+        elif motion != IDENTITY:
+            moved[pose_id] = motion @ present[pose_id]
+    return moved, motion

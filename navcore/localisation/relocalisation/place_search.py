@@ -1,0 +1,281 @@
+"""Search of a submap in a whole map by branch and bound over position and heading."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from navcore.compiled import compiled
+from navcore.config.relocalisation import RelocalisationConfig
+from navcore.geometry.arrays import Bools, Floats, Indices
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.localisation.relocalisation.place_fit import PlaceFit, fit_place
+from navcore.localisation.relocalisation.place_map import DIRECTIONS, FULL, Bytes, PlaceMap
+from navcore.localisation.relocalisation.submap import Submap
+
+SLICE_CALLS = 100_000
+"""Number of bounds after which `advance` returns."""
+KEPT_BLOCK = 2
+"""Level of the blocks of which only the best position is kept."""
+MOST_FOUND = 4_096
+"""Places that one slice can return."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchWindow:
+    """Where to search."""
+
+    T_map_base: Pose2
+    """Expected pose."""
+    reach_m: float
+    """Half the edge in metres of the square around it."""
+    reach_rad: float
+    """Largest turn in radians from it."""
+
+
+class PlaceSearch:
+    """One search, advanced slice by slice, so that a thread can end it between two slices."""
+
+    def __init__(
+        self,
+        submap: Submap,
+        place_map: PlaceMap,
+        config: RelocalisationConfig,
+        window: SearchWindow | None = None,
+    ) -> None:
+        """Prepare the rotated points of the submap; nothing is searched yet. Without a window the
+        whole map is searched, with all headings."""
+        self._submap = submap
+        self._window = window
+        self._map = place_map
+        self._config = config
+        self._is_hopeless = len(submap) < config.search.least_points or not len(place_map.surfaces)
+        step = math.radians(config.search.yaw_step_deg)
+        if window is None:
+            self._yaws = np.arange(0.0, 2.0 * math.pi, step)
+        else:
+            steps = math.ceil(window.reach_rad / step)
+            self._yaws = window.T_map_base.yaw_rad + step * np.arange(-steps, steps + 1)
+        self._found: list[Floats] = []
+        self._best = 0.0
+        self._next = 0
+        self._order: Indices | None = None
+        if not self._is_hopeless:
+            self._rotate()
+
+    def _rotate(self) -> None:
+        """Find the cells of the points, relative to their middle's, for each heading."""
+        rules = self._config.search
+        # A fixed shuffle: the first points of a bound are spread over the submap and reject early.
+        chosen = np.random.default_rng(0).permutation(len(self._submap))[: rules.max_points]
+        points, normals = self._submap.points[chosen], self._submap.normals[chosen]
+        self._centre = points.mean(axis=0)
+        arms = points - self._centre
+        cos, sin = np.cos(self._yaws)[:, None], np.sin(self._yaws)[:, None]
+        cells = np.stack(
+            [sin * arms[:, 0] + cos * arms[:, 1], cos * arms[:, 0] - sin * arms[:, 1]], axis=2
+        )
+        self._cells = np.floor(cells / rules.cell_m + 0.5).astype(np.int64)
+        angle = np.arctan2(normals[:, 1], normals[:, 0])[None, :] + self._yaws[:, None]
+        channel = np.round(angle / (2.0 * math.pi / DIRECTIONS)).astype(np.int64) % DIRECTIONS
+        self._channels = np.where((normals != 0.0).any(axis=1), channel, DIRECTIONS)
+
+    def advance(self) -> bool:
+        """Search one slice of some milliseconds; return whether the search has ended."""
+        if self._is_hopeless:
+            return True
+        rules = self._config.search
+        if self._order is None:
+            self._coarse = _coarse_bounds(
+                self._map.bounds[-1], self._cells, self._channels, 2**rules.levels
+            )
+            flat = self._coarse.ravel()
+            promising = np.flatnonzero((flat >= rules.least_score) & self._is_within())
+            self._order = promising[np.argsort(-flat[promising], kind="stable")]
+            return False
+        found = np.empty((MOST_FOUND, 4))
+        self._next, count, self._best = _descend(
+            self._map.bounds,
+            self._cells,
+            self._channels,
+            self._coarse,
+            self._order,
+            self._next,
+            self._best,
+            rules.least_score,
+            rules.kept_share,
+            found,
+        )
+        self._found.append(found[:count])
+        return self._next >= len(self._order)
+
+    def _is_within(self) -> Bools:
+        """Return which of the largest blocks reach into the window."""
+        _, rows, cols = self._coarse.shape
+        if self._window is None:
+            return np.ones(self._coarse.size, dtype=bool)
+        lattice, side = self._map.lattice, 2**self._config.search.levels
+        middle = self._window.T_map_base.to_parent(self._centre)
+        half = 0.5 * side * lattice.cell_m
+        x = lattice.x_m + half * (2 * np.arange(cols) + 1) - middle[0]
+        y = lattice.y_m + half * (2 * np.arange(rows) + 1) - middle[1]
+        reach = self._window.reach_m + half
+        inside = (np.abs(y) <= reach)[:, None] & (np.abs(x) <= reach)
+        return np.asarray(np.broadcast_to(inside, self._coarse.shape)).ravel()
+
+    def candidates(self) -> list[PlaceFit]:
+        """Return the refined places that the search has found, best first."""
+        fits = [
+            fit_place(self._submap, pose, self._map, self._config.fit) for pose in self._places()
+        ]
+        fits.sort(key=lambda fit: -fit.score)
+        distinct: list[PlaceFit] = []
+        for fit in fits:
+            if not any(self._is_same(fit.T_map_base, kept.T_map_base) for kept in distinct):
+                distinct.append(fit)
+        return distinct
+
+    def _places(self) -> list[Pose2]:
+        """Return distinct places among the best, T_map_base, best first."""
+        rules = self._config.search
+        if not self._found:
+            return []
+        found = np.vstack(self._found)
+        found = found[found[:, 0] >= max(rules.least_score, rules.kept_share * self._best)]
+        found = found[np.lexsort((found[:, 3], found[:, 2], found[:, 1], -found[:, 0]))]
+        lattice, middle = (
+            self._map.lattice,
+            Pose2(x_m=float(self._centre[0]), y_m=float(self._centre[1]), yaw_rad=0.0),
+        )
+        kept: list[Pose2] = []
+        for _, yaw, row, col in found.tolist():
+            at = Pose2(
+                x_m=lattice.x_m + (col + 0.5) * lattice.cell_m,
+                y_m=lattice.y_m + (row + 0.5) * lattice.cell_m,
+                yaw_rad=wrap_angle(float(self._yaws[int(yaw)])),
+            )
+            if not any(self._is_same(at, other) for other in kept):
+                kept.append(at)
+            if len(kept) == rules.max_candidates:
+                break
+        return [at @ middle.inverse() for at in kept]
+
+    def _is_same(self, one: Pose2, two: Pose2) -> bool:
+        rules = self._config.search
+        turn = abs(wrap_angle(one.yaw_rad - two.yaw_rad))
+        return one.distance_to(two.x_m, two.y_m) < rules.separation_m and turn < math.radians(
+            rules.separation_deg
+        )
+
+
+def search_places(
+    submap: Submap,
+    place_map: PlaceMap,
+    config: RelocalisationConfig,
+    window: SearchWindow | None = None,
+) -> list[PlaceFit]:
+    """Return the places of a map where a submap may have been seen from, best first."""
+    search = PlaceSearch(submap, place_map, config, window)
+    while not search.advance():
+        pass
+    return search.candidates()
+
+
+@compiled
+def _bound(
+    likelihood: Bytes, cells: Indices, channels: Indices, row: int, col: int, least: float
+) -> float:
+    """Return the mean likelihood of the points of one heading at a cell, or 0 as soon as it cannot
+    reach `least`."""
+    rows, cols = likelihood.shape[1:]
+    count = len(cells)
+    total, lacking = 0, int(count * FULL * (1.0 - least)) + 1
+    for i in range(count):
+        r, c = row + cells[i, 0], col + cells[i, 1]
+        value = 0
+        if 0 <= r < rows and 0 <= c < cols:
+            value = int(likelihood[channels[i], r, c])
+        total += value
+        lacking -= FULL - value
+        if lacking < 0:
+            return 0.0
+    return total / (count * FULL)
+
+
+@compiled
+def _coarse_bounds(likelihood: Bytes, cells: Indices, channels: Indices, side: int) -> Floats:
+    """Return the (yaws, rows, cols) bounds of the largest blocks."""
+    rows, cols = likelihood.shape[1:]
+    bounds = np.zeros((len(cells), (rows + side - 1) // side, (cols + side - 1) // side))
+    for yaw in range(bounds.shape[0]):
+        for row in range(bounds.shape[1]):
+            for col in range(bounds.shape[2]):
+                bounds[yaw, row, col] = _bound(
+                    likelihood, cells[yaw], channels[yaw], row * side, col * side, 0.3
+                )
+    return bounds
+
+
+@compiled
+def _descend(
+    bounds: Bytes,
+    cells: Indices,
+    channels: Indices,
+    coarse: Floats,
+    order: Indices,
+    start: int,
+    best: float,
+    least_score: float,
+    kept_share: float,
+    found: Floats,
+) -> tuple[int, int, float]:
+    """Search the largest blocks from `order[start]` on, depth first.
+
+    Writes score, heading, row and column of the best position of each small block that may still
+    count into `found`; returns where to go on, how many were found and the best score so far.
+    """
+    top = len(bounds) - 1
+    across_rows, across_cols = coarse.shape[1], coarse.shape[2]
+    stack = np.empty((4 * len(bounds) + 4, 3), dtype=np.int64)
+    count, calls, index = 0, 0, start
+    room = len(found) - 4 ** max(top - KEPT_BLOCK, 0)
+    while index < len(order) and count <= room and calls < SLICE_CALLS:
+        block = order[index]
+        index += 1
+        yaw = block // (across_rows * across_cols)
+        row, col = block // across_cols % across_rows, block % across_cols
+        if coarse[yaw, row, col] < max(least_score, kept_share * best):
+            index = len(order)  # they are sorted: none of the rest counts
+            break
+        depth = 1
+        stack[0, 0], stack[0, 1], stack[0, 2] = top, row << top, col << top
+        while depth > 0:
+            depth -= 1
+            level, row, col = stack[depth, 0], stack[depth, 1], stack[depth, 2]
+            least = max(least_score, kept_share * best)
+            if level <= KEPT_BLOCK:
+                score, at_row, at_col = 0.0, 0, 0
+                for r in range(row, row + (1 << level)):
+                    for c in range(col, col + (1 << level)):
+                        value = _bound(
+                            bounds[0], cells[yaw], channels[yaw], r, c, max(least, score)
+                        )
+                        calls += 1
+                        if value > score:
+                            score, at_row, at_col = value, r, c
+                if score >= least and score > 0.0:
+                    found[count, 0], found[count, 1] = score, yaw
+                    found[count, 2], found[count, 3] = at_row, at_col
+                    count += 1
+                    best = max(best, score)
+                continue
+            half = 1 << (level - 1)
+            for k in range(4):
+                r, c = row + (k >> 1) * half, col + (k & 1) * half
+                calls += 1
+                if _bound(bounds[level - 1], cells[yaw], channels[yaw], r, c, least) >= least:
+                    stack[depth, 0], stack[depth, 1], stack[depth, 2] = level - 1, r, c
+                    depth += 1
+    return index, count, best

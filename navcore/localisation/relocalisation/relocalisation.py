@@ -1,0 +1,275 @@
+"""Relocalisation: where in a kept map the robot is, believed only when new data says so again.
+
+A high score proves nothing: rooms are alike. A place is believed when no other scores nearly as
+well, few lines of sight cross walls, scans that played no part in the first answer give the same
+one, and single scans have fitted there for some seconds. Until then it is ambiguous.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from navcore.config.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
+from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.localisation.relocalisation.place_fit import PlaceFit, doubt_of, evaluate_place
+from navcore.localisation.relocalisation.place_map import PlaceMap
+from navcore.localisation.relocalisation.place_search import PlaceSearch
+from navcore.localisation.relocalisation.submap import Submap, submap_of
+from navcore.localisation.scans.scan import Scan
+
+SMOOTHED_SCANS = 5
+"""Scans over which the share of fitting points is averaged."""
+
+
+class RelocalisationState(StrEnum):
+    """How far the search has come."""
+
+    SEARCHING = "searching"
+    """No place fits yet; more has to be seen."""
+    AMBIGUOUS = "ambiguous"
+    """Several places fit, or none well enough; more has to be seen."""
+    CONFIRMING = "confirming"
+    """One place fits best; new scans have to say so again."""
+    ACCEPTED = "accepted"
+    """The place is believed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlaceProposal:
+    """What relocalisation says at one moment."""
+
+    state: RelocalisationState
+    """How far the search has come."""
+    reason: str
+    """What is missing, for the operator."""
+    T_map_odom: Pose2 | None = None
+    """Pose of odometry's frame in the map at the best place; None without one."""
+    covariance: Matrix | None = None
+    """(3, 3) covariance of the robot's pose there: x, y along the map's axes in metres, yaw in
+    radians."""
+    candidates: tuple[PlaceFit, ...] = ()
+    """Places that fit at the last search, best first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SearchTask:
+    """What a thread has to search; `search_task` does it."""
+
+    everything: Submap
+    """All scans that odometry still connects."""
+    newest: Submap | None
+    """Scans since the place was first found; None while these are too few to confirm it."""
+    has_only_turned: bool = False
+    """Whether the newest scans were taken at one position."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SearchResult:
+    """Places found for a task, best first."""
+
+    task: SearchTask
+    """What was searched."""
+    everything: tuple[PlaceFit, ...]
+    """Places of all scans."""
+    newest: tuple[PlaceFit, ...]
+    """Places of the new scans alone."""
+
+
+def search_task(
+    task: SearchTask,
+    place_map: PlaceMap,
+    config: RelocalisationConfig = DEFAULT_RELOCALISATION,
+    is_cancelled: Callable[[], bool] = lambda: False,
+) -> SearchResult | None:
+    """Return the places of a task, or None if it was cancelled, which is asked every few
+    milliseconds."""
+    found: list[tuple[PlaceFit, ...]] = []
+    for submap in (task.everything, task.newest):
+        if submap is None:
+            found.append(())
+            continue
+        search = PlaceSearch(submap, place_map, config)
+        while not search.advance():
+            if is_cancelled():
+                return None
+        found.append(tuple(search.candidates()))
+    return SearchResult(task=task, everything=found[0], newest=found[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _View:
+    """A kept scan and how far the robot had come."""
+
+    T_odom_base: Pose2
+    scan: Scan
+    driven_m: float
+    turned_rad: float
+
+
+class Relocaliser:
+    """Gathers scans, says what to search and decides when a place is believed; nothing here takes
+    more than a millisecond but `search_task`, which belongs into a thread."""
+
+    def __init__(
+        self, place_map: PlaceMap, config: RelocalisationConfig = DEFAULT_RELOCALISATION
+    ) -> None:
+        """Begin without any scan."""
+        self._map = place_map
+        self._config = config
+        self._views: list[_View] = []
+        self._last: Pose2 | None = None
+        self._driven_m = 0.0
+        self._turned_rad = 0.0
+        self._searched_at = (-math.inf, -math.inf)
+        self._leading: Pose2 | None = None
+        self._leading_since = 0
+        self._shares: list[float] = []
+        self._tracked_since_ns: int | None = None
+        self._now_ns = 0
+        self.proposal = PlaceProposal(
+            state=RelocalisationState.SEARCHING, reason="nothing has been seen yet"
+        )
+        """What is known now."""
+
+    def observe(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
+        """Take one more scan with the odometry of its moment."""
+        if self._last is not None:
+            step = self._last.inverse() @ T_odom_base
+            self._driven_m += math.hypot(step.x_m, step.y_m)
+            self._turned_rad += abs(step.yaw_rad)
+        self._last, self._now_ns = T_odom_base, stamp_ns
+        self._keep(scan, T_odom_base)
+        if self._leading is not None and len(scan):
+            self._track(scan, T_odom_base, stamp_ns)
+
+    def next_task(self) -> SearchTask | None:
+        """Return what to search now, or None until enough new has been seen."""
+        driven_m, turned_rad = self._searched_at
+        if not self._views or not (
+            self._driven_m - driven_m >= self._config.search_m
+            or self._turned_rad - turned_rad >= math.radians(self._config.search_turn_deg)
+        ):
+            return None
+        self._searched_at = (self._driven_m, self._turned_rad)
+        newest, has_only_turned = self._newest()
+        return SearchTask(
+            everything=_submap(self._views), newest=newest, has_only_turned=has_only_turned
+        )
+
+    def take(self, result: SearchResult) -> PlaceProposal:
+        """Return what a finished search changes."""
+        if self.proposal.state is RelocalisationState.ACCEPTED:
+            return self.proposal
+        best = result.everything[0] if result.everything else None
+        doubt = doubt_of(result.everything, self._config)
+        if best is None or doubt:
+            self._leading = None
+            self.proposal = PlaceProposal(
+                state=RelocalisationState.AMBIGUOUS if best else RelocalisationState.SEARCHING,
+                reason=doubt,
+                candidates=result.everything,
+            )
+            return self.proposal
+        T_map_odom = best.T_map_base @ result.task.everything.T_odom_base.inverse()
+        if self._leading is None or not self._is_same(best.T_map_base, self._expected(result)):
+            self._leading_since = len(self._views)
+            self._shares, self._tracked_since_ns = [], None
+        self._leading = T_map_odom
+        lacking = self._unconfirmed(result)
+        self.proposal = PlaceProposal(
+            state=RelocalisationState.CONFIRMING if lacking else RelocalisationState.ACCEPTED,
+            reason=lacking,
+            T_map_odom=T_map_odom,
+            covariance=best.covariance,
+            candidates=result.everything,
+        )
+        return self.proposal
+
+    def _keep(self, scan: Scan, T_odom_base: Pose2) -> None:
+        if self._views:
+            last = self._views[-1]
+            turn = abs(wrap_angle(T_odom_base.yaw_rad - last.T_odom_base.yaw_rad))
+            if last.T_odom_base.distance_to(
+                T_odom_base.x_m, T_odom_base.y_m
+            ) < self._config.scan_spacing_m and turn < math.radians(self._config.scan_spacing_deg):
+                return
+        self._views.append(
+            _View(
+                T_odom_base=T_odom_base,
+                scan=scan,
+                driven_m=self._driven_m,
+                turned_rad=self._turned_rad,
+            )
+        )
+        while self._driven_m - self._views[0].driven_m > self._config.submap_m:
+            del self._views[0]
+            self._leading_since = max(self._leading_since - 1, 0)
+
+    def _track(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
+        """Measure for how long single scans have fitted at the leading place."""
+        assert self._leading is not None
+        fit = evaluate_place(
+            submap_of([(T_odom_base, scan)]),
+            self._leading @ T_odom_base,
+            self._map,
+            self._config.fit,
+        )
+        self._shares = [*self._shares, fit.fit_share][-SMOOTHED_SCANS:]
+        if sum(self._shares) / len(self._shares) < self._config.tracked_share:
+            self._tracked_since_ns = None
+        elif self._tracked_since_ns is None:
+            self._tracked_since_ns = stamp_ns
+
+    def _newest(self) -> tuple[Submap | None, bool]:
+        """Return the scans since the leading place was found, once they may confirm it, and whether
+        the robot has only turned meanwhile."""
+        views = self._views[self._leading_since :]
+        if self._leading is None or not views:
+            return None, False
+        driven_m = views[-1].driven_m - views[0].driven_m
+        turned_rad = views[-1].turned_rad - views[0].turned_rad
+        has_only_turned = driven_m < self._config.confirm_m
+        if has_only_turned and turned_rad < math.radians(self._config.confirm_turn_deg):
+            return None, True
+        return _submap(views), has_only_turned
+
+    def _unconfirmed(self, result: SearchResult) -> str:
+        """Return what the leading place still lacks, or nothing."""
+        if result.task.newest is None:
+            return "one place fits; drive on or turn round to confirm it"
+        if doubt := doubt_of(result.newest, self._config):
+            return f"not confirmed yet: {doubt}"
+        if result.task.has_only_turned and not self._is_beyond_doubt(result):
+            return "one place fits from here; drive on to confirm it"
+        if not self._is_same(result.newest[0].T_map_base, result.everything[0].T_map_base):
+            return "what has been seen since fits better elsewhere"
+        tracked_ns = 0 if self._tracked_since_ns is None else self._now_ns - self._tracked_since_ns
+        if self._tracked_since_ns is None or tracked_ns < self._config.tracked_s * 1e9:
+            return f"scans have fitted there for {tracked_ns / 1e9:.1f} s"
+        return ""
+
+    def _is_beyond_doubt(self, result: SearchResult) -> bool:
+        """Return whether everything fits so well that a turn at one position is enough."""
+        return all(
+            best.fit_share >= self._config.turn_fit_share
+            and best.through_walls_share < self._config.turn_walls_share
+            for best in (result.everything[0], result.newest[0])
+        )
+
+    def _expected(self, result: SearchResult) -> Pose2:
+        """Return T_map_base at the leading place."""
+        assert self._leading is not None
+        return self._leading @ result.task.everything.T_odom_base
+
+    def _is_same(self, one: Pose2, two: Pose2) -> bool:
+        turn = abs(wrap_angle(one.yaw_rad - two.yaw_rad))
+        return one.distance_to(two.x_m, two.y_m) < self._config.same_m and turn < math.radians(
+            self._config.same_deg
+        )
+
+
+def _submap(views: list[_View]) -> Submap:
+    return submap_of([(view.T_odom_base, view.scan) for view in views])

@@ -1,0 +1,1 @@
+"""Scans: surface points of one view, their sums on a map, and the match of one with the other."""

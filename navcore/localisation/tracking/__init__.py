@@ -1,0 +1,1 @@
+"""Tracking: one estimate per frame, from odometry, scans and absolute positions."""

@@ -1,0 +1,342 @@
+"""The localiser: one estimate per frame, from odometry, scans and absolute positions.
+
+A match against a saved map is an absolute position. A match against the map that the robot is
+making is not: that map is wherever the robot took itself to be. It counts for little, and what it
+says about neighbouring keyframes goes to the pose graph as edges.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from navcore.config.localisation import LocalisationConfig
+from navcore.geometry.arrays import Bools, FloatImage
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
+from navcore.localisation.graph.edges import Edge
+from navcore.localisation.scans.matching import Match, match, search
+from navcore.localisation.scans.scan import Keyframe, Scan, scan_of
+from navcore.localisation.scans.scan_map import ScanMap
+from navcore.localisation.tracking.correction import CorrectionFlow
+from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPoses
+from navcore.localisation.tracking.odometry_model import OdometryStep
+from navcore.localisation.tracking.pose_filter import PoseFilter, difference
+from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
+from navcore.robot.fix import PositionFix
+from navcore.robot.frame import Frame
+from navcore.robot.profile import DepthSensor
+
+_DEFAULT = LocalisationConfig()
+_D455 = DepthSensor()
+_WIDE_M, _WIDE_RAD = 0.25, math.radians(6.0)
+"""Standard deviations of the pose from which a whole window is searched."""
+_MOVED_M, _MOVED_RAD = 0.05, math.radians(1.0)
+"""Motion after which a scan says something new about a map."""
+_PLACED = np.diag([0.3, 0.3, math.radians(8.0)]) ** 2
+"""Covariance of a pose that was given without one."""
+
+
+class Localiser:
+    """Where the robot is, frame by frame; no thread, no clock."""
+
+    def __init__(
+        self,
+        pose_ids: KnownPoses,
+        config: LocalisationConfig = _DEFAULT,
+        sensor: DepthSensor = _D455,
+    ) -> None:
+        """`pose_ids` is the map's list of poses, which this one appends to."""
+        self._config, self._sensor = config, sensor
+        self._saved = ScanMap(config.match)
+        self._chain = KeyframeChain(pose_ids, config)
+        self._filter: PoseFilter | None = None
+        self._recent = RecentScans(config)
+        self._flow = CorrectionFlow(config.tracking)
+        self._odometry: tuple[Pose2, int] = (IDENTITY, 0)
+        self._state = LocalisationState.DEAD_RECKONING
+        self._since_ns, self._since_m = 0, 0.0
+        self._doubt_s, self._doubt_m = 0.0, 0.0
+        self._unmatched = (math.inf, math.inf)
+        self._continues = True
+        self.scan: Scan | None = None
+        """Scan of the newest frame; None before the first."""
+
+    def update(
+        self, frame: Frame, excluded: Bools | None = None, ground_m: FloatImage | None = None
+    ) -> LocalisationEstimate:
+        """Return the estimate for one more frame, whose pose is T_odom_base.
+
+        `excluded`: (H, W) pixels of people and beware objects. `ground_m`: (H, W) height of the
+        ground below each pixel in metres; None for level ground.
+        """
+        scan = scan_of(frame, excluded, ground_m, self._config.scan, self._sensor)
+        return self.follow(frame, scan)
+
+    def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
+        """Return the estimate for one more frame and its scan."""
+        self.scan = scan
+        step = self._advance(frame)
+        share: float | None = None
+        if self._state is not LocalisationState.LOST:
+            share = self._observe(scan, step, frame.stamp_ns)
+            self._flow.follow(
+                self._pose, frame.pose, standing=step.is_standing(self._config.odometry)
+            )
+        else:
+            self._flow.jump(self._pose, frame.pose)
+        if self._state is not LocalisationState.LOST and self._flow.pending is None:
+            self._keep(scan, frame)
+        return self.estimate(frame, share)
+
+    @property
+    def pending(self) -> Pose2 | None:
+        """T_map_base that a large correction leads to, which waits until the robot stands; None if
+        none waits."""
+        return self._flow.pending
+
+    @property
+    def keyframes(self) -> tuple[Keyframe, ...]:
+        """All keyframes, those of the saved map first."""
+        return self._saved.keyframes + self._chain.map.keyframes
+
+    @property
+    def saved_map(self) -> ScanMap:
+        """Surfaces of the saved map."""
+        return self._saved
+
+    @property
+    def own_map(self) -> ScanMap:
+        """Surfaces that this session added."""
+        return self._chain.map
+
+    def take_edges(self) -> tuple[Edge, ...]:
+        """Return the edges between consecutive keyframes since the last call."""
+        return self._chain.take_edges()
+
+    def load(self, keyframes: Iterable[Keyframe]) -> None:
+        """Take the keyframes of a saved map, whose poses are constants from now on."""
+        self._saved.replace(keyframes)
+
+    def correct(self, poses: Mapping[int, Pose2], covariance: Matrix | None = None) -> None:
+        """Move keyframes of this session to corrected poses by ID, and the robot with the newest;
+        those of a saved map stay. `covariance`: (3, 3) of the newest; None if it stays."""
+        frozen = {keyframe.pose_id for keyframe in self._saved.keyframes}
+        motion = self._chain.correct({i: poses[i] for i in poses if i not in frozen})
+        if motion is not None and self._filter is not None:
+            self._filter.move(motion)
+            if covariance is not None:
+                self._filter.place(self._filter.pose, np.asarray(covariance))
+
+    def place(self, T_map_base: Pose2, covariance: Matrix | None, frame: Frame) -> None:
+        """Set the pose of the robot at a frame: given by the operator or found by relocalisation;
+        the only way on from `LOST`."""
+        if self._filter is None:
+            self._advance(frame)
+        self._require_filter().place(
+            T_map_base, _PLACED if covariance is None else np.asarray(covariance)
+        )
+        self._odometry = (frame.pose, frame.stamp_ns)
+        self._flow.jump(T_map_base, frame.pose)
+        self._chain.restart()
+        self._recent.clear()
+        self._doubt_s = self._doubt_m = 0.0
+        self._unmatched = (math.inf, math.inf)
+        self._since_m = 0.0
+        self._enter(LocalisationState.DEAD_RECKONING, frame.stamp_ns)
+
+    def fuse(self, fix: PositionFix) -> bool:
+        """Fuse an absolute position of the present moment; returns whether it was believed: it must
+        lie within the gate around the expected pose."""
+        if self._filter is None or self._state is LocalisationState.LOST:
+            return False
+        measured = Pose2(x_m=fix.x_m, y_m=fix.y_m, yaw_rad=fix.yaw_rad or 0.0)
+        count = 2 if fix.yaw_rad is None else 3
+        residual = difference(measured, self._pose)[:count]
+        rows, covariance = np.eye(3)[:count], np.asarray(fix.covariance)[:count, :count]
+        spread = rows @ self._filter.covariance @ rows.T + covariance
+        if residual @ np.linalg.solve(spread, residual) > self._gate(count):
+            return False
+        self._filter.fuse_position(residual, rows, covariance)
+        return True
+
+    @property
+    def _pose(self) -> Pose2:
+        return self._require_filter().pose
+
+    def _require_filter(self) -> PoseFilter:
+        if self._filter is None:
+            raise RuntimeError("the localiser has no pose before its first frame")
+        return self._filter
+
+    def _gate(self, dimensions: int) -> float:
+        """Return the largest squared Mahalanobis distance that is believed."""
+        return self._config.tracking.gate_sigmas**2 + 2.0 * (dimensions - 1)
+
+    def _advance(self, frame: Frame) -> OdometryStep:
+        """Follow odometry to a frame."""
+        if self._filter is None:
+            self._filter = PoseFilter(frame.pose, self._config.odometry)
+            self._odometry, self._since_ns = (frame.pose, frame.stamp_ns), frame.stamp_ns
+        before, stamp_ns = self._odometry
+        step = OdometryStep.between(
+            before,
+            frame.pose,
+            (frame.stamp_ns - stamp_ns) / 1e9,
+            pitch_rad=frame.pitch_rad,
+        )
+        self._odometry = (frame.pose, frame.stamp_ns)
+        self._filter.predict(step)
+        self._chain.advance(step)
+        self._since_m += step.distance_m
+        moved_m, moved_rad = self._unmatched
+        self._unmatched = (moved_m + step.distance_m, moved_rad + abs(step.turn_rad))
+        return step
+
+    def _observe(self, scan: Scan, step: OdometryStep, stamp_ns: int) -> float | None:
+        """Match the scan and fuse it; returns the share of points that fit, None if too few points
+        can say."""
+        least = self._config.match.min_points
+        self._continues = True
+        if len(scan) < least:
+            self._reckon(stamp_ns)
+            return None
+        found: Match | None = None
+        contradicted = False
+        for scan_map, absolute in ((self._saved, True), (self._chain.map, False)):
+            if not len(scan_map):
+                continue
+            result = self._match(scan, scan_map, absolute=absolute)
+            if absolute and is_elsewhere(result, self._config.tracking):
+                contradicted = True
+                break
+            if result.near < least:
+                continue
+            found = result
+            if self._believes(result, absolute=absolute):
+                self._fuse(result, absolute=absolute)
+                self._trust(step)
+                self._since_m = 0.0
+                self._enter(LocalisationState.LOCATED, stamp_ns)
+                return result.share if absolute else result.share_of_near
+            # Where little of the scan is near the map, the rest is new, and so may this be.
+            is_mapped = 2 * result.near >= result.points
+            if absolute and is_mapped and result.share_of_near <= self._config.tracking.lost_share:
+                contradicted = True
+                break
+        # Where only the robot's own map contradicts, that may have drifted; where there is no map,
+        # the scan still continues the last ones.
+        continues = self._recent.are_continued(scan, self._odometry[0])
+        self._continues = continues is not False
+        if contradicted or not self._continues:
+            self._doubt(step, stamp_ns)
+        else:
+            if continues:
+                self._trust(step)
+            self._reckon(stamp_ns)
+        return None if found is None else found.share_of_near
+
+    def _match(self, scan: Scan, scan_map: ScanMap, *, absolute: bool) -> Match:
+        config, own = self._config.match, self._require_filter()
+        covariance = own.covariance if absolute else own.covariance_within
+        sigma_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+        start = None
+        if absolute and (sigma_m > _WIDE_M or math.sqrt(covariance[2, 2]) > _WIDE_RAD):
+            start = search(scan, scan_map, own.pose, config=config).pose
+            sigma_m = 0.0
+        return match(
+            scan,
+            scan_map,
+            own.pose,
+            covariance,
+            start=start,
+            scale=self._scale(len(scan), absolute=absolute),
+            search_m=min(config.search_m, 2 * config.fine_m + 3 * sigma_m),
+            config=config,
+        )
+
+    def _scale(self, points: int, *, absolute: bool) -> float:
+        """Return the number of measurements that a point counts as."""
+        rules = self._config.tracking
+        return 1.0 / rules.correlated_points if absolute else rules.young_points / points
+
+    def _believes(self, result: Match, *, absolute: bool) -> bool:
+        """Return whether a match fits, and odometry does not exclude it."""
+        rules = self._config.tracking
+        if (
+            result.fitting < self._config.match.min_points
+            or result.share_of_near < rules.located_share
+            or (absolute and result.share < rules.located_share)
+        ):
+            return False
+        shift = difference(result.pose, self._pose)
+        spread = self._require_filter().covariance + self._floor
+        return bool(shift @ np.linalg.solve(spread, shift) <= self._gate(3))
+
+    def _fuse(self, result: Match, *, absolute: bool) -> None:
+        moved_m, moved_rad = self._unmatched
+        if moved_m < _MOVED_M and moved_rad < _MOVED_RAD:
+            return  # the same view again would say the same with the same errors
+        self._unmatched = (0.0, 0.0)
+        scale = self._scale(result.points, absolute=absolute)
+        self._require_filter().fuse_match(
+            result.pose, scale * result.information, self._floor, absolute=absolute
+        )
+
+    @property
+    def _floor(self) -> Matrix:
+        rules = self._config.tracking
+        return np.diag([rules.floor_m, rules.floor_m, math.radians(rules.floor_deg)]) ** 2
+
+    def _trust(self, step: OdometryStep) -> None:
+        """Take back doubt: a frame fits."""
+        self._doubt_s = max(self._doubt_s - 2 * step.duration_s, 0.0)
+        self._doubt_m = max(self._doubt_m - 2 * step.distance_m, 0.0)
+
+    def _doubt(self, step: OdometryStep, stamp_ns: int) -> None:
+        """Count frames that contradict the map; after too many the robot is lost."""
+        rules = self._config.tracking
+        self._doubt_s += step.duration_s
+        self._doubt_m += step.distance_m
+        if self._doubt_s >= rules.lost_s or self._doubt_m >= rules.lost_m:
+            self._enter(LocalisationState.LOST, stamp_ns)
+        else:
+            self._reckon(stamp_ns)
+
+    def _reckon(self, stamp_ns: int) -> None:
+        self._enter(LocalisationState.DEAD_RECKONING, stamp_ns)
+
+    def _enter(self, state: LocalisationState, stamp_ns: int) -> None:
+        if state is not self._state:
+            self._state, self._since_ns = state, stamp_ns
+
+    def _keep(self, scan: Scan, frame: Frame) -> None:
+        """Make a keyframe of a scan from a new pose."""
+        if len(scan) < self._config.match.min_points or not self._continues:
+            return
+        self._recent.add(scan, frame.pose)
+        if self._doubt_s == 0.0:
+            self._chain.add(scan, self._flow.T_map_odom @ frame.pose, frame.stamp_ns)
+
+    def lose(self, stamp_ns: int) -> None:
+        """Forget the pose: the robot is lost until it is placed."""
+        self._enter(LocalisationState.LOST, stamp_ns)
+
+    def estimate(self, frame: Frame, share: float | None = None) -> LocalisationEstimate:
+        """Return the estimate for the newest frame, whose scan fits the map by a share."""
+        applied = self._flow.T_map_odom @ frame.pose
+        behind = difference(self._pose, applied)
+        covariance = self._require_filter().covariance + np.outer(behind, behind)
+        if len(self._saved):
+            covariance = covariance + self._floor
+        return LocalisationEstimate(
+            T_map_odom=self._flow.T_map_odom,
+            T_map_base=applied,
+            covariance=covariance,
+            state=self._state,
+            match_share=share,
+            since_ns=self._since_ns,
+            since_m=self._since_m,
+        )

@@ -1,0 +1,150 @@
+"""The pose graph finds the true poses, rejects wrong loops and moves nothing that is fixed."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navcore.config.pose_graph import PoseGraphConfig
+from navcore.errors import BadGeometry
+from navcore.localisation.graph.pose_graph import AbsolutePose, PoseGraph, optimise
+from tests.navcore.laws import law
+from tests.navcore.localisation.graph.graphs import (
+    LOOP,
+    ODOMETRY,
+    edge_between,
+    known_graph,
+    largest_error,
+    pose,
+    rounds,
+)
+
+SEEDS = st.integers(0, 2**31)
+
+
+@law(20)
+@given(seed=SEEDS, sides=st.integers(3, 8))
+def test_without_noise_the_true_poses_are_found_from_a_wrong_first_guess(
+    seed: int, sides: int
+) -> None:
+    known = known_graph(seed, noise=0.0, sides=sides)
+    rng = np.random.default_rng(seed)
+    guess = {
+        i: p @ pose(*map(float, rng.normal(size=3) * [0.3, 0.3, 0.1])) if i else p
+        for i, p in known.true.items()
+    }
+    found = optimise(dataclasses.replace(known.graph, poses=guess))
+    assert largest_error(found.poses, known.true) < 1e-6
+    assert all(found.accepted_loops)
+    assert found.chi2 < 1e-6
+
+
+@law(20)
+@given(seed=SEEDS)
+def test_a_third_of_wrong_loops_is_rejected_and_at_most_one_of_the_right_ones(seed: int) -> None:
+    known = known_graph(seed, wrong_share=0.3)
+    found = optimise(known.graph)
+    pairs = list(zip(found.accepted_loops, known.right, strict=True))
+    assert not any(accepted and not right for accepted, right in pairs)
+    # One in 2,500 right loops has an error that none should have.
+    assert sum(right and not accepted for accepted, right in pairs) <= 1
+    assert largest_error(found.poses, known.true) < 0.5
+
+
+def test_wrong_loops_that_are_trusted_spoil_the_poses() -> None:
+    known = known_graph(3, wrong_share=0.3)
+    trusted = PoseGraph(
+        poses=known.graph.poses, odometry=[*known.graph.odometry, *known.graph.loops]
+    )
+    assert largest_error(optimise(trusted).poses, known.true) > 0.5
+
+
+@law(10)
+@given(seed=SEEDS, fixed=st.sets(st.integers(0, 95), min_size=1, max_size=40))
+def test_fixed_poses_never_move(seed: int, fixed: set[int]) -> None:
+    known = known_graph(seed, wrong_share=0.1)
+    graph = dataclasses.replace(known.graph, fixed=frozenset(fixed))
+    found = optimise(graph)
+    assert all(found.poses[i] == graph.poses[i] for i in fixed)
+    assert set(found.poses) == set(graph.poses)
+
+
+def test_the_same_graph_gives_the_same_poses() -> None:
+    one, two = (optimise(known_graph(7, wrong_share=0.3).graph) for _ in range(2))
+    assert one.poses == two.poses
+    assert one.chi2 == two.chi2
+
+
+def test_a_drifted_graph_is_pulled_to_absolute_positions_but_not_to_a_wrong_one() -> None:
+    known = known_graph(11)
+    graph = dataclasses.replace(known.graph, loops=())
+    information = np.diag([1.0 / 0.02**2, 1.0 / 0.02**2, 0.0])
+    absolute = [
+        AbsolutePose(pose_id=i, T_map_base=known.true[i], information=information)
+        for i in range(0, 96, 8)
+    ]
+    wrong = AbsolutePose(pose_id=50, T_map_base=pose(30.0, -4.0, 2.0), information=information)
+    assert largest_error(optimise(graph).poses, known.true) > 0.15
+    found = optimise(dataclasses.replace(graph, absolute=[*absolute, wrong]))
+    assert found.accepted_absolute == (True,) * len(absolute) + (False,)
+    assert largest_error(found.poses, known.true) < 0.1
+
+
+def test_absolute_positions_alone_place_a_graph_in_the_map() -> None:
+    known = known_graph(5, noise=0.0)
+    elsewhere = pose(4.0, -3.0, 1.0)
+    absolute = [
+        AbsolutePose(pose_id=i, T_map_base=elsewhere @ known.true[i], information=1e4 * np.eye(3))
+        for i in (0, 20, 40, 60)
+    ]
+    found = optimise(dataclasses.replace(known.graph, absolute=absolute))
+    assert largest_error(found.poses, {i: elsewhere @ p for i, p in known.true.items()}) < 1e-5
+
+
+def test_the_covariance_along_a_chain_is_that_of_the_composed_edges() -> None:
+    true = rounds(laps=1)[:3]
+    edges = [edge_between(true, i, i + 1, ODOMETRY, np.zeros(3)) for i in range(2)]
+    found = optimise(PoseGraph(poses=dict(enumerate(true)), odometry=edges))
+    covariances = found.covariances([0, 1, 2])
+    assert not covariances[0].any()
+    np.testing.assert_allclose(covariances[1], ODOMETRY, rtol=1e-6, atol=1e-12)
+    # The yaw error of the first step swings the second step of 0.5 m sideways.
+    swing = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(
+        covariances[2], swing @ ODOMETRY @ swing.T + ODOMETRY, rtol=1e-6, atol=1e-12
+    )
+
+
+def test_a_loop_makes_the_last_pose_more_certain() -> None:
+    known = known_graph(2)
+    alone = optimise(dataclasses.replace(known.graph, loops=()))
+    with_loops = optimise(known.graph)
+    assert np.trace(with_loops.covariances([95])[95]) < 0.5 * np.trace(alone.covariances([95])[95])
+
+
+def test_an_unknown_pose_and_a_covariance_that_is_none_are_refused_by_name() -> None:
+    known = known_graph(0)
+    true = list(known.true.values())
+    unknown = dataclasses.replace(edge_between(true, 0, 1, LOOP, np.zeros(3)), to_id=999)
+    with pytest.raises(BadGeometry, match="unknown pose ID 999"):
+        optimise(dataclasses.replace(known.graph, loops=[unknown]))
+    singular = edge_between(true, 0, 1, np.zeros((3, 3)), np.zeros(3))
+    with pytest.raises(BadGeometry, match="positive definite"):
+        optimise(dataclasses.replace(known.graph, loops=[singular]))
+
+
+def test_a_graph_of_one_pose_and_one_without_factors_stay_as_they_are() -> None:
+    one = PoseGraph(poses={4: pose(1.0, 2.0, 0.5)}, odometry=())
+    assert optimise(one).poses == one.poses
+    two = PoseGraph(poses={4: pose(1.0, 2.0, 0.5), 5: pose(2.0, 2.0, 0.5)}, odometry=())
+    assert optimise(two).poses == two.poses
+
+
+def test_a_strict_limit_rejects_what_a_wide_one_believes() -> None:
+    known = known_graph(1)
+    strict = optimise(known.graph, PoseGraphConfig(inlier_chi2=1.0))
+    assert sum(strict.accepted_loops) < sum(optimise(known.graph).accepted_loops)

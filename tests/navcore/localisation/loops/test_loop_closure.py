@@ -1,0 +1,151 @@
+"""Loops are found where the robot comes back, they correct its poses, and nothing that is alike
+elsewhere counts as one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+
+from navcore.config.pose_graph import LoopClosureConfig
+from navcore.geometry.transform import Pose2
+from navcore.localisation.graph.edges import Edge
+from navcore.localisation.loops.loop_closure import close_loops
+from navcore.localisation.scans.scan import Keyframe
+from tests.navcore.localisation.plan_worlds import Drive, PlanWorld, drive, odometry_of
+
+Session = tuple[list[Keyframe], list[Edge], Drive]
+
+
+def ring() -> PlanWorld:
+    """A corridor around a block, with niches that differ."""
+    world = PlanWorld()
+    for low, high in ((0.0, 14.0), (2.5, 11.5)):
+        for start, end in (
+            ((low, low), (high, low)),
+            ((high, low), (high, high)),
+            ((low, high), (high, high)),
+            ((low, low), (low, high)),
+        ):
+            world.wall(start, end)
+    rng = np.random.default_rng(4)
+    for side in range(4):
+        for at in (3.0, 6.2, 9.0):
+            along = at + float(rng.uniform(-1.0, 1.0))
+            width, depth = map(float, rng.uniform(0.3, 0.9, 2))
+            corners = [
+                (along, 0.06, along + width, 0.06 + depth),
+                (13.94 - depth, along, 13.94, along + width),
+                (along, 13.94 - depth, along + width, 13.94),
+                (0.06, along, 0.06 + depth, along + width),
+            ]
+            world.box(*corners[side])
+    return world
+
+
+@cache
+def session() -> Session:
+    """Keyframes of a lap and a half around the block, by drifting odometry."""
+    corners = [(1.6, 1.6), (12.4, 1.6), (12.4, 12.4), (1.6, 12.4), (1.6, 1.6)]
+    true = drive([*corners, *corners[1:3]])[::3]
+    rng = np.random.default_rng(8)
+    odometry, world = odometry_of(true, rng, grade="poor"), ring()
+    keyframes = [
+        Keyframe(pose_id=10 + i, T_map_base=guess, scan=world.scan(where, rng))
+        for i, (guess, where) in enumerate(zip(odometry, true, strict=True))
+    ]
+    edges = [
+        Edge(
+            from_id=10 + i,
+            to_id=11 + i,
+            T_from_to=odometry[i].inverse() @ odometry[i + 1],
+            covariance=np.diag(np.square([0.03, 0.02, 0.012])),
+        )
+        for i in range(len(true) - 1)
+    ]
+    return keyframes, edges, true
+
+
+def error_on_return(poses: Mapping[int, Pose2], true: Drive) -> float:
+    """Error in metres of the last pose relative to where the first lap passed it."""
+    last = len(true) - 1
+    first = min(range(last // 2), key=lambda i: true[i].distance_to(true[last].x_m, true[last].y_m))
+    gap = (true[first].inverse() @ true[last]).inverse() @ (
+        poses[10 + first].inverse() @ poses[10 + last]
+    )
+    return math.hypot(gap.x_m, gap.y_m)
+
+
+def gap_of(edge: Edge, true: Drive) -> Pose2:
+    return (true[edge.from_id - 10].inverse() @ true[edge.to_id - 10]).inverse() @ edge.T_from_to
+
+
+def test_a_lap_is_closed_and_the_drift_of_odometry_is_removed() -> None:
+    keyframes, edges, true = session()
+    closed = close_loops(keyframes, edges, tried_until=len(keyframes) - 24)
+    assert closed is not None
+    before = {k.pose_id: k.T_map_base for k in keyframes}
+    assert len(closed.new_loops) >= 5
+    for loop in closed.new_loops:
+        gap = gap_of(loop, true)
+        assert math.hypot(gap.x_m, gap.y_m) < 0.2
+        assert abs(gap.yaw_rad) < math.radians(2.0)
+    assert error_on_return(before, true) > 0.3
+    assert error_on_return(closed.poses, true) < 0.15
+
+
+def test_poses_of_an_accepted_map_stay_when_loops_are_closed() -> None:
+    keyframes, edges, _ = session()
+    fixed = frozenset(k.pose_id for k in keyframes[:20])
+    closed = close_loops(keyframes, edges, fixed=fixed, tried_until=len(keyframes) - 12)
+    assert closed is not None
+    assert all(closed.poses[k.pose_id] == k.T_map_base for k in keyframes[:20])
+
+
+def test_the_same_keyframes_give_the_same_loops_and_poses() -> None:
+    keyframes, edges, _ = session()
+    one, two = (close_loops(keyframes, edges, tried_until=len(keyframes) - 12) for _ in range(2))
+    assert one is not None
+    assert two is not None
+    assert one.poses == two.poses
+    assert [e.T_from_to for e in one.loops] == [e.T_from_to for e in two.loops]
+
+
+def test_a_match_that_no_other_agrees_with_is_no_loop() -> None:
+    keyframes, edges, _ = session()
+    many = LoopClosureConfig(agreeing=20)
+    assert close_loops(keyframes, edges, tried_until=len(keyframes) - 12, config=many) is None
+
+
+def test_a_cancelled_search_changes_nothing() -> None:
+    keyframes, edges, _ = session()
+    assert close_loops(keyframes, edges, is_cancelled=lambda: True) is None
+
+
+def test_too_few_keyframes_and_a_way_without_a_return_close_no_loop() -> None:
+    keyframes, edges, _ = session()
+    assert close_loops(keyframes[:1], []) is None
+    assert close_loops(keyframes[:30], edges[:29]) is None
+
+
+def test_a_place_that_looks_alike_outside_of_odometrys_uncertainty_is_no_loop() -> None:
+    """Two equal niches, 20 m apart: certain odometry knows that they are two."""
+    rng = np.random.default_rng(1)
+    world = PlanWorld()
+    world.wall((0.0, 1.2), (40.0, 1.2))
+    world.wall((0.0, -1.2), (40.0, -1.2))
+    for x in (6.0, 26.0):
+        world.box(x, 1.1, x + 0.7, 0.5)
+        world.box(x + 1.5, -1.1, x + 1.9, -0.6)
+    true = drive([(2.0, 0.0), (30.0, 0.0)])[::3]
+    keyframes = [
+        Keyframe(pose_id=i, T_map_base=p, scan=world.scan(p, rng)) for i, p in enumerate(true)
+    ]
+    certain = np.diag(np.square([0.005, 0.003, 0.001]))
+    edges = [
+        Edge(from_id=i, to_id=i + 1, T_from_to=true[i].inverse() @ true[i + 1], covariance=certain)
+        for i in range(len(true) - 1)
+    ]
+    assert close_loops(keyframes, edges) is None

@@ -1,0 +1,224 @@
+"""Branch and bound finds what a search of everything finds; a place that the operator gives is
+refined or refused."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
+from navcore.geometry.arrays import Points
+from navcore.geometry.transform import Pose2
+from navcore.localisation.relocalisation.place_check import check_place
+from navcore.localisation.relocalisation.place_fit import evaluate_place, fit_place
+from navcore.localisation.relocalisation.place_map import (
+    FULL,
+    PlaceMap,
+    place_map_of,
+    seen_through_walls,
+)
+from navcore.localisation.relocalisation.place_search import (
+    PlaceSearch,
+    SearchWindow,
+    search_places,
+)
+from navcore.localisation.relocalisation.submap import Submap, submap_of
+from navcore.localisation.scans.scan import Keyframe, Scan
+from tests.navcore.laws import law
+from tests.navcore.localisation.plan_worlds import (
+    Drive,
+    PlanWorld,
+    drive,
+    office,
+    room_doors,
+    surfaces_of,
+    tour,
+    turn_on_spot,
+)
+
+CONFIG = RelocalisationConfig(
+    search=PlaceSearchConfig(levels=3, least_score=0.1, least_points=5, max_points=40)
+)
+ROOMS = 3
+
+
+def submap(points: Points, normals: Points | None = None) -> Submap:
+    return Submap(
+        points=points,
+        normals=np.zeros_like(points) if normals is None else normals,
+        origins=np.zeros_like(points),
+        T_odom_base=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0),
+    )
+
+
+@law(25)
+@given(seed=st.integers(0, 2**31))
+def test_branch_and_bound_finds_the_best_score_of_all_positions(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    surfaces = rng.uniform(0.0, 4.0, (40, 2))
+    angles = rng.uniform(-math.pi, math.pi, 40)
+    normals = np.column_stack([np.cos(angles), np.sin(angles)]) * (rng.random((40, 1)) < 0.7)
+    place_map = place_map_of(surfaces, normals, CONFIG.search)
+    chosen = rng.choice(40, 12, replace=False)
+    seen = submap(surfaces[chosen] + rng.normal(scale=0.1, size=(12, 2)), np.array(normals[chosen]))
+    search = PlaceSearch(seen, place_map, CONFIG)
+    while not search.advance():
+        pass
+    likelihood = place_map.bounds[0].astype(np.int64)
+    rows, cols = likelihood.shape[1:]
+    best = 0.0
+    for cells, channels in zip(search._cells, search._channels, strict=True):
+        total = np.zeros((rows, cols))
+        for (r, c), channel in zip(cells.tolist(), channels.tolist(), strict=True):
+            shifted = np.zeros((rows, cols))
+            part = likelihood[channel][max(r, 0) : rows + min(r, 0), max(c, 0) : cols + min(c, 0)]
+            shifted[max(-r, 0) : rows - max(r, 0), max(-c, 0) : cols - max(c, 0)] = part
+            total += shifted
+        best = max(best, float(total.max()) / (12 * FULL))
+    assert search._best == pytest.approx(best)
+
+
+@law(25)
+@given(seed=st.integers(0, 2**31), level=st.integers(0, 3))
+def test_a_bound_is_no_smaller_than_any_position_of_its_block(seed: int, level: int) -> None:
+    rng = np.random.default_rng(seed)
+    surfaces = rng.uniform(0.0, 3.0, (20, 2))
+    bounds = place_map_of(surfaces, np.zeros((20, 2)), CONFIG.search).bounds
+    side = 2**level
+    for row, col in rng.integers(0, np.array(bounds.shape[2:]) - side, (20, 2)).tolist():
+        block = bounds[0, :, row : row + side, col : col + side]
+        assert (bounds[level, :, row, col] == block.max(axis=(1, 2))).all()
+
+
+def wall_between() -> PlaceMap:
+    """A wall along x = 1 from y = -2 to 2."""
+    y = np.arange(-2.0, 2.0, 0.05)
+    surfaces = np.column_stack([np.full(len(y), 1.03), y])
+    normals = np.column_stack([np.full(len(y), -1.0), np.zeros(len(y))])
+    return place_map_of(surfaces, normals, CONFIG.search)
+
+
+@law(40)
+@given(x=st.floats(1.5, 4.0), y=st.floats(-1.5, 1.5), start_y=st.floats(-1.5, 1.5))
+def test_lines_of_sight_through_a_wall_are_counted_and_those_to_it_are_not(
+    x: float, y: float, start_y: float
+) -> None:
+    walls = wall_between()
+    camera = np.array([[-1.0, start_y]])
+    for end, crossings in (((x, y), 1), ((1.03, y), 0), ((0.5, y), 0), ((-3.0, y), 0)):
+        found = seen_through_walls(walls.walls, walls.lattice, camera, np.array([end]), 0.3, 0.35)
+        assert found == crossings
+
+
+@cache
+def place_map() -> PlaceMap:
+    rng, world = np.random.default_rng(99), office(1, rooms=ROOMS)
+    views = [(at, world.scan(at, rng)) for at in tour(1, rooms=ROOMS)[::2]]
+    return place_map_of(*surfaces_of(views), RelocalisationConfig().search)
+
+
+def looked_round(
+    world: PlanWorld, position: tuple[float, float], seed: int
+) -> tuple[Submap, Drive]:
+    """What a turn at a position shows, and its poses."""
+    rng = np.random.default_rng(seed)
+    true = turn_on_spot(position, 0.4, 2.0 * math.pi)
+    return submap_of([(at, world.scan(at, rng)) for at in true]), true
+
+
+def in_room(number: int) -> tuple[float, float]:
+    x, side, depth = room_doors(1, rooms=ROOMS)[number]
+    return x, side * (1.0 + 0.4 * depth)
+
+
+@law(10)
+@given(
+    room=st.integers(0, 2 * ROOMS - 1),
+    x=st.floats(-0.7, 0.7),
+    y=st.floats(-0.7, 0.7),
+    turn_deg=st.floats(-20.0, 20.0),
+)
+def test_a_click_beside_the_robot_is_refined(
+    room: int, x: float, y: float, turn_deg: float
+) -> None:
+    seen, true = looked_round(office(1, rooms=ROOMS), in_room(room), room)
+    at = true[-1]
+    given_pose = Pose2(x_m=at.x_m + x, y_m=at.y_m + y, yaw_rad=at.yaw_rad + math.radians(turn_deg))
+    check = check_place(seen, given_pose, place_map())
+    error = at.inverse() @ check.fit.T_map_base
+    assert check.is_accepted, check.reason
+    assert math.hypot(error.x_m, error.y_m) < 0.05
+    assert abs(error.yaw_rad) < math.radians(1.0)
+    assert check.fit.fit_share > 0.9
+
+
+@pytest.mark.parametrize("room", range(2 * ROOMS))
+def test_a_click_into_another_room_is_refused(room: int) -> None:
+    seen, true = looked_round(office(1, rooms=ROOMS), in_room(room), room)
+    x, y = in_room((room + 1) % (2 * ROOMS))
+    check = check_place(seen, Pose2(x_m=x, y_m=y, yaw_rad=true[-1].yaw_rad), place_map())
+    assert not check.is_accepted
+    assert check.reason
+
+
+def test_a_click_in_a_corridor_without_features_is_refused_as_uncertain() -> None:
+    world = PlanWorld()
+    world.wall((-30.0, 1.0), (30.0, 1.0))
+    world.wall((-30.0, -1.0), (30.0, -1.0))
+    rng = np.random.default_rng(0)
+    straight = drive([(-20.0, 0.0), (20.0, 0.0)])
+    corridor = place_map_of(
+        *surfaces_of([(at, world.scan(at, rng)) for at in straight[::3]]), CONFIG.search
+    )
+    seen = submap_of([(at, world.scan(at, rng)) for at in straight[200:215:3]])
+    check = check_place(seen, straight[205], corridor)
+    assert not check.is_accepted
+    along, across = np.sqrt(np.diag(check.fit.covariance)[:2])
+    assert along > 5.0 * across
+
+
+def test_a_search_within_a_window_finds_nothing_outside_of_it() -> None:
+    seen, true = looked_round(office(1, rooms=ROOMS), in_room(0), 3)
+    here = SearchWindow(T_map_base=true[-1], reach_m=0.5, reach_rad=0.3)
+    (best, *_) = search_places(seen, place_map(), RelocalisationConfig(), here)
+    assert best.T_map_base.distance_to(true[-1].x_m, true[-1].y_m) < 0.05
+    x, y = in_room(5)
+    there = SearchWindow(T_map_base=Pose2(x_m=x, y_m=y, yaw_rad=0.0), reach_m=0.5, reach_rad=0.3)
+    for place in search_places(seen, place_map(), RelocalisationConfig(), there):
+        assert place.T_map_base.distance_to(x, y) < 5.0
+
+
+def test_the_same_search_gives_the_same_places() -> None:
+    seen, _ = looked_round(office(1, rooms=ROOMS), in_room(2), 1)
+    one, two = (search_places(seen, place_map(), RelocalisationConfig()) for _ in range(2))
+    assert [p.T_map_base for p in one] == [p.T_map_base for p in two]
+
+
+def test_a_fit_far_from_everything_matches_nothing() -> None:
+    seen, _ = looked_round(office(1, rooms=ROOMS), in_room(2), 1)
+    far = Pose2(x_m=500.0, y_m=500.0, yaw_rad=0.0)
+    assert fit_place(seen, far, place_map(), RelocalisationConfig().fit).fit_share == 0.0
+    assert evaluate_place(seen, far, place_map(), RelocalisationConfig().fit).score == 0.0
+
+
+def test_what_the_map_itself_was_seen_through_is_no_wall() -> None:
+    """A table that most lines of sight pass above; a wall that two of them cross by chance."""
+    y = np.arange(-2.0, 2.0, 0.05)
+    surfaces = np.column_stack([np.full(len(y), 1.03), y])
+    normals = np.column_stack([np.full(len(y), -1.0), np.zeros(len(y))])
+    sight = np.array([[-1.0, 0.5]]), np.array([[3.0, 0.5]])
+    for lines, crossings in ((0, 1), (2, 1), (40, 0)):
+        scan = Scan(
+            points_base=np.tile([4.0, 0.0], (lines, 1)),
+            variance_m2=np.full(lines, 1e-4),
+            normals=np.zeros((lines, 2)),
+            origin=np.zeros(2),
+        )
+        shown = Keyframe(pose_id=0, T_map_base=Pose2(x_m=-1.0, y_m=0.5, yaw_rad=0.0), scan=scan)
+        made = place_map_of(surfaces, normals, CONFIG.search, [shown])
+        assert seen_through_walls(made.walls, made.lattice, *sight, 0.3, 0.35) == crossings

@@ -1,0 +1,179 @@
+"""A place is believed only when new data says so again; a wrong map never is."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
+from navcore.geometry.transform import Pose2
+from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
+from navcore.localisation.relocalisation.relocalisation import (
+    PlaceProposal,
+    RelocalisationState,
+    Relocaliser,
+    search_task,
+)
+from tests.navcore.localisation.plan_worlds import (
+    Drive,
+    PlanWorld,
+    drive,
+    equal_rooms,
+    equal_rooms_tour,
+    odometry_of,
+    office,
+    room_doors,
+    surfaces_of,
+    tour,
+    turn_on_spot,
+)
+
+CONFIG = RelocalisationConfig()
+ROOMS = 3
+ELSEWHERE = Pose2(x_m=-7.0, y_m=3.0, yaw_rad=2.0)
+"""Where odometry's frame begins in the map, which relocalisation has to find."""
+
+
+def mapped(world: PlanWorld, poses: Drive) -> PlaceMap:
+    """The place map of a drive with true poses."""
+    rng = np.random.default_rng(99)
+    views = [(at, world.scan(at, rng)) for at in poses]
+    return place_map_of(*surfaces_of(views), CONFIG.search)
+
+
+@cache
+def office_map(seed: int) -> PlaceMap:
+    return mapped(office(seed, rooms=ROOMS), tour(seed, rooms=ROOMS)[::2])
+
+
+def mirrored(place_map: PlaceMap) -> PlaceMap:
+    flip = np.array([-1.0, 1.0])
+    return place_map_of(place_map.surfaces * flip, place_map.normals * flip, CONFIG.search)
+
+
+def relocalised(
+    world: PlanWorld,
+    true: Drive,
+    place_map: PlaceMap,
+    *,
+    seed: int = 0,
+    config: RelocalisationConfig = CONFIG,
+) -> tuple[PlaceProposal, Pose2 | None, list[PlaceProposal]]:
+    """The last proposal of a drive, the error at the place if it was accepted, and all proposals;
+    the drive ends when a place is accepted."""
+    rng = np.random.default_rng(seed)
+    relocaliser, proposals = Relocaliser(place_map, config), []
+    for k, (where, odometry) in enumerate(zip(true, odometry_of(true, rng), strict=True)):
+        T_odom_base = ELSEWHERE.inverse() @ odometry
+        relocaliser.observe(world.scan(where, rng), T_odom_base, k * 200_000_000)
+        if (task := relocaliser.next_task()) is None:
+            continue
+        result = search_task(task, place_map, config)
+        assert result is not None
+        proposals.append(relocaliser.take(result))
+        if proposals[-1].state is RelocalisationState.ACCEPTED:
+            T_map_odom = proposals[-1].T_map_odom
+            assert T_map_odom is not None
+            return proposals[-1], where.inverse() @ (T_map_odom @ T_odom_base), proposals
+    return relocaliser.proposal, None, proposals
+
+
+def room_drive(seed: int, room: int, *, turns: float = 1.0) -> Drive:
+    """A turn inside a room of an office, then the way into the corridor and along it."""
+    x, side, depth = sorted(room_doors(seed, rooms=ROOMS))[room]
+    inside = (x, side * (1.0 + 0.4 * depth))
+    way = drive([inside, (x, 0.0), (x + (3.0 if room < ROOMS else -3.0), 0.0)])
+    return turn_on_spot(inside, way[0].yaw_rad, turns * 2.0 * math.pi) + way
+
+
+@pytest.mark.parametrize("room", [0, 1, 3, 4])
+def test_after_a_turn_and_some_metres_the_place_is_found(room: int) -> None:
+    last, error, proposals = relocalised(office(1, rooms=ROOMS), room_drive(1, room), office_map(1))
+    assert last.state is RelocalisationState.ACCEPTED
+    assert error is not None
+    assert math.hypot(error.x_m, error.y_m) < 0.15
+    assert abs(error.yaw_rad) < math.radians(2.0)
+    assert last.covariance is not None
+    assert np.linalg.eigvalsh(last.covariance).min() > 0.0
+    assert proposals[0].state is not RelocalisationState.ACCEPTED
+
+
+def test_a_place_is_never_believed_from_one_look() -> None:
+    """However good it is: the robot stands after its first scans, and nothing new is seen."""
+    world, true = office(1, rooms=ROOMS), room_drive(1, 0)[:30]
+    standing = true + [true[-1]] * 60
+    _, error, proposals = relocalised(world, standing, office_map(1))
+    assert error is None
+    assert proposals
+
+
+@pytest.mark.parametrize(("seed", "room"), [(2, 0), (3, 4), (4, 2)])
+def test_a_wrong_map_is_never_believed(seed: int, room: int) -> None:
+    """In the last of them the robot turns in a room that has its like in the other map."""
+    world, true = office(1, rooms=ROOMS), room_drive(1, room, turns=2.0)
+    last, error, _ = relocalised(world, true, office_map(seed), seed=room)
+    assert error is None
+    assert last.reason
+
+
+def test_a_turn_alone_would_believe_the_like_of_a_room_in_a_wrong_map() -> None:
+    """The control: what has been seen from one position must fit better."""
+    world, true = office(1, rooms=ROOMS), room_drive(1, 2, turns=2.0)
+    rash = dataclasses.replace(CONFIG, turn_fit_share=0.85, turn_walls_share=0.1)
+    assert relocalised(world, true, office_map(4), seed=2, config=rash)[1] is not None
+
+
+def test_a_mirrored_map_is_never_believed() -> None:
+    for room in (1, 4):
+        world, true = office(1, rooms=ROOMS), room_drive(1, room)
+        assert relocalised(world, true, mirrored(office_map(1)), seed=room)[1] is None
+
+
+def test_equal_rooms_are_ambiguous_and_all_of_them_are_named() -> None:
+    count = 20
+    world = equal_rooms(count)
+    place_map = mapped(world, equal_rooms_tour(count)[::2])
+    x, y = 5 * 4.0 + 1.2, 2.8
+    true = turn_on_spot((x, y), 0.3, 2.0 * math.pi) + drive([(x, y), (x, 3.8), (x, 2.0)])
+    last, error, _ = relocalised(world, true, place_map)
+    assert error is None
+    assert last.state is RelocalisationState.AMBIGUOUS
+    assert "places fit alike" in last.reason
+    assert len(last.candidates) == count
+
+
+def test_without_asking_for_a_second_best_an_equal_room_is_believed() -> None:
+    """The control: the rule is what keeps equal rooms apart."""
+    world = equal_rooms(6)
+    place_map = mapped(world, equal_rooms_tour(6)[::2])
+    x, y = 4.0 + 1.2, 2.8
+    true = turn_on_spot((x, y), 0.3, 4.0 * math.pi)
+    assert relocalised(world, true, place_map)[1] is None
+    rash = dataclasses.replace(CONFIG, second_share=1.0, same_m=50.0, same_deg=30.0)
+    careless, error, _ = relocalised(world, true, place_map, config=rash)
+    assert error is not None or len(careless.candidates) == 6
+
+
+def test_a_cancelled_search_ends_without_a_result() -> None:
+    world, true = office(1, rooms=ROOMS), room_drive(1, 0)
+    relocaliser, rng = Relocaliser(office_map(1)), np.random.default_rng(0)
+    relocaliser.observe(world.scan(true[0], rng), true[0], 0)
+    task = relocaliser.next_task()
+    assert task is not None
+    assert search_task(task, office_map(1), is_cancelled=lambda: True) is None
+    assert relocaliser.next_task() is None
+
+
+def test_an_empty_map_and_an_empty_view_fit_nowhere() -> None:
+    empty = place_map_of(np.empty((0, 2)), np.empty((0, 2)), PlaceSearchConfig())
+    world, true = office(1, rooms=ROOMS), room_drive(1, 0)[:40]
+    last, error, _ = relocalised(world, true, empty)
+    assert error is None
+    assert last.state is RelocalisationState.SEARCHING
+    blank, error, _ = relocalised(PlanWorld([(90.0, 90.0, 91.0, 91.0)]), true, office_map(1))
+    assert error is None
+    assert blank.state is RelocalisationState.SEARCHING

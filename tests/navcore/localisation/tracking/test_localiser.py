@@ -1,0 +1,234 @@
+"""The localiser as a whole, in worlds seen from above."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from navcore.geometry.camera import Intrinsics
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, Twist, wrap_angle
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
+from navcore.localisation.scans.scan import Keyframe
+from navcore.localisation.tracking.localiser import Localiser
+from navcore.mapping.pose_ids import PoseIds
+from navcore.robot.fix import FixSource, PositionFix
+from navcore.robot.frame import Frame
+from tests.navcore.localisation.plan_worlds import PlanWorld, drive, office
+
+WORLD = office(3)
+LENS = Intrinsics(width=8, height=6, fx=5.0, fy=5.0, cx=3.5, cy=2.5)
+PERIOD_S = 0.2
+ROUTE = drive([(1.5, 0.0), (22.0, 0.0)])
+
+
+def frame_at(pose: Pose2, k: int) -> Frame:
+    """A frame that carries nothing but odometry."""
+    return Frame(
+        stamp_ns=round(k * PERIOD_S * 1e9),
+        rgb=np.zeros((6, 8, 3), dtype=np.uint8),
+        depth_m=np.ones((6, 8), dtype=np.float32),
+        intrinsics=LENS,
+        T_base_camera=np.eye(4),
+        pose=pose,
+        twist=Twist(v_mps=0.5, w_radps=0.0),
+    )
+
+
+def odometry_of(
+    true: Sequence[Pose2], *, scale: float = 1.0, gyro: float = 1.0, start: Pose2 | None = None
+) -> list[Pose2]:
+    """Odometry with constant errors of length and turns."""
+    poses = [start or true[0]]
+    for before, after in itertools.pairwise(true):
+        step = before.inverse() @ after
+        poses.append(
+            poses[-1]
+            @ Pose2(x_m=scale * step.x_m, y_m=scale * step.y_m, yaw_rad=gyro * step.yaw_rad)
+        )
+    return poses
+
+
+@dataclass
+class Trip:
+    """A localiser that is fed frame by frame."""
+
+    localiser: Localiser
+    k: int = 0
+
+    def go(
+        self,
+        true: Sequence[Pose2],
+        odometry: Sequence[Pose2],
+        world: PlanWorld = WORLD,
+    ) -> Iterator[tuple[LocalisationEstimate, Pose2]]:
+        """Yield the estimate and the true pose of each frame."""
+        for pose, measured in zip(true, odometry, strict=True):
+            scan = world.scan(pose, np.random.default_rng((7, self.k)))
+            yield self.localiser.follow(frame_at(measured, self.k), scan), pose
+            self.k += 1
+
+
+def new_trip() -> Trip:
+    """A robot that starts without a map."""
+    return Trip(Localiser(PoseIds(0.25, 10.0)))
+
+
+def saved_map() -> tuple[Keyframe, ...]:
+    """Keyframes of a drive along the corridor with exact odometry."""
+    trip = new_trip()
+    for _ in trip.go(ROUTE, ROUTE):
+        pass
+    return trip.localiser.keyframes
+
+
+KEYFRAMES = saved_map()
+
+
+def located_trip() -> Trip:
+    """A robot in the saved map."""
+    ids = PoseIds(0.25, 10.0)
+    ids.restore(np.array([[k.T_map_base.x_m, k.T_map_base.y_m, k.T_map_base.yaw_rad]
+                          for k in KEYFRAMES]))  # fmt: skip
+    localiser = Localiser(ids)
+    localiser.load(KEYFRAMES)
+    return Trip(localiser)
+
+
+def away_m(estimate: LocalisationEstimate, true: Pose2) -> float:
+    """Distance of the estimate from the true position in metres."""
+    return estimate.T_map_base.distance_to(true.x_m, true.y_m)
+
+
+def test_without_a_map_the_pose_begins_as_odometry_and_stays_near_it() -> None:
+    results = list(new_trip().go(ROUTE, ROUTE))
+
+    assert results[0][0].T_map_odom == IDENTITY
+    assert max(away_m(estimate, true) for estimate, true in results) < 0.2
+    sigmas = [estimate.sigma_m for estimate, _ in results]
+    assert sigmas == sorted(sigmas)  # the own map makes no one more certain
+    assert all(estimate.is_known for estimate, _ in results)
+
+
+def test_in_a_saved_map_poor_odometry_does_no_harm() -> None:
+    start = ROUTE[10]
+    odometry = odometry_of(ROUTE[10:], scale=1.02, start=start)
+    assert odometry[-1].distance_to(ROUTE[-1].x_m, ROUTE[-1].y_m) > 0.3
+
+    results = list(located_trip().go(ROUTE[10:], odometry))
+
+    aside = [abs(estimate.T_map_base.y_m - true.y_m) for estimate, true in results]
+    assert np.percentile(aside, 95) < 0.03
+    assert np.percentile([away_m(*result) for result in results], 95) < 0.15
+    located = [e.state is LocalisationState.LOCATED for e, _ in results]
+    assert np.mean(located) > 0.9
+
+
+def test_the_saved_map_stays_as_it_was() -> None:
+    trip = located_trip()
+    before = trip.localiser.saved_map.surfaces
+    for _ in trip.go(ROUTE, odometry_of(ROUTE, scale=1.01)):
+        pass
+    trip.localiser.correct({0: Pose2(x_m=5.0, y_m=5.0, yaw_rad=1.0)})
+
+    assert np.array_equal(trip.localiser.saved_map.surfaces, before)
+
+
+def test_a_robot_that_was_carried_off_is_lost_until_it_is_placed() -> None:
+    trip = located_trip()
+    for _ in trip.go(ROUTE[:60], ROUTE[:60]):
+        pass
+    # Into a room, turned round, while odometry goes on.
+    there = [Pose2(x_m=8.0 + 0.1 * k, y_m=3.0, yaw_rad=wrap_angle(2.5)) for k in range(40)]
+    odometry = [ROUTE[60] @ Pose2(x_m=0.1 * k, y_m=0.0, yaw_rad=0.0) for k in range(40)]
+    results = list(trip.go(there, odometry))
+
+    lost = [e.state is LocalisationState.LOST for e, _ in results]
+    assert any(lost[:21])  # within 2 m
+    assert all(lost[21:])  # and it does not go on by itself
+
+    frame = frame_at(odometry[-1], trip.k - 1)
+    trip.localiser.place(ROUTE[60], np.diag([0.05, 0.05, 0.02]) ** 2, frame)
+    onward = [odometry[-1] @ (ROUTE[60].inverse() @ pose) for pose in ROUTE[60:80]]
+    back = list(trip.go(ROUTE[60:80], onward))
+    assert back[-1][0].state is LocalisationState.LOCATED
+    assert abs(back[-1][0].T_map_base.y_m - ROUTE[79].y_m) < 0.05
+
+
+def test_without_enough_points_the_robot_reckons_and_its_uncertainty_grows() -> None:
+    results = list(new_trip().go(ROUTE[:50], ROUTE[:50], PlanWorld([(90.0, 90.0, 91.0, 91.0)])))
+
+    estimate = results[-1][0]
+    assert estimate.state is LocalisationState.DEAD_RECKONING
+    assert estimate.match_share is None
+    assert estimate.since_m == pytest.approx(4.9, abs=0.01)
+    assert estimate.sigma_m > results[10][0].sigma_m
+
+
+def fix_at(x_m: float, y_m: float, covariance: Matrix) -> PositionFix:
+    return PositionFix(
+        stamp_ns=0, x_m=x_m, y_m=y_m, covariance=covariance[:2, :2], source=FixSource.GNSS
+    )
+
+
+def test_a_position_fix_is_fused_and_one_far_off_is_refused() -> None:
+    trip = new_trip()
+    empty = PlanWorld([(90.0, 90.0, 91.0, 91.0)])
+    for _ in trip.go(ROUTE, odometry_of(ROUTE, scale=1.01), empty):
+        pass
+    frame, true = frame_at(odometry_of(ROUTE, scale=1.01)[-1], trip.k - 1), ROUTE[-1]
+    accurate = np.eye(2) * 0.02**2
+
+    assert not trip.localiser.fuse(fix_at(true.x_m + 3.0, true.y_m, accurate))
+    assert away_m(trip.localiser.estimate(frame), true) > 0.15
+    assert trip.localiser.fuse(fix_at(true.x_m, true.y_m, accurate))
+    assert trip.localiser.pending is None
+    scan = empty.scan(true, np.random.default_rng(1))
+    for k in range(12):
+        standing = frame_at(frame.pose, trip.k + k)
+        estimate = trip.localiser.follow(standing, scan)
+    assert away_m(estimate, true) < 0.03
+    assert estimate.sigma_m < 0.03
+
+
+def test_consecutive_keyframes_have_edges_by_odometry_and_by_matching() -> None:
+    trip = new_trip()
+    for _ in trip.go(ROUTE, ROUTE):
+        pass
+    edges = trip.localiser.take_edges()
+    poses = {k.pose_id: k.T_map_base for k in trip.localiser.keyframes}
+
+    assert trip.localiser.take_edges() == ()
+    assert len(edges) > len(poses)  # some by matching, too
+    for edge in edges:
+        true = poses[edge.from_id].inverse() @ poses[edge.to_id]
+        error = np.array(
+            [
+                edge.T_from_to.x_m - true.x_m,
+                edge.T_from_to.y_m - true.y_m,
+                wrap_angle(edge.T_from_to.yaw_rad - true.yaw_rad),
+            ]
+        )
+        assert error @ np.linalg.solve(edge.covariance, error) < 30.0
+        assert math.hypot(*error[:2]) < 0.15
+
+
+def test_a_correction_moves_keyframes_and_robot_alike() -> None:
+    trip = new_trip()
+    for _ in trip.go(ROUTE[:100], ROUTE[:100]):
+        pass
+    before = {k.pose_id: k.T_map_base for k in trip.localiser.keyframes}
+    shift = Pose2(x_m=0.3, y_m=-0.2, yaw_rad=0.05)
+
+    trip.localiser.correct({pose_id: shift @ pose for pose_id, pose in before.items()})
+
+    after = {k.pose_id: k.T_map_base for k in trip.localiser.keyframes}
+    assert all(after[i] == shift @ before[i] for i in before)
+    scan = WORLD.scan(ROUTE[99], np.random.default_rng(1))
+    for k in range(3):
+        estimate = trip.localiser.follow(frame_at(ROUTE[99], trip.k + k), scan)
+    assert away_m(estimate, shift @ ROUTE[99]) < 0.03

@@ -1,0 +1,113 @@
+"""Uncertainty by odometry grows as its errors do, and standing still measures the gyro's bias."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navcore.config.localisation import DEGPH, OdometryConfig
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.localisation.tracking.odometry_model import OdometryStep
+from navcore.localisation.tracking.pose_filter import PoseFilter
+
+START = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+CONFIG = OdometryConfig()
+
+
+def straight(count: int) -> PoseFilter:
+    """A filter after steps of 0.1 m straight ahead, 0.2 s each."""
+    own = PoseFilter(START)
+    for _ in range(count):
+        own.predict(OdometryStep(along_m=0.1, aside_m=0.0, turn_rad=0.0, duration_s=0.2))
+    return own
+
+
+def test_uncertainty_along_the_route_grows_in_proportion_to_the_distance() -> None:
+    near, far = straight(400).covariance, straight(1600).covariance
+
+    assert 3.0 < math.sqrt(far[0, 0] / near[0, 0]) < 4.1
+    assert far[0, 0] > (CONFIG.length_scale * 160.0) ** 2
+
+
+def test_the_covariance_covers_the_errors_of_typical_odometry() -> None:
+    rng = np.random.default_rng(3)
+    squares = []
+    for _ in range(60):
+        own, true = PoseFilter(START), START
+        length, gyro = 1 + 0.01 * rng.standard_normal(), 1 + 0.003 * rng.standard_normal()
+        bias = 18 * DEGPH * rng.standard_normal()
+        for k in range(600):
+            along, turn = 0.12, 0.03 * math.sin(k / 40)
+            true = true @ Pose2(x_m=along, y_m=0.0, yaw_rad=turn)
+            noise = math.radians(0.01) * math.sqrt(0.2) * rng.standard_normal()
+            measured = Pose2(
+                x_m=length * along + 0.01 * math.sqrt(along) * rng.standard_normal(),
+                y_m=0.006 * math.sqrt(along) * rng.standard_normal(),
+                yaw_rad=gyro * turn + bias * 0.2 + noise,
+            )
+            own.predict(OdometryStep.between(START, measured, 0.2))
+        error = np.array(
+            [
+                own.pose.x_m - true.x_m,
+                own.pose.y_m - true.y_m,
+                wrap_angle(own.pose.yaw_rad - true.yaw_rad),
+            ]
+        )
+        squares.append(error @ np.linalg.solve(own.covariance, error))
+
+    assert 2.0 < np.mean(squares) < 4.2  # 3 degrees of freedom
+
+
+def test_standing_still_the_gyro_bias_is_learnt_and_the_pose_stays() -> None:
+    bias = 40 * DEGPH
+    own = PoseFilter(START)
+    for _ in range(300):
+        own.predict(OdometryStep(along_m=0.0, aside_m=0.0, turn_rad=0.2 * bias, duration_s=0.2))
+    assert own.pose == START
+    assert abs(own.odometry_errors[0] - bias) < 10 * DEGPH
+
+    for _ in range(600):
+        own.predict(OdometryStep(along_m=0.1, aside_m=0.0, turn_rad=0.2 * bias, duration_s=0.2))
+
+    # Without the bias learnt, the heading would be 1.3° wrong.
+    assert abs(math.degrees(own.pose.yaw_rad)) < 0.35
+
+
+def test_wheels_on_a_slope_measure_more_than_the_map_shows() -> None:
+    after = Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0)
+
+    step = OdometryStep.between(START, after, 1.0, pitch_rad=0.12)
+
+    assert step.along_m == math.cos(0.12)
+
+
+def test_a_match_against_the_own_map_moves_the_pose_but_makes_it_no_more_certain() -> None:
+    information = np.diag([1e4, 1e4, 1e5])
+    floor = np.diag([0.01, 0.01, 0.002]) ** 2
+    found = Pose2(x_m=10.1, y_m=0.05, yaw_rad=0.01)
+    own, saved = straight(100), straight(100)
+    before = own.covariance
+
+    own.fuse_match(found, information, floor, absolute=False)
+    saved.fuse_match(found, information, floor, absolute=True)
+
+    assert own.pose.x_m > 10.05
+    assert np.allclose(own.covariance, before)
+    assert own.covariance_within[0, 0] < 0.1 * before[0, 0]
+    assert saved.covariance[0, 0] < 0.1 * before[0, 0]
+    # The floor: not even a million points make it better than the map.
+    assert saved.covariance[0, 0] > 0.5 * floor[0, 0]
+
+
+def test_a_located_robot_learns_the_scale_of_its_wheels() -> None:
+    own = PoseFilter(START)
+    true_m = 0.0
+    for k in range(400):
+        true_m += 0.1
+        own.predict(OdometryStep(along_m=0.102, aside_m=0.0, turn_rad=0.0, duration_s=0.2))
+        if k % 5 == 0:
+            residual = np.array([true_m - own.pose.x_m, -own.pose.y_m])
+            own.fuse_position(residual, np.eye(3)[:2], np.eye(2) * 0.03**2)
+
+    assert abs(own.odometry_errors[1] - 0.02) < 0.004
