@@ -154,6 +154,9 @@ class OdometryConfig:
 
     length_scale: float = ranged(0.0, 0.2, default=0.01)
     """Standard deviation over runs of the relative error of lengths."""
+    length_floor: float = ranged(0.0, 0.1, default=0.004)
+    """Standard deviation of that error below which no match with the robot's own new map brings it:
+    scans err alike."""
     gyro_scale: float = ranged(0.0, 0.2, default=0.003)
     """Standard deviation over runs of the relative error of turns."""
     gyro_bias_degph: float = ranged(0.0, 10_000.0, default=18.0)

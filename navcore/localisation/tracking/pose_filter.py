@@ -9,6 +9,7 @@ import numpy as np
 from navcore.config.localisation import OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.tracking.odometry_model import (
+    LENGTH_SCALE,
     STATES,
     YAW,
     OdometryStep,
@@ -19,6 +20,8 @@ from navcore.localisation.tracking.odometry_model import (
 _DEFAULT = OdometryConfig()
 _LEAST = np.diag([1e-4, 1e-4, 1e-5]) ** 2
 """Least covariance of a pose, so that it can be inverted."""
+_BOTH_WAYS = 0.05
+"""Least ratio of the information along the two axes of a scan that tells lengths."""
 
 
 class PoseFilter:
@@ -26,7 +29,8 @@ class PoseFilter:
 
     A match against the robot's own new map moves the mean, but makes the pose no more certain: that
     map errs as the robot did. A second covariance, of the pose within that map, weighs such a
-    match.
+    match. What it tells of lengths is true all the same, wherever the map lies: the scans move by
+    as much as the robot.
     """
 
     def __init__(self, pose: Pose2, config: OdometryConfig = _DEFAULT) -> None:
@@ -104,10 +108,24 @@ class PoseFilter:
         cross = np.linalg.solve(before, spread[:3]).T
         self._state = self._state + cross @ (posterior @ pull)
         self._state[YAW] = wrap_angle(self._state[YAW])
+        known = spread[LENGTH_SCALE, LENGTH_SCALE]
         spread = spread - cross @ (before - posterior) @ cross.T
         self._within = (spread + spread.T) / 2
         if absolute:
             self._covariance = self._within
+        elif _tells_both_ways(information):
+            self._learn_lengths(known, self._within[LENGTH_SCALE, LENGTH_SCALE])
+
+    def _learn_lengths(self, before: float, after: float) -> None:
+        """Make the pose as certain as a better known scale makes it: a match has reduced the
+        variance of the scale from `before` to `after`. Scans err alike, so the scale becomes no
+        more certain than `length_floor`."""
+        known, floor = self._covariance[LENGTH_SCALE, LENGTH_SCALE], self._config.length_floor**2
+        if known <= floor or after >= before:
+            return
+        error = max(before * after / (before - after), known * floor / (known - floor))
+        column = self._covariance[:, LENGTH_SCALE]
+        self._covariance = self._covariance - np.outer(column, column) / (known + error)
 
     def fuse_position(self, residual: Matrix, rows: Matrix, covariance: Matrix) -> None:
         """Fuse a measurement of the pose: (M,) difference from the expected one, (M, 3) its
@@ -121,6 +139,13 @@ class PoseFilter:
         keep = np.eye(STATES) - gain @ full
         self._covariance = keep @ self._covariance @ keep.T + gain @ covariance @ gain.T
         self._within = self._covariance
+
+
+def _tells_both_ways(information: Matrix) -> bool:
+    """Return whether a scan tells the position in every direction: between bare walls it does
+    not."""
+    least, most = np.linalg.eigvalsh(information[:2, :2])
+    return bool(least > _BOTH_WAYS * most)
 
 
 def difference(pose: Pose2, other: Pose2) -> Matrix:

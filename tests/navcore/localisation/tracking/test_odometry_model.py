@@ -82,7 +82,7 @@ def test_wheels_on_a_slope_measure_more_than_the_map_shows() -> None:
     assert step.along_m == math.cos(0.12)
 
 
-def test_a_match_against_the_own_map_moves_the_pose_but_makes_it_no_more_certain() -> None:
+def test_a_match_against_the_own_map_moves_the_pose_and_tells_nothing_but_lengths() -> None:
     information = np.diag([1e4, 1e4, 1e5])
     floor = np.diag([0.01, 0.01, 0.002]) ** 2
     found = Pose2(x_m=10.1, y_m=0.05, yaw_rad=0.01)
@@ -93,9 +93,17 @@ def test_a_match_against_the_own_map_moves_the_pose_but_makes_it_no_more_certain
     saved.fuse_match(found, information, floor, absolute=True)
 
     assert own.pose.x_m > 10.05
-    assert np.allclose(own.covariance, before)
+    # The error of lengths, which grows with the distance, falls to its floor; noise stays.
+    noise_m2 = CONFIG.slip_m**2 * 10.0
+    least_m2 = (CONFIG.length_floor * 10.0) ** 2 + noise_m2
+    assert math.isclose(own.covariance[0, 0], least_m2, rel_tol=0.05)
+    assert before[0, 0] > 3 * least_m2
+    assert np.allclose(own.covariance[1:, 1:], before[1:, 1:])
     assert own.covariance_within[0, 0] < 0.1 * before[0, 0]
     assert saved.covariance[0, 0] < 0.1 * before[0, 0]
+    bare = straight(100)
+    bare.fuse_match(found, np.diag([1e2, 1e4, 1e5]), floor, absolute=False)
+    assert np.allclose(bare.covariance, before)  # between bare walls no scan tells the way
     # The floor: not even a million points make it better than the map.
     assert saved.covariance[0, 0] > 0.5 * floor[0, 0]
 
