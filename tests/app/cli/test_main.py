@@ -2,28 +2,51 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import socket
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 import torch
 
+from app.cli.main import main
 from navcore.perception.esanet import build
+
+COLUMNS = {"COLUMNS": "200"}
+"""Width of the terminal: no message is broken into lines."""
 
 
 def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "COLUMNS": "200"}
+    """Run the command line in this process, which spares the imports of every new one."""
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        patch.object(sys, "argv", ["bewarenav", *arguments]),
+        patch.dict(os.environ, COLUMNS),
+        redirect_stdout(out),
+        redirect_stderr(err),
+        pytest.raises(SystemExit) as ended,
+    ):
+        main()
+    return subprocess.CompletedProcess(
+        arguments, int(ended.value.code or 0), out.getvalue(), err.getvalue()
+    )
+
+
+def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line as a user does, in a process of its own."""
     return subprocess.run(
         [sys.executable, "-m", "app", *arguments],
         capture_output=True,
         text=True,
         timeout=240,
         check=False,
-        env=environment,
+        env={**os.environ, **COLUMNS},
     )
 
 
@@ -82,7 +105,15 @@ def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
 def test_bad_input_is_one_clear_line_and_exit_code_2(
     arguments: tuple[str, ...], words: str
 ) -> None:
-    answer = bewarenav(*arguments)
+    check_refusal(bewarenav(*arguments), words)
+
+
+def test_a_process_ends_with_the_line_and_the_exit_code() -> None:
+    check_refusal(bewarenav_process("drive", "--scenario", "nowhere"), "nowhere")
+
+
+def check_refusal(answer: subprocess.CompletedProcess[str], words: str) -> None:
+    """Assert that an answer is a refusal in one line that contains the words."""
     assert answer.returncode == 2
     last = answer.stderr.strip().splitlines()[-1]
     assert last.startswith("bewarenav: ")
@@ -151,6 +182,10 @@ def test_a_drive_writes_its_report_and_plots_and_ends_with_0(tmp_path: Path) -> 
         str(report),
         "--plots",
         str(plots),
+        "--goal",
+        "-1,-2.5",
+        "--segmenter",
+        "colour",
     )
     assert answer.returncode == 0, answer.stderr
     assert "1 of 1 goals" in answer.stdout
@@ -204,7 +239,7 @@ def test_navigation_parameters_are_read_from_a_file_and_a_wrong_key_is_named(
             "--segmenter",
             "colour",
             "--max-time",
-            "12",
+            "6",
             "--report",
             str(report),
         )
@@ -213,9 +248,9 @@ def test_navigation_parameters_are_read_from_a_file_and_a_wrong_key_is_named(
     assert 0.0 < driven_m[1] < driven_m[0] / 4
 
 
-def test_a_drive_that_runs_out_of_time_ends_with_1() -> None:
-    answer = bewarenav(
-        "drive", "--scenario", "empty_room", "--max-time", "3", "--segmenter", "colour"
+def test_a_drive_with_the_network_that_runs_out_of_time_ends_with_1() -> None:
+    answer = bewarenav_process(
+        "drive", "--scenario", "empty_room", "--max-time", "1", "--backend", "torch"
     )
     assert answer.returncode == 1
     assert "FAILED" in answer.stdout
