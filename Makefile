@@ -4,12 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test check lint bench reliability campaign setup debian clean
+.PHONY: run test check lint kernels bench reliability campaign setup debian clean
 
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
 
-test: lint debian
+test: setup
+	@$(MAKE) --no-print-directory --jobs=2 lint kernels debian
 	$(BIN)/pytest --numprocesses=2 --dist=worksteal
 
 # For daily work: the linters, the types, and the tests of the rooms that differ from the last commit.
@@ -21,6 +22,10 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# Compile the kernels beside the linters, once, before each test process would do it for itself.
+kernels: setup
+	@$(BIN)/python -c 'from navcore.warmup import warm_up; warm_up()'
 
 bench: setup
 	$(BIN)/bewarenav bench $(ARGS)

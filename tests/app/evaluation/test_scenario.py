@@ -42,17 +42,13 @@ def driven(about: Task, *, seed: int = 0, beware: BewareList | None = None) -> d
 def test_an_evaluation_is_resumed_where_it_was_cut_and_draws_its_figures(
     tmp_path: Path, capsys: Any
 ) -> None:
-    beware = default_beware_list()
-    first = evaluate_scenario(
-        task(random=True), seeds=range(1), workers=1, out=tmp_path, beware=beware
-    )
+    beware, drives = default_beware_list(), task(random=True, max_time_s=4.0)
+    first = evaluate_scenario(drives, seeds=range(1), workers=1, out=tmp_path, beware=beware)
     kept = (tmp_path / "episodes.jsonl").read_text()
     (tmp_path / "episodes.jsonl").write_text(
         kept + '{"scenario": "empty_ro'
     )  # as a kill would leave it
-    both = evaluate_scenario(
-        task(random=True), seeds=range(2), workers=1, out=tmp_path, beware=beware
-    )
+    both = evaluate_scenario(drives, seeds=range(2), workers=1, out=tmp_path, beware=beware)
     assert (first["episodes"], both["episodes"], both["seeds"]) == (1, 2, [0, 1])
     assert (tmp_path / "episodes.jsonl").read_text().startswith(kept)
     assert json.loads((tmp_path / "summary.json").read_text()) == json.loads(json.dumps(both))
@@ -109,7 +105,7 @@ def test_with_the_simulators_labels_the_robot_keeps_off_and_misses_nothing() -> 
 
 
 def test_zones_keep_the_robot_out_unless_left_out_and_the_referee_judges_by_them_anyway() -> None:
-    open_space = dataclasses.replace(open_floor(start=(-5.0, 0.0, 0.0)), goals=((5.0, 0.0),))
+    open_space = dataclasses.replace(open_floor(start=(-3.0, 0.0, 0.0)), goals=((3.0, 0.0),))
     obeyed = driven(task(scenario=open_space, zones=1))
     assert len(obeyed["zones"]) == 1 and obeyed["zone_intrusions"] == 0 and obeyed["success"]
     ignored = driven(task(scenario=open_space, zones=1, ablation=Ablation.NO_ZONES))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 from pathlib import Path
 
 import pytest
 import torch
 
+from app.runtime import segmentation
 from app.runtime.engine_memory import ChosenEngine, EngineMemory, key_of
 from app.runtime.segmentation import CAMERA, colour_perception, compose, measure_segmenter
 from app.runtime.segmenter_choice import SegmenterChoice
@@ -17,6 +19,7 @@ from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet import build
+from navcore.perception.esanet.inference import selection
 from navcore.perception.esanet.inference.network_file import open_network
 from navcore.perception.esanet.inference.selection import EngineBenchmark, open_inference
 from navcore.perception.esanet.network.preprocess import DepthStatistics
@@ -50,6 +53,15 @@ def damaged(folder: Path) -> Path:
     content[-1] ^= 1
     path.write_bytes(content)
     return path
+
+
+@pytest.fixture
+def torch_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Measure the engines of torch, which are always there, and each with a few images only."""
+    monkeypatch.setattr(selection, "is_installed", lambda package: False)
+    monkeypatch.setattr(
+        segmentation, "InferenceConfig", functools.partial(InferenceConfig, trial_s=0.0)
+    )
 
 
 def test_without_shipped_weights_the_colour_rules_are_used_with_a_warning(
@@ -123,10 +135,12 @@ def test_engines_are_measured_with_the_given_weights_or_with_random_ones_as_the_
     assert (CAMERA.height, CAMERA.width) == (240, 424)
 
 
+@pytest.mark.usefixtures("torch_alone")
 def test_a_machine_too_slow_for_the_size_it_was_trained_at_gives_the_network_smaller_images(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     choice = SegmenterChoice(weights=weights(tmp_path), threads=1, live=True)
+    monkeypatch.setattr("app.runtime.segmentation.SLOW_MS", 1e9)
     assert "416 × 256" in compose(choice).title
     monkeypatch.setattr("app.runtime.segmentation.SLOW_MS", 0.0)
     small = compose(choice)
@@ -157,6 +171,7 @@ def test_one_slow_engine_beside_a_quick_one_makes_no_image_smaller(
     assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), live=True)).title
 
 
+@pytest.mark.usefixtures("torch_alone")
 def test_the_chosen_engine_is_remembered_and_measured_again_only_on_request_or_when_too_slow(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -178,9 +193,12 @@ def test_the_chosen_engine_is_remembered_and_measured_again_only_on_request_or_w
     assert "when it was chosen: measuring again" in caplog.text
 
 
+@pytest.mark.usefixtures("torch_alone")
 def test_smaller_images_are_remembered_and_an_engine_that_is_gone_is_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    # However busy the machine is meanwhile, what is remembered has not become too slow.
+    monkeypatch.setattr("app.runtime.segmentation.SLOWER", 1e9)
     memory = EngineMemory(tmp_path / "engines.json")
     choice = SegmenterChoice(weights=weights(tmp_path), threads=1, live=True)
     with monkeypatch.context() as slow:
