@@ -75,29 +75,29 @@ def console(settings: ConsoleSettings) -> None:
     """Start the operator console with the simulated robot, or with a recording."""
     from web.port import reserve
 
-    listener = reserve(settings.host, settings.port)  # before the slow imports
-    _check(settings)
-    from app.console.application import ConsoleOptions, run_console
+    with reserve(settings.host, settings.port) as listener:  # before the slow imports
+        _check(settings)
+        from app.console.application import ConsoleOptions, run_console
 
-    options = ConsoleOptions(
-        scenario=settings.scenario,
-        recording=settings.recording,
-        level=settings.level,
-        host=settings.host,
-        port=settings.port,
-        data=settings.data,
-        site=settings.site,
-        seed=settings.seed,
-        choice=settings.segmentation.choice(live=True),
-        prior=settings.prior,
-        kept=settings.kept,
-        navigation=settings.navigation,
-        odometry=settings.odometry,
-        gnss=settings.gnss,
-        login=settings.login,
-        unattended=settings.unattended,
-    )
-    run_console(options, listener=listener)
+        options = ConsoleOptions(
+            scenario=settings.scenario,
+            recording=settings.recording,
+            level=settings.level,
+            host=settings.host,
+            port=settings.port,
+            data=settings.data,
+            site=settings.site,
+            seed=settings.seed,
+            choice=settings.segmentation.choice(live=True),
+            prior=settings.prior,
+            kept=settings.kept,
+            navigation=settings.navigation,
+            odometry=settings.odometry,
+            gnss=settings.gnss,
+            login=settings.login,
+            unattended=settings.unattended,
+        )
+        run_console(options, listener=listener)
 
 
 def _check(settings: ConsoleSettings) -> None:
