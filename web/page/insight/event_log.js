@@ -34,7 +34,7 @@ let maxShown = MAX_NEW;
 let newestId = 0;
 let oldestId = null;
 let unread = 0;
-let isBusy = false;
+let running = null;
 
 export function build(pane, context, button) {
   shared = context;
@@ -85,9 +85,11 @@ function filterButton([kind, title]) {
   button.onclick = () => {
     if (!chosenKinds.delete(kind)) chosenKinds.add(kind);
     button.setAttribute("aria-pressed", String(chosenKinds.has(kind)));
-    [newestId, oldestId, maxShown] = [0, null, MAX_NEW];
-    list.replaceChildren();
-    tick(true);
+    inTurn(() => {
+      [newestId, oldestId, maxShown] = [0, null, MAX_NEW];
+      list.replaceChildren();
+      return loadNewest(true);
+    });
   };
   return button;
 }
@@ -115,8 +117,17 @@ function showMatching() {
 }
 
 export async function tick(isOpen) {
-  if (isBusy) return;
-  isBusy = true;
+  if (!running) await inTurn(() => loadNewest(isOpen));
+}
+
+// Run one request after the other: what is asked for by hand waits for the poll under way.
+async function inTurn(load) {
+  while (running) await running;
+  running = load().finally(() => (running = null));
+  await running;
+}
+
+async function loadNewest(isOpen) {
   try {
     const page = await get(`/journal?since=${newestId}&limit=${MAX_NEW}${kindQuery()}`);
     // Another data folder counts from one again.
@@ -139,7 +150,6 @@ export async function tick(isOpen) {
   } catch {
     // a lost connection has its own banner
   }
-  isBusy = false;
 }
 
 function addNewest(entry) {
@@ -167,20 +177,18 @@ function repeat(row, entry, shownEntry) {
   row.querySelector(".jump")?.replaceWith(jumpButton(shownEntry.place ?? row.place));
 }
 
-async function loadOlder() {
-  if (isBusy || oldestId === null) return;
-  isBusy = true;
-  await attempt(async () => {
-    const last = list.lastElementChild;
-    const page = await get(`/journal?before=${oldestId}&limit=${OLDER}${kindQuery()}`);
-    for (const entry of page.entries.reverse()) addOldest(entry);
-    maxShown = Math.max(maxShown, list.children.length);
-    olderButton.hidden = page.entries.length < OLDER;
-    markStarts(page.start);
-    showMatching();
-    if (page.entries.length) last?.scrollIntoView({ block: "start" });
-  });
-  isBusy = false;
+const loadOlder = () => inTurn(() => attempt(addOlder));
+
+async function addOlder() {
+  if (oldestId === null) return;
+  const last = list.lastElementChild;
+  const page = await get(`/journal?before=${oldestId}&limit=${OLDER}${kindQuery()}`);
+  for (const entry of page.entries.reverse()) addOldest(entry);
+  maxShown = Math.max(maxShown, list.children.length);
+  olderButton.hidden = page.entries.length < OLDER;
+  markStarts(page.start);
+  showMatching();
+  if (page.entries.length) last?.scrollIntoView({ block: "start" });
 }
 
 // A line above the newest entry of each earlier start of the console.
