@@ -48,4 +48,5 @@ def marked(current: Image, changed: npt.NDArray[np.bool_]) -> Image:
 
 def _tile_colours(image: Image) -> npt.NDArray[np.float32]:
     rows, cols = (max(round(side / TILE_PX), 1) for side in image.shape[:2])
-    return cv2.resize(image.astype(np.float32), (cols, rows), interpolation=cv2.INTER_AREA)
+    tiles = cv2.resize(image.astype(np.float32), (cols, rows), interpolation=cv2.INTER_AREA)
+    return np.asarray(tiles, dtype=np.float32)
