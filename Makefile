@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test check lint kernels bench reliability campaign setup debian clean
+.PHONY: run test check lint kernels bench reliability campaign screenshots screenshots-check setup debian clean
 
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
@@ -37,6 +37,13 @@ reliability: setup
 # The promise of the office, measured: ten seeded missions, judged by the referee. Minutes, so it is no part of `test`.
 campaign: setup
 	$(BIN)/bewarenav evaluate office --episodes 10 --seed 0 --workers 2 --out runs/office $(ARGS)
+
+# The twelve main states of the page in three sizes and two themes: renew the references, or compare with them. Minutes.
+screenshots: setup
+	$(BIN)/python -m tests.screenshots take
+
+screenshots-check: setup
+	$(BIN)/python -m tests.screenshots check
 
 setup: $(READY)
 

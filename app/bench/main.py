@@ -23,8 +23,8 @@ from app.bench.training import training_table
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.segmentation import measure_segmenter
 from app.runtime.stage_timer import STAGES, TICK
-from navcore.mission.beware_list import default_beware_list
 from navcore.warmup import warm_up
+from sim.scenario.beware import starting_beware_list
 from sim.scenario.load import load_scenario
 
 TICKS = 300
@@ -89,9 +89,10 @@ def _drive(terminal: Terminal, scenario: str, seconds: float) -> None:
     """Drive the scenario's own mission for `seconds` of simulated time."""
     warm_up()
     start = time.perf_counter()
+    world = load_scenario(scenario)
     episode = Episode(
-        load_scenario(scenario),
-        EpisodeSettings(beware=default_beware_list(), max_time_s=seconds),
+        world,
+        EpisodeSettings(beware=starting_beware_list(world), max_time_s=seconds),
         seed=0,
     )
     built_s = time.perf_counter() - start

@@ -23,10 +23,14 @@ def camera() -> bytes:
     return bytes(msgspec.msgpack.encode({"type": "ViewerCameraMessage", **pose, **lens}))
 
 
+def messages_in(frame: bytes) -> list[dict[str, Any]]:
+    """Return the messages in a websocket frame of viser."""
+    size = int.from_bytes(frame[8:16], "little")
+    unpacked = zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size])
+    messages: list[dict[str, Any]] = msgspec.msgpack.decode(unpacked)["messages"]
+    return messages
+
+
 def names_in(frame: bytes) -> set[str]:
     """Return the names of the scene nodes in a websocket frame of viser."""
-    size = int.from_bytes(frame[8:16], "little")
-    messages: Any = msgspec.msgpack.decode(
-        zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size])
-    )["messages"]
-    return {str(message["name"]) for message in messages if "name" in message}
+    return {str(message["name"]) for message in messages_in(frame) if "name" in message}

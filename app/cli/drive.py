@@ -97,8 +97,7 @@ def drive(settings: DriveSettings) -> None:
         max_time_s=settings.max_time,
     )
     check_goals(task.world)
-    check_goals(task.world)
-    beware = beware_list(settings.beware)
+    beware = beware_list(settings.beware, task.scenario)
     config = None if settings.navigation is None else load_config(settings.navigation)
     tuning = DEFAULT_PERCEPTION if config is None else config.perception
     # Last, because trying the engines takes seconds and the checks above take none.

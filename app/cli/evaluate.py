@@ -192,13 +192,14 @@ def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) ->
     from sim.scenario.load import load_scenario
 
     world = settings.scenario or "office"
+    scenario = load_scenario(world)
     summary = evaluate_localisation(
-        load_scenario(world),
+        scenario,
         grade=settings.odometry,
         episodes=settings.episodes or 10,
         seed=settings.seed,
         out=settings.out or Path("runs") / f"localisation-{Path(world).stem}-{settings.odometry}",
-        beware=beware_list(settings.beware),
+        beware=beware_list(settings.beware, scenario),
         config=config,
     )
     searches = (summary["switched_on"], *summary["wrong_map"].values())
@@ -235,7 +236,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         seeds=range(settings.seed, settings.seed + (settings.episodes or 10)),
         workers=settings.workers,
         out=settings.out or Path("runs") / "-".join(filter(None, parts)),
-        beware=beware_list(settings.beware),
+        beware=beware_list(settings.beware, task.scenario),
         perception=compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
         if needs_segmenter
         else None,

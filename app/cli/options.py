@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
@@ -25,6 +25,9 @@ from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list, load_beware_list
 from sim.robot.odometry_grade import OdometryGrade
 from sim.sensors.gnss_settings import GnssKind
+
+if TYPE_CHECKING:
+    from sim.scenario.schema import Scenario
 
 Settings = TypeVar("Settings")
 
@@ -179,9 +182,14 @@ def _filled(settings_type: Any, values: Mapping[str, Any]) -> Any:
     )
 
 
-def beware_list(path: Path | None) -> BewareList:
-    """Return the beware list of a file, or the default one that comes with the package."""
-    return default_beware_list() if path is None else load_beware_list(path)
+def beware_list(path: Path | None, world: Scenario | None = None) -> BewareList:
+    """Return the beware list of a file, else the one that a world starts with, else the shipped
+    one."""
+    if path is not None:
+        return load_beware_list(path)
+    from sim.scenario.beware import starting_beware_list
+
+    return default_beware_list() if world is None else starting_beware_list(world)
 
 
 def point(text: str, option: str) -> tuple[float, float]:

@@ -36,7 +36,6 @@ from app.runtime.stage_timer import StageTimer
 from app.storage import Store
 from app.storage.site_store import SiteStore
 from navcore.config.navigator import NavigatorConfig, load_config
-from navcore.grid.grid import GridSpec
 from navcore.mapping.point_map import PointMap
 from navcore.navigator import Navigator, Stages
 from navcore.robot.profile import HUSKY
@@ -142,7 +141,7 @@ def console(
         background = ThreadBackground()
         background.start()
         stack.callback(background.stop)
-        controller = _controller_of(site, back_end.spec, perception, config, stages, background)
+        controller = _controller_of(site, back_end, perception, config, stages, background)
         point_map, names = controller.navigator.map, controller.intent.beware.names
         keeper = _load_map(point_map, site, options, names)
         last = last_place_of(site) if options.kept is None else None
@@ -167,6 +166,7 @@ def console(
             keeper=keeper,
             has_own_map=options.kept is None,
             world_tags=back_end.tags,
+            new_beware=back_end.beware,
         )
         stack.callback(operations.close)
         stack.callback(operations.sites.keep_session)
@@ -254,7 +254,7 @@ def _load_map(
 
 def _controller_of(
     site: SiteStore,
-    spec: GridSpec,
+    back_end: BackEnd,
     perception: Perception,
     config: NavigatorConfig,
     stages: Stages,
@@ -264,13 +264,15 @@ def _controller_of(
     site; it stands."""
     timer = StageTimer()
     navigator = Navigator(
-        spec=spec,
+        spec=back_end.spec,
         profile=HUSKY,
         segmenter=perception.segmenter,
         config=config,
         stages=timer.wrap(stages),
     )
-    intent = OperatorState(mission=mission_of(site), beware=beware_of(site), zones=site.zones())
+    intent = OperatorState(
+        mission=mission_of(site), beware=beware_of(site, back_end.beware), zones=site.zones()
+    )
     return RobotController(
         navigator=navigator, profile=HUSKY, intent=intent, timer=timer, background=background
     )

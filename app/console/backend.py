@@ -17,8 +17,10 @@ from app.runtime.simulator_process import SimulatorProcess
 from navcore.config.navigator import NavigatorConfig
 from navcore.grid.grid import GridSpec
 from navcore.localisation.fixes import TagMap
+from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.robot.profile import RobotProfile
 from sim.robot.odometry_grade import OdometryGrade
+from sim.scenario.beware import starting_beware_list
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import map_grid
 from sim.scenario.tags import given_tags
@@ -42,6 +44,8 @@ class BackEnd:
     """Scheduled faults of the world."""
     tags: TagMap = field(default_factory=TagMap)
     """Tags of the world, for sites that name none."""
+    beware: BewareList = field(default_factory=default_beware_list)
+    """List that a new site in this world starts with."""
 
 
 def simulated(
@@ -62,6 +66,7 @@ def simulated(
         referee=robot,
         faults=world.faults,
         tags=given_tags(world.tags),
+        beware=starting_beware_list(world),
     )
 
 

@@ -30,8 +30,17 @@ class BewareStore(Protocol):
 class BewareEditor:
     """Satisfies the console's port `BewareEdits`. Safe from any thread: one edit at a time."""
 
-    def __init__(self, holder: StateHolder, *, store: BewareStore, segmenter: Segmenter) -> None:
+    def __init__(
+        self,
+        holder: StateHolder,
+        *,
+        store: BewareStore,
+        segmenter: Segmenter,
+        defaults: BewareList | None = None,
+    ) -> None:
+        """`defaults`: list of a new site, by default the shipped one."""
         self._holder, self._store, self._segmenter = holder, store, segmenter
+        self._defaults = defaults or default_beware_list()
         self._earlier = deque(reversed(store.beware_versions()[1:]), maxlen=MAX_UNDO)
         self._editing = threading.Lock()
         self._is_retired = False
@@ -70,9 +79,9 @@ class BewareEditor:
             return self._change(self._expected(expected_version).replaced(beware.classes))
 
     def restore_defaults(self) -> BewareList:
-        """Replace the list in force by the shipped one."""
+        """Replace the list in force by that of a new site."""
         with self._editing:
-            return self._change(self.list.replaced(default_beware_list().classes))
+            return self._change(self.list.replaced(self._defaults.classes))
 
     def undo(self) -> BewareList:
         """Restore the list before the newest edit, as a new version."""

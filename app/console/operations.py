@@ -33,6 +33,7 @@ from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import OccupancyGrid
 from navcore.localisation.fixes import TagMap
+from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
@@ -73,8 +74,10 @@ class LiveOperations:
         keeper: MapKeeper | None = None,
         has_own_map: bool = True,
         world_tags: TagMap | None = None,
+        new_beware: BewareList | None = None,
     ) -> None:
-        """`keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`."""
+        """`keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
+        `new_beware`: beware list of a new site, by default the shipped one."""
         self._robot, self._controller, self._store, self._recorder = (
             robot,
             controller,
@@ -85,7 +88,7 @@ class LiveOperations:
         self._verdict = GateDecision(twist=STANDSTILL, reasons=())
         self.keeper = keeper or MapKeeper(store.site.map_file, {})
         """Keeps the map on disk."""
-        self._edits_before = 0
+        self._edits_before, self._new_beware = 0, new_beware
         self._edit(store.site)
         self.sites = LiveSites(
             store,
@@ -97,6 +100,7 @@ class LiveOperations:
             world=recorder.scenario,
             has_own_map=has_own_map,
             world_tags=world_tags,
+            new_beware=new_beware,
         )
         self.place = PlaceEditor(controller)
         self._anchored = AnchoredItems(
@@ -127,7 +131,12 @@ class LiveOperations:
             saved=SavedMissions(site),
         )
         self.zones = ZoneEditor(controller, store=site, watcher=self._recorder)
-        self.beware = BewareEditor(controller, store=site, segmenter=self._perception.segmenter)
+        self.beware = BewareEditor(
+            controller,
+            store=site,
+            segmenter=self._perception.segmenter,
+            defaults=self._new_beware,
+        )
 
     @contextmanager
     def leaving_site(self) -> Iterator[None]:

@@ -30,9 +30,10 @@ ACCEPTED = ("map", "accepted")
 """Kind and name of the stored document."""
 
 
-def beware_of(site: SiteStore) -> BewareList:
-    """Return the beware list of a site; a new site has that of the package."""
-    return site.beware() or default_beware_list()
+def beware_of(site: SiteStore, new: BewareList | None = None) -> BewareList:
+    """Return the beware list of a site; before its first edit it is `new`, by default the shipped
+    one."""
+    return site.beware() or new or default_beware_list()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)

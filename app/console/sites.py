@@ -24,6 +24,7 @@ from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.localisation.fixes import TagMap
 from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
 from navcore.mapping.point_map import PointMap
+from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from web.interface.sites import AreaOut, MapChanges, Nav2Files, PointPair, Site, Tag
 from web.interface.snapshots import TickSnapshot
@@ -84,10 +85,12 @@ class LiveSites:
         world: str,
         has_own_map: bool = True,
         world_tags: TagMap | None = None,
+        new_beware: BewareList | None = None,
     ) -> None:
         """`has_own_map`: whether the map is kept in the folder of the site, not in another file.
-        `world_tags`: tags of the world, for sites that name none."""
-        self._world_tags = world_tags or TagMap()
+        `world_tags`: tags of the world, for sites that name none. `new_beware`: list of a new site,
+        by default the shipped one."""
+        self._world_tags, self._new_beware = world_tags or TagMap(), new_beware
         self._store, self._controller, self._view, self._keeper = store, controller, view, keeper
         self._user, self._config, self._world, self._has_own_map = user, config, world, has_own_map
         self._lock = threading.RLock()
@@ -231,7 +234,7 @@ class LiveSites:
         self._controller.require_standing()
         before, spec = self._store.site, self._controller.navigator.first_grid
         stored = map_of(site, PointMap(spec, self._config).state())
-        mission, zones, beware = mission_of(site), site.zones(), beware_of(site)
+        mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
         self._keeper.write_now()
         self.keep_session()
 

@@ -168,7 +168,7 @@ def _sensor_objections(facts: GateInput, config: GateConfig) -> list[StopReason]
     found, sensors = [], facts.sensors
     life_ns, limit = config.frame_life_ns, f"at most {config.frame_life_s:g} s are allowed"
     if facts.frame_ns is None:
-        text = "The camera has not delivered an image yet."
+        text = "Waiting for the next image of the camera."
         found.append(StopReason(cause=Cause.STALE_FRAME, text=text))
     elif not 0 <= facts.now_ns - facts.frame_ns <= life_ns:
         age_s = (facts.now_ns - facts.frame_ns) / 1e9

@@ -126,6 +126,12 @@ class Marking:
     beware: bool = True
     """Whether the robot must stay off the marking."""
 
+    @property
+    def beware_class(self) -> str:
+        """Class in the beware list: paint is a red floor, whatever its colour; all else is a
+        spill."""
+        return "red floor" if self.surface == "paint" else "spill"
+
     def paint(self) -> Colour:
         """Return the colour of the paint or liquid itself."""
         return self.colour or SURFACE_COLOURS[self.surface]
@@ -277,6 +283,9 @@ class Scenario:
     scatter: tuple[Scatter, ...] = field(default=())
     """Groups of objects that each seed scatters, one after the other, in addition to the furniture
     and items of the file."""
+    beware_off: tuple[str, ...] = ()
+    """Classes of the shipped beware list that are off when the robot first comes to this world,
+    because there are none in it."""
 
     @property
     def start_pose(self) -> Pose2:

@@ -16,6 +16,7 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from navcore.robot.profile import HUSKY, RobotProfile
 from sim.models.items import item_shapes
+from sim.scenario.beware import check_beware_off
 from sim.scenario.layout import PlacedObject, items, obstacles
 from sim.scenario.schema import Scenario
 from sim.scenario.tags import check_tags
@@ -34,6 +35,7 @@ def check_scenario(scenario: Scenario, where: str) -> None:
     _check_clearance(scenario, where)
     check_tags(scenario.tags, where)
     check_faults(scenario.faults, where)
+    check_beware_off(scenario, where)
     if scenario.gnss is not None:
         check_gnss(scenario.gnss, where)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.models.solids import Polygon
 from sim.scenario.layout import items
-from sim.scenario.schema import Marking, Scenario
+from sim.scenario.schema import Scenario
 
 PERSON = "person"
 FIRST_MARKING = 1
@@ -31,17 +31,11 @@ def true_objects(scenario: Scenario) -> tuple[TrueObject, ...]:
     """Return all items and all beware markings; people move and are not included."""
     lying = [TrueObject(name=item.name, outlines=item.outlines()) for item in items(scenario)]
     painted = [
-        TrueObject(name=class_of(marking), outlines=(np.array(marking.polygon),))
+        TrueObject(name=marking.beware_class, outlines=(np.array(marking.polygon),))
         for marking in scenario.markings
         if marking.beware
     ]
     return (*lying, *painted)
-
-
-def class_of(marking: Marking) -> str:
-    """Return the class of a marking: paint is a red floor, whatever its colour; all else is a
-    spill."""
-    return "red floor" if marking.surface == "paint" else "spill"
 
 
 def class_of_bodies(
@@ -51,7 +45,7 @@ def class_of_bodies(
     `first_person`."""
     return {
         **{
-            FIRST_MARKING + i: class_of(marking)
+            FIRST_MARKING + i: marking.beware_class
             for i, marking in enumerate(scenario.markings)
             if marking.beware
         },

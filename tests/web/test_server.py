@@ -114,7 +114,7 @@ def test_the_websocket_of_the_viewer_speaks_its_own_protocol_and_brings_the_scen
             "/robot/base",
             "/robot/base/body",
             "/camera/frustum",
-            "/cloud/-1_-1",
+            "/cloud/camera/-1_-1",
         }
         assert expected <= scene(viewer, expected)
 
@@ -252,7 +252,8 @@ def test_a_draft_is_drawn_for_its_own_viewer_and_goes_with_the_page(server: Cons
         with viewer_of(server) as other:
             other.send(camera())
             assert not any(
-                name.startswith("/draft") for name in scene(other, {"/floor/0_0", "/cloud/-1_-1"})
+                name.startswith("/draft")
+                for name in scene(other, {"/floor/0_0", "/cloud/camera/-1_-1"})
             )
 
 

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from web.auth.roles import CurrentVisitor, Role
 from web.gateway.websockets import BAD_MESSAGE, POLICY_VIOLATION, until_one_ends
-from web.viewer.messages import DisplayOptions, PageMessage
+from web.viewer.messages import Opacity, PageMessage
 from web.viewer.page_link import PAGE_ID, PageLink
 from web.viewer.viewer import Viewer
 
@@ -59,6 +59,6 @@ async def _receive(socket: WebSocket, viewer: Viewer, page_id: str, *, may_act: 
         if message["type"] == "websocket.disconnect":
             return
         received = PageMessage.validate_json(message.get("text") or "")
-        # A viewer may not change the display, which is common to all operators.
-        if may_act or not isinstance(received, DisplayOptions):
+        # A viewer may not change the opacity, which is common to all operators.
+        if may_act or not isinstance(received, Opacity):
             viewer.receive(page_id, received)

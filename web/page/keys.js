@@ -6,10 +6,10 @@ import { closeOverlay } from "./core/menus.js";
 import { stop } from "./core/stop.js";
 import { switchTheme } from "./core/theme.js";
 import { swap } from "./insight/swap.js";
-import { fit, redraw } from "./map/map.js";
+import { fit } from "./map/map.js";
 import { cancelPress } from "./map/pointer.js";
 import { select } from "./map/selection.js";
-import { follow, view, zoom } from "./map/view.js";
+import { zoom } from "./map/view.js";
 import { driveByKey, togglePad } from "./mission/teleop.js";
 import {
   canRedo,
@@ -100,10 +100,10 @@ const ALWAYS = {
   },
   m: () => switchView(),
   c: () => swap(),
-  f: () => {
-    follow(!view.follows);
-    redraw();
-  },
+  f: () =>
+    document
+      .querySelector(document.body.dataset.view === "3d" ? "[data-look=follow]" : "[data-zoom=follow]")
+      .click(),
   w: () => fit(),
   "+": () => zoom(ZOOM_FACTOR),
   "-": () => zoom(1 / ZOOM_FACTOR),

@@ -23,6 +23,8 @@ Layer = Literal[
     "people",
 ]
 LAYERS: tuple[Layer, ...] = get_args(Layer)
+CloudColour = Literal["camera", "height", "class"]
+CLOUD_COLOURS: tuple[CloudColour, ...] = get_args(CloudColour)
 Mode = Literal["navigate", "goal", "draw", "edit"]
 
 
@@ -63,17 +65,36 @@ class Highlight(Closed):
 
 
 class DisplayOptions(Closed):
-    """Display of the scene, the same for every operator."""
+    """Display of the scene on this page."""
 
-    type: Literal["show"]
-    cloud_colour: Literal["camera", "class", "height"]
-    hidden: Annotated[list[Layer], Field(max_length=len(LAYERS))]
+    type: Literal["show"] = "show"
+    cloud_colour: CloudColour = "camera"
+    hidden: Annotated[tuple[Layer, ...], Field(max_length=len(LAYERS))] = ("candidates",)
+    follows: bool = False
+    """Whether the camera moves with the robot."""
+
+
+class Opacity(Closed):
+    """Opacity of the layers, the same for every operator."""
+
+    type: Literal["fade"] = "fade"
     strength: Annotated[dict[Layer, Share], Field(max_length=len(LAYERS))] = Field(
         default_factory=dict
     )
     """Opacity of layers, 0 to 1; 1 for those not named."""
 
 
-PageMessage: TypeAdapter[Draft | CameraMove | DisplayOptions | Highlight] = TypeAdapter(
-    Annotated[Draft | CameraMove | DisplayOptions | Highlight, Field(discriminator="type")]
-)
+class Pointer(Closed):
+    """Pointer on the 3D view, of which the page asks the point on the floor."""
+
+    type: Literal["pointer"]
+    phase: Literal["hover", "down", "turn", "up"]
+    """What the pointer does; the answer repeats it."""
+    right: Share
+    """Share of the width of the view to the left of the pointer."""
+    down: Share
+    """Share of the height of the view above the pointer."""
+
+
+Message = Draft | CameraMove | DisplayOptions | Opacity | Highlight | Pointer
+PageMessage: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])

@@ -4,21 +4,21 @@ clients."""
 from __future__ import annotations
 
 import logging
-import math
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 import viser
 from viser.extras import ViserUrdf
 
-from navcore.grid.grid import GridSpec
 from web.images import palette
-from web.interface.insight import Candidates
 from web.interface.operations import RobotService
 from web.interface.snapshots import TickSnapshot
+from web.viewer.camera import floor_below, follow, overview, view_of
+from web.viewer.display import ClientDisplay, cloud_node
 from web.viewer.draft_overlay import DraftOverlay
 from web.viewer.layers.base import Layer, Scene
 from web.viewer.layers.cloud import CloudLayer
@@ -27,7 +27,15 @@ from web.viewer.layers.goals_zones import GoalLayer, ZoneLayer
 from web.viewer.layers.people import PeopleLayer
 from web.viewer.layers.primitives import PrimitivesLayer
 from web.viewer.layers.robot import CameraLayer, PathLayer, RobotLayer
-from web.viewer.messages import LAYERS, CameraMove, DisplayOptions, Draft, Highlight
+from web.viewer.messages import (
+    CLOUD_COLOURS,
+    CameraMove,
+    DisplayOptions,
+    Draft,
+    Highlight,
+    Message,
+    Opacity,
+)
 from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER, PageLinks
 from web.viewer.viser_compat import Quiet, accept_only_needed_messages, request_header
 
@@ -35,7 +43,17 @@ log = logging.getLogger(__name__)
 
 PERIOD_S, JOIN_S = 0.1, 2.0
 """Period of the feeding thread, and time limit of its end, seconds."""
-Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Client:
+    """Browser that shows the 3D view."""
+
+    page_id: str
+    """Id of the console page around it; empty without one."""
+    handle: viser.ClientHandle
+    overlay: DraftOverlay
+    display: ClientDisplay
 
 
 class Viewer:
@@ -47,9 +65,9 @@ class Viewer:
         self._lock = threading.RLock()
         self._drafts: dict[str, Draft] = {}
         self._highlights: dict[str, Highlight] = {}
-        self._overlays: dict[int, tuple[str, DraftOverlay]] = {}
-        self._clients: dict[int, viser.ClientHandle] = {}
-        self._display = DisplayOptions(type="show", cloud_colour="camera", hidden=["candidates"])
+        self._displays: dict[str, DisplayOptions] = {}
+        self._clients: dict[int, _Client] = {}
+        self._strength: dict[str, float] = {}
         self._wake, self._ending = threading.Event(), threading.Event()
         self._failed: set[str] = set()
         self._due: dict[str, float] = {}
@@ -62,11 +80,9 @@ class Viewer:
         # Shadow maps are the dearest part of a frame that a processor draws, and tell an operator
         # nothing.
         self._server.scene.configure_default_lights(cast_shadow=False)
-        self._roots = {
-            name: self._server.scene.add_frame(f"/{name}", show_axes=False) for name in LAYERS
+        self._clouds = {
+            colour: CloudLayer(self._server, cloud_node(colour), colour) for colour in CLOUD_COLOURS
         }
-        self._roots["candidates"].visible = False
-        self._cloud = CloudLayer(self._server)
         self._layers = self._build_layers()
         self._server.on_client_connect(self._joined)
         self._server.on_client_disconnect(self._left)
@@ -96,58 +112,69 @@ class Viewer:
         with Quiet():
             self._server.stop()
 
-    def receive(
-        self, page_id: str, message: Draft | CameraMove | DisplayOptions | Highlight
-    ) -> None:
+    def receive(self, page_id: str, message: Message) -> None:
         """Apply a message of a console page."""
         with self._lock:
+            clients = [one for one in self._clients.values() if one.page_id == page_id]
             if isinstance(message, Draft):
                 self._drafts[page_id] = message
-                for overlay in self._overlays_of(page_id):
-                    overlay.show(message)
+                for client in clients:
+                    client.overlay.show(message)
             elif isinstance(message, CameraMove):
-                for client_id, (owner, _) in self._overlays.items():
-                    if owner == page_id:
-                        self._move_camera(self._clients[client_id], message.at, message.place)
+                for client in clients:
+                    self._move_camera(client.handle, message)
             elif isinstance(message, Highlight):
                 self._highlights[page_id] = message
-                for overlay in self._overlays_of(page_id):
-                    overlay.highlight(message)
-            else:
-                self._display = message
-                for name, root in self._roots.items():
-                    root.visible = name not in message.hidden
+                for client in clients:
+                    client.overlay.highlight(message)
+            elif isinstance(message, DisplayOptions):
+                self._displays[page_id] = message
+                for client in clients:
+                    client.display.show(message)
                 self._wake.set()
+            elif isinstance(message, Opacity):
+                self._strength = {str(name): share for name, share in message.strength.items()}
+                self._wake.set()
+            else:
+                for client in clients[-1:]:
+                    place = floor_below(message, client.handle.camera)
+                    answer = {"type": "pointer", "phase": message.phase, "place": place}
+                    self.links.post(page_id, answer)
 
     def forget(self, page_id: str) -> None:
         """Remove the draft and the highlights of a page that has closed."""
         self.receive(page_id, Draft())
         with self._lock:
-            self._drafts.pop(page_id, None)
-            self._highlights.pop(page_id, None)
+            for kept in (self._drafts, self._highlights, self._displays):
+                kept.pop(page_id, None)
 
-    def _overlays_of(self, page_id: str) -> Iterable[DraftOverlay]:
-        return [overlay for owner, overlay in self._overlays.values() if owner == page_id]
+    def _display_of(self, page_id: str) -> DisplayOptions:
+        return self._displays.get(page_id, DisplayOptions())
 
-    async def _joined(self, client: viser.ClientHandle) -> None:
-        page_id = self._page_of(client)
-        overlay = DraftOverlay(client, lambda message: self.links.post(page_id, message))
+    async def _joined(self, handle: viser.ClientHandle) -> None:
+        page_id = self._page_of(handle)
+        client = _Client(
+            page_id=page_id,
+            handle=handle,
+            overlay=DraftOverlay(handle, lambda message: self.links.post(page_id, message)),
+            display=ClientDisplay(handle),
+        )
         with self._lock:
-            self._clients[client.client_id] = client
-            self._overlays[client.client_id] = (page_id, overlay)
+            self._clients[handle.client_id] = client
+            client.display.show(self._display_of(page_id))
             if (draft := self._drafts.get(page_id)) is not None:
-                overlay.show(draft)
+                client.overlay.show(draft)
             if (highlight := self._highlights.get(page_id)) is not None:
-                overlay.highlight(highlight)
+                client.overlay.highlight(highlight)
         self._wake.set()
         self.links.post(page_id, {"type": "viewer", "connected": True})
 
-    async def _left(self, client: viser.ClientHandle) -> None:
+    async def _left(self, handle: viser.ClientHandle) -> None:
         with self._lock:
-            self._clients.pop(client.client_id, None)
-            page_id, _ = self._overlays.pop(client.client_id, ("", None))
+            gone = self._clients.pop(handle.client_id, None)
+            page_id = "" if gone is None else gone.page_id
             # After a reload, the new client joins before the old one leaves.
-            another = any(owner == page_id for owner, _ in self._overlays.values())
+            another = any(client.page_id == page_id for client in self._clients.values())
         self.links.post(page_id, {"type": "viewer", "connected": another})
 
     def _page_of(self, client: viser.ClientHandle) -> str:
@@ -173,14 +200,22 @@ class Viewer:
         if not self._clients:
             # Without a viewer, the processor time belongs to the navigation.
             return
+        with self._lock:
+            clients = list(self._clients.values())
+            displays = {client.page_id: self._display_of(client.page_id) for client in clients}
+        shows_candidates = any("candidates" not in one.hidden for one in displays.values())
+        state, strength = self._operations.state(), self._strength
         scene = Scene(
-            state=self._operations.state(),
+            state=state,
             tick=tick,
             zones=(*self._operations.zones.stored, *tick.closed),
             beware=self._operations.beware.list,
-            candidates=self._candidates,
-            strength={str(name): share for name, share in self._display.strength.items()},
+            candidates=self._operations.insight.candidates if shows_candidates else lambda: None,
+            strength=strength,
         )
+        for client in clients:
+            if displays[client.page_id].follows:
+                self._run_guarded("camera", partial(follow, client.handle.camera, state.pose))
         now = time.monotonic()
         for layer in self._layers:
             if self._ending.is_set():
@@ -189,21 +224,15 @@ class Viewer:
                 self._due[layer.name] = now + layer.period_s
                 self._run_guarded(layer.name, partial(layer.push, scene))
         cloud = self._operations.cloud()
-        if cloud is not None:
-            self._run_guarded(
-                "cloud",
-                partial(
-                    self._cloud.push,
-                    cloud,
-                    self._display.cloud_colour,
-                    self._display.strength.get("cloud", 1.0),
-                ),
-            )
-
-    def _candidates(self) -> Candidates | None:
-        return (
-            None if "candidates" in self._display.hidden else self._operations.insight.candidates()
-        )
+        if cloud is None:
+            return
+        wanted = {one.cloud_colour for one in displays.values() if "cloud" not in one.hidden}
+        for colour, points in self._clouds.items():
+            if colour in wanted:
+                push = partial(points.push, cloud, strength.get("cloud", 1.0))
+                self._run_guarded(f"cloud by {colour}", push)
+            else:
+                points.clear()
 
     def _run_guarded(self, name: str, act: Callable[[], object]) -> None:
         """Run an action of a layer; a failure is logged once and tried again, the others go on."""
@@ -253,55 +282,15 @@ class Viewer:
 
     def _place_camera(self, tick: TickSnapshot) -> None:
         self._camera_placed = True
-        eye, target = _overview(tick)
+        eye, target = overview(tick)
         self._server.initial_camera.position = eye
         self._server.initial_camera.look_at = target
 
-    def _move_camera(
-        self, client: viser.ClientHandle, at: str, place: tuple[float, float] | None
-    ) -> None:
-        tick, state = self._operations.picture(), self._operations.state()
+    def _move_camera(self, client: viser.ClientHandle, move: CameraMove) -> None:
+        tick = self._operations.picture()
         if tick is None:
             return
-        spec, lens = tick.grid_spec, client.camera
-        eye, target = _overview(tick) if at == "overview" else _top(spec, lens.fov, lens.aspect)
-        if at == "robot" and math.isfinite(state.pose.x_m + state.pose.y_m + state.pose.yaw_rad):
-            x, y, yaw = state.pose.x_m, state.pose.y_m, state.pose.yaw_rad
-            cos, sin = math.cos(yaw), math.sin(yaw)
-            eye, target = (
-                (x - 2.8 * cos - 1.2 * sin, y - 2.8 * sin + 1.2 * cos, 2.2),
-                (x + cos, y + sin, 0.0),
-            )
-        if at == "place" and place is not None:
-            eye, target = (place[0], place[1] - 3.5, 4.0), (*place, 0.0)
+        eye, target = view_of(move, tick, self._operations.state().pose, client.camera)
         with client.atomic():
             client.camera.position = eye
             client.camera.look_at = target
-
-
-def _overview(tick: TickSnapshot) -> tuple[Place, Place]:
-    """Return eye and target of a view from −y onto the observed area."""
-    spec = tick.grid_spec
-    seen = np.argwhere(tick.seen)
-    x, y, width, height = _extent(spec)
-    if len(seen):
-        (low, left), (high, right) = (
-            spec.centres(seen).min(axis=0)[::-1],
-            spec.centres(seen).max(axis=0)[::-1],
-        )
-        x, y, width, height = (left + right) / 2, (low + high) / 2, right - left, high - low
-    away = min(max(width, 1.3 * height, 9.0), 40.0)
-    return (x - 0.1 * away, y - 0.6 * away, 0.58 * away), (x, y - 0.1 * away, 0.0)
-
-
-def _top(spec: GridSpec, fov: float, aspect: float) -> tuple[Place, Place]:
-    x, y, width, height = _extent(spec)
-    fov, aspect = (fov if 0.1 < fov < 3 else 1.3), (aspect if 0.1 < aspect < 10 else 1.5)
-    up = 1.05 * max(height, width / aspect) / 2 / math.tan(fov / 2)
-    # Slightly off vertical: straight down, the up direction of the screen would be undefined.
-    return (x, y - 1e-3 * up, up), (x, y, 0.0)
-
-
-def _extent(spec: GridSpec) -> tuple[float, float, float, float]:
-    width, height = spec.cols * spec.resolution_m, spec.rows * spec.resolution_m
-    return spec.origin_x_m + width / 2, spec.origin_y_m + height / 2, width, height

@@ -52,6 +52,11 @@ def test_a_viewer_watches_and_stops_and_does_nothing_else(
         viewer.get_by_test_id("pause").click(timeout=500)
     viewer.get_by_test_id("stop").click()
     expect(operator.get_by_test_id("state-text")).to_contain_text("viewer (console button)")
+    expect(viewer.get_by_test_id("reset")).to_be_disabled()
+    expect(viewer.get_by_test_id("reset")).to_have_attribute(
+        "title", "Viewers cannot reset the stop"
+    )
+    expect(operator.get_by_test_id("reset")).to_be_enabled()
     viewer.get_by_test_id("log-out").click()
     expect(viewer.get_by_test_id("login-name")).to_be_visible()
     assert [

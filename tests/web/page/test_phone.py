@@ -13,6 +13,7 @@ from tests.web.page.chromium import (
     IS_TOPMOST,
     IS_WITHIN_VIEWPORT,
     await_map,
+    eventually,
     map_view,
     middle_of,
     tap_map,
@@ -143,3 +144,18 @@ def test_two_fingers_zoom_the_map_and_place_no_goal(
     expect(page.get_by_test_id("goal")).to_have_count(0)
     tap_map(page, 2.5, -1.0)
     expect(page.get_by_test_id("goal")).to_have_count(1)
+
+
+def test_the_camera_of_a_standing_robot_is_shown_when_its_tab_is_opened(
+    new_context: Callable[..., BrowserContext], server: ConsoleServer
+) -> None:
+    context = new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    page = context.new_page()
+    page.goto(f"{server.url}/#map")
+    expect(page.get_by_test_id("connection")).to_have_text("live")
+    page.wait_for_timeout(500)
+    page.get_by_test_id("page-tab-camera").tap()
+    expect(page.get_by_test_id("camera")).to_have_js_property("complete", True)
+    eventually(
+        page, lambda: page.get_by_test_id("camera").evaluate("(one) => one.naturalWidth > 0")
+    )

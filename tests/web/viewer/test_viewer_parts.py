@@ -111,14 +111,14 @@ def test_the_share_of_points_has_hysteresis_and_depends_on_position_alone() -> N
 def test_only_tiles_that_changed_are_sent_again() -> None:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        layer = CloudLayer(server, budget=5_000)
+        layer = CloudLayer(server, "cloud/height", "height", budget=5_000)
         points = np.random.default_rng(0).uniform(0, 40, (16_000, 3)).astype(np.float32)
-        assert layer.push(cloud_of(points, 1), "height") == 25
-        assert layer.push(cloud_of(points, 1), "height") == 0
+        assert layer.push(cloud_of(points, 1)) == 25
+        assert layer.push(cloud_of(points, 1)) == 0
         moved = np.vstack([points, [[1.0, 1.0, 0.5]]]).astype(np.float32)
-        assert layer.push(cloud_of(moved, 2), "height") == 1
-        assert layer.push(cloud_of(moved, 2), "height", 0.5) == 25
-        assert layer.push(cloud_of(moved[moved[:, 0] > 8.0], 3), "height", 0.5) == 0
+        assert layer.push(cloud_of(moved, 2)) == 1
+        assert layer.push(cloud_of(moved, 2), 0.5) == 25
+        assert layer.push(cloud_of(moved[moved[:, 0] > 8.0], 3), 0.5) == 0
     finally:
         server.stop()
 

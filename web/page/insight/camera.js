@@ -59,8 +59,9 @@ function showNames(labels) {
 
 export function follow(state) {
   if (state.picture_serial === null || serial === state.picture_serial) return;
+  if (!image.offsetParent) return; // loaded when it is seen
   serial = state.picture_serial;
-  if (image.offsetParent) load();
+  load();
 }
 
 element("overlay").onchange = () => load();

@@ -24,7 +24,7 @@ async function showList() {
   const runs = await get("/runs");
   element("note").textContent = runs.length
     ? `${runs.length} run${runs.length > 1 ? "s" : ""}, newest first`
-    : "No mission has finished yet; its report will be listed here.";
+    : "No mission has finished yet. Add a goal in the console and press Start; the report appears here.";
   element("head").replaceChildren(
     make("tr", {}, ...["", "run", ...Object.keys(LIST)].map((title) => make("th", {}, title))),
   );

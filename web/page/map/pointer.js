@@ -26,7 +26,7 @@ import { finishAt, pointTo } from "./pick.js";
 import { hover, isSelected, select, selectedItem } from "./selection.js";
 import { targetAt } from "./targets.js";
 import { canvas, pan, toPage, toWorld, view, zoom } from "./view.js";
-import { sketch, world } from "./world.js";
+import { sketch, sketchChanged, world } from "./world.js";
 
 const CLICK_PX = 4;
 const GRAB_PX = 11;
@@ -259,7 +259,7 @@ function pinch(event) {
 }
 
 // Show a goal below the pointer, and the path to it from the last goal of the queue.
-function placeGoal(at) {
+export function placeGoal(at) {
   Object.assign(sketch, { goal: roundedPoint(at), heading: null, path: [], verdict: "" });
   const [x, y] = sketch.goal;
   const last = sketch.movedGoal === null ? world.state?.queue.at(-1) : null;
@@ -270,15 +270,19 @@ function placeGoal(at) {
   askPreview(question, (answer) => {
     Object.assign(sketch, { path: answer.path, verdict: answer.text });
     redraw();
+    sketchChanged();
   });
   redraw();
+  sketchChanged();
 }
 
 // Forget what the pointer was placing.
 export function cancelPress() {
-  if (sketch.goal || sketch.stroke.length) askPreview(null);
+  const wasGoal = sketch.goal !== null;
+  if (wasGoal || sketch.stroke.length) askPreview(null);
   Object.assign(sketch, { goal: null, heading: null, path: [], verdict: "", stroke: [] });
   sketch.movedGoal = null;
   press = null;
   redraw();
+  if (wasGoal) sketchChanged();
 }

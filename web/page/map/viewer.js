@@ -19,6 +19,9 @@ let frame = null;
 let isShown = false;
 let timer = 0;
 let onLive = () => {};
+const frameListeners = [];
+// Called with the window of each new frame.
+export const onFrame = (listener) => frameListeners.push(listener);
 
 function findRenderer() {
   const context = document.createElement("canvas").getContext("webgl2");
@@ -87,6 +90,7 @@ function prepare() {
   // Keys pressed while the 3D view has the focus are the console's keys too.
   contentWindow?.addEventListener("keydown", onKeyDown, true);
   contentWindow?.addEventListener("keyup", onKeyUp, true);
+  for (const listener of frameListeners) listener(contentWindow);
   // viser's own panel and notices would cover the scene; the console has all that an operator needs.
   contentDocument?.head.append(contentDocument.createElement("style"));
   showTheme();

@@ -31,6 +31,25 @@ export const sketch = {
   movedGoal: null,
 };
 
+const MARK_M = { tip: 0.45, wing: 0.18, radius: 0.15 };
+const sketchListeners = [];
+// Called when a goal is sketched, or its path is known.
+export const onSketch = (listener) => sketchListeners.push(listener);
+export const sketchChanged = () => sketchListeners.forEach((listener) => listener());
+
+// Outline of the goal that is placed, in metres: an arrow in its heading, or a diamond without one.
+export function goalMark() {
+  if (!sketch.goal) return [];
+  const [x, y] = sketch.goal;
+  const { tip, wing, radius } = MARK_M;
+  const [cos, sin] = [Math.cos(sketch.heading ?? 0), Math.sin(sketch.heading ?? 0)];
+  const ring =
+    sketch.heading === null
+      ? [[radius, 0], [0, radius], [-radius, 0], [0, -radius]]
+      : [[tip, 0], [-wing, wing], [0, 0], [-wing, -wing]];
+  return ring.map(([along, left]) => [x + along * cos - left * sin, y + along * sin + left * cos]);
+}
+
 const VISIBLE_PX = 0.5;
 const VISIBLE_RAD = 0.01;
 const VISIBLE_SPEED = 0.01;

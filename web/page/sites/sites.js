@@ -12,6 +12,11 @@ const NAME_RULE = "[A-Za-z0-9]([A-Za-z0-9 _\\-]{0,38}[A-Za-z0-9_\\-])?";
 const panel = element("sites");
 const opener = element("sites-button");
 const list = make("ul", { class: "list", "data-testid": "sites-list" });
+const only = make(
+  "p",
+  { class: "empty", "data-testid": "sites-only" },
+  "One site so far. For another floor or building, type a name and press Make.",
+);
 const newName = nameField("Name of a new site", "site-name");
 let chosen = null;
 
@@ -40,6 +45,7 @@ export function update({ site }) {
 async function refresh() {
   const { sites } = await get("/sites");
   reconcile(list, sites, (site) => site.name, itemOf, fill);
+  only.hidden = sites.length > 1;
   await changes.refresh();
 }
 
@@ -207,7 +213,7 @@ function build() {
   );
   panel.append(
     make("header", {}, make("h2", {}, "Sites"), make("span", { id: "sites-said", role: "status" }), closing),
-    make("section", {}, list, making, files, placing.form),
+    make("section", {}, list, only, making, files, placing.form),
     changes.section,
   );
 }

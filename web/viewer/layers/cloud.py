@@ -38,27 +38,35 @@ Colours = npt.NDArray[np.uint8]
 
 
 class CloudLayer:
-    """Point cloud coloured by the camera, by height, or by class."""
+    """Point cloud coloured by the camera, by height, or by class, below a node of its own."""
 
-    name = "cloud"
-
-    def __init__(self, server: viser.ViserServer, *, budget: int = BUDGET) -> None:
-        self._server, self._budget = server, budget
+    def __init__(
+        self, server: viser.ViserServer, node: str, mode: ColourMode, *, budget: int = BUDGET
+    ) -> None:
+        self._server, self._node, self._mode, self._budget = server, node, mode, budget
         self._sums: dict[Tile, int] = {}
         self._nodes: dict[Tile, Any] = {}
         self._shown: object = None
         self._drawn_as: object = None
         self._halvings = 0
 
-    def push(self, cloud: Cloud, mode: ColourMode, strength: float = 1.0) -> int:
+    def clear(self) -> None:
+        """Remove all tiles: no client shows these colours."""
+        for node in self._nodes.values():
+            node.remove()
+        self._nodes.clear()
+        self._sums.clear()
+        self._shown = None
+
+    def push(self, cloud: Cloud, strength: float = 1.0) -> int:
         """Send the changed tiles and return their number."""
-        if self._shown == (cloud.serial, mode, strength):
+        if self._shown == (cloud.serial, strength):
             return 0
-        self._shown = (cloud.serial, mode, strength)
+        self._shown = (cloud.serial, strength)
         tile_of, tiles, sums = index_tiles(cloud)
         self._halvings = halvings(int((tile_of >= 0).sum()), self._budget, self._halvings)
-        if self._drawn_as != (mode, strength, self._halvings):
-            self._drawn_as = (mode, strength, self._halvings)
+        if self._drawn_as != (strength, self._halvings):
+            self._drawn_as = (strength, self._halvings)
             self._sums.clear()
         changed = np.array(
             [self._sums.get(tile) != total for tile, total in zip(tiles, sums, strict=True)],
@@ -77,20 +85,18 @@ class CloudLayer:
             self._push_tile(
                 tiles[index],
                 cloud.points_map[members],
-                self._colours(cloud, members, mode, strength),
+                self._colours(cloud, members, strength),
             )
         return int(changed.sum())
 
-    def _colours(
-        self, cloud: Cloud, members: npt.NDArray[np.intp], mode: ColourMode, strength: float
-    ) -> Colours:
+    def _colours(self, cloud: Cloud, members: npt.NDArray[np.intp], strength: float) -> Colours:
         points = cloud.points_map[members]
-        if mode == "camera":
+        if self._mode == "camera":
             rgb = cloud.rgb[members]
         else:
             rgb = (
                 height_shading(points)
-                if mode == "height"
+                if self._mode == "height"
                 else class_shading(points, cloud.class_ids[members])
             )
         return faded(rgb, strength)
@@ -101,7 +107,7 @@ class CloudLayer:
         )
         # Replaced, not updated: a viewer that joins later would get both creation and update.
         self._nodes[tile] = self._server.scene.add_point_cloud(
-            f"/cloud/{tile[0]}_{tile[1]}",
+            f"/{self._node}/{tile[0]}_{tile[1]}",
             points - middle,
             rgb,
             point_size=POINT_SIZE_M,

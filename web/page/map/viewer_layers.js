@@ -1,0 +1,84 @@
+// What the 3D view shows: each page has its own layers and colours, remembered by the browser; the
+// opacity is common to all.
+
+import { element, loadSetting, make, saveSetting } from "../core/dom.js";
+import { fade, look, showDisplay } from "./viewer_link.js";
+
+const KEY = "console.viewer";
+const LAYERS = [
+  ["cloud", "points"],
+  ["floor", "floor grid"],
+  ["robot", "robot"],
+  ["camera", "camera, frustum"],
+  ["path", "planned path"],
+  ["waypoints", "waypoints"],
+  ["driven", "driven path"],
+  ["candidates", "candidate motions"],
+  ["people", "people, predicted"],
+  ["goals", "goals"],
+  ["zones", "zones"],
+];
+const WITHOUT_OPACITY = new Set(["goals", "robot"]);
+const settings = { hidden: ["candidates"], colour: "camera", follows: false, ...loadSetting(KEY, {}) };
+const colour = element("cloud-colour");
+const followButton = document.querySelector("[data-look=follow]");
+
+function changed() {
+  saveSetting(KEY, settings);
+  send();
+}
+
+function send() {
+  followButton.setAttribute("aria-pressed", String(settings.follows));
+  showDisplay({ cloud_colour: settings.colour, hidden: settings.hidden, follows: settings.follows });
+}
+
+function sendOpacity() {
+  const faded = [...document.querySelectorAll("[data-strength]")].filter(
+    (range) => Number(range.value) < 100,
+  );
+  fade(Object.fromEntries(faded.map((range) => [range.dataset.strength, Number(range.value) / 100])));
+}
+
+function layerRow([name, text]) {
+  const check = make("input", {
+    type: "checkbox",
+    "data-testid": `layer-3d-${name}`,
+    onchange: () => {
+      settings.hidden = settings.hidden.filter((other) => other !== name);
+      if (!check.checked) settings.hidden.push(name);
+      changed();
+    },
+  });
+  check.checked = !settings.hidden.includes(name);
+  const row = make("li", {}, make("label", {}, check, make("span", {}, text)));
+  if (WITHOUT_OPACITY.has(name)) return row;
+  row.append(
+    make("input", {
+      type: "range",
+      min: 10,
+      max: 100,
+      step: 10,
+      value: 100,
+      "data-strength": name,
+      "aria-label": `Opacity of ${text}`,
+      title: "Opacity, the same for every open console",
+      onchange: sendOpacity,
+    }),
+  );
+  return row;
+}
+
+element("viewer-layers").append(...LAYERS.map(layerRow));
+colour.value = settings.colour;
+colour.onchange = () => {
+  settings.colour = colour.value;
+  changed();
+};
+for (const button of document.querySelectorAll("[data-look]"))
+  button.onclick = () => look(button.dataset.look);
+followButton.onclick = () => {
+  settings.follows = !settings.follows;
+  changed();
+};
+send();
