@@ -131,11 +131,3 @@ def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_n
         report["ended"] == "standing"
     )  # it has tried every recovery, and the episode does not wait ten minutes
     assert 60 <= report["sim_time_s"] < 120
-
-
-def test_the_office_mission_is_driven_without_contact() -> None:
-    report = driven(load_scenario("office"), seed=2, odometry=OdometryGrade.IDEAL)
-    assert report["odometry"] == "ideal" and report["gnss"] == "none"
-    assert report["goals_reached"] == 3
-    assert (report["collisions"], report["beware_intrusions"]) == (0, 0)
-    assert report["success"] is True
