@@ -15,6 +15,7 @@ from rich.table import Table
 
 from app.bench.console import console_table
 from app.bench.correction import correction_table
+from app.bench.latency import latency_table
 from app.bench.page import NoBrowser, page_table
 from app.bench.parts import BenchPart
 from app.bench.planning import run_planning_bench
@@ -44,11 +45,17 @@ DESCRIPTIONS = {
 
 
 def run_bench(
-    parts: Sequence[BenchPart], scenario: str, seconds: float, *, maps: Path | None = None
+    parts: Sequence[BenchPart],
+    scenario: str,
+    seconds: float,
+    *,
+    maps: Path | None = None,
+    ticks: Path | None = None,
 ) -> None:
     """Measure the given parts one after the other and print a table of each.
 
-    `seconds` is the simulated time of the drive, `maps` a folder of published maps to plan on.
+    `seconds` is the simulated time of the drive, `maps` a folder of published maps to plan on,
+    `ticks` the file that keeps the times of the part `latency`.
     """
     terminal = Terminal()
     if BenchPart.DRIVE in parts:
@@ -70,6 +77,8 @@ def run_bench(
             terminal.print(page_table(scenario, seconds))
         except NoBrowser as missing:
             terminal.print(str(missing))
+    if BenchPart.LATENCY in parts:
+        terminal.print(latency_table(scenario, seconds, ticks=ticks))
 
 
 def _engines() -> Table:

@@ -42,7 +42,7 @@ ARGUMENTS = (
 )
 SETTLE_S = 8.0
 POLL_S = 0.1
-START_S = 120.0
+START_S = 600.0
 KINDS = {"gpu-process": "gpu", "renderer": "page", "browser": "main", "utility": "net"}
 """Kind of a process of Chromium → the column of its share."""
 LATE = {Cause.STALE_FRAME, Cause.STALE_COMMAND}
@@ -93,12 +93,12 @@ def page_table(scenario: str, seconds: float) -> Table:
         *columns,
         title="Chromium's shares of a core in %; times of a tick; share of time held for lateness",
     )
-    with _console(scenario) as program, sync_playwright() as playwright:
+    with console_process(scenario, segmenter="colour") as program, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=list(ARGUMENTS))
         goals = load_scenario(scenario).goals
         for condition in CONDITIONS:
             if condition.drives:
-                _drive(program, goals)
+                drive_around(program, goals)
             page = None
             if condition.view is not None:
                 page = browser.new_page(viewport={"width": 1280, "height": 720})
@@ -184,7 +184,7 @@ def _descendants(root: int) -> Iterator[int]:
 
 
 @contextmanager
-def _console(scenario: str) -> Iterator[httpx.Client]:
+def console_process(scenario: str, *, segmenter: str) -> Iterator[httpx.Client]:
     """A console in a process of its own, and a program that talks to it."""
     with reserve("127.0.0.1", 0) as listener:
         port = listener.getsockname()[1]
@@ -194,7 +194,7 @@ def _console(scenario: str) -> Iterator[httpx.Client]:
             "--scenario",
             scenario,
             "--segmenter",
-            "colour",
+            segmenter,
             "--port",
             str(port),
             "--data",
@@ -229,7 +229,7 @@ def _patiently(holds: Callable[[], bool]) -> None:
         time.sleep(0.2)
 
 
-def _drive(program: httpx.Client, goals: tuple[tuple[float, float], ...]) -> None:
+def drive_around(program: httpx.Client, goals: tuple[tuple[float, float], ...]) -> None:
     """Send the robot round the goals, unless it is on its way."""
     if program.get("/api/v1/state").json()["phase"] == "driving":
         return

@@ -16,3 +16,4 @@ class BenchPart(StrEnum):
     CONSOLE = "console"
     TRAIN = "train"
     PAGE = "page"
+    LATENCY = "latency"

@@ -16,6 +16,7 @@ from app.cli.options import (
     AblationOption,
     BewareOption,
     GnssOption,
+    LatencyOption,
     NavigationOption,
     OdometryOption,
     PriorOption,
@@ -24,6 +25,7 @@ from app.cli.options import (
     ScenarioOption,
     SeedOption,
     SegmenterOptions,
+    YieldingOption,
     ZonesOption,
     beware_list,
     point,
@@ -65,12 +67,15 @@ class DriveSettings:
     ablation: AblationOption = Ablation.NONE
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
+    latency: LatencyOption = "live"
+    yielding: YieldingOption = False
 
 
 def drive(settings: DriveSettings) -> None:
     """Drive a mission without a console, as fast as the machine allows; exit code 0 only without
     any violation."""
     from app.episode.keyframes import Keyframes
+    from app.episode.latency import latency_of
     from app.episode.task import Task, check_goals, episode_of
     from app.evaluation.plots import plot_episode
     from app.runtime.engine_memory import EngineMemory
@@ -94,6 +99,8 @@ def drive(settings: DriveSettings) -> None:
         ablation=settings.ablation,
         odometry=settings.odometry,
         gnss=settings.gnss,
+        latency=latency_of(settings.latency),
+        yielding=settings.yielding,
         max_time_s=settings.max_time,
     )
     check_goals(task.world)

@@ -15,10 +15,12 @@ from app.cli.options import (
     AblationOption,
     BewareOption,
     GnssOption,
+    LatencyOption,
     NavigationOption,
     OdometryOption,
     RandomOption,
     SegmenterOptions,
+    YieldingOption,
     ZonesOption,
     beware_list,
 )
@@ -85,6 +87,8 @@ class EvaluateSettings:
     ablation: AblationOption = Ablation.NONE
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
+    latency: LatencyOption = "live"
+    yielding: YieldingOption = False
     figures: Annotated[
         int,
         typer.Option(min=0, help="Number of first episodes to draw; failed ones are always drawn."),
@@ -118,14 +122,20 @@ def evaluate(settings: EvaluateSettings) -> None:
 
 def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
     own_task = settings.random or settings.zones is not None or settings.gnss is not None
+    own_task = own_task or settings.yielding
     if settings.suite in suites and (own_task or settings.ablation is not Ablation.NONE):
         raise BadConfiguration(
-            "--random, --zones, --gnss and --ablation are for scenarios, "
+            "--random, --zones, --gnss, --yielding and --ablation are for scenarios, "
             f"{settings.suite!r} is a suite of its own"
         )
     if settings.scenario is not None and settings.suite != LOCALISATION_SUITE:
         raise BadConfiguration(
             "--scenario names the world of the suite 'localisation'; other worlds are the argument"
+        )
+    if settings.latency != "live" and settings.suite in (DETECTION_SUITE, LOCALISATION_SUITE):
+        raise BadConfiguration(
+            "--latency is the time from an image to a command, and the suite "
+            f"{settings.suite!r} judges no commands"
         )
     drives = settings.suite != DETECTION_SUITE
     if not drives and settings.navigation is not None:
@@ -139,6 +149,7 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
 
 
 def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
+    from app.episode.latency import latency_of
     from app.evaluation.barn import evaluate_barn
 
     verdict = evaluate_barn(
@@ -151,11 +162,13 @@ def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
         out=settings.out or Path("runs") / f"{settings.suite}-{settings.robot}",
         config=config,
         odometry=settings.odometry,
+        latency=latency_of(settings.latency),
     )
     return _is_perfect(verdict)
 
 
 def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
+    from app.episode.latency import latency_of
     from app.evaluation.crossings import evaluate_crossings
 
     verdict = evaluate_crossings(
@@ -165,6 +178,7 @@ def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         beware=beware_list(settings.beware),
         config=config,
         odometry=settings.odometry,
+        latency=latency_of(settings.latency),
     )
     return bool(verdict["drove_into_somebody"] == 0)
 
@@ -207,6 +221,7 @@ def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) ->
 
 
 def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
+    from app.episode.latency import latency_of
     from app.episode.task import Task
     from app.evaluation.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
     from app.runtime.engine_memory import EngineMemory
@@ -220,6 +235,8 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         ablation=settings.ablation,
         odometry=settings.odometry,
         gnss=settings.gnss,
+        latency=latency_of(settings.latency),
+        yielding=settings.yielding,
         max_time_s=settings.max_time,
     )
     parts = [
@@ -228,6 +245,8 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         "" if settings.ablation is Ablation.NONE else str(settings.ablation),
         "" if settings.odometry is OdometryGrade.TYPICAL else str(settings.odometry),
         "" if settings.gnss is None else f"gnss-{settings.gnss}",
+        "" if settings.latency == "live" else f"latency-{settings.latency}",
+        "yielding" if settings.yielding else "",
     ]
     needs_segmenter = settings.ablation not in NEEDS_NO_SEGMENTER
     summary = evaluate_scenario(

@@ -73,12 +73,16 @@ def bench(
             metavar="DIR", help="Published maps to plan on; two made forests if left out."
         ),
     ] = None,
+    ticks: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.json", help="Keep the times of the part `latency` here."),
+    ] = None,
 ) -> None:
     """Measure this machine: a drive, a tick on a large map, segmentation by engine, planners, a
-    live map, a page, training."""
+    live map, a page, training, the ticks of the console."""
     from app.bench.main import run_bench
 
-    run_bench(part or list(BenchPart), scenario, seconds, maps=maps)
+    run_bench(part or list(BenchPart), scenario, seconds, maps=maps, ticks=ticks)
 
 
 @cli.command()

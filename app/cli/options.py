@@ -77,6 +77,22 @@ SavedMapOption = Annotated[
         help="The map of an earlier session: loaded if the file exists, saved there at the end.",
     ),
 ]
+LatencyOption = Annotated[
+    str,
+    typer.Option(
+        "--latency",
+        metavar="live|MS|none",
+        help="Time that a tick takes on the simulated clock: as measured in the console, so many "
+        "milliseconds, or none.",
+    ),
+]
+YieldingOption = Annotated[
+    bool,
+    typer.Option(
+        "--yielding",
+        help="People wait for the robot and turn back, where the world says so; else they walk on.",
+    ),
+]
 BewareOption = Annotated[
     Path | None, typer.Option("--beware", metavar="FILE.toml", help="Beware list to drive with.")
 ]

@@ -14,6 +14,7 @@ from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.grid.grid import BoolGrid
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.navigator import Stages
 from navcore.perception.labels import Labels, LabelSource, Segmenter
@@ -41,18 +42,25 @@ class SeesNothing:
 
 
 class Oracle:
-    """A segmenter with the simulator's true labels, valid until the simulator's next step."""
+    """A segmenter with the simulator's true labels, which are noted when a frame arrives: at the
+    end of its tick the simulator shows something else."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
+        self._shown: dict[int, dict[str, BoolGrid]] = {}
+
+    def look(self, frame: Frame) -> None:
+        """Note the ground truth of a frame that was taken now."""
+        self._shown[frame.stamp_ns] = self._simulator.true_labels()
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
-        """Label the pixels with the ground truth, at full confidence."""
+        """Label the pixels with the ground truth, at full confidence; an unknown frame, as of the
+        warm-up, shows nothing."""
         class_ids = np.full(frame.depth_m.shape, NOTHING, np.uint8)
-        shown = self._simulator.true_labels()
+        shown = self._shown.get(frame.stamp_ns, {})
+        self._shown = {t_ns: kept for t_ns, kept in self._shown.items() if t_ns > frame.stamp_ns}
         for entry in beware.classes:
-            # The warm-up segments a frame of another size.
-            if entry.name in shown and shown[entry.name].shape == class_ids.shape:
+            if entry.name in shown:
                 class_ids[shown[entry.name]] = entry.class_id
         return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
 

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from app.episode.ablation import ablate, segmenter_for
+from app.episode.ablation import Oracle, ablate, segmenter_for
 from app.episode.ablations import Ablation
 from app.episode.informed_baseline import SensorModel
+from app.episode.latency import NO_LATENCY, Latency, TickSchedule
 from app.episode.report import EpisodeRecord, Polygon, Sample, report_of
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.operator_state import OperatorState
@@ -100,6 +101,8 @@ class EpisodeSettings:
     """Part of the navigation that is left out."""
     odometry: OdometryGrade = OdometryGrade.TYPICAL
     """How good the odometry of the robot is."""
+    latency: Latency = NO_LATENCY
+    """Time that ticks take on the simulated clock."""
     start: Pose2 | None = None
     """True pose of the robot at the start; None for that of the world."""
     gnss: GnssKind | None = None
@@ -115,7 +118,7 @@ class Episode:
 
     def __init__(self, scenario: Scenario, settings: EpisodeSettings, *, seed: int) -> None:
         self.seed, self.zones, self.ablation = seed, settings.zones, settings.ablation
-        self._max_time_s = settings.max_time_s
+        self._max_time_s, self.latency = settings.max_time_s, settings.latency
         zones, ablation, robot = settings.zones, settings.ablation, settings.robot
         spec = map_grid(scenario)
         mission = Mission()
@@ -178,8 +181,9 @@ class Episode:
         )
         self.detections = DetectionScore(self.scenario)
         """Items that came into view."""
-        self._pending_frame: Frame | None = None
-        self._tick_ends_s = 0.0
+        delays_s = settings.latency.delays_s(seed)
+        self._schedule = TickSchedule(lambda: next(delays_s) + self._fault_injector.delay_s())
+        self._newest: Frame | None = None
         self.on_verdict: Callable[[float, GateDecision], None] = lambda t_s, verdict: None
         """Called with the simulated time in seconds and each command as it is sent."""
         self.on_decision: Callable[[float, TickResult], None] = lambda t_s, decision: None
@@ -209,7 +213,7 @@ class Episode:
         """
         warm_up(self._segmenter)
         started = time.perf_counter()
-        frame = self._observe(look_first_s)
+        self._observe(look_first_s)
         self.controller.change_mission(Mission.start)
         next_command_s, next_sample_s, cut_short = 0.0, 0.0, False
         while (
@@ -218,10 +222,9 @@ class Episode:
             self.simulator.step()
             if cut_short := ended(self.simulator):
                 break
-            if self.simulator.newest_frame() is not frame:
-                frame = self.simulator.newest_frame()
-                self._begin_tick(frame)
-            self._end_tick()
+            self._receive()
+            if (frame := self._schedule.advance(self._newest, self.now_s)) is not None:
+                self._tick(frame)
             if self.now_s >= next_command_s:
                 next_command_s += COMMAND_PERIOD_S
                 self._command()
@@ -244,6 +247,7 @@ class Episode:
             simulator=self.simulator,
             segmenter=self.segmenter_identity,
             ablation=str(self.ablation),
+            latency=self.latency.name,
             goals=self.goals,
             zones=self.zones,
             ended=stopped if driving else "all goals",
@@ -287,37 +291,37 @@ class Episode:
         """Simulated time, seconds."""
         return self.simulator.now_ns() / 1e9
 
-    def _observe(self, seconds: float) -> Frame | None:
-        """Stand and observe for some seconds, at least until the first frame; returns the newest
-        processed frame, None without any."""
-        seen: Frame | None = None
+    def _observe(self, seconds: float) -> None:
+        """Stand and observe for some seconds, at least until the first frame; here ticks take no
+        time."""
         while (newest := self.simulator.newest_frame()) is None or self.now_s < seconds:
-            if newest is not None and newest is not seen:
-                seen = newest
+            if newest is not None and newest is not self._newest:
+                self._newest = newest
+                self._note_truth(newest)
+                self._schedule.skip(newest)
                 self._think(newest)
             self.simulator.step()
-        return seen
 
-    def _begin_tick(self, frame: Frame | None) -> None:
-        """Begin a tick, which takes no simulated time unless a fault delays it; frames that arrive
-        meanwhile are skipped."""
-        if frame is not None:
-            self.detections.observe(
-                frame,
-                self.simulator.true_pose().matrix() @ frame.T_base_camera,
-                self.simulator.moving_poses()[: len(self.scenario.people)],
-            )
-        if self._pending_frame is None:
-            self._pending_frame, self._tick_ends_s = (
-                frame,
-                self.now_s + self._fault_injector.delay_s(),
-            )
-
-    def _end_tick(self) -> None:
-        """Process the pending frame when its delay is over."""
-        if self._pending_frame is None or self.now_s < self._tick_ends_s:
+    def _receive(self) -> None:
+        """Take the newest frame, which is judged even if no tick gets it."""
+        newest = self.simulator.newest_frame()
+        if newest is None or newest is self._newest:
             return
-        frame, self._pending_frame = self._pending_frame, None
+        self._newest = newest
+        self._note_truth(newest)
+        self.detections.observe(
+            newest,
+            self.simulator.true_pose().matrix() @ newest.T_base_camera,
+            self.simulator.moving_poses()[: len(self.scenario.people)],
+        )
+
+    def _note_truth(self, frame: Frame) -> None:
+        """Let an oracle see what the frame shows, as long as the simulator still shows it."""
+        if isinstance(self._segmenter, Oracle):
+            self._segmenter.look(frame)
+
+    def _tick(self, frame: Frame) -> None:
+        """Process a frame at the end of its tick; only an injected fault may make it fail."""
         try:
             self._think(frame)
         except Exception as error:

@@ -11,6 +11,7 @@ import numpy as np
 
 from app.episode.failure_causes import GOAL_RADIUS_M, causes_of
 from app.episode.informed_baseline import SensorModel, TrueGrids, ideal_path_m
+from app.runtime.provenance import machine, version
 from app.runtime.stage_timer import StageTimer
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
@@ -53,6 +54,8 @@ class EpisodeRecord:
     """Identity of what labelled the images."""
     ablation: str
     """What was left out of the navigation."""
+    latency: str
+    """Time that ticks took on the simulated clock: `none`, `live`, or a fixed one."""
     goals: tuple[Goal, ...]
     """Goals of the mission, in order."""
     zones: tuple[Polygon, ...]
@@ -107,10 +110,14 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
     report = {
         "scenario": record.scenario.name,
         "seed": record.seed,
+        "version": version(),
+        "machine": machine(),
         "robot": record.simulator.profile.name,
         "segmenter": record.segmenter,
         "ablation": record.ablation,
         "odometry": str(record.simulator.odometry_grade),
+        "latency": record.latency,
+        "people": _manner_of(record.scenario),
         "gnss": "none" if record.simulator.gnss is None else record.simulator.gnss.kind,
         "start": list(record.scenario.start),
         "goals": [list(point) for point in record.goal_points],
@@ -137,6 +144,14 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "series": _series(record),
     }
     return {**report, "causes": causes_of(report)}
+
+
+def _manner_of(scenario: Scenario) -> str:
+    """Return whether the people who walk yield to the robot."""
+    yielding = {person.yields for person in scenario.people if len(person.points) > 1}
+    if not yielding:
+        return "none"
+    return "some yield" if len(yielding) > 1 else "yield" if yielding.pop() else "walk on"
 
 
 def _rounded(length_m: float | None) -> float | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from app.episode.ablations import Ablation
 from app.episode.episode import Episode, EpisodeSettings
+from app.episode.latency import NO_LATENCY, Latency
 from app.runtime.segmentation import Perception
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration, BadGeometry
@@ -41,6 +42,10 @@ class Task:
     """How good the odometry of the robot is."""
     gnss: GnssKind | None = None
     """GNSS receiver of the robot; None for that of the scenario."""
+    latency: Latency = NO_LATENCY
+    """Time that ticks take on the simulated clock."""
+    yielding: bool = False
+    """Whether the people of the scenario who yield to the robot do so; else all walk on."""
     max_time_s: float = 600.0
     """Longest simulated duration, seconds."""
 
@@ -63,6 +68,15 @@ class Task:
     def world(self) -> Scenario:
         """Scenario with the goals that were asked for, before a seed varies it."""
         return dataclasses.replace(self.scenario, goals=self.goals or self.scenario.goals)
+
+    @property
+    def populated(self) -> Scenario:
+        """Scenario with people who yield or walk on, as was asked for."""
+        people = tuple(
+            dataclasses.replace(person, yields=person.yields and self.yielding)
+            for person in self.scenario.people
+        )
+        return dataclasses.replace(self.scenario, people=people)
 
     @property
     def zone_count(self) -> int:
@@ -95,7 +109,7 @@ def episode_of(
 
     Without a configuration the default of the robot is used.
     """
-    world, config = randomise(task.scenario, seed), config or config_for(robot)
+    world, config = randomise(task.populated, seed), config or config_for(robot)
     margins_m = {entry.name: entry.margin_m for entry in beware.enabled}
     if task.random:
         world, config = _placed(world, seed, robot, config, margins_m)
@@ -117,6 +131,7 @@ def episode_of(
             ),
             ablation=task.ablation,
             odometry=task.odometry,
+            latency=task.latency,
             gnss=task.gnss,
         ),
         seed=seed,

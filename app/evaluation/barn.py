@@ -10,6 +10,7 @@ from typing import Any
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.failure_causes import causes_of
+from app.episode.latency import NO_LATENCY, Latency
 from app.evaluation.campaign import Campaign, conclude, mean_of
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
@@ -85,6 +86,7 @@ def evaluate_barn(
     out: Path,
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
+    latency: Latency = NO_LATENCY,
 ) -> dict[str, Any]:
     """Drive the first `count` worlds of a file, one run each; print a table, write `summary.json`.
 
@@ -108,11 +110,19 @@ def evaluate_barn(
         seed=seed,
         config=config,
         odometry=odometry,
+        latency=latency,
     )
     campaign = Campaign(
         key="world",
-        rules=(hashlib.sha256(worlds.read_bytes()).hexdigest(), profile, config, seed, odometry),
-        holds="other worlds, another robot, seed, odometry or configuration",
+        rules=(
+            hashlib.sha256(worlds.read_bytes()).hexdigest(),
+            profile,
+            config,
+            seed,
+            odometry,
+            latency,
+        ),
+        holds="other worlds, another robot, seed, odometry, latency or configuration",
         drive=drive,
         drive_alone=drive,
     )
@@ -127,6 +137,7 @@ def summarise(suite: str, robot: RobotProfile, reports: list[dict[str, Any]]) ->
     return {
         "suite": suite,
         "robot": robot.name,
+        "latency": reports[0]["latency"],
         "worlds": len(reports),
         "success_rate": mean_of(reports, lambda report: float(report["success"])),
         "collisions": sum(report["collision"] for report in reports),
@@ -147,6 +158,7 @@ def drive_world(
     seed: int,
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
+    latency: Latency = NO_LATENCY,
 ) -> dict[str, Any]:
     """Drive the world of a number once; return its report with the challenge's verdict."""
     profile = load_profile(robot)
@@ -160,6 +172,7 @@ def drive_world(
             max_time_s=2 * world.limit_s,
             robot=profile,
             odometry=odometry,
+            latency=latency,
         ),
         seed=seed,
     )

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
+from app.episode.latency import NO_LATENCY, Latency
 from app.evaluation.campaign import Campaign, conclude
 from navcore.config.navigator import NavigatorConfig
 from navcore.mission.beware_list import BewareList
@@ -164,16 +165,30 @@ def evaluate_crossings(
     max_time_s: float = PATIENCE_S,
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
+    latency: Latency = NO_LATENCY,
 ) -> dict[str, Any]:
     """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
     config = config or NavigatorConfig()
     drive = partial(
-        drive_crossing, beware=beware, max_time_s=max_time_s, config=config, odometry=odometry
+        drive_crossing,
+        beware=beware,
+        max_time_s=max_time_s,
+        config=config,
+        odometry=odometry,
+        latency=latency,
     )
     campaign = Campaign(
         key="seed",
-        rules=("crossings", draw_crossing(0), beware.classes, max_time_s, config, odometry),
-        holds="another campaign, beware list, odometry or time limit",
+        rules=(
+            "crossings",
+            draw_crossing(0),
+            beware.classes,
+            max_time_s,
+            config,
+            odometry,
+            latency,
+        ),
+        holds="another campaign, beware list, odometry, latency or time limit",
         drive=drive,
         drive_alone=drive,
     )
@@ -190,12 +205,19 @@ def drive_crossing(
     max_time_s: float,
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
+    latency: Latency = NO_LATENCY,
 ) -> dict[str, Any]:
     """Drive the crossing of a seed; return its report with the drawn values."""
     crossing = draw_crossing(seed)
     episode = Episode(
         crossing.scenario(),
-        EpisodeSettings(beware=beware, max_time_s=max_time_s, config=config, odometry=odometry),
+        EpisodeSettings(
+            beware=beware,
+            max_time_s=max_time_s,
+            config=config,
+            odometry=odometry,
+            latency=latency,
+        ),
         seed=seed,
     )
     try:
@@ -224,6 +246,7 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
     ]
     return {
         "episodes": len(reports),
+        "latency": reports[0]["latency"],
         "drove_into_somebody": len(hit),
         "drove_into_somebody_seeds": [report["seed"] for report in hit],
         "struck_while_standing": sum(

@@ -16,6 +16,7 @@ from app.episode.ablations import Ablation
 from app.episode.task import Task, episode_of
 from app.evaluation.campaign import Campaign, write_summary
 from app.evaluation.summary import summarise, tables_of
+from app.runtime.provenance import command_line
 from app.runtime.segmentation import Perception, colour_perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
 from navcore.config.navigator import NavigatorConfig, config_for
@@ -76,7 +77,7 @@ def evaluate_scenario(
         drive_alone=partial(_drive_alone, common=common, choice=choice),
     )
     reports = campaign.run(seeds, workers=workers, out=out)
-    summary = summarise(reports)
+    summary = {"command": command_line(), **summarise(reports)}
     write_summary(summary, out)
     _draw(reports, common)
     terminal = Terminal(width=None if sys.stdout.isatty() else 140)

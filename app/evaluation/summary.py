@@ -65,7 +65,7 @@ TOTALS = (
 )
 ITEM_COUNTS = ("there", "seen", "not_passed", "missed", "false")
 """Counts of the objects of a class in a report."""
-SAME = ("scenario", "robot", "segmenter", "ablation", "odometry", "gnss")
+SAME = ("scenario", "robot", "segmenter", "ablation", "odometry", "gnss", "latency", "people")
 """Keys whose value all episodes of a campaign share."""
 
 
@@ -76,6 +76,8 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
     interval under `…_ci95`.
     """
     summary: dict[str, Any] = {key: reports[0][key] for key in SAME}
+    for key, one in (("versions", "version"), ("machines", "machine")):
+        summary[key] = sorted({report.get(one, "unknown") for report in reports})
     summary |= {"episodes": len(reports), "seeds": [report["seed"] for report in reports]}
     for key, (_, holds) in RATES.items():
         number = sum(holds(report) for report in reports)
@@ -128,7 +130,8 @@ def tables_of(summary: Report) -> list[Table]:
     """Return the tables to print: measures, missed and false detections, and failure causes."""
     title = (
         f"{summary['scenario']}, {summary['robot']}, {summary['episodes']} episodes, "
-        f"ablation {summary['ablation']}"
+        f"ablation {summary['ablation']}, latency {summary['latency']}, "
+        f"people {summary['people']}"
     )
     measures = Table("", "figure", "95 % interval", title=title)
     for key, (name, _) in [*RATES.items(), *MEANS.items()]:
@@ -204,7 +207,8 @@ def _read(folder: Path) -> dict[str, Any]:
         ) from None
     if isinstance(summary, dict):
         # All that earlier versions had.
-        summary = {"odometry": "ideal", "gnss": "none", **summary}
+        earlier = {"odometry": "ideal", "gnss": "none", "latency": "none", "people": "yield"}
+        summary = {**earlier, **summary}
     missing = {*SAME, "episodes", "seeds", "failures", *RATES, *MEANS} - set(
         summary if isinstance(summary, dict) else ()
     )

@@ -84,6 +84,10 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "barn", "--random"), "suite of its own"),
         (("evaluate", "barn", "--gnss", "rtk"), "suite of its own"),
         (("evaluate", "finding", "--odometry", "poor"), "--odometry"),
+        (("evaluate", "finding", "--latency", "none"), "--latency"),
+        (("evaluate", "crossings", "--yielding"), "suite of its own"),
+        (("evaluate", "office", "--latency", "-5"), "--latency '-5'"),
+        (("drive", "--latency", "fast"), "--latency 'fast'"),
         (("evaluate", "office", "--ablation", "no-zones"), "--zones"),
         (("compare", "/no/such/folder"), "summary.json"),
         # Refused before the weights are opened, and before an engine is tried.

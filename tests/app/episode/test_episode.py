@@ -147,13 +147,3 @@ def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_n
         report["ended"] == "standing"
     )  # it has tried every recovery, and the episode does not wait ten minutes
     assert 25 <= report["sim_time_s"] < 85
-
-
-def test_the_office_mission_is_driven_without_contact() -> None:
-    # From the corridor: three doors, three goals and the red floor lie ahead.
-    corridor = Pose2(x_m=-2.0, y_m=0.0, yaw_rad=0.0)
-    report = driven(load_scenario("office"), seed=2, odometry=OdometryGrade.IDEAL, start=corridor)
-    assert report["odometry"] == "ideal" and report["gnss"] == "none"
-    assert report["goals_reached"] == 3
-    assert (report["collisions"], report["beware_intrusions"]) == (0, 0)
-    assert report["success"] is True

@@ -160,6 +160,8 @@ def made_up(seed: int, **changes: Any) -> dict[str, Any]:
         "ablation": "none",
         "odometry": "typical",
         "gnss": "none",
+        "latency": "none",
+        "people": "none",
         "seed": seed,
         "success": True,
         "goals": [[0.0, 0.0]],

@@ -1,0 +1,131 @@
+"""The tables of results in the pages, made from the kept files in `results/`.
+
+A file is the `summary.json` of a campaign, named after its world. `python -m app.evaluation.tables`
+rewrites the tables; a test compares them.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from app.evaluation.summary import RATES, rate_interval
+from navcore.errors import BadConfiguration
+
+ROOT = Path(__file__).parents[2]
+RESULTS = Path(__file__).with_name("results")
+BEGIN, END = "<!-- results -->\n", "<!-- /results -->\n"
+"""Lines of a page between which its table stands."""
+HASH = re.compile(r"([0-9a-f]{12})[0-9a-f]{52}")
+"""A SHA-256, of which a table shows the beginning."""
+Result = Mapping[str, Any]
+
+
+def kept_results(folder: Path = RESULTS) -> list[Result]:
+    """Return the kept summaries in the order of their worlds' names."""
+    return [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))]
+
+
+def short_table(results: Sequence[Result]) -> str:
+    """Return the table of the first page."""
+    return _table(
+        ("world", "all goals reached", "95 % interval", "success", "SPL", "SPL of the baseline"),
+        [
+            (
+                f"`{result['scenario']}`",
+                _count(result, "goals_rate"),
+                _interval(result, "goals_rate"),
+                _count(result, "success_rate"),
+                f"{result['spl']:.2f}",
+                f"{result['ideal_spl']:.2f}",
+            )
+            for result in results
+        ],
+    )
+
+
+def full_table(results: Sequence[Result]) -> str:
+    """Return the tables of the page about evaluation: figures, failures and origin."""
+    rates = [key for key in RATES if key != "struck_rate"]
+    figures = _table(
+        ("world", *(RATES[key][0] for key in rates), "SPL", "baseline", "failures by seed"),
+        [
+            (
+                f"`{result['scenario']}`",
+                *(f"{_count(result, key)} ({_interval(result, key)})" for key in rates),
+                f"{result['spl']:.2f}",
+                f"{result['ideal_spl']:.2f}",
+                "; ".join(
+                    f"{cause}: {', '.join(map(str, seeds))}"
+                    for cause, seeds in result["failures"].items()
+                )
+                or "none",
+            )
+            for result in results
+        ],
+    )
+    origins = _table(
+        ("world", "latency", "people", "odometry", "segmenter", "version", "machine", "command"),
+        [
+            (
+                f"`{result['scenario']}`",
+                result["latency"],
+                result["people"],
+                result["odometry"],
+                HASH.sub(r"\1…", result["segmenter"]),
+                "; ".join(result["versions"]),
+                "; ".join(result["machines"]),
+                f"`{result['command']}`",
+            )
+            for result in results
+        ],
+    )
+    return f"{figures}\n{origins}"
+
+
+PAGES: Mapping[str, Callable[[Sequence[Result]], str]] = {
+    "README.md": short_table,
+    "app/evaluation/README.md": full_table,
+}
+"""Pages with results, and what makes their tables."""
+
+
+def with_table(page: str, table: str) -> str:
+    """Return a page with the table between its two lines; raises `BadConfiguration` without
+    them."""
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise BadConfiguration(f"the page has no lines {BEGIN.strip()} and {END.strip()}")
+    return f"{before}{BEGIN}{table}{END}{after}"
+
+
+def main() -> None:
+    """Rewrite the tables of all pages."""
+    results = kept_results()
+    for name, table_of in PAGES.items():
+        path = ROOT / name
+        page = path.read_text(encoding="utf-8")
+        path.write_text(with_table(page, table_of(results)), encoding="utf-8")
+
+
+def _count(result: Result, key: str) -> str:
+    return f"{round(result[key] * result['episodes'])} of {result['episodes']}"
+
+
+def _interval(result: Result, key: str) -> str:
+    episodes = result["episodes"]
+    low, high = rate_interval(round(result[key] * episodes), episodes)
+    return f"{low:.0%} to {high:.0%}".replace("%", " %")
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+if __name__ == "__main__":
+    main()

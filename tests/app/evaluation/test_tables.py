@@ -1,0 +1,61 @@
+"""The tables of results in the pages are those of the kept files, and these of what ships."""
+
+from __future__ import annotations
+
+import pytest
+
+from app.evaluation.tables import (
+    BEGIN,
+    END,
+    PAGES,
+    RESULTS,
+    ROOT,
+    Result,
+    full_table,
+    kept_results,
+    short_table,
+    with_table,
+)
+from app.runtime.provenance import shipped_sha256
+from navcore.errors import BadConfiguration
+
+FILES = sorted(RESULTS.glob("*.json"))
+KEPT = dict(zip((path.stem for path in FILES), kept_results(), strict=True))
+every_result = pytest.mark.parametrize("result", KEPT.values(), ids=KEPT)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_shows_what_the_files_say(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert with_table(text, PAGES[page](kept_results())) == text
+
+
+@every_result
+def test_a_result_is_of_the_network_that_ships_and_names_its_origin(result: Result) -> None:
+    assert f"network sha256 {shipped_sha256()}," in result["segmenter"]
+    assert result["episodes"] == len(result["seeds"]) == len(set(result["seeds"])) > 0
+    assert result["command"].startswith("bewarenav evaluate ")
+    assert result["versions"] and "unknown" not in result["versions"]
+    assert result["machines"] and "unknown" not in result["machines"]
+
+
+def test_kept_files_are_small_and_named_after_their_world() -> None:
+    assert KEPT
+    for name, result in KEPT.items():
+        assert name.split("-")[0] == result["scenario"]
+        assert (RESULTS / f"{name}.json").stat().st_size < 20_000
+
+
+def test_another_figure_makes_another_table() -> None:
+    """Control: the tables depend on what they show."""
+    (first, *_) = KEPT.values()
+    for table_of in (short_table, full_table):
+        for key, value in (("spl", 0.123), ("goals_rate", 0.0)):
+            assert table_of([{**first, key: value}]) != table_of([first])
+
+
+def test_a_table_stands_between_its_two_lines() -> None:
+    assert with_table(f"a\n{BEGIN}old\n{END}b\n", "new\n") == f"a\n{BEGIN}new\n{END}b\n"
+    for page in ("a\n", f"a\n{BEGIN}b\n", f"a\n{END}b\n{BEGIN}"):
+        with pytest.raises(BadConfiguration, match="no lines"):
+            with_table(page, "new\n")
