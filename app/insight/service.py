@@ -124,6 +124,10 @@ class LiveInsight:
         for text in texts:
             self.event_log.note(self._now_s(), "place", text, self._here())
 
+    def note_map(self, text: str, place: Position) -> None:
+        """Log a sentence on an edit of the map."""
+        self.event_log.note(self._now_s(), "map", text, place)
+
     def note_verdict(self, verdict: GateDecision) -> None:
         """Called by the command thread after each command."""
         causes = tuple(reason.cause for reason in verdict.reasons[:1])

@@ -37,6 +37,7 @@ from navcore.mapping.correction import (
     prepare,
     replace_points,
 )
+from navcore.mapping.erasing import Erasable, Erased, put_back, take
 from navcore.mapping.layers import MapLayers
 from navcore.mapping.map_state import MapState
 from navcore.mapping.observation import Observation
@@ -174,6 +175,43 @@ class PointMap:
         self.version += self.layers.refresh(
             self._points, np.unique(held["cell"][gone]).astype(np.int64)
         )
+
+    def erase(self, cells: Indices, what: Erasable) -> Erased:
+        """Remove what is in (N,) cells, row · cols + col, and return it; what the camera sees there
+        later comes back. Raises `ValueError` for a cell that is not on the grid."""
+        cells = np.unique(cells).astype(np.int64)
+        if len(cells) and not 0 <= cells[0] <= cells[-1] < self.spec.rows * self.spec.cols:
+            raise ValueError(f"cells {cells[0]} to {cells[-1]} are not all on the grid of the map")
+        kinds = _class_set(what.class_ids)
+        taken = take(
+            self._points, points_in(self._points.first, self._points.records, cells, kinds)
+        )
+        prior = self.layers.erase_prior(cells) if kinds[NOTHING] else cells[:0]
+        self._changed_by_hand(cells, prior)
+        return Erased(
+            records=taken,
+            prior_xy=self.spec.centres(np.column_stack(np.divmod(prior, self.spec.cols))),
+            cells=len(np.union1d(taken["cell"], prior)),
+        )
+
+    def put_back(self, erased: Erased) -> None:
+        """Put back what `erase` has removed from this map, with the poses from which it was seen;
+        what the camera has seen there since stays as it is."""
+        taken = erased.records.copy()
+        place(taken, taken["pose_id"], pose_rows(self.pose_ids.poses), self.spec)
+        put_back(self._points, taken)
+        rows, cols = (self.spec.cell(x, y) for x, y in erased.prior_xy), self.spec.cols
+        prior = np.array([row * cols + col for row, col in rows], dtype=np.int64)
+        self.layers.put_back_prior(prior, self.explored.has_floor(prior))
+        cells = taken["cell"][taken["cell"] >= 0].astype(np.int64)
+        self._changed_by_hand(np.union1d(cells, prior), prior)
+        self._keep_to_budget()
+
+    def _changed_by_hand(self, cells: Indices, prior: Indices) -> None:
+        self.layers.refresh(self._points, cells)
+        self.version += 1
+        if len(prior):  # a correction under way would bring back the former prior map
+            self._snapshot += 1
 
     def correct(self, poses: Mapping[int, Pose2]) -> None:
         """Move past poses (pose ID → corrected T_map_base) with all that was seen from them, for

@@ -134,6 +134,14 @@ class PointTable:
             np.sort(indices)[::-1].astype(np.int64),
         )
 
+    def append(self, new: Records) -> None:
+        """Add points, those of one voxel too."""
+        begin = self.count
+        self.resize(begin + len(new))
+        self.records[begin : self.count] = new
+        self.changed[begin : self.count] = True
+        link_points(self.records, self.first, np.arange(begin, self.count))
+
     def grow(self, growth: Growth) -> Indices:
         """Continue on a larger grid; the order of the points stays.
 
@@ -194,6 +202,13 @@ def levels_of(z_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
 def link(records: Records, count: int, first: Cells) -> None:
     """Link the points of each cell in the order of their indices; no cell has a link before."""
     for index in range(count):
+        link_one(records, first, index)
+
+
+@compiled
+def link_points(records: Records, first: Cells, indices: Indices) -> None:
+    """Link (N,) points that have no links to the others of their cells."""
+    for index in indices:
         link_one(records, first, index)
 
 

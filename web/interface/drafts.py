@@ -25,8 +25,8 @@ class ZoneDraft(ZoneSpec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ZoneHistory:
-    """Edits of the zones that can be undone and redone."""
+class EditHistory:
+    """Edits that can be undone and redone."""
 
     undo: str | None
     """Description of the edit that undo would take back; None without one."""

@@ -30,6 +30,7 @@ Kind = Literal[
     "beware",
     "labelled",
     "place",
+    "map",
 ]
 """Subject of an entry of the event log."""
 

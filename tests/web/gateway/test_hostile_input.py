@@ -30,6 +30,7 @@ WRITES = [
     ("POST", "/api/v1/zones/import"),
     ("POST", "/api/v1/zones/import-mask"),
     ("POST", "/api/v1/camera/region"),
+    ("POST", "/api/v1/map/erase"),
 ]
 KEYS = [
     "x_m",
