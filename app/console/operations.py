@@ -135,7 +135,9 @@ class LiveOperations:
         """Return an editor of the map of the present site."""
         return MapEditor(
             self._controller,
-            spec=lambda: self._controller.navigator.map.spec,
+            point_map=self._controller.navigator.map,
+            detections=lambda: self.insight.detections,
+            names=lambda: self._controller.intent.beware.names,
             tell=lambda text, place: self.insight.note_map(text, place),
         )
 

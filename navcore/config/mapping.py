@@ -50,6 +50,18 @@ class ConfidenceConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RejectionConfig:
+    """What counts where an operator said that a detection is not one of its class."""
+
+    margin: float = ranged(0.0, 10.0, default=1.0)
+    """Log-odds by which the mean confidence of a region must exceed the highest of the looks that
+    were rejected at its position, to count there."""
+    around_m: float = ranged(0.0, 2.0, default=0.2)
+    """Distance in metres around a rejected detection within which its class is rejected, too: the
+    next look at it covers other cells."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RaycastConfig:
     """How densely lines of sight are cast through the map."""
 
@@ -91,6 +103,8 @@ class MappingConfig:
     """Share of the budget above which new points stay thinned after thinning."""
     confidence: ConfidenceConfig = field(default_factory=ConfidenceConfig)
     """How images change the confidence of beware points."""
+    rejection: RejectionConfig = field(default_factory=RejectionConfig)
+    """What counts where an operator has rejected a detection."""
     raycast: RaycastConfig = field(default_factory=RaycastConfig)
     """How densely lines of sight are cast."""
 

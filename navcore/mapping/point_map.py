@@ -37,7 +37,7 @@ from navcore.mapping.correction import (
     prepare,
     replace_points,
 )
-from navcore.mapping.erasing import Erasable, Erased, put_back, take
+from navcore.mapping.erasing import Erased, put_back, take
 from navcore.mapping.layers import MapLayers
 from navcore.mapping.map_state import MapState
 from navcore.mapping.observation import Observation
@@ -46,6 +46,7 @@ from navcore.mapping.placing import base_points, place, pose_rows
 from navcore.mapping.point_queries import points_in, redundant_points
 from navcore.mapping.point_table import POINT, MapPoints, PointTable, Records, levels_of
 from navcore.mapping.pose_ids import PoseIds, check_movable
+from navcore.mapping.rejections import Rejection, Rejections
 from navcore.mapping.stored_scans import NO_SCANS, StoredScans
 from navcore.mapping.visibility import VisibilityMap
 from navcore.mission.beware_list import NOTHING, BewareList
@@ -71,6 +72,8 @@ class PointMap:
         """Poses from which the points were measured."""
         self.explored = VisibilityMap(spec, rules.raycast, self.pose_ids)
         """Known space."""
+        self.rejections = Rejections(rules.rejection)
+        """What an operator has said is not there."""
         self._has_uncertain = False  # whether any point may have a confidence below 1
         self._over_budget = False
         self._snapshot = 0  # number of the newest snapshot
@@ -176,13 +179,14 @@ class PointMap:
             self._points, np.unique(held["cell"][gone]).astype(np.int64)
         )
 
-    def erase(self, cells: Indices, what: Erasable) -> Erased:
-        """Remove what is in (N,) cells, row · cols + col, and return it; what the camera sees there
-        later comes back. Raises `ValueError` for a cell that is not on the grid."""
+    def erase(self, cells: Indices, class_ids: Iterable[int]) -> Erased:
+        """Remove the points of some classes in (N,) cells, row · cols + col, and with `NOTHING` the
+        prior map, and return it; what the camera sees there later comes back. Raises `ValueError`
+        for a cell that is not on the grid."""
         cells = np.unique(cells).astype(np.int64)
         if len(cells) and not 0 <= cells[0] <= cells[-1] < self.spec.rows * self.spec.cols:
             raise ValueError(f"cells {cells[0]} to {cells[-1]} are not all on the grid of the map")
-        kinds = _class_set(what.class_ids)
+        kinds = _class_set(class_ids)
         taken = take(
             self._points, points_in(self._points.first, self._points.records, cells, kinds)
         )
@@ -206,6 +210,39 @@ class PointMap:
         cells = taken["cell"][taken["cell"] >= 0].astype(np.int64)
         self._changed_by_hand(np.union1d(cells, prior), prior)
         self._keep_to_budget()
+
+    def reject(self, class_id: int, points: Points, confidence: float) -> tuple[Rejection, Erased]:
+        """Remove the points of a class around (N, 2) positions in metres, and remember that it
+        takes better evidence there than looks with this confidence.
+
+        Returns what was removed and the rejection, which moves with the pose that saw most of the
+        points, or the nearest one. Raises `ValueError` on a map without a pose, and for too many.
+        """
+        if not len(self.pose_ids) or not len(points):
+            raise ValueError("a rejection needs positions, and a map with a pose")
+        erased = self.erase(self.rejections.cells_around(points, self.spec), [class_id])
+        rows, (x_m, y_m) = pose_rows(self.pose_ids.poses), points.mean(axis=0)
+        seen_from = np.bincount(erased.records["pose_id"], minlength=len(rows))
+        distances = np.hypot(rows[:, 0] - x_m, rows[:, 1] - y_m)
+        pose_id = int(seen_from.argmax() if seen_from.any() else distances.argmin())
+        rejection = Rejection(
+            id=0,
+            class_id=class_id,
+            confidence=confidence,
+            pose_id=pose_id,
+            points_base=self.pose_ids[pose_id].from_parent(points).astype(np.float32),
+        )
+        return self.rejections.add(rejection, rows, self.spec), erased
+
+    def restore_rejection(self, rejection: Rejection) -> Rejection:
+        """Remember a rejection again and return it with its new number."""
+        self.version += 1
+        return self.rejections.add(rejection, pose_rows(self.pose_ids.poses), self.spec)
+
+    def take_back(self, rejection_id: int) -> Rejection | None:
+        """Forget a rejection and return it; None for an unknown number."""
+        self.version += 1
+        return self.rejections.remove(rejection_id, pose_rows(self.pose_ids.poses), self.spec)
 
     def _changed_by_hand(self, cells: Indices, prior: Indices) -> None:
         self.layers.refresh(self._points, cells)
@@ -253,6 +290,7 @@ class PointMap:
         self.explored.grow(growth)
         rows = pose_rows(self.pose_ids.poses)
         self.layers.refresh(self._points, replace_points(self._points, beside, rows, self.spec))
+        self.rejections.place(rows, self.spec)
         self._snapshot += 1
         self.version += 1
 
@@ -275,6 +313,7 @@ class PointMap:
         newer = (self.pose_ids[pose_id] for pose_id in range(known, len(self.pose_ids)))
         rows = np.vstack([prepared.rows, pose_rows(newer)])
         cells = catch_up(prepared.points, self._points, rows, self.spec)
+        self.rejections.place(rows, self.spec)
         prepared.points.reuse(self._points)
         self._points = prepared.points
         self.explored.replace(prepared.explored, touched)
@@ -308,6 +347,7 @@ class PointMap:
             volume=base.volume.copy(),
             submaps=self.explored.submaps.values(),
             scans=self.scans(),
+            rejections=self.rejections.all,
             prior=self.layers.prior or CellMask.of(np.zeros((rows, cols), dtype=np.bool_)),
         )
 
@@ -333,6 +373,7 @@ class PointMap:
         )
         self.layers.rebuild(self._points, state.prior.bools, self.spec)
         self.scans = lambda: state.scans
+        self.rejections.load(state.rejections, rows, self.spec)
         self._snapshot += 1
         self.version += 1
 

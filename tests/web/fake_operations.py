@@ -23,6 +23,7 @@ from app.console.saved_missions import SavedMissions
 from app.console.zone_editor import ZoneEditor
 from app.insight.explanation import ExplanationQuery
 from app.runtime.operator_state import OperatorState
+from navcore.config.mapping import MappingConfig
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration, NotKnown, Refused
@@ -116,7 +117,15 @@ class FakeOperations:
         )
         self.beware = BewareEditor(self, store=store, segmenter=ColourSegmenter())
         self.map_posts: list[Callable[[PointMap], None]] = []
-        self.map_edits = MapEditor(self, spec=lambda: SPEC, tell=lambda text, place: None)
+        self.point_map = PointMap(SPEC, MappingConfig())
+        self.point_map.pose_ids.id_of(Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0))
+        self.map_edits = MapEditor(
+            self,
+            point_map=self.point_map,
+            detections=lambda: self.insight.detections,
+            names=lambda: self._intent.beware.names,
+            tell=lambda text, place: None,
+        )
         self.sites = FakeSites(lambda: self._intent.mission.phase is Phase.DRIVING)
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
         self._driven = [(-6.0, 0.0)]
@@ -312,8 +321,9 @@ class FakeOperations:
             self._poses[pose_id] = pose
 
     def edit_map(self, edit: Callable[[PointMap], None]) -> None:
-        """Note the edit: this world has no point map."""
+        """Edit a map without points."""
         self.map_posts.append(edit)
+        edit(self.point_map)
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Return one past mission."""

@@ -38,6 +38,8 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("POST", r"/beware/undo", "took back the last edit of the beware list"),
     ("PATCH", r"/beware/(?P<name>.+)", "changed “{name}” in the beware list"),
     ("POST", r"/sightings/(?P<name>\d+)/wrong", "marked detection {name} as wrong"),
+    ("POST", r"/sightings/(?P<name>\d+)/reject", "said that detection {name} is not one"),
+    ("DELETE", r"/map/rejected/(?P<name>\d+)", "took back rejection {name}"),
     ("POST", r"/sightings", "labelled a missed object"),
     ("POST", r"/sightings/snapshots", "held an image for labelling"),
     ("PATCH", r"/map/poses", "corrected poses of the map"),

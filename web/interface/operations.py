@@ -26,6 +26,7 @@ from web.interface.drafts import (
     GoalChanges,
     Preview,
     PreviewDraft,
+    RejectedPlace,
     SavedMission,
     ZoneDraft,
 )
@@ -160,6 +161,17 @@ class MapEdits(Protocol):
     def erase(self, corners: tuple[tuple[float, float], ...], what: Erasable, *, by: str) -> None:
         """Erase what is in a polygon of (x, y) in metres; what the camera sees there later comes
         back. Raises `BadGeometry` with what is wrong with the polygon."""
+
+    @property
+    def rejected(self) -> tuple[RejectedPlace, ...]:
+        """Where detections were rejected, oldest first."""
+
+    def reject(self, sighting_id: int, *, all_of_class: bool, by: str) -> None:
+        """Free what a detection, or every present one of its class, occupies on the map, and
+        remember that it takes better evidence there; raises `NotKnown`."""
+
+    def forget(self, rejection_id: int, *, by: str) -> None:
+        """Forget a rejection: its class counts there as everywhere; raises `NotKnown`."""
 
     def undo(self, *, by: str) -> str:
         """Undo the newest edit and return its description."""

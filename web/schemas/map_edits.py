@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel
+from pydantic import BaseModel, StrictBool
 
 from navcore.mapping.erasing import Erasable
+from web.interface.drafts import RejectedPlace
 from web.interface.operations import MapEdits
 from web.interface.wire import DOCUMENTED
 from web.schemas.fields import Closed
@@ -21,8 +22,15 @@ class EraseIn(Closed):
     """What is erased in the area."""
 
 
+class RejectIn(Closed):
+    """Detection that is not one of its class."""
+
+    all_of_class: StrictBool = False
+    """Whether all present detections of its class are rejected with it."""
+
+
 class MapEditsOut(BaseModel):
-    """History of the edits of the map."""
+    """Edits of the map that can be undone and redone, and what they have rejected."""
 
     model_config = DOCUMENTED
 
@@ -31,8 +39,11 @@ class MapEditsOut(BaseModel):
     redo: str | None
     """Description of the edit that redo would repeat; null without one."""
 
+    rejected: tuple[RejectedPlace, ...]
+    """Where detections were rejected, oldest first; kept with the map."""
+
     @staticmethod
     def of(edits: MapEdits) -> MapEditsOut:
         """Return the answer for the present history."""
         history = edits.history
-        return MapEditsOut(undo=history.undo, redo=history.redo)
+        return MapEditsOut(undo=history.undo, redo=history.redo, rejected=edits.rejected)

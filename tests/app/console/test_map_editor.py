@@ -9,11 +9,21 @@ import pytest
 
 from app.console import map_editor
 from app.console.map_editor import MapEditor
+from app.insight.detections import DetectionGallery
 from navcore.config.mapping import MappingConfig
-from navcore.errors import BadGeometry, Refused
+from navcore.config.perception import ObservationConfig
+from navcore.costmap.costmap import layer_grid
+from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.mapping.erasing import Erasable
+from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
-from tests.navcore.scene import SPEC
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.perception.labels import Labels
+from tests.navcore.scene import SPEC, picture
+
+MAT = BewareClass(name="mat", class_id=7)
+LIST = BewareList(classes=(MAT,))
+FLOOR = picture()
 
 AREA = ((1.0, -1.0), (3.0, -1.0), (3.0, 1.0), (1.0, 1.0))
 
@@ -51,8 +61,112 @@ def told() -> list[str]:
 
 
 @pytest.fixture
-def editor(holder: Holder, told: list[str]) -> MapEditor:
-    return MapEditor(holder, spec=lambda: SPEC, tell=lambda text, place: told.append(text))
+def gallery() -> DetectionGallery:
+    """Two mats on the floor in one image, and a gallery that has seen them."""
+    gallery = DetectionGallery()
+    gallery.update(1.0, FLOOR, mats(), LIST)
+    return gallery
+
+
+@pytest.fixture
+def editor(holder: Holder, gallery: DetectionGallery, told: list[str]) -> MapEditor:
+    return MapEditor(
+        holder,
+        point_map=holder.map,
+        detections=lambda: gallery,
+        names=lambda: LIST.names,
+        tell=lambda text, place: told.append(text),
+    )
+
+
+def mats(confidence: float = 0.9) -> Labels:
+    """Label two mats, left and right of the robot."""
+    class_ids = np.zeros(FLOOR.depth_m.shape, dtype=np.uint8)
+    class_ids[85:100, 20:40] = class_ids[85:100, 120:140] = MAT.class_id
+    return Labels(
+        class_ids=class_ids, confidence=np.full(class_ids.shape, confidence, dtype=np.float32)
+    )
+
+
+def seen(holder: Holder, labels: Labels) -> int:
+    """Return the number of cells of mats after one more image."""
+    labels = holder.map.rejections.without(FLOOR, labels)
+    observation = observe(FLOOR, labels, LIST, SPEC, ObservationConfig())
+    holder.map.insert(observation, FLOOR, labels)
+    return mat_cells(holder)
+
+
+def mat_cells(holder: Holder) -> int:
+    return int(layer_grid(holder.map, LIST, ()).beware[MAT.class_id].sum())
+
+
+def test_a_rejected_detection_is_free_at_once_and_stays_so_unless_a_look_is_surer(
+    editor: MapEditor, holder: Holder, gallery: DetectionGallery, told: list[str]
+) -> None:
+    both = seen(holder, mats())
+    editor.reject(1, all_of_class=False, by="Ana")
+    assert gallery.all()[-1].verdict == "rejected" and gallery.counts() == {MAT.class_id: 1}
+    holder.tick()
+    one = mat_cells(holder)
+    assert 0 < one < both
+    assert told[-1].startswith("Ana: “mat” at") and told[-1].endswith("cells are free.")
+    assert [seen(holder, mats()) for _ in range(5)] == [one] * 5
+    assert seen(holder, mats(0.99)) > one
+    (place,) = editor.rejected
+    assert place.class_name == "mat" and place.confidence == pytest.approx(0.9)
+
+
+def test_a_rejection_is_undone_with_points_memory_and_verdict(
+    editor: MapEditor, holder: Holder, gallery: DetectionGallery
+) -> None:
+    both = seen(holder, mats())
+    editor.reject(2, all_of_class=True, by="Ana")
+    holder.tick()
+    assert mat_cells(holder) == 0 and len(editor.rejected) == 2 and not gallery.counts()
+    assert not gallery.update(2.0, FLOOR, mats(), LIST)  # an image from before
+    with pytest.raises(Refused, match="rejected already"):
+        editor.reject(2, all_of_class=False, by="Ana")
+    editor.undo(by="Bo")
+    holder.tick()
+    assert mat_cells(holder) == both and not editor.rejected
+    assert gallery.counts() == {MAT.class_id: 2}
+    editor.redo(by="Bo")
+    holder.tick()
+    assert mat_cells(holder) == 0 and len(editor.rejected) == 2
+
+
+def test_a_rejection_can_be_forgotten_and_remembered_again(
+    editor: MapEditor, holder: Holder
+) -> None:
+    both = seen(holder, mats())
+    editor.reject(1, all_of_class=True, by="Ana")
+    holder.tick()
+    for place in editor.rejected:
+        editor.forget(place.id, by="Ana")
+    with pytest.raises(NotKnown, match="nothing was rejected under the id 77"):
+        editor.forget(77, by="Ana")
+    holder.tick()
+    assert not editor.rejected
+    assert [seen(holder, mats()) for _ in range(3)][-1] == both
+    for _ in range(2):
+        editor.undo(by="Ana")
+    holder.tick()
+    assert len(editor.rejected) == 2
+
+
+def test_a_rejected_object_that_is_seen_with_more_confidence_is_a_new_detection(
+    editor: MapEditor, holder: Holder, gallery: DetectionGallery
+) -> None:
+    seen(holder, mats())
+    editor.reject(1, all_of_class=True, by="Ana")
+    assert [one.id for one in gallery.update(2.0, FLOOR, mats(0.98), LIST)] == [3, 4]
+
+
+def test_nothing_is_rejected_before_there_is_a_map(editor: MapEditor) -> None:
+    with pytest.raises(Refused, match="no map yet"):
+        editor.reject(1, all_of_class=False, by="Ana")
+    with pytest.raises(NotKnown):
+        editor.reject(9, all_of_class=False, by="Ana")
 
 
 def test_erasing_is_done_by_the_thread_of_the_map_and_told_with_the_user(
@@ -73,7 +187,7 @@ def test_an_erasure_is_undone_and_redone_also_before_it_is_done(
     editor.erase(AREA, Erasable.BOTH, by="Ana")
     assert editor.undo(by="Bo") == "erasing of obstacles and beware points around (2.0, 0.0)"
     assert holder.tick() == 400
-    assert told[-1].startswith("Bo undid the erasing")
+    assert told[-1].startswith("Bo took back: erasing")
     assert (editor.history.undo, editor.history.redo is None) == (None, False)
     editor.redo(by="Ana")
     assert holder.tick() == 0

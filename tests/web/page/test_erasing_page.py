@@ -59,3 +59,17 @@ def test_what_is_drawn_can_be_erased_instead_of_made_a_zone(
     expect(page.get_by_test_id("toasts")).to_contain_text("The obstacles there are erased.")
     expect(page.get_by_test_id("draft")).to_be_hidden()
     assert operations.map_edits.history.undo is not None and not operations.zones.stored
+
+
+def test_a_detection_that_is_not_one_is_rejected_and_its_place_can_be_taken_back(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.get_by_test_id("tab-sightings").click()
+    page.get_by_test_id("reject").click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("The place of the cup is free.")
+    expect(page.get_by_test_id("detection")).to_contain_text("not one")
+    expect(page.get_by_test_id("rejected-place")).to_contain_text("You said that this is no cup")
+    page.get_by_test_id("rejected-forget").click()
+    expect(page.get_by_test_id("rejected-place")).to_have_count(0)
+    assert not operations.map_edits.rejected
