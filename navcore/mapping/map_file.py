@@ -26,6 +26,7 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
 from navcore.mapping import stored_rejections, stored_scans, stored_submaps
+from navcore.mapping.fading import UNKNOWN_LOOKS
 from navcore.mapping.map_state import MapState, check_points, check_state
 from navcore.mapping.placing import base_points, map_points, pose_rows
 from navcore.mapping.point_table import MapPoints
@@ -38,8 +39,8 @@ from navcore.toml_config import from_table, ranged
 log = logging.getLogger(__name__)
 FORMAT = "bewarenav map"
 VERSION = 3
-"""Version that is written. Version 2, which had no rejections, and version 1, which had neither
-positions by pose nor submaps nor scans, are read, too."""
+"""Version that is written. Version 2, which had neither rejections nor looks, and version 1, which
+had neither positions by pose nor submaps nor scans, are read, too."""
 MAX_BYTES = 1 << 29
 """Largest file that is read, in bytes."""
 MAX_UNPACKED = 1 << 31
@@ -67,7 +68,7 @@ _BY_POSE = {
 _KINDS: Mapping[int, Mapping[str, tuple[type[np.generic], int]]] = {
     1: {**_COMMON, "points_map": (np.float32, 2)},
     2: _BY_POSE,
-    3: {**_BY_POSE, **stored_rejections.KINDS},
+    3: {**_BY_POSE, "looks": (np.uint8, 1), **stored_rejections.KINDS},
 }
 """Version → part → type and number of axes.
 
@@ -118,7 +119,7 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
         class_ids=tuple(class_names),
         class_names=tuple(class_names.values()),
     )
-    parts: Parts = {name: getattr(state.points, name) for name in _COLUMNS}
+    parts: Parts = {name: getattr(state.points, name) for name in (*_COLUMNS, "looks")}
     parts |= {
         name: np.packbits(getattr(state, field).bools, axis=1) for name, field in _MASKS.items()
     }
@@ -140,6 +141,8 @@ def load(path: Path) -> StoredMap:
     spec, where = GridSpec(**asdict(head.spec)), path.name
     check_points(parts, spec, where)
     rows = pose_rows(Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in parts["poses"].tolist())
+    if version < 3:
+        parts["looks"] = np.full(len(parts["pose_ids"]), UNKNOWN_LOOKS, dtype=np.uint8)
     if version == 1:
         points_map = parts["points_map"]
         points_base = base_points(points_map, parts["pose_ids"], rows)
@@ -148,7 +151,11 @@ def load(path: Path) -> StoredMap:
         points_map = map_points(parts["points_base"], parts["pose_ids"], rows)
     state = MapState(
         spec=spec,
-        points=MapPoints(points_map=points_map, **{name: parts[name] for name in _COLUMNS}),
+        points=MapPoints(
+            points_map=points_map,
+            looks=parts["looks"],
+            **{name: parts[name] for name in _COLUMNS},
+        ),
         points_base=points_base,
         poses=parts["poses"],
         volume=parts["volume"],

@@ -105,6 +105,7 @@ def check_state(state: MapState, where: str) -> None:
         points.confidence,
         points.range_m,
         points.pose_ids,
+        points.looks,
     )
     masks = (state.measured, state.visible, state.driven, state.prior)
     require(

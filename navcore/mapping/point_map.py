@@ -38,6 +38,7 @@ from navcore.mapping.correction import (
     replace_points,
 )
 from navcore.mapping.erasing import Erased, put_back, take
+from navcore.mapping.fading import faded
 from navcore.mapping.layers import MapLayers
 from navcore.mapping.map_state import MapState
 from navcore.mapping.observation import Observation
@@ -75,6 +76,7 @@ class PointMap:
         self.rejections = Rejections(rules.rejection)
         """What an operator has said is not there."""
         self._has_uncertain = False  # whether any point may have a confidence below 1
+        self._has_beware = False  # whether any point may be of the beware list
         self._over_budget = False
         self._snapshot = 0  # number of the newest snapshot
         self.scans: Callable[[], StoredScans] = lambda: NO_SCANS
@@ -86,9 +88,9 @@ class PointMap:
     def insert(self, observation: Observation, frame: Frame, labels: Labels | None = None) -> None:
         """Replace or append the points of the frame's pose ID, and remove those it sees through.
 
-        With `labels` the confidence of uncertain points follows every image (`confidence.py`);
-        without, the first confidence stays. Raises `ValueError` for an observation on another grid
-        than the map's present one.
+        With `labels` the confidence of uncertain points follows every image (`confidence.py`), and
+        flat points of colour rules fade (`fading.py`); without, both stay as they are. Raises
+        `ValueError` for an observation on another grid than the map's present one.
         """
         if observation.spec != self.spec:
             raise ValueError(
@@ -97,12 +99,13 @@ class PointMap:
             )
         if labels is not None:
             self._update_confidence(frame, labels, observation.box)
+            self._fade(frame, labels, observation.box)
         pose_id = self.pose_ids.id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id)
         rows, at = pose_rows([self.pose_ids[pose_id]]), np.zeros(len(observation.rgb), np.int32)
         points_base = base_points(observation.points_map, at, rows)
         new = self._records(observation, points_base, at, rows)
-        new["pose_id"] = pose_id
+        new["pose_id"], new["looks"] = pose_id, self._rules.fading.first
         if labels is not None and (new["confidence"] < 1).any():
             new["confidence"] = initial_confidence(
                 new["confidence"],
@@ -110,6 +113,7 @@ class PointMap:
                 self._rules.confidence,
             )
         self._has_uncertain = self._has_uncertain or bool((new["confidence"] < 1).any())
+        self._has_beware = self._has_beware or bool((new["class_id"] != NOTHING).any())
         self.layers.add_classes(new["class_id"])
         cells = new["cell"][new["cell"] >= 0]
         touched = np.concatenate([self._points.live["cell"][outdated], cells]).astype(np.int64)
@@ -364,10 +368,11 @@ class PointMap:
         self.pose_ids.restore(state.poses)
         held, rows = state.points, pose_rows(self.pose_ids.poses)
         records = self._records(held, state.points_base, held.pose_ids, rows)
-        records["pose_id"] = held.pose_ids
+        records["pose_id"], records["looks"] = held.pose_ids, held.looks
         self._points = PointTable(self.spec.rows * self.spec.cols)
         self._points.load(records, len(records))
         self._has_uncertain = bool((records["confidence"] < 1).any())
+        self._has_beware = bool((records["class_id"] != NOTHING).any())
         self.explored.restore(
             self.spec, (state.measured, state.visible, state.driven), state.volume, state.submaps
         )
@@ -413,6 +418,25 @@ class PointMap:
         self._points.remove(forgotten)
         if len(cells):
             self.layers.refresh(self._points, np.unique(cells))
+            self.version += 1
+
+    def _fade(self, frame: Frame, labels: Labels, box: Box) -> None:
+        """Count the look at the certain flat points in view, and forget those that have faded."""
+        if not self._has_beware:
+            return
+        gone = faded(
+            self._points,
+            self.spec.cols,
+            box,
+            frame,
+            labels,
+            self._rules.fading,
+            self._rules.clearing,
+        )
+        if len(gone):
+            cells = np.unique(self._points.live["cell"][gone]).astype(np.int64)
+            self._points.remove(gone)
+            self.layers.refresh(self._points, cells)
             self.version += 1
 
     def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> Indices:

@@ -36,13 +36,14 @@ POINT = np.dtype(
         ("b", "u1"),
         ("class_id", "u1"),
         ("level", "u1"),
+        ("looks", "u1"),
     ],
     align=True,
 )
 """Record of a point, 48 bytes: position in metres of the map frame, position in metres of the base
 frame at its pose ID, from which the former is computed, depth at which it was measured, confidence,
 pose ID, cell (row · cols + col; `OFF_GRID` beside the grid), index of the cell's next point plus
-one (0: none), colour, class and height bin."""
+one (0: none), colour, class, height bin, and the evidence of a certain point (`fading.py`)."""
 _WORDS = POINT.itemsize // 8
 OFF_GRID = -1
 """Cell of a point that a correction moved beside the grid: it is kept and occupies nothing."""
@@ -64,6 +65,8 @@ class MapPoints:
     """(N,) depth in metres at which each point was measured."""
     pose_ids: npt.NDArray[np.int32]
     """(N,) pose ID of each point."""
+    looks: npt.NDArray[np.uint8]
+    """(N,) near looks that speak for each certain flat point, less those against it."""
 
 
 class PointTable:
@@ -182,6 +185,7 @@ class PointTable:
             confidence=live["confidence"].copy(),
             range_m=live["range_m"].copy(),
             pose_ids=live["pose_id"].copy(),
+            looks=live["looks"].copy(),
         )
 
     def _reserve(self, more: int) -> None:

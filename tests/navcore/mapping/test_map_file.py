@@ -22,6 +22,7 @@ from navcore.errors import BadConfiguration, StorageFailed
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
+from navcore.mapping.fading import UNKNOWN_LOOKS
 from navcore.mapping.map_file import check_classes, load, save
 from navcore.mapping.map_state import MapState
 from navcore.mapping.patch import empty_patch
@@ -56,6 +57,7 @@ def state_of(seed: int, count: int = 20, rows: int = 13, cols: int = 21) -> MapS
         confidence=rng.random(count, dtype=np.float32),
         range_m=(5 * rng.random(count)).astype(np.float32),
         pose_ids=pose_ids,
+        looks=rng.integers(1, 31, count, dtype=np.uint8),
     )
     measured, visible, driven, prior = (
         CellMask.of(rng.random((rows, cols)) < 0.5) for _ in range(4)
@@ -181,7 +183,7 @@ def old(whole: bytes) -> bytes:
         kept = {
             name: part
             for name, part in parts.items()
-            if not name.startswith(("scan_", "submap_", "rejected_", "points_base"))
+            if not name.startswith(("scan_", "submap_", "rejected_", "points_base", "looks"))
         }
     file = io.BytesIO()
     kept |= {"points_map": GOOD["points_map"], "head": head(version=1)}
@@ -200,17 +202,22 @@ def test_a_file_of_version_1_is_read_and_its_points_keep_their_places(
     for name, part in arrays(stored.state).items():
         if name == "points_base":
             np.testing.assert_allclose(part, expected[name], atol=1e-6)
-        elif not name.startswith(("submap_", "rejected_")):
+        elif not name.startswith(("submap_", "rejected_", "looks")):
             np.testing.assert_array_equal(part, expected[name], err_msg=name)
 
 
-def test_a_file_of_version_2_is_read_without_rejections(tmp_path: Path, whole: bytes) -> None:
-    for name in REJECTED:
+def test_a_file_of_version_2_is_read_without_rejections_and_looks(
+    tmp_path: Path, whole: bytes
+) -> None:
+    for name in (*REJECTED, "looks"):
         whole = remade(whole, name, None)
     (tmp_path / "m").write_bytes(remade(whole, "head", head(version=2)))
     stored = load(tmp_path / "m").state
     assert stored.rejections == ()
-    assert_same(dataclasses.replace(stored, rejections=state_of(3).rejections), state_of(3))
+    assert (stored.points.looks == UNKNOWN_LOOKS).all()
+    same = state_of(3)
+    points = dataclasses.replace(same.points, looks=stored.points.looks)
+    assert_same(stored, dataclasses.replace(same, points=points, rejections=()))
 
 
 def refusal(folder: Path, data: bytes) -> str:

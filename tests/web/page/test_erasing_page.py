@@ -65,7 +65,7 @@ def test_a_detection_that_is_not_one_is_rejected_and_its_place_can_be_taken_back
     page: Page, operations: FakeOperations
 ) -> None:
     await_map(page)
-    page.get_by_test_id("tab-sightings").click()
+    page.get_by_test_id("tab-seen").click()
     page.get_by_test_id("reject").click()
     expect(page.get_by_test_id("toasts")).to_contain_text("The place of the cup is free.")
     expect(page.get_by_test_id("detection")).to_contain_text("not one")
