@@ -212,7 +212,7 @@ class MapEditor:
         first = gallery.extent(sighting_id)
         if first.sighting.verdict == "rejected":
             raise Refused(f"sighting {sighting_id} is rejected already; undo takes it back")
-        chosen = (first,)
+        chosen: tuple[DetectionExtent, ...] = (first,)
         if all_of_class:
             chosen = tuple(
                 gallery.extent(one.id)

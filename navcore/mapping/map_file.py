@@ -59,7 +59,7 @@ _COMMON: Mapping[str, tuple[type[np.generic], int]] = {
     "volume": (np.uint64, 2),
     **dict.fromkeys(_MASKS, (np.uint8, 2)),
 }
-_BY_POSE = {
+_BY_POSE: Mapping[str, tuple[type[np.generic], int]] = {
     **_COMMON,
     "points_base": (np.float32, 2),
     **stored_submaps.KINDS,
