@@ -26,8 +26,8 @@ export const choicesFor = (geometry, then = () => {}) =>
 export async function historyItems() {
   const { undo, redo } = await get("/map/edits").catch(() => ({}));
   const items = [];
-  if (undo) items.push(["edit-undo", `↶ Undo the ${undo}`, () => step("undo")]);
-  if (redo) items.push(["edit-redo", `↷ Redo the ${redo}`, () => step("redo")]);
+  if (undo) items.push(["edit-undo", `↶ Undo: ${undo}`, () => step("undo")]);
+  if (redo) items.push(["edit-redo", `↷ Redo: ${redo}`, () => step("redo")]);
   return items;
 }
 
