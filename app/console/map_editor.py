@@ -153,7 +153,8 @@ class _Forgetting:
 
     def take_back(self, point_map: PointMap, tell: Tell, by: str) -> None:
         if self.removed is not None:
-            self.rejection_id = point_map.restore_rejection(self.removed).id
+            point_map.restore_rejection(self.removed)
+            self.removed = None
         tell(f"{by} took back: {self.text}.", self.place)
 
     @property

@@ -238,10 +238,10 @@ class PointMap:
         )
         return self.rejections.add(rejection, rows, self.spec), erased
 
-    def restore_rejection(self, rejection: Rejection) -> Rejection:
-        """Remember a rejection again and return it with its new number."""
+    def restore_rejection(self, rejection: Rejection) -> None:
+        """Remember a rejection again that was taken back."""
         self.version += 1
-        return self.rejections.add(rejection, pose_rows(self.pose_ids.poses), self.spec)
+        self.rejections.add(rejection, pose_rows(self.pose_ids.poses), self.spec)
 
     def take_back(self, rejection_id: int) -> Rejection | None:
         """Forget a rejection and return it; None for an unknown number."""

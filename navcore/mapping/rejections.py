@@ -36,7 +36,7 @@ class Rejection:
     """One detection that was rejected."""
 
     id: int
-    """Number of the rejection on this map since it was loaded."""
+    """Number of the rejection on this map since it was loaded; 0 for one that has none yet."""
     class_id: int
     """Class that is not there."""
     confidence: float
@@ -75,16 +75,18 @@ class Rejections:
         return np.unique(cells[on_grid] @ np.array([spec.cols, 1]))
 
     def add(self, rejection: Rejection, rows: Floats, spec: GridSpec) -> Rejection:
-        """Add a rejection and return it with its number; `rows` and `spec` as for `place`. Raises
-        `ValueError` when there are too many, and for an unknown pose ID."""
+        """Add a rejection and return it, with a new number unless it has one; `rows` and `spec` as
+        for `place`. Raises `ValueError` when there are too many, and for an unknown pose ID."""
         if len(self.all) >= MAX_REJECTIONS or len(rejection.points_base) > MAX_POINTS:
             raise ValueError(f"at most {MAX_REJECTIONS} rejections of {MAX_POINTS} positions")
         if not 0 <= rejection.pose_id < len(rows):
             raise ValueError(
                 f"pose ID {rejection.pose_id} is not on the map, which has {len(rows)}"
             )
-        added = dataclasses.replace(rejection, id=self._next_id)
-        self._next_id += 1
+        added = rejection
+        if not rejection.id:
+            added = dataclasses.replace(rejection, id=self._next_id)
+            self._next_id += 1
         self.all = (*self.all, added)
         self.place(rows, spec)
         return added

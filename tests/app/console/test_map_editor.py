@@ -152,6 +152,9 @@ def test_a_rejection_can_be_forgotten_and_remembered_again(
         editor.undo(by="Ana")
     holder.tick()
     assert len(editor.rejected) == 2
+    editor.undo(by="Ana")
+    holder.tick()
+    assert not editor.rejected and mat_cells(holder) == both
 
 
 def test_a_rejected_object_that_is_seen_with_more_confidence_is_a_new_detection(
