@@ -175,6 +175,7 @@ class Navigator:
         zones = (*request.zones, *keep_outs)
         if place.is_known:
             self.grow_to(self._needed_part(frame, request, zones))
+            labels = self.map.rejections.without(frame, labels)
             stages.update_map(self._mapper, frame, labels, beware, ground_m, place.T_map_odom)
         costmap = stages.update_costmap(self._costmap, beware, zones)
         route = stages.plan(self._planner, costmap, frame.pose, request, keep_outs, stages.replan)

@@ -139,10 +139,13 @@ def _search_a_place() -> None:
 
 
 def _correct_a_map(point_map: PointMap) -> None:
-    """Correct the poses of a map, as a loop closure does."""
+    """Correct the poses of a map, as a loop closure does, and erase and put back, as operators
+    do."""
     moved = Pose2(x_m=0.1, y_m=0.05, yaw_rad=0.02)
     for _ in range(2):
         point_map.correct({pose_id: moved @ pose for pose_id, pose in enumerate(point_map.poses)})
+    everywhere = np.arange(point_map.spec.rows * point_map.spec.cols)
+    point_map.put_back(point_map.erase(everywhere, [NOTHING]))
 
 
 class _UnsureSegmenter:

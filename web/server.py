@@ -18,6 +18,7 @@ from web.api.events import events_router
 from web.api.health import health_router
 from web.api.insight import explain_router, journal_router
 from web.api.localisation import localisation_router
+from web.api.map_edits import map_edits_router
 from web.api.maps import maps_router, poses_router
 from web.api.mission import mission_router
 from web.api.sites import sites_router
@@ -79,6 +80,7 @@ def create_app(
         beware_router,
         maps_router,
         poses_router,
+        map_edits_router,
         sites_router,
         events_router,
         journal_router,

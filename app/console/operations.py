@@ -13,6 +13,7 @@ from app.console.anchored_items import AnchoredItems
 from app.console.back_off import BackOff
 from app.console.beware_editor import BewareEditor
 from app.console.goals import Goals
+from app.console.map_editor import MapEditor
 from app.console.path_preview import compare, grid_with, measured, pose_at
 from app.console.place_editor import PlaceEditor
 from app.console.saved_missions import SavedMissions
@@ -112,6 +113,7 @@ class LiveOperations:
             pose=lambda: recorder.pose,
             change_mission=controller.change_mission,
         )
+        self.map_edits = self._map_editor()
         self.insight = LiveInsight(
             controller=controller,
             recorder=recorder,
@@ -138,16 +140,27 @@ class LiveOperations:
             defaults=self._new_beware,
         )
 
+    def _map_editor(self) -> MapEditor:
+        """Return an editor of the map of the present site."""
+        return MapEditor(
+            self._controller,
+            point_map=self._controller.navigator.map,
+            detections=lambda: self.insight.detections,
+            names=lambda: self._controller.intent.beware.names,
+            tell=lambda text, place: self.insight.note_map(text, place),
+        )
+
     @contextmanager
     def leaving_site(self) -> Iterator[None]:
         """Hold every edit of the present site; after the block they are refused."""
-        with self.zones.retired(), self.beware.retired():
+        with self.zones.retired(), self.beware.retired(), self.map_edits.retired():
             yield
 
     def enter_site(self, site: SiteStore) -> None:
         """Edit the contents of another site from now on."""
         self._edits_before += self.zones.changes + 1
         self._edit(site)
+        self.map_edits = self._map_editor()
         self._recorder.watch_zones(self.zones.stored)
         self.insight.forget_place()
         self._anchored.forget()

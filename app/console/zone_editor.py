@@ -19,7 +19,7 @@ from app.storage.records import zone_of, zone_record
 from navcore.errors import AlreadyThere, BadGeometry, NotKnown, Outdated, Refused, StorageFailed
 from navcore.mission.zone import Zone, check_polygon, check_rules
 from navcore.mission.zone_shapes import still_drawn
-from web.interface.drafts import ZoneDraft, ZoneHistory
+from web.interface.drafts import EditHistory, ZoneDraft
 from web.interface.operations import Existing
 
 MAX_ZONES = 500
@@ -101,10 +101,10 @@ class ZoneEditor:
         return self._changes
 
     @property
-    def history(self) -> ZoneHistory:
+    def history(self) -> EditHistory:
         """Descriptions of the next undo and redo."""
         done, undone = self._done, self._undone
-        return ZoneHistory(
+        return EditHistory(
             undo=done[-1].text if done else None, redo=undone[-1].text if undone else None
         )
 

@@ -11,12 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import NotKnown
+from navcore.geometry.arrays import Points
+from navcore.mapping.rejections import MAX_POINTS
 from navcore.mission.beware_list import BewareList
-from navcore.perception.instances import Cells, Detection, detect_instances
+from navcore.perception.instances import CELL_M, Detection, detect_instances
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from web.images.camera import camera_jpg
-from web.interface.insight import Sighting
+from web.interface.insight import Sighting, Verdict
 
 MAX_SIGHTINGS = 500
 """Largest number of entries; the one that was seen longest ago is dropped."""
@@ -26,6 +28,8 @@ BETTER_VIEW = 1.5
 """Ratio of pixels from which a view replaces the kept one."""
 CROP_PX = 176
 """Longer side of a cropped view, pixels."""
+SAMPLES_M = CELL_M * np.array([(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)])
+"""Positions in a cell of a detection, metres."""
 MAX_ENLARGEMENT = 3.0
 """Largest enlargement of a cropped view."""
 
@@ -46,10 +50,23 @@ class StoredView:
     """(H, W) 255 on the detected object."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DetectionExtent:
+    """Where a detected object is."""
+
+    sighting: Sighting
+    """The object."""
+    points: Points
+    """(N, 2) positions in metres of the map frame, 10 cm apart, on all that its looks covered."""
+    confidence: float
+    """Highest confidence of its looks, 0 to 1."""
+
+
 @dataclass(slots=True, eq=False)
 class _Item:
     sighting: Sighting
     cells: set[tuple[int, int]]
+    highest: float
     pixels: int
     crop: bytes
     view: StoredView | None
@@ -101,11 +118,22 @@ class DetectionGallery:
             )
         return view
 
-    def mark_wrong(self, sighting_id: int) -> None:
-        """Mark an entry as a wrong detection, on the operator's word."""
+    def mark(self, sighting_id: int, verdict: Verdict | None) -> None:
+        """Mark an entry with the operator's verdict; None takes it back. An unknown entry stays
+        unknown: it was dropped meanwhile."""
+        with self._lock:
+            if (item := self._items.get(sighting_id)) is not None:
+                item.sighting = replace(item.sighting, verdict=verdict)
+
+    def extent(self, sighting_id: int) -> DetectionExtent:
+        """Return what an entry covers and how sure its looks were; raises `NotKnown`."""
         item = self._item(sighting_id)
         with self._lock:
-            item.sighting = replace(item.sighting, verdict="wrong")
+            corners = np.array(sorted(item.cells), dtype=np.float64)[:, None, ::-1] * CELL_M
+            points = (corners + SAMPLES_M).reshape(-1, 2)
+            return DetectionExtent(
+                sighting=item.sighting, points=points[:MAX_POINTS], confidence=item.highest
+            )
 
     def _item(self, sighting_id: int) -> _Item:
         with self._lock:
@@ -123,7 +151,7 @@ class DetectionGallery:
         name: str,
     ) -> Sighting | None:
         pixels = int(region.mask.sum())
-        item = self._at(region.class_id, region.cells)
+        item = self._at(region)
         better = item is None or pixels > BETTER_VIEW * item.pixels
         # Compressed outside the lock: it takes some milliseconds.
         crop, view = (
@@ -144,10 +172,15 @@ class DetectionGallery:
                     last_s=now_s,
                 )
                 self._next_id += 1
-                self._items[sighting.id] = _Item(sighting, set(region.cells), pixels, crop, view)
+                self._items[sighting.id] = _Item(
+                    sighting, set(region.cells), region.confidence, pixels, crop, view
+                )
                 self._keep_bounds()
                 return sighting
+            if item.sighting.verdict == "rejected":
+                return None  # an image from before the rejection: none of them is surer
             item.cells |= region.cells
+            item.highest = max(item.highest, region.confidence)
             item.sighting = replace(item.sighting, looks=item.sighting.looks + 1, last_s=now_s)
             if better:
                 item.pixels, item.crop, item.view = pixels, crop, view
@@ -156,12 +189,17 @@ class DetectionGallery:
                 )
         return None
 
-    def _at(self, class_id: int, cells: Cells) -> _Item | None:
-        """Return the oldest entry of a class on or beside these cells; None without one."""
-        around = {(row + i, col + j) for row, col in cells for i in (-1, 0, 1) for j in (-1, 0, 1)}
+    def _at(self, region: Detection) -> _Item | None:
+        """Return the oldest entry of a region's class on or beside its cells, none that was
+        rejected with less confidence; None without one."""
+        steps = (-1, 0, 1)
+        around = {(row + i, col + j) for row, col in region.cells for i in steps for j in steps}
         with self._lock:
             for item in self._items.values():
-                if item.sighting.class_id == class_id and not around.isdisjoint(item.cells):
+                surer = region.confidence > item.highest
+                if item.sighting.class_id != region.class_id or around.isdisjoint(item.cells):
+                    continue
+                if not (item.sighting.verdict == "rejected" and surer):
                     return item
         return None
 

@@ -124,6 +124,10 @@ class LiveInsight:
         for text in texts:
             self.event_log.note(self._now_s(), "place", text, self._here())
 
+    def note_map(self, text: str, place: Position) -> None:
+        """Log a sentence on an edit of the map."""
+        self.event_log.note(self._now_s(), "map", text, place)
+
     def note_verdict(self, verdict: GateDecision) -> None:
         """Called by the command thread after each command."""
         causes = tuple(reason.cause for reason in verdict.reasons[:1])
@@ -185,7 +189,7 @@ class LiveInsight:
         """Mark a detection as wrong, and add its frame to the labelling folder, corrected."""
         view = self.detections.view(sighting_id)
         self.labelling.add(view, names=self._names(class_name), said=class_name)
-        self.detections.mark_wrong(sighting_id)
+        self.detections.mark(sighting_id, "wrong")
         what = f"it is “{class_name}”" if class_name else "it is nothing of the list"
         self.event_log.note(
             self._now_s(),

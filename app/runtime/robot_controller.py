@@ -25,6 +25,7 @@ from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
 from navcore.localisation.cell_margins import CellMargins
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
+from navcore.mapping.point_map import PointMap
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator, TickResult
@@ -94,6 +95,7 @@ class RobotController:
             range_m=KEEP_OUT_REACH_M,
         )
         self._corrected: dict[int, Pose2] = {}
+        self._map_edits: list[Callable[[PointMap], None]] = []
         self._placed: tuple[Pose2, Matrix] | None = None
         self._search, self._search_begins = SearchTurn(), False
         self._was_located = False
@@ -146,6 +148,11 @@ class RobotController:
         with self._lock:
             self._corrected |= poses
 
+    def edit_map(self, edit: Callable[[PointMap], None]) -> None:
+        """Have the think thread edit the map before the next tick, after the edits before."""
+        with self._lock:
+            self._map_edits.append(edit)
+
     def place_robot(self, T_map_base: Pose2, covariance: Matrix) -> None:
         """Set the pose of the robot, with its (3, 3) covariance, before the next tick."""
         with self._lock:
@@ -159,7 +166,7 @@ class RobotController:
         with self._lock:
             self.require_standing()
             self._intent = edit(self._intent)
-            self._enter, self._corrected = replace_map, {}
+            self._enter, self._corrected, self._map_edits = replace_map, {}, []
 
     def require_standing(self, then: str = "change the site") -> None:
         """Raise `Refused` while the robot moves or a mission drives; `then` names what was
@@ -192,6 +199,7 @@ class RobotController:
         with self._lock:
             intent = self._intent
             corrected, self._corrected = self._corrected, {}
+            edits, self._map_edits = self._map_edits, []
             placed, self._placed = self._placed, None
             search_begins, self._search_begins = self._search_begins, False
             pose_accepted, self._pose_accepted = self._pose_accepted, False
@@ -203,6 +211,8 @@ class RobotController:
             self.navigator.reset_pose()
         if corrected:  # here and not in `correct_poses`: only this thread changes the map
             self.navigator.map.correct(corrected)
+        for edit in edits:
+            edit(self.navigator.map)
         if pose_accepted:
             self.navigator.reset_pose()
         if (outcome := self._background.poll()) is not None:

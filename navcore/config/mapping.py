@@ -18,9 +18,59 @@ class ClearingRules(NamedTuple):
     nearest_m: float
     """Smallest depth in metres that counts as measured."""
     flat_m: float
-    """Height in metres below which beware points are flat and are never cleared."""
+    """Height in metres below which beware points are flat and are not cleared."""
     nearer_share: float
     """Share of a point's former distance below which a new measurement replaces the point."""
+
+
+class FadingRules(NamedTuple):
+    """When near looks speak against a certain flat point, as compiled kernels take it."""
+
+    near_m: float
+    """Depth in metres beyond which a look says nothing."""
+    tolerance_m: float
+    """Tolerance of depth in metres at no distance."""
+    colour: float
+    """Least difference of colour."""
+    dark: int
+    """Sum of red, green and blue below which a pixel says nothing."""
+    most: int
+    """Largest number of looks."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FadingConfig:
+    """How flat points of the colour rules fade when they are no longer there: evidence in log-odds
+    in equal steps, one for each near look that shows them, one against for each that shows the
+    floor in another colour."""
+
+    first: int = ranged(2, 100, default=5)
+    """Number of looks that a point has from its first detection on, at which it counts at once."""
+    most: int = ranged(2, 250, default=30)
+    """Largest number of looks that speak for a point; as many against it remove it."""
+    near_m: float = ranged(0.3, 10.0, default=2.5)
+    """Depth in metres beyond which a look says nothing: a marking is seen at a grazing angle
+    there."""
+    tolerance_m: float = ranged(0.005, 0.5, default=0.02)
+    """Difference in metres of measured depth and point, at no distance, beyond which the point is
+    covered by something else; it grows with depth as that of clearing."""
+    colour: float = ranged(0.01, 1.0, default=0.15)
+    """Difference of the shares of red, green and blue from which a pixel shows another colour than
+    the point was seen with: less is the same thing in another light."""
+    dark: int = ranged(0, 765, default=90)
+    """Sum of red, green and blue (0 to 255 each) below which a pixel is too dark to say
+    anything."""
+
+    @property
+    def rules(self) -> FadingRules:
+        """The values that compiled kernels need."""
+        return FadingRules(
+            near_m=self.near_m,
+            tolerance_m=self.tolerance_m,
+            colour=self.colour,
+            dark=self.dark,
+            most=self.most,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +97,18 @@ class ConfidenceConfig:
     """Depth in metres beyond which images do not count; a network may miss small objects there."""
     border_px: int = ranged(1, 200, default=8)
     """Width in pixels of the image border that does not count; objects are cut off there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RejectionConfig:
+    """What counts where an operator said that a detection is not one of its class."""
+
+    margin: float = ranged(0.0, 10.0, default=1.0)
+    """Log-odds by which the mean confidence of a region must exceed the highest of the looks that
+    were rejected at its position, to count there."""
+    around_m: float = ranged(0.0, 2.0, default=0.2)
+    """Distance in metres around a rejected detection within which its class is rejected, too: the
+    next look at it covers other cells."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +153,10 @@ class MappingConfig:
     """Share of the budget above which new points stay thinned after thinning."""
     confidence: ConfidenceConfig = field(default_factory=ConfidenceConfig)
     """How images change the confidence of beware points."""
+    fading: FadingConfig = field(default_factory=FadingConfig)
+    """How flat points of the colour rules fade."""
+    rejection: RejectionConfig = field(default_factory=RejectionConfig)
+    """What counts where an operator has rejected a detection."""
     raycast: RaycastConfig = field(default_factory=RaycastConfig)
     """How densely lines of sight are cast."""
 

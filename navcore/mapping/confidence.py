@@ -4,7 +4,7 @@ A network errs now and then. One false detection must not bind the robot for eve
 found in many images must not be lost when one misses it. So a point's confidence is a probability
 that images add to in log-odds (Thrun, Burgard, Fox: Probabilistic Robotics, 4.2), with a share of
 what the network claims, because consecutive images err alike. Certain points (confidence 1: the
-colour rules) never change.
+colour rules) keep their confidence; flat ones fade instead (`fading.py`).
 """
 
 from __future__ import annotations

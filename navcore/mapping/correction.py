@@ -25,7 +25,7 @@ from navcore.mapping.point_table import (
     Cells,
     PointTable,
     Records,
-    link_one,
+    link_points,
     unlink_one,
 )
 from navcore.mapping.pose_ids import PoseIds, check_movable
@@ -166,10 +166,3 @@ def replace_points(points: PointTable, indices: Indices, rows: Floats, spec: Gri
 def _unlink(records: Records, first: Cells, indices: Indices) -> None:
     for index in indices:
         unlink_one(records, first, index)
-
-
-@compiled
-def link_points(records: Records, first: Cells, indices: Indices) -> None:
-    """Link (N,) points that have no links to the others of their cells."""
-    for index in indices:
-        link_one(records, first, index)

@@ -207,6 +207,26 @@ class MapLayers:
             self._prior_mask = None
         return cells
 
+    def erase_prior(self, cells: Indices) -> Indices:
+        """Take (N,) cells, row · cols + col, out of the prior map for good; return those that were
+        in it. `refresh` has to follow."""
+        if self._loaded_prior is None:
+            return cells[:0]
+        loaded = self._loaded_prior.bools.reshape(-1).copy()
+        erased: Indices = cells[loaded[cells]]
+        loaded[erased] = self._prior[erased] = False
+        self._set_prior(self._prior, CellMask.of(loaded.reshape(self._spec.rows, -1)))
+        return erased
+
+    def put_back_prior(self, cells: Indices, disproved: Bools) -> None:
+        """Put (N,) erased cells back into the prior map; `disproved`: (N,) whether their floor was
+        measured. `refresh` has to follow."""
+        if self._loaded_prior is None or not len(cells):
+            return
+        loaded = self._loaded_prior.bools.reshape(-1).copy()
+        loaded[cells], self._prior[cells] = True, ~disproved
+        self._set_prior(self._prior, CellMask.of(loaded.reshape(self._spec.rows, -1)))
+
     def _set_prior(self, prior: Bools, loaded: CellMask | None) -> None:
         self._prior, self._prior_mask, self._loaded_prior = prior, None, loaded
 

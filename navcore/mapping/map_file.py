@@ -25,10 +25,12 @@ from navcore.formats.map_image import MAX_PIXELS, MAX_SIDE
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
-from navcore.mapping import stored_scans, stored_submaps
+from navcore.mapping import stored_rejections, stored_scans, stored_submaps
+from navcore.mapping.fading import UNKNOWN_LOOKS
 from navcore.mapping.map_state import MapState, check_points, check_state
 from navcore.mapping.placing import base_points, map_points, pose_rows
 from navcore.mapping.point_table import MapPoints
+from navcore.mapping.stored_rejections import rejection_parts, rejections_of
 from navcore.mapping.stored_scans import NO_SCANS, scan_parts, scans_of
 from navcore.mapping.stored_submaps import Parts, submap_parts, submaps_of
 from navcore.mission.beware_list import NOTHING, BewareList
@@ -36,9 +38,9 @@ from navcore.toml_config import from_table, ranged
 
 log = logging.getLogger(__name__)
 FORMAT = "bewarenav map"
-VERSION = 2
-"""Version that is written; version 1, which had neither positions by pose nor submaps nor scans, is
-read, too."""
+VERSION = 3
+"""Version that is written. Version 2, which had neither rejections nor looks, and version 1, which
+had neither positions by pose nor submaps nor scans, are read, too."""
 MAX_BYTES = 1 << 29
 """Largest file that is read, in bytes."""
 MAX_UNPACKED = 1 << 31
@@ -57,9 +59,16 @@ _COMMON: Mapping[str, tuple[type[np.generic], int]] = {
     "volume": (np.uint64, 2),
     **dict.fromkeys(_MASKS, (np.uint8, 2)),
 }
+_BY_POSE: Mapping[str, tuple[type[np.generic], int]] = {
+    **_COMMON,
+    "points_base": (np.float32, 2),
+    **stored_submaps.KINDS,
+    **stored_scans.KINDS,
+}
 _KINDS: Mapping[int, Mapping[str, tuple[type[np.generic], int]]] = {
     1: {**_COMMON, "points_map": (np.float32, 2)},
-    2: {**_COMMON, "points_base": (np.float32, 2), **stored_submaps.KINDS, **stored_scans.KINDS},
+    2: _BY_POSE,
+    3: {**_BY_POSE, "looks": (np.uint8, 1), **stored_rejections.KINDS},
 }
 """Version → part → type and number of axes.
 
@@ -110,13 +119,14 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
         class_ids=tuple(class_names),
         class_names=tuple(class_names.values()),
     )
-    parts: Parts = {name: getattr(state.points, name) for name in _COLUMNS}
+    parts: Parts = {name: getattr(state.points, name) for name in (*_COLUMNS, "looks")}
     parts |= {
         name: np.packbits(getattr(state, field).bools, axis=1) for name, field in _MASKS.items()
     }
     parts |= {"poses": state.poses, "volume": state.volume}
     parts["points_base"] = np.column_stack([state.points_base, state.points.points_map[:, 2]])
     parts |= submap_parts(state.submaps) | scan_parts(state.scans)
+    parts |= rejection_parts(state.rejections)
     parts["head"] = np.frombuffer(json.dumps(asdict(head)).encode(), dtype=np.uint8)
     file = io.BytesIO()
     np.savez_compressed(file, allow_pickle=False, **parts)
@@ -131,6 +141,8 @@ def load(path: Path) -> StoredMap:
     spec, where = GridSpec(**asdict(head.spec)), path.name
     check_points(parts, spec, where)
     rows = pose_rows(Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in parts["poses"].tolist())
+    if version < 3:
+        parts["looks"] = np.full(len(parts["pose_ids"]), UNKNOWN_LOOKS, dtype=np.uint8)
     if version == 1:
         points_map = parts["points_map"]
         points_base = base_points(points_map, parts["pose_ids"], rows)
@@ -139,12 +151,17 @@ def load(path: Path) -> StoredMap:
         points_map = map_points(parts["points_base"], parts["pose_ids"], rows)
     state = MapState(
         spec=spec,
-        points=MapPoints(points_map=points_map, **{name: parts[name] for name in _COLUMNS}),
+        points=MapPoints(
+            points_map=points_map,
+            looks=parts["looks"],
+            **{name: parts[name] for name in _COLUMNS},
+        ),
         points_base=points_base,
         poses=parts["poses"],
         volume=parts["volume"],
         submaps={} if version == 1 else submaps_of(parts, len(parts["poses"]), MAX_UNPACKED, where),
         scans=NO_SCANS if version == 1 else scans_of(parts, len(parts["poses"]), where),
+        rejections=rejections_of(parts, len(parts["poses"]), where) if version > 2 else (),
         **{field: _mask(parts[name], spec, f"{where}: {name}") for name, field in _MASKS.items()},
     )
     check_state(state, where)
@@ -242,7 +259,7 @@ def _head(part: npt.NDArray[Any], version: int, where: str) -> _Head:
     if table.get("version") != version:
         raise BadConfiguration(
             f"{where}: made in version {table.get('version')!r:.20} of the format, this program "
-            f"reads {' and '.join(map(str, _KINDS))}, and the parts are those of {version}"
+            f"reads {', '.join(map(str, _KINDS))}, and the parts are those of {version}"
         )
     head = from_table(_Head, table, f"{where}: head")
     if head.spec.rows * head.spec.cols > MAX_PIXELS:

@@ -16,6 +16,7 @@ from navcore.mapping.map_rules import require, within
 from navcore.mapping.patch import grown_volume
 from navcore.mapping.point_table import MapPoints
 from navcore.mapping.raycast import BLOCK
+from navcore.mapping.rejections import Rejection
 from navcore.mapping.stored_scans import NO_SCANS, StoredScans, check_scans
 from navcore.mapping.submap import PackedSubmap, shifted
 from navcore.mission.beware_list import LARGEST_CLASS_ID
@@ -52,6 +53,8 @@ class MapState:
     """Cells explored from each pose ID."""
     scans: StoredScans = NO_SCANS
     """Scans by which the robot finds its pose on the map."""
+    rejections: tuple[Rejection, ...] = ()
+    """What an operator has said is not there."""
 
     def grown(self, growth: Growth) -> MapState:
         """Return the state on a larger grid."""
@@ -102,6 +105,7 @@ def check_state(state: MapState, where: str) -> None:
         points.confidence,
         points.range_m,
         points.pose_ids,
+        points.looks,
     )
     masks = (state.measured, state.visible, state.driven, state.prior)
     require(

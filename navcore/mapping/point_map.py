@@ -37,6 +37,8 @@ from navcore.mapping.correction import (
     prepare,
     replace_points,
 )
+from navcore.mapping.erasing import Erased, put_back, take
+from navcore.mapping.fading import faded
 from navcore.mapping.layers import MapLayers
 from navcore.mapping.map_state import MapState
 from navcore.mapping.observation import Observation
@@ -45,6 +47,7 @@ from navcore.mapping.placing import base_points, place, pose_rows
 from navcore.mapping.point_queries import points_in, redundant_points
 from navcore.mapping.point_table import POINT, MapPoints, PointTable, Records, levels_of
 from navcore.mapping.pose_ids import PoseIds, check_movable
+from navcore.mapping.rejections import Rejection, Rejections
 from navcore.mapping.stored_scans import NO_SCANS, StoredScans
 from navcore.mapping.visibility import VisibilityMap
 from navcore.mission.beware_list import NOTHING, BewareList
@@ -70,7 +73,10 @@ class PointMap:
         """Poses from which the points were measured."""
         self.explored = VisibilityMap(spec, rules.raycast, self.pose_ids)
         """Known space."""
+        self.rejections = Rejections(rules.rejection)
+        """What an operator has said is not there."""
         self._has_uncertain = False  # whether any point may have a confidence below 1
+        self._has_beware = False  # whether any point may be of the beware list
         self._over_budget = False
         self._snapshot = 0  # number of the newest snapshot
         self.scans: Callable[[], StoredScans] = lambda: NO_SCANS
@@ -82,9 +88,9 @@ class PointMap:
     def insert(self, observation: Observation, frame: Frame, labels: Labels | None = None) -> None:
         """Replace or append the points of the frame's pose ID, and remove those it sees through.
 
-        With `labels` the confidence of uncertain points follows every image (`confidence.py`);
-        without, the first confidence stays. Raises `ValueError` for an observation on another grid
-        than the map's present one.
+        With `labels` the confidence of uncertain points follows every image (`confidence.py`), and
+        flat points of colour rules fade (`fading.py`); without, both stay as they are. Raises
+        `ValueError` for an observation on another grid than the map's present one.
         """
         if observation.spec != self.spec:
             raise ValueError(
@@ -93,12 +99,13 @@ class PointMap:
             )
         if labels is not None:
             self._update_confidence(frame, labels, observation.box)
+            self._fade(frame, labels, observation.box)
         pose_id = self.pose_ids.id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id)
         rows, at = pose_rows([self.pose_ids[pose_id]]), np.zeros(len(observation.rgb), np.int32)
         points_base = base_points(observation.points_map, at, rows)
         new = self._records(observation, points_base, at, rows)
-        new["pose_id"] = pose_id
+        new["pose_id"], new["looks"] = pose_id, self._rules.fading.first
         if labels is not None and (new["confidence"] < 1).any():
             new["confidence"] = initial_confidence(
                 new["confidence"],
@@ -106,6 +113,7 @@ class PointMap:
                 self._rules.confidence,
             )
         self._has_uncertain = self._has_uncertain or bool((new["confidence"] < 1).any())
+        self._has_beware = self._has_beware or bool((new["class_id"] != NOTHING).any())
         self.layers.add_classes(new["class_id"])
         cells = new["cell"][new["cell"] >= 0]
         touched = np.concatenate([self._points.live["cell"][outdated], cells]).astype(np.int64)
@@ -175,6 +183,77 @@ class PointMap:
             self._points, np.unique(held["cell"][gone]).astype(np.int64)
         )
 
+    def erase(self, cells: Indices, class_ids: Iterable[int]) -> Erased:
+        """Remove the points of some classes in (N,) cells, row · cols + col, and with `NOTHING` the
+        prior map, and return it; what the camera sees there later comes back. Raises `ValueError`
+        for a cell that is not on the grid."""
+        cells = np.unique(cells).astype(np.int64)
+        if len(cells) and not 0 <= cells[0] <= cells[-1] < self.spec.rows * self.spec.cols:
+            raise ValueError(f"cells {cells[0]} to {cells[-1]} are not all on the grid of the map")
+        kinds = _class_set(class_ids)
+        taken = take(
+            self._points, points_in(self._points.first, self._points.records, cells, kinds)
+        )
+        prior = self.layers.erase_prior(cells) if kinds[NOTHING] else cells[:0]
+        self._changed_by_hand(cells, prior)
+        return Erased(
+            records=taken,
+            prior_xy=self.spec.centres(np.column_stack(np.divmod(prior, self.spec.cols))),
+            cells=len(np.union1d(taken["cell"], prior)),
+        )
+
+    def put_back(self, erased: Erased) -> None:
+        """Put back what `erase` has removed from this map, with the poses from which it was seen;
+        what the camera has seen there since stays as it is."""
+        taken = erased.records.copy()
+        place(taken, taken["pose_id"], pose_rows(self.pose_ids.poses), self.spec)
+        put_back(self._points, taken)
+        rows, cols = (self.spec.cell(x, y) for x, y in erased.prior_xy), self.spec.cols
+        prior = np.array([row * cols + col for row, col in rows], dtype=np.int64)
+        self.layers.put_back_prior(prior, self.explored.has_floor(prior))
+        cells = taken["cell"][taken["cell"] >= 0].astype(np.int64)
+        self._changed_by_hand(np.union1d(cells, prior), prior)
+        self._keep_to_budget()
+
+    def reject(self, class_id: int, points: Points, confidence: float) -> tuple[Rejection, Erased]:
+        """Remove the points of a class around (N, 2) positions in metres, and remember that it
+        takes better evidence there than looks with this confidence.
+
+        Returns what was removed and the rejection, which moves with the pose that saw most of the
+        points, or the nearest one. Raises `ValueError` on a map without a pose, and for too many.
+        """
+        if not len(self.pose_ids) or not len(points):
+            raise ValueError("a rejection needs positions, and a map with a pose")
+        erased = self.erase(self.rejections.cells_around(points, self.spec), [class_id])
+        rows, (x_m, y_m) = pose_rows(self.pose_ids.poses), points.mean(axis=0)
+        seen_from = np.bincount(erased.records["pose_id"], minlength=len(rows))
+        distances = np.hypot(rows[:, 0] - x_m, rows[:, 1] - y_m)
+        pose_id = int(seen_from.argmax() if seen_from.any() else distances.argmin())
+        rejection = Rejection(
+            id=0,
+            class_id=class_id,
+            confidence=confidence,
+            pose_id=pose_id,
+            points_base=self.pose_ids[pose_id].from_parent(points).astype(np.float32),
+        )
+        return self.rejections.add(rejection, rows, self.spec), erased
+
+    def restore_rejection(self, rejection: Rejection) -> None:
+        """Remember a rejection again that was taken back."""
+        self.version += 1
+        self.rejections.add(rejection, pose_rows(self.pose_ids.poses), self.spec)
+
+    def take_back(self, rejection_id: int) -> Rejection | None:
+        """Forget a rejection and return it; None for an unknown number."""
+        self.version += 1
+        return self.rejections.remove(rejection_id, pose_rows(self.pose_ids.poses), self.spec)
+
+    def _changed_by_hand(self, cells: Indices, prior: Indices) -> None:
+        self.layers.refresh(self._points, cells)
+        self.version += 1
+        if len(prior):  # a correction under way would bring back the former prior map
+            self._snapshot += 1
+
     def correct(self, poses: Mapping[int, Pose2]) -> None:
         """Move past poses (pose ID → corrected T_map_base) with all that was seen from them, for
         example after a loop closure.
@@ -215,6 +294,7 @@ class PointMap:
         self.explored.grow(growth)
         rows = pose_rows(self.pose_ids.poses)
         self.layers.refresh(self._points, replace_points(self._points, beside, rows, self.spec))
+        self.rejections.place(rows, self.spec)
         self._snapshot += 1
         self.version += 1
 
@@ -237,6 +317,7 @@ class PointMap:
         newer = (self.pose_ids[pose_id] for pose_id in range(known, len(self.pose_ids)))
         rows = np.vstack([prepared.rows, pose_rows(newer)])
         cells = catch_up(prepared.points, self._points, rows, self.spec)
+        self.rejections.place(rows, self.spec)
         prepared.points.reuse(self._points)
         self._points = prepared.points
         self.explored.replace(prepared.explored, touched)
@@ -270,6 +351,7 @@ class PointMap:
             volume=base.volume.copy(),
             submaps=self.explored.submaps.values(),
             scans=self.scans(),
+            rejections=self.rejections.all,
             prior=self.layers.prior or CellMask.of(np.zeros((rows, cols), dtype=np.bool_)),
         )
 
@@ -286,15 +368,17 @@ class PointMap:
         self.pose_ids.restore(state.poses)
         held, rows = state.points, pose_rows(self.pose_ids.poses)
         records = self._records(held, state.points_base, held.pose_ids, rows)
-        records["pose_id"] = held.pose_ids
+        records["pose_id"], records["looks"] = held.pose_ids, held.looks
         self._points = PointTable(self.spec.rows * self.spec.cols)
         self._points.load(records, len(records))
         self._has_uncertain = bool((records["confidence"] < 1).any())
+        self._has_beware = bool((records["class_id"] != NOTHING).any())
         self.explored.restore(
             self.spec, (state.measured, state.visible, state.driven), state.volume, state.submaps
         )
         self.layers.rebuild(self._points, state.prior.bools, self.spec)
         self.scans = lambda: state.scans
+        self.rejections.load(state.rejections, rows, self.spec)
         self._snapshot += 1
         self.version += 1
 
@@ -334,6 +418,25 @@ class PointMap:
         self._points.remove(forgotten)
         if len(cells):
             self.layers.refresh(self._points, np.unique(cells))
+            self.version += 1
+
+    def _fade(self, frame: Frame, labels: Labels, box: Box) -> None:
+        """Count the look at the certain flat points in view, and forget those that have faded."""
+        if not self._has_beware:
+            return
+        gone = faded(
+            self._points,
+            self.spec.cols,
+            box,
+            frame,
+            labels,
+            self._rules.fading,
+            self._rules.clearing,
+        )
+        if len(gone):
+            cells = np.unique(self._points.live["cell"][gone]).astype(np.int64)
+            self._points.remove(gone)
+            self.layers.refresh(self._points, cells)
             self.version += 1
 
     def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> Indices:

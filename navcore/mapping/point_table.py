@@ -36,13 +36,14 @@ POINT = np.dtype(
         ("b", "u1"),
         ("class_id", "u1"),
         ("level", "u1"),
+        ("looks", "u1"),
     ],
     align=True,
 )
 """Record of a point, 48 bytes: position in metres of the map frame, position in metres of the base
 frame at its pose ID, from which the former is computed, depth at which it was measured, confidence,
 pose ID, cell (row · cols + col; `OFF_GRID` beside the grid), index of the cell's next point plus
-one (0: none), colour, class and height bin."""
+one (0: none), colour, class, height bin, and the evidence of a certain point (`fading.py`)."""
 _WORDS = POINT.itemsize // 8
 OFF_GRID = -1
 """Cell of a point that a correction moved beside the grid: it is kept and occupies nothing."""
@@ -64,6 +65,8 @@ class MapPoints:
     """(N,) depth in metres at which each point was measured."""
     pose_ids: npt.NDArray[np.int32]
     """(N,) pose ID of each point."""
+    looks: npt.NDArray[np.uint8]
+    """(N,) near looks that speak for each certain flat point, less those against it."""
 
 
 class PointTable:
@@ -134,6 +137,14 @@ class PointTable:
             np.sort(indices)[::-1].astype(np.int64),
         )
 
+    def append(self, new: Records) -> None:
+        """Add points, those of one voxel too."""
+        begin = self.count
+        self.resize(begin + len(new))
+        self.records[begin : self.count] = new
+        self.changed[begin : self.count] = True
+        link_points(self.records, self.first, np.arange(begin, self.count))
+
     def grow(self, growth: Growth) -> Indices:
         """Continue on a larger grid; the order of the points stays.
 
@@ -174,6 +185,7 @@ class PointTable:
             confidence=live["confidence"].copy(),
             range_m=live["range_m"].copy(),
             pose_ids=live["pose_id"].copy(),
+            looks=live["looks"].copy(),
         )
 
     def _reserve(self, more: int) -> None:
@@ -194,6 +206,13 @@ def levels_of(z_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
 def link(records: Records, count: int, first: Cells) -> None:
     """Link the points of each cell in the order of their indices; no cell has a link before."""
     for index in range(count):
+        link_one(records, first, index)
+
+
+@compiled
+def link_points(records: Records, first: Cells, indices: Indices) -> None:
+    """Link (N,) points that have no links to the others of their cells."""
+    for index in indices:
         link_one(records, first, index)
 
 

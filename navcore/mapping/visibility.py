@@ -68,8 +68,16 @@ class VisibilityMap:
 
     def was_measured(self, cells: Indices) -> npt.NDArray[np.bool_]:
         """Return (N,) whether a surface was ever measured in cells, row · cols + col."""
+        return self._bits(self.measured, cells)
+
+    def has_floor(self, cells: Indices) -> npt.NDArray[np.bool_]:
+        """Return (N,) whether the floor of cells, row · cols + col, was measured since a prior map
+        was loaded."""
+        return self._bits(self.live.planes[FLOOR], cells)
+
+    def _bits(self, plane: BitPlane, cells: Indices) -> npt.NDArray[np.bool_]:
         rows, cols = np.divmod(cells.astype(np.int64), self.spec.cols)
-        words = self.measured[rows + PAD, (cols + PAD) >> 6]
+        words = plane[rows + PAD, (cols + PAD) >> 6]
         return np.asarray(words >> (cols & 63).astype(np.uint64) & ONE).astype(np.bool_)
 
     def integrate_rays(self, frame: Frame, rules: ObservationConfig) -> None:

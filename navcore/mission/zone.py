@@ -148,46 +148,48 @@ def forbidden_cells(zone: Zone, spec: GridSpec) -> BoolGrid:
     return rasterise(zone.polygon, spec)
 
 
-def check_polygon(corners: Sequence[Sequence[float]]) -> tuple[tuple[float, float], ...]:
+def check_polygon(
+    corners: Sequence[Sequence[float]], what: str = "zone"
+) -> tuple[tuple[float, float], ...]:
     """Return the corners as a simple polygon, without the closing corner; raises `BadGeometry` with
-    the reason."""
+    the reason, in which `what` names what the polygon is of."""
     if len(corners) > MAX_CORNERS:
-        raise BadGeometry(f"zone has {len(corners)} corners, at most {MAX_CORNERS} are allowed")
+        raise BadGeometry(f"{what} has {len(corners)} corners, at most {MAX_CORNERS} are allowed")
     if any(len(corner) != 2 for corner in corners):
-        raise BadGeometry("zone corners must be (x, y) pairs in metres")
+        raise BadGeometry(f"{what} corners must be (x, y) pairs in metres")
     points = [(float(x), float(y)) for x, y in corners]
     if not np.isfinite(np.array(points)).all():
-        raise BadGeometry("zone has a corner that is not finite; give metres of the map frame")
+        raise BadGeometry(f"{what} has a corner that is not finite; give metres of the map frame")
     if len(points) > 1 and points[0] == points[-1]:
         points.pop()
     if len(set(points)) < 3:
         raise BadGeometry(
-            f"zone has {len(set(points))} distinct corners, a polygon needs at least 3"
+            f"{what} has {len(set(points))} distinct corners, a polygon needs at least 3"
         )
     polygon = Polygon(points)
     if not polygon.is_valid:
-        raise _crossed(polygon)
+        raise _crossed(polygon, what)
     if polygon.area < MIN_AREA_M2:
         raise BadGeometry(
-            f"zone covers {polygon.area:g} m², at least {MIN_AREA_M2:g} m² are needed"
+            f"{what} covers {polygon.area:g} m², at least {MIN_AREA_M2:g} m² are needed"
         )
     for x_m, y_m in points:
         if max(abs(x_m), abs(y_m)) > FARTHEST_M:
             raise BadGeometry(
-                f"zone corner ({x_m:g}, {y_m:g}) is out of range, allowed {-FARTHEST_M:g} to "
+                f"{what} corner ({x_m:g}, {y_m:g}) is out of range, allowed {-FARTHEST_M:g} to "
                 f"{FARTHEST_M:g} m"
             )
     return tuple(points)
 
 
-def _crossed(polygon: Polygon) -> BadGeometry:
+def _crossed(polygon: Polygon, what: str) -> BadGeometry:
     """Return the refusal of an invalid polygon, with the position where its outline crosses or
     touches itself."""
     found = CROSSING.search(explain_validity(polygon))
     if found is None:
-        return BadGeometry("the outline of the zone crosses itself; move a corner")
+        return BadGeometry(f"the outline of the {what} crosses itself; move a corner")
     x_m, y_m = float(found[1]), float(found[2])
     return CrossedOutline(
-        f"the outline of the zone crosses itself at ({x_m:.2f}, {y_m:.2f}); move a corner",
+        f"the outline of the {what} crosses itself at ({x_m:.2f}, {y_m:.2f}); move a corner",
         (x_m, y_m),
     )

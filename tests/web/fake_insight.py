@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.insight.detections import DetectionExtent
 from app.insight.event_log import EventLog
 from app.insight.explanation import ExplanationQuery, alternative, explain
 from app.runtime.time_series import COLUMNS, TimeSeries
@@ -20,6 +21,7 @@ from web.interface.insight import (
     Explanation,
     LabellingState,
     Sighting,
+    Verdict,
 )
 
 
@@ -66,7 +68,7 @@ class FakeInsight:
     def mark_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
         """Implement the port."""
         self.detections.crop(sighting_id)
-        self.detections.mark_wrong()
+        self.detections.mark(sighting_id, "wrong")
         self.taught.append((class_name, None))
         return self.labelling.state()
 
@@ -120,9 +122,15 @@ class FakeDetections:
         """Implement the port."""
         return {} if self._sighting.verdict else {3: 1}
 
-    def mark_wrong(self) -> None:
-        """Mark the cup as wrong."""
-        self._sighting = replace(self._sighting, verdict="wrong")
+    def mark(self, sighting_id: int, verdict: Verdict | None) -> None:
+        """Mark the cup."""
+        self._sighting = replace(self._sighting, verdict=verdict)
+
+    def extent(self, sighting_id: int) -> DetectionExtent:
+        """Return the place of the cup."""
+        self.crop(sighting_id)
+        points = np.array([self._sighting.place])
+        return DetectionExtent(sighting=self._sighting, points=points, confidence=0.9)
 
 
 class FakeLabelling:

@@ -17,11 +17,13 @@ import numpy.typing as npt
 
 from app.console.beware_editor import BewareEditor
 from app.console.goals import Goals
+from app.console.map_editor import MapEditor
 from app.console.path_preview import compare, grid_with, pose_at, with_zones
 from app.console.saved_missions import SavedMissions
 from app.console.zone_editor import ZoneEditor
 from app.insight.explanation import ExplanationQuery
 from app.runtime.operator_state import OperatorState
+from navcore.config.mapping import MappingConfig
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration, NotKnown, Refused
@@ -31,6 +33,7 @@ from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.grid.growth import growth_into, padded
 from navcore.localisation.estimate import LocalisationState
+from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
@@ -113,6 +116,16 @@ class FakeOperations:
             new_id=_ids().__next__,
         )
         self.beware = BewareEditor(self, store=store, segmenter=ColourSegmenter())
+        self.map_posts: list[Callable[[PointMap], None]] = []
+        self.point_map = PointMap(SPEC, MappingConfig())
+        self.point_map.pose_ids.id_of(Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0))
+        self.map_edits = MapEditor(
+            self,
+            point_map=self.point_map,
+            detections=lambda: self.insight.detections,
+            names=lambda: self._intent.beware.names,
+            tell=lambda text, place: None,
+        )
         self.sites = FakeSites(lambda: self._intent.mission.phase is Phase.DRIVING)
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
         self._driven = [(-6.0, 0.0)]
@@ -306,6 +319,11 @@ class FakeOperations:
                 )
         for pose_id, pose in poses.items():
             self._poses[pose_id] = pose
+
+    def edit_map(self, edit: Callable[[PointMap], None]) -> None:
+        """Edit a map without points."""
+        self.map_posts.append(edit)
+        edit(self.point_map)
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Return one past mission."""

@@ -4,14 +4,16 @@ effect, and saved missions."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import ClassVar, TypedDict
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import ConfigDict
 
 from navcore.mission.mission import Goal
 from navcore.mission.zone import ZoneSpec
 from navcore.planning.path import NoPath, Path
+from web.interface.wire import DOCUMENTED, Position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,13 +27,31 @@ class ZoneDraft(ZoneSpec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ZoneHistory:
-    """Edits of the zones that can be undone and redone."""
+class EditHistory:
+    """Edits that can be undone and redone."""
 
     undo: str | None
     """Description of the edit that undo would take back; None without one."""
     redo: str | None
     """Description of the edit that redo would repeat; None without one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RejectedPlace:
+    """Place at which an operator said that a detection is not one of its class."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    id: int
+    """Number of the rejection since the start of the console."""
+    class_id: int
+    """Id of the class that is not there."""
+    class_name: str
+    """Its name in the beware list."""
+    place: Position
+    """Position (x, y) in metres of the map frame."""
+    confidence: float
+    """Highest confidence of the looks that were rejected; it takes more to count there."""
 
 
 class GoalChanges(TypedDict, total=False):

@@ -30,8 +30,11 @@ Kind = Literal[
     "beware",
     "labelled",
     "place",
+    "map",
 ]
 """Subject of an entry of the event log."""
+Verdict = Literal["wrong", "rejected"]
+"""What an operator said of a detection."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,8 +184,9 @@ class Sighting:
     """Time of the first detection by the robot's clock, seconds."""
     last_s: float
     """Time of the last detection by the robot's clock, seconds."""
-    verdict: Literal["wrong"] | None = None
-    """Correction by the operator; null for none."""
+    verdict: Verdict | None = None
+    """Correction by the operator: of another class or of none for the next training, or rejected on
+    the map; null for none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

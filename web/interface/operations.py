@@ -15,18 +15,20 @@ from pathlib import Path as FilePath
 from typing import Literal, Protocol
 
 from navcore.geometry.transform import Pose2, Twist
+from navcore.mapping.erasing import Erasable
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone
 from navcore.perception.labels import LabelSource
 from navcore.robot.profile import RobotProfile
 from web.interface.drafts import (
+    EditHistory,
     GoalChanges,
     Preview,
     PreviewDraft,
+    RejectedPlace,
     SavedMission,
     ZoneDraft,
-    ZoneHistory,
 )
 from web.interface.insight import Diagnostics
 from web.interface.localisation import PlaceEdits
@@ -80,7 +82,7 @@ class ZoneEdits(Protocol):
         """All zones, in the order in which they were first stored."""
 
     @property
-    def history(self) -> ZoneHistory:
+    def history(self) -> EditHistory:
         """Edits that can be undone and redone."""
 
     def add(self, draft: ZoneDraft) -> Zone:
@@ -148,6 +150,36 @@ class BewareEdits(Protocol):
         """Restore the list before the newest edit, as the next version; `Refused` without one."""
 
 
+class MapEdits(Protocol):
+    """Edits of the map and their history. An edit is done before the next tick, and the event log
+    says what it has changed; `by` names the user in it."""
+
+    @property
+    def history(self) -> EditHistory:
+        """Edits that can be undone and redone."""
+
+    def erase(self, corners: tuple[tuple[float, float], ...], what: Erasable, *, by: str) -> None:
+        """Erase what is in a polygon of (x, y) in metres; what the camera sees there later comes
+        back. Raises `BadGeometry` with what is wrong with the polygon."""
+
+    @property
+    def rejected(self) -> tuple[RejectedPlace, ...]:
+        """Where detections were rejected, oldest first."""
+
+    def reject(self, sighting_id: int, *, all_of_class: bool, by: str) -> None:
+        """Free what a detection, or every present one of its class, occupies on the map, and
+        remember that it takes better evidence there; raises `NotKnown`."""
+
+    def forget(self, rejection_id: int, *, by: str) -> None:
+        """Forget a rejection: its class counts there as everywhere; raises `NotKnown`."""
+
+    def undo(self, *, by: str) -> str:
+        """Undo the newest edit and return its description."""
+
+    def redo(self, *, by: str) -> str:
+        """Repeat the edit that was undone last and return its description."""
+
+
 class RobotService(Protocol):
     """Robot as seen from the console."""
 
@@ -170,6 +202,10 @@ class RobotService(Protocol):
     @property
     def beware(self) -> BewareEdits:
         """Objects that must not be touched."""
+
+    @property
+    def map_edits(self) -> MapEdits:
+        """What the operator erases from the map."""
 
     @property
     def place(self) -> PlaceEdits:

@@ -24,7 +24,7 @@ from pydantic import (
 from navcore.mission.beware_list import MAX_MARGIN_M
 from navcore.mission.zone import MAX_CORNERS, MAX_LIMIT_MPS, MIN_LIMIT_MPS, Zone, ZoneKind
 from navcore.mission.zone_shapes import MAX_BENDS, Circle, Corridor, Shape
-from web.interface.drafts import ZoneDraft, ZoneHistory
+from web.interface.drafts import EditHistory, ZoneDraft
 from web.interface.wire import DOCUMENTED
 from web.schemas.fields import Closed, Corner, Metres, Name, number
 
@@ -295,7 +295,7 @@ class ZonesOut(BaseModel):
     """Edit that `zones/redo` repeats; null for none."""
 
     @staticmethod
-    def of(zones: Iterable[Zone], history: ZoneHistory) -> ZonesOut:
+    def of(zones: Iterable[Zone], history: EditHistory) -> ZonesOut:
         """Return the collection of zones."""
         features = [ZoneOut.of(zone) for zone in zones]
         return ZonesOut(features=features, undo=history.undo, redo=history.redo)

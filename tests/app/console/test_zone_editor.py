@@ -23,7 +23,7 @@ from navcore.mission.zone_shapes import Circle
 from navcore.planning import path
 from navcore.planning.planner import plan
 from tests.app.console.state import PlainHolder
-from web.interface.drafts import PathPreview, Preview, ZoneDraft, ZoneHistory
+from web.interface.drafts import EditHistory, PathPreview, Preview, ZoneDraft
 
 SPEC = GridSpec.centred(size_m=(10.0, 6.0), resolution_m=0.1)
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
@@ -98,10 +98,10 @@ def test_a_new_edit_clears_redo_and_versions_only_grow(desk: Desk) -> None:
     (zone,) = desk.editor.add_all([ROUND])
     changed = desk.editor.replace(zone.id, SLOW, expected_version=1)
     desk.editor.undo()
-    assert desk.editor.history == ZoneHistory(undo="import of 1 zone", redo="change of 'slow'")
+    assert desk.editor.history == EditHistory(undo="import of 1 zone", redo="change of 'slow'")
     assert desk.bound[0].version > changed.version
     desk.editor.add_all([SLOW])
-    assert desk.editor.history == ZoneHistory(undo="import of 1 zone", redo=None)
+    assert desk.editor.history == EditHistory(undo="import of 1 zone", redo=None)
 
 
 def test_many_zones_are_stored_together_or_not_at_all(desk: Desk) -> None:

@@ -19,6 +19,8 @@ from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.nearest import nearest_free
+from navcore.mapping.erasing import Erasable
+from navcore.mapping.point_map import PointMap
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone, ZoneKind
@@ -212,6 +214,25 @@ def test_a_corrected_pose_moves_its_points_at_the_next_tick_and_an_unknown_one_i
         np.sort(before.points_map[:, 1] + np.float32(0.5)),
         atol=1e-5,
     )
+
+
+def test_an_edit_of_the_map_is_done_before_the_next_tick_also_when_its_frame_is_refused() -> None:
+    driver = controller()
+    think(driver, picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND))
+    erased: list[int] = []
+
+    def erase(point_map: PointMap) -> None:
+        everywhere = np.arange(point_map.spec.rows * point_map.spec.cols)
+        erased.append(point_map.erase(everywhere, Erasable.BOTH.class_ids).cells)
+
+    driver.edit_map(erase)
+    driver.edit_map(erase)
+    assert not erased
+    think(driver, picture(stamp_ns=SECOND))  # shows nothing new
+    assert erased[0] > 0 and erased[1:] == [0]
+    assert len(driver.navigator.map.points.points_map) == 0
+    think(driver, picture(stamp_ns=2 * SECOND))
+    assert len(erased) == 2
 
 
 def test_a_goal_that_was_taken_away_during_the_tick_is_not_counted_as_reached() -> None:

@@ -1,4 +1,4 @@
-"""Confidence: images speak for and against what a network has detected; certain points stay."""
+"""Confidence: images speak for and against what a network has detected; certain points keep it."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_an_object_detected_in_many_images_is_not_lost_when_some_miss_it() -> No
         assert look(cloud, labels(0.9, there=False)) >= 0.9 * held
 
 
-def test_a_certain_point_stays_whatever_later_images_show() -> None:
+def test_a_certain_point_stays_when_later_images_of_the_same_colour_lose_its_label() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     held = look(cloud, labels(1.0, there=True))
     for _ in range(20):

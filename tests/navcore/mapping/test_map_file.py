@@ -22,11 +22,15 @@ from navcore.errors import BadConfiguration, StorageFailed
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import GridSpec
+from navcore.mapping.fading import UNKNOWN_LOOKS
 from navcore.mapping.map_file import check_classes, load, save
 from navcore.mapping.map_state import MapState
 from navcore.mapping.patch import empty_patch
 from navcore.mapping.placing import base_points, map_points, pose_rows
 from navcore.mapping.point_table import MapPoints
+from navcore.mapping.rejections import Rejection
+from navcore.mapping.stored_rejections import KINDS as REJECTED
+from navcore.mapping.stored_rejections import rejection_parts
 from navcore.mapping.stored_scans import StoredScans, scan_parts
 from navcore.mapping.stored_submaps import submap_parts
 from navcore.mapping.submap import PackedSubmap, packed
@@ -53,6 +57,7 @@ def state_of(seed: int, count: int = 20, rows: int = 13, cols: int = 21) -> MapS
         confidence=rng.random(count, dtype=np.float32),
         range_m=(5 * rng.random(count)).astype(np.float32),
         pose_ids=pose_ids,
+        looks=rng.integers(1, 31, count, dtype=np.uint8),
     )
     measured, visible, driven, prior = (
         CellMask.of(rng.random((rows, cols)) < 0.5) for _ in range(4)
@@ -68,6 +73,16 @@ def state_of(seed: int, count: int = 20, rows: int = 13, cols: int = 21) -> MapS
         prior=prior,
         volume=rng.integers(0, 2**63, (-(-rows // 4), -(-cols // 4)), dtype=np.uint64),
         submaps={pose_id: submap_of(rng, rows, cols) for pose_id in (0, 2)},
+        rejections=tuple(
+            Rejection(
+                id=number,
+                class_id=int(rng.integers(1, 63)),
+                confidence=float(rng.random(dtype=np.float32)),
+                pose_id=int(rng.integers(3)),
+                points_base=rng.normal(size=(number, 2)).astype(np.float32),
+            )
+            for number in (1, 2)
+        ),
     )
 
 
@@ -102,6 +117,7 @@ def arrays(state: MapState) -> dict[str, npt.NDArray[Any]]:
     others = {
         name: getattr(state, name) for name in ("points_base", "poses", "volume")
     } | submap_parts(state.submaps)
+    others |= rejection_parts(state.rejections)
     return points | masks | others
 
 
@@ -129,7 +145,7 @@ def test_a_map_comes_back_bit_by_bit(
 
 
 def test_a_map_without_a_point_or_a_pose_is_a_map_too(tmp_path: Path) -> None:
-    empty = dataclasses.replace(state_of(1, 0), poses=np.empty((0, 3)), submaps={})
+    empty = dataclasses.replace(state_of(1, 0), poses=np.empty((0, 3)), submaps={}, rejections=())
     save(tmp_path / "m", empty, {})
     assert_same(empty, load(tmp_path / "m").state)
 
@@ -167,7 +183,7 @@ def old(whole: bytes) -> bytes:
         kept = {
             name: part
             for name, part in parts.items()
-            if not name.startswith(("scan_", "submap_", "points_base"))
+            if not name.startswith(("scan_", "submap_", "rejected_", "points_base", "looks"))
         }
     file = io.BytesIO()
     kept |= {"points_map": GOOD["points_map"], "head": head(version=1)}
@@ -186,8 +202,22 @@ def test_a_file_of_version_1_is_read_and_its_points_keep_their_places(
     for name, part in arrays(stored.state).items():
         if name == "points_base":
             np.testing.assert_allclose(part, expected[name], atol=1e-6)
-        elif not name.startswith("submap_"):
+        elif not name.startswith(("submap_", "rejected_", "looks")):
             np.testing.assert_array_equal(part, expected[name], err_msg=name)
+
+
+def test_a_file_of_version_2_is_read_without_rejections_and_looks(
+    tmp_path: Path, whole: bytes
+) -> None:
+    for name in (*REJECTED, "looks"):
+        whole = remade(whole, name, None)
+    (tmp_path / "m").write_bytes(remade(whole, "head", head(version=2)))
+    stored = load(tmp_path / "m").state
+    assert stored.rejections == ()
+    assert (stored.points.looks == UNKNOWN_LOOKS).all()
+    same = state_of(3)
+    points = dataclasses.replace(same.points, looks=stored.points.looks)
+    assert_same(stored, dataclasses.replace(same, points=points, rejections=()))
 
 
 def refusal(folder: Path, data: bytes) -> str:
@@ -245,7 +275,7 @@ def head(**changed: object) -> npt.NDArray[np.uint8]:
     spec = {"resolution_m": 0.1, "rows": 13, "cols": 21, "origin_x_m": -1.3, "origin_y_m": 0.7}
     values = {
         "format": "bewarenav map",
-        "version": 2,
+        "version": 3,
         "spec": spec,
         "class_ids": [1],
         "class_names": ["a"],
@@ -325,6 +355,15 @@ HUGE = (
         ("submap_sizes", np.array([2**63 - 1, 2**63 - 1]), "m: submap_sizes: has values"),
         ("submap_sizes", np.array([0, 5]), "m: submap_sizes: has values"),
         ("submap_data", GOOD["submap_data"] ^ np.uint8(5), "m: submap_data: damaged submap"),
+        ("rejected_class_ids", np.array([0, 1], np.uint8), "m: rejected_class_ids: has values"),
+        ("rejected_class_ids", np.ones(501, np.uint8), "m: rejected_class_ids: has values"),
+        ("rejected_confidence", np.array([2, 0], np.float32), "m: rejected_confidence: has"),
+        ("rejected_confidence", np.ones(3, np.float32), "m: rejected_confidence: has values"),
+        ("rejected_pose_ids", np.array([0, 3], np.int32), "m: rejected_pose_ids: has values"),
+        ("rejected_sizes", np.array([1, 1], np.int32), "m: rejected_sizes: has values"),
+        ("rejected_sizes", np.array([4, -1], np.int32), "m: rejected_sizes: has values"),
+        ("rejected_points", np.full((3, 2), np.nan, np.float32), "m: rejected_points: has values"),
+        ("rejected_points", np.zeros((3, 1), np.float32), "m: rejected_points: has values"),
         ("scan_pose_ids", np.array([0, 3], np.int32), "m: scan_pose_ids: has values"),
         ("scan_pose_ids", np.array([2, 2], np.int32), "m: scan_pose_ids: has values"),
         ("scan_sizes", np.array([3, 3], np.int32), "m: scan_sizes: has values"),
@@ -339,8 +378,8 @@ HUGE = (
         ("head", np.frombuffer(b"{", dtype=np.uint8), "m: head: damaged"),
         ("head", np.frombuffer(b"[" * 100_000, dtype=np.uint8), "m: head: damaged"),
         ("head", head(format="other"), "m: no map of this program"),
-        ("head", head(version=1), "m: made in version 1 of the format, this program reads 1 and 2"),
-        ("head", head(version=3), "m: made in version 3 of the format, this program reads 1 and 2"),
+        ("head", head(version=1), "m: made in version 1 of the format, this program reads 1, 2, 3"),
+        ("head", head(version=4), "m: made in version 4 of the format, this program reads 1, 2, 3"),
         ("head", head(spec={}), "m: head.spec: key 'resolution_m' is missing"),
         ("head", head(colour=1), "m: head: unknown key 'colour'"),
         ("head", head(class_ids=[1, 2]), "m: head.class_ids: expected one id for each name"),
@@ -359,7 +398,7 @@ def test_a_file_that_does_not_fit_itself_is_refused_by_part(
         ("points_map", GOOD["points_map"] + np.float32(50), "m: points_map: has values"),
         ("points_map", GOOD["points_map"] * np.float32(np.nan), "m: points_map: has values"),
         ("pose_ids", GOOD["pose_ids"] + np.int32(1), "m: pose_ids: has values"),
-        ("head", head(), "m: made in version 2 of the format"),
+        ("head", head(), "m: made in version 3 of the format"),
         ("points_base", GOOD["points_map"], "m: no map of this program; expected the parts"),
     ],
 )

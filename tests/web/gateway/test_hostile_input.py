@@ -253,3 +253,18 @@ def test_an_if_match_that_is_no_version_is_refused(client: httpx.Client, version
     answer = client.delete("/api/v1/zones/z1", headers={"If-Match": version})
     assert wrong(answer, 400)["message"].startswith("If-Match")
     assert len(client.get("/api/v1/zones").json()["features"]) == 1
+
+
+@settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
+@given(path=st.sampled_from(["map/erase", "sightings/1/reject"]), value=values)
+def test_no_json_value_makes_an_edit_of_the_map_fail(
+    lasting: tuple[httpx.Client, FakeOperations], path: str, value: Any
+) -> None:
+    answer = lasting[0].post(f"/api/v1/{path}", content=dumped(value), headers=JSON)
+    assert answer.status_code < 500, (path, value, answer.text)
+    answer.json()

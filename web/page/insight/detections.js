@@ -2,20 +2,24 @@
 // one can be corrected for the next training.
 
 import { swatchOf } from "../beware/swatch.js";
-import { get, post } from "../core/api.js";
+import { get, post, request } from "../core/api.js";
 import { element, formatAge, make, setText } from "../core/dom.js";
 import { attempt, notify } from "../core/toasts.js";
+import { offerUndo } from "../map/erase.js";
 import { openMissed } from "./missed_object.js";
 
 // While the tab is closed, the counts are updated only every so many ticks.
 const CLOSED_EVERY = 5;
 const NONE_OF_LIST = "-";
+const VERDICTS = { wrong: "✕ marked as wrong", rejected: "✕ not one" };
 let shared;
 let tab;
 let counts;
 let cards;
 let collected;
 let missed;
+let rejected;
+let shownRejected = "";
 let isBusy = false;
 let shownKeys = "";
 let ticks = 0;
@@ -27,6 +31,7 @@ export function build(pane, context, button) {
   cards = make("ul", { class: "cards", "data-testid": "detections" });
   collected = make("p", { class: "soft", "data-testid": "labelling" });
   missed = make("div", { class: "missed", hidden: "" });
+  rejected = make("ul", { class: "rejected", "data-testid": "rejected" });
   const open = () => attempt(() => openMissed(missed, shared.beware.classes, () => tick(true)));
   const add = make(
     "button",
@@ -37,7 +42,7 @@ export function build(pane, context, button) {
     },
     "+ Add a missed object",
   );
-  pane.append(make("div", { class: "head" }, counts, add), missed, cards, collected);
+  pane.append(make("div", { class: "head" }, counts, add), missed, cards, rejected, collected);
 }
 
 export async function tick(isOpen) {
@@ -46,6 +51,7 @@ export async function tick(isOpen) {
   isBusy = true;
   try {
     show(await get("/sightings"));
+    if (isOpen) showRejected((await get("/map/edits")).rejected);
   } catch {
     // a lost connection has its own banner
   }
@@ -108,6 +114,38 @@ function showCounts(seen) {
     );
 }
 
+// Where the operator said "not one": kept with the map until it is taken back.
+function showRejected(places) {
+  const key = JSON.stringify(places);
+  if (key === shownRejected) return;
+  shownRejected = key;
+  rejected.replaceChildren(
+    ...places.map(({ id, class_name: name, place }) =>
+      make(
+        "li",
+        { "data-testid": "rejected-place" },
+        make("span", {}, `You said that this is no ${name}:`),
+        placeButton(place),
+        make(
+          "button",
+          {
+            title: "Take it seriously there again",
+            "data-testid": "rejected-forget",
+            onclick: () => takeBack(id),
+          },
+          "Take back",
+        ),
+      ),
+    ),
+  );
+}
+
+const takeBack = (id) =>
+  attempt(async () => {
+    await request("DELETE", `/map/rejected/${id}`);
+    await tick(true);
+  });
+
 // The count beside each class of the beware list.
 function showInBewareList(seen) {
   for (const item of element("beware").children) {
@@ -127,14 +165,12 @@ function showInBewareList(seen) {
 
 function cardOf(detection) {
   const { id, class_name: name, place, verdict } = detection;
-  const [x, y] = place;
   const image = make("img", {
     src: `/api/v1/sightings/${id}/picture.jpg`,
     alt: `${name}, as the camera saw it`,
     loading: "lazy",
   });
   const confidence = make("span", {}, `${Math.round(100 * detection.confidence)} %`);
-  const look = () => shared.look(place);
   return make(
     "li",
     { class: verdict ?? "", "data-testid": "detection", "data-class": name },
@@ -147,14 +183,50 @@ function cardOf(detection) {
       confidence,
     ),
     make("span", { class: "soft" }),
-    make(
-      "button",
-      { class: "jump", title: "Show this place", "data-testid": "detection-jump", onclick: look },
-      `◎ ${x.toFixed(1)}, ${y.toFixed(1)}`,
-    ),
-    verdict ? make("span", { class: "verdict" }, "✕ marked as wrong") : correctionChoice(id, name),
+    placeButton(place),
+    verdict
+      ? make("span", { class: "verdict" }, VERDICTS[verdict])
+      : make("span", { class: "corrections" }, ...rejectButtons(id, name), correctionChoice(id, name)),
   );
 }
+
+function placeButton(place) {
+  const [x, y] = place;
+  const look = () => shared.look(place);
+  return make(
+    "button",
+    { class: "jump", title: "Show this place", "data-testid": "detection-jump", onclick: look },
+    `◎ ${x.toFixed(1)}, ${y.toFixed(1)}`,
+  );
+}
+
+const rejectButtons = (id, name) => [
+  make(
+    "button",
+    {
+      title: `This is no ${name}: free its place, and ask for better evidence there`,
+      "data-testid": "reject",
+      onclick: () => reject(id, false, `The place of the ${name} is free.`),
+    },
+    "✕ Not one",
+  ),
+  make(
+    "button",
+    {
+      title: `None of all that was taken for a ${name} here is one`,
+      "data-testid": "reject-all",
+      onclick: () => reject(id, true, `Every place of a ${name} is free.`),
+    },
+    "✕ None of this kind",
+  ),
+];
+
+const reject = (id, isAll, done) =>
+  attempt(async () => {
+    await post(`/sightings/${id}/reject`, { all_of_class: isAll });
+    offerUndo(`${done} It counts there only when the robot is surer.`);
+    await tick(true);
+  });
 
 function correctionChoice(id, name) {
   const others = shared.beware.classes.filter((entry) => entry.name !== name);

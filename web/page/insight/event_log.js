@@ -17,6 +17,7 @@ const KINDS = {
   beware: "▲ beware",
   labelled: "✎ labelled",
   place: "⌖ place",
+  map: "⌫ map edited",
 };
 const LEVEL_NAMES = { detail: "everything", notice: "goals, zones, stops", alert: "stops" };
 const MAX_NEW = 300;

@@ -7,6 +7,7 @@ import { attempt, notify } from "../core/toasts.js";
 import { addGoal } from "../mission/goals.js";
 import { proposeCircle, setMode } from "../zones/draft.js";
 import { removeZone, switchZone } from "../zones/zones.js";
+import { choicesFor, discAt, historyItems } from "./erase.js";
 import { startMeasuring, startPlacing } from "./pick.js";
 import { select } from "./selection.js";
 import { describe, targetAt } from "./targets.js";
@@ -15,6 +16,7 @@ import { world } from "./world.js";
 
 const menu = element("map-menu");
 const EDGE_PX = 8;
+let openedAt = [0, 0];
 
 const isViewer = () => document.body.dataset.role === "viewer";
 const nameOf = (item) => item.name || `the goal at ${item.x_m.toFixed(1)}, ${item.y_m.toFixed(1)}`;
@@ -30,6 +32,7 @@ function itemsOf(at, target) {
       add("edit-zone", `Edit zone “${name}”`, () => setMode("edit", item));
       add("switch-zone", enabled ? "Switch it off" : "Switch it on", () => switchZone(item, !enabled));
       add("delete-zone", "Delete it", () => removeZone(item));
+      add("erase-zone", "⌫ Erase inside it …", () => choose(choicesFor(item.geometry)));
     }
     if (kind === "goal") {
       add("goal-first", `Drive to ${nameOf(item)} first`, () => driveFirst(item));
@@ -39,6 +42,7 @@ function itemsOf(at, target) {
     }
     add("goal-here", "⚑ Goal here", () => addGoal(at));
     add("zone-here", "⬠ Zone here", () => proposeCircle(at));
+    add("erase-here", "⌫ Erase here …", () => choose(choicesFor(discAt(at))));
     add("robot-here", "◎ The robot is here …", () => startPlacing(at));
   }
   add("measure", "↔ Measure from here", () => startMeasuring(at));
@@ -56,15 +60,38 @@ export function openMenu([px, py], { byKeyboard = false } = {}) {
   const at = toWorld(px, py);
   const target = targetAt([px, py]);
   select(target);
-  const items = itemsOf(at, target);
   const place = `x ${at[0].toFixed(2)}, y ${at[1].toFixed(2)} m`;
+  const edits = make("div", { class: "edits" });
   menu.replaceChildren(
     make("p", { class: "what", "data-testid": "map-menu-what" }, describe(at, target)),
     make("p", {}, place),
-    ...items.map(buttonOf),
+    ...itemsOf(at, target).map(buttonOf),
+    edits,
   );
+  if (!isViewer()) showHistory(edits);
+  openedAt = [px, py];
   show(px, py);
   if (byKeyboard) menu.querySelector("button").focus();
+}
+
+// The undo and redo of the map's edits, as soon as the console has said what they are.
+async function showHistory(edits) {
+  edits.replaceChildren(...(await historyItems()).map(buttonOf));
+  if (edits.isConnected && menu.matches(":popover-open")) show(...openedAt);
+}
+
+// Ask for one of some items where the menu was, the first of which has the focus.
+function choose(items) {
+  menu.replaceChildren(...items.map(buttonOf));
+  show(...openedAt);
+  menu.querySelector("button").focus();
+}
+
+// Ask what to erase in a geometry, beside a button of the page; `then` runs after a choice.
+export function askWhatToErase(geometry, button, then) {
+  const [box, own] = [canvas.getBoundingClientRect(), button.getBoundingClientRect()];
+  openedAt = [own.left - box.left, own.top - box.top];
+  choose(choicesFor(geometry, then));
 }
 
 function buttonOf([id, text, act]) {

@@ -60,6 +60,7 @@ export function describe(draft, preview = null) {
   const { corners, tool } = draft;
   const missing = missingOf(draft);
   set(field("finish"), { disabled: missing !== "", title: missing || "Enter or double-click" });
+  field("erase").disabled = missing !== "";
   const isCircle = tool === "circle";
   fill(
     "corners",

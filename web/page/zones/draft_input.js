@@ -1,7 +1,8 @@
 // Input in the form of a draft changes the draft.
 
 import { element } from "../core/dom.js";
-import { changed, draft, redo, setMode, setTool, snapshot, undo } from "./draft.js";
+import { askWhatToErase } from "../map/map_menu.js";
+import { asZone, changed, draft, redo, setMode, setTool, snapshot, undo } from "./draft.js";
 import { field, note, parseCorners, showKind } from "./draft_form.js";
 import { finish } from "./store_draft.js";
 
@@ -54,4 +55,6 @@ element("draft").addEventListener("submit", (event) => {
 });
 field("undo").onclick = undo;
 field("redo").onclick = redo;
+field("erase").onclick = () =>
+  askWhatToErase(asZone().geometry, field("erase"), () => setMode("navigate"));
 field("cancel").onclick = () => setMode("navigate");

@@ -1,0 +1,75 @@
+"""Erasing from the map, in a real Chromium: from the menu of a place, a zone and a draft."""
+
+from __future__ import annotations
+
+from playwright.sync_api import Page, expect
+
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import await_map, click_map
+from tests.web.page.test_map_touch import IN_SQUARE, add_zone, press_item, right_click
+
+
+def test_a_place_is_erased_from_its_menu_and_taken_back(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    right_click(page, -1.0, 0.0)
+    page.get_by_test_id("map-erase-here").click()
+    press_item(page, "erase-beware")
+    expect(page.get_by_test_id("toasts")).to_contain_text("What the camera sees there comes back.")
+    assert operations.map_edits.history.undo == "erasing of beware points around (-1.0, 0.0)"
+    right_click(page, -1.0, 0.0)
+    press_item(page, "edit-undo")
+    expect(page.get_by_test_id("toasts")).to_contain_text("It is back on the map.")
+    assert len(operations.map_posts) == 2
+    right_click(page, -1.0, 0.0)
+    press_item(page, "edit-redo")
+    expect(page.get_by_test_id("toasts")).to_contain_text("It is done again.")
+
+
+def test_a_zone_is_emptied_by_keyboard(page: Page, operations: FakeOperations) -> None:
+    add_zone(operations)
+    await_map(page)
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    click_map(page, *IN_SQUARE)
+    page.get_by_test_id("map-canvas").focus()
+    page.keyboard.press("Shift+F10")
+    for _ in range(3):
+        page.keyboard.press("ArrowDown")
+    expect(page.get_by_test_id("map-erase-zone")).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("map-erase-both")).to_be_focused()
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("toasts")).to_contain_text("The obstacles there are erased.")
+    assert len(operations.map_posts) == 1 and len(operations.zones.stored) == 1
+
+
+def test_what_is_drawn_can_be_erased_instead_of_made_a_zone(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.keyboard.press("z")
+    erase = page.get_by_test_id("zone-erase")
+    expect(erase).to_be_disabled()
+    for corner in ((-3.0, -3.0), (-1.0, -3.0), (-1.0, -1.0)):
+        click_map(page, *corner)
+    erase.click()
+    press_item(page, "erase-geometry")
+    expect(page.get_by_test_id("toasts")).to_contain_text("The obstacles there are erased.")
+    expect(page.get_by_test_id("draft")).to_be_hidden()
+    assert operations.map_edits.history.undo is not None and not operations.zones.stored
+
+
+def test_a_detection_that_is_not_one_is_rejected_and_its_place_can_be_taken_back(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.get_by_test_id("tab-seen").click()
+    page.get_by_test_id("reject").click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("The place of the cup is free.")
+    expect(page.get_by_test_id("detection")).to_contain_text("not one")
+    expect(page.get_by_test_id("rejected-place")).to_contain_text("You said that this is no cup")
+    page.get_by_test_id("rejected-forget").click()
+    expect(page.get_by_test_id("rejected-place")).to_have_count(0)
+    assert not operations.map_edits.rejected

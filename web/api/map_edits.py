@@ -1,0 +1,71 @@
+"""Routes of the operator's edits of the map: erase, reject a detection, undo, redo."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+
+from web.api.detections import SightingId
+from web.auth.roles import CurrentVisitor, Visitor
+from web.gateway.problems import JsonResponse, refusals
+from web.interface.operations import RobotService
+from web.schemas.map_edits import EraseIn, MapEditsOut, RejectIn
+
+
+def map_edits_router(operations: RobotService) -> APIRouter:
+    """Return the routes below `/api/v1`."""
+    router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
+
+    def edits() -> MapEditsOut:
+        return MapEditsOut.of(operations.map_edits)
+
+    @router.get("/map/edits", response_model=MapEditsOut)
+    def get_edits() -> MapEditsOut:
+        """Return which edits of the map can be undone and redone, and what was rejected."""
+        return edits()
+
+    @router.post("/map/erase", response_model=MapEditsOut, responses=refusals(409, 422))
+    def erase(body: EraseIn, visitor: CurrentVisitor) -> MapEditsOut:
+        """Erase obstacles, points of the beware list or both from an area before the next tick.
+        What the camera sees there later comes back."""
+        operations.map_edits.erase(body.geometry.corners(), body.what, by=_name_of(visitor))
+        return edits()
+
+    @router.post(
+        "/sightings/{sighting_id}/reject",
+        response_model=MapEditsOut,
+        responses=refusals(404, 409, 422),
+    )
+    def reject(sighting_id: SightingId, body: RejectIn, visitor: CurrentVisitor) -> MapEditsOut:
+        """Reject a detection: what it occupies is free from the next tick on, and its class counts
+        there only with a higher confidence. Kept with the map."""
+        operations.map_edits.reject(
+            sighting_id, all_of_class=body.all_of_class, by=_name_of(visitor)
+        )
+        return edits()
+
+    @router.delete(
+        "/map/rejected/{rejection_id}", response_model=MapEditsOut, responses=refusals(404, 409)
+    )
+    def forget(rejection_id: SightingId, visitor: CurrentVisitor) -> MapEditsOut:
+        """Forget a rejection: its class counts there as everywhere."""
+        operations.map_edits.forget(rejection_id, by=_name_of(visitor))
+        return edits()
+
+    @router.post("/map/undo", response_model=MapEditsOut, responses=refusals(409))
+    def undo(visitor: CurrentVisitor) -> MapEditsOut:
+        """Undo the newest edit of the map by any operator since the start of the console."""
+        operations.map_edits.undo(by=_name_of(visitor))
+        return edits()
+
+    @router.post("/map/redo", response_model=MapEditsOut, responses=refusals(409))
+    def redo(visitor: CurrentVisitor) -> MapEditsOut:
+        """Repeat the edit that was undone last."""
+        operations.map_edits.redo(by=_name_of(visitor))
+        return edits()
+
+    return router
+
+
+def _name_of(visitor: Visitor) -> str:
+    """Return the name for the event log; a console without users has none."""
+    return visitor.name if visitor.logged_in else "The operator"

@@ -1,0 +1,49 @@
+"""Requests and answers of the routes of the edits of the map."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, StrictBool
+
+from navcore.mapping.erasing import Erasable
+from web.interface.drafts import RejectedPlace
+from web.interface.operations import MapEdits
+from web.interface.wire import DOCUMENTED
+from web.schemas.fields import Closed
+from web.schemas.zones import Geometry
+
+
+class EraseIn(Closed):
+    """Area to erase."""
+
+    geometry: Geometry
+    """GeoJSON Polygon in metres of the map frame, a Point with `radius_m`, or a LineString with
+    `width_m`."""
+    what: Erasable = Erasable.BOTH
+    """What is erased in the area."""
+
+
+class RejectIn(Closed):
+    """Detection that is not one of its class."""
+
+    all_of_class: StrictBool = False
+    """Whether all present detections of its class are rejected with it."""
+
+
+class MapEditsOut(BaseModel):
+    """Edits of the map that can be undone and redone, and what they have rejected."""
+
+    model_config = DOCUMENTED
+
+    undo: str | None
+    """Description of the edit that undo would take back; null without one."""
+    redo: str | None
+    """Description of the edit that redo would repeat; null without one."""
+
+    rejected: tuple[RejectedPlace, ...]
+    """Where detections were rejected, oldest first; kept with the map."""
+
+    @staticmethod
+    def of(edits: MapEdits) -> MapEditsOut:
+        """Return the answer for the present history."""
+        history = edits.history
+        return MapEditsOut(undo=history.undo, redo=history.redo, rejected=edits.rejected)
