@@ -29,9 +29,9 @@ from navcore.localisation.map_correction import (
 from navcore.localisation.scans.keyframe_store import restored, stored
 from navcore.localisation.zone_margins import ZoneMargins
 from navcore.mapping.correction import PreparedCorrection
-from navcore.mapping.extent import needed_part, permitted_part
 from navcore.mapping.mapper import Mapper
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.views.extent import needed_part, permitted_part
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone

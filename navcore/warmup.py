@@ -23,8 +23,8 @@ from navcore.localisation.relocalisation.submap import Submap
 from navcore.localisation.scans.matching import search
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
-from navcore.mapping.extent import measured_bounds
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.views.extent import measured_bounds
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone

@@ -21,8 +21,8 @@ from navcore.config.perception import ObservationConfig
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mapping.correction import prepare
-from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import NOTHING, default_beware_list
 from navcore.perception.labels import with_full_confidence
 

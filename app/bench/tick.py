@@ -22,7 +22,7 @@ from navcore.config.perception import ObservationConfig
 from navcore.geometry.camera import Pinhole, column_slope, ray_direction, row_slope
 from navcore.geometry.transform import STANDSTILL, Pose2, wrap_angle
 from navcore.grid.grid import GridSpec
-from navcore.mapping.voxels import depth_view, measured_voxels
+from navcore.mapping.views.voxels import depth_view, measured_voxels
 from navcore.mission.beware_list import NOTHING, BewareList, default_beware_list
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator, Stages

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from navcore.localisation.map_correction import AppliedCorrection
-from navcore.mapping.pose_ids import PoseIds
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.anchors import Anchored, anchored
 from navcore.mission.mission import Goal, Mission
 from navcore.mission.zone import Zone

@@ -17,9 +17,9 @@ import shapely
 
 from app.insight.detections import DetectionExtent
 from navcore.errors import BadGeometry, NotKnown, Refused
-from navcore.mapping.erasing import Erasable, Erased
 from navcore.mapping.point_map import PointMap
-from navcore.mapping.rejections import MAX_REJECTIONS, Rejection
+from navcore.mapping.points.erasing import Erasable, Erased
+from navcore.mapping.points.rejections import MAX_REJECTIONS, Rejection
 from navcore.mission.zone import check_polygon
 from navcore.mission.zone_cells import Corners, rasterise
 from web.interface.drafts import EditHistory, RejectedPlace

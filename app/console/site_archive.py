@@ -26,8 +26,8 @@ from app.storage.records import zone_of, zone_record
 from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole
-from navcore.mapping import map_file
 from navcore.mapping.changes import CellMap
+from navcore.mapping.storage import map_file
 from navcore.mission.beware_list import BewareList, as_table, default_beware_list
 from navcore.mission.zone import Zone, check_polygon, check_rules
 from navcore.mission.zone_shapes import still_drawn

@@ -19,10 +19,10 @@ from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.grid.growth import cells_of as grid_cells
 from navcore.grid.growth import growth_into, growth_to
-from navcore.mapping import map_file
 from navcore.mapping.changes import CellMap
-from navcore.mapping.map_state import MapState
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage import map_file
+from navcore.mapping.storage.map_state import MapState
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.toml_config import from_table, ranged
 

@@ -30,8 +30,8 @@ from navcore.geometry.camera import back_project_pixels
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.learning.data.class_names import BEWARE_CLASSES
-from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone_cells import rasterise
 from navcore.perception.labels import Segmenter

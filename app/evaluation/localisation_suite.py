@@ -32,7 +32,7 @@ from navcore.errors import BadConfiguration
 from navcore.files import write_whole
 from navcore.localisation.scans.scan import Keyframe
 from navcore.localisation.tracking.localiser import Localiser
-from navcore.mapping.pose_ids import PoseIds
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.beware_list import BewareList
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario

@@ -23,7 +23,7 @@ from navcore.localisation.relocalisation.relocalisation import (
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.localiser import Localiser
-from navcore.mapping.pose_ids import PoseIds
+from navcore.mapping.points.pose_ids import PoseIds
 from sim.robot.odometry_grade import OdometryGrade
 
 RIGHT_M, RIGHT_RAD = 0.15, math.radians(2.0)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from navcore.errors import NotKnown
 from navcore.geometry.arrays import Points
-from navcore.mapping.rejections import MAX_POINTS
+from navcore.mapping.points.rejections import MAX_POINTS
 from navcore.mission.beware_list import BewareList
 from navcore.perception.instances import CELL_M, Detection, detect_instances
 from navcore.perception.labels import Labels

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from app.runtime.loop import PeriodicThread
 from navcore.errors import Refused, StorageFailed
-from navcore.mapping import map_file
-from navcore.mapping.map_state import MapState
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage import map_file
+from navcore.mapping.storage.map_state import MapState
 
 log = logging.getLogger(__name__)
 SNAPSHOT_PERIOD_S = 4.0

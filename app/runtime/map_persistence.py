@@ -12,9 +12,9 @@ from navcore.errors import BadConfiguration
 from navcore.formats import nav2_map
 from navcore.grid.grid import GridSpec
 from navcore.grid.growth import cells_of, growth_into, growth_to
-from navcore.mapping import map_file
 from navcore.mapping.point_map import PointMap
-from navcore.mapping.prior_map import prior_layer
+from navcore.mapping.storage import map_file
+from navcore.mapping.storage.prior_map import prior_layer
 from navcore.mission.beware_list import BewareList
 
 

@@ -20,7 +20,7 @@ from app.storage.schema import PER_SITE
 from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import read_whole, write_whole
-from navcore.mapping.map_file import MAX_BYTES
+from navcore.mapping.storage.map_file import MAX_BYTES
 from web.interface.sites import SITE_NAME
 
 MAX_SITES = 100

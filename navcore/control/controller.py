@@ -19,7 +19,7 @@ from navcore.costmap.local_costmap import (
 )
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
-from navcore.mapping.visibility import VisibilityMap
+from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mission.zone import Zone
 from navcore.perception.people.track import Track
 from navcore.robot.profile import RobotProfile

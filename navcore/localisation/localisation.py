@@ -30,7 +30,7 @@ from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.start_check import StartCheck
 from navcore.localisation.tasks import PrepareSearch, SearchPlaces
 from navcore.localisation.tracking.localiser import Localiser
-from navcore.mapping.pose_ids import PoseIds
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.perception.labels import Labels
 from navcore.perception.people.track import Track
 from navcore.robot.frame import Frame

@@ -18,7 +18,7 @@ from navcore.errors import BadGeometry
 from navcore.formats.nav2_map import map_from_cells
 from navcore.geometry.arrays import Indices, Points
 from navcore.grid.grid import BoolGrid, GridSpec, inflate
-from navcore.mapping.prior_map import prior_layer
+from navcore.mapping.storage.prior_map import prior_layer
 
 
 class ChangeKind(StrEnum):

@@ -17,10 +17,11 @@ from navcore.geometry.arrays import Bools, Floats, Indices
 from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import BitPlanes, unpack
 from navcore.grid.grid import GridSpec
+from navcore.mapping.explored.patch import FLOOR, Explored
+from navcore.mapping.explored.submap import PackedSubmap, explored_at
 from navcore.mapping.layers import LayerRules, layer_planes
-from navcore.mapping.patch import FLOOR, Explored
-from navcore.mapping.placing import place, pose_rows
-from navcore.mapping.point_table import (
+from navcore.mapping.points.placing import place, pose_rows
+from navcore.mapping.points.point_table import (
     POINT,
     Cells,
     PointTable,
@@ -28,8 +29,7 @@ from navcore.mapping.point_table import (
     link_points,
     unlink_one,
 )
-from navcore.mapping.pose_ids import PoseIds, check_movable
-from navcore.mapping.submap import PackedSubmap, explored_at
+from navcore.mapping.points.pose_ids import PoseIds, check_movable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,9 +18,9 @@ from navcore.grid.bitplane import BitPlane, BitPlanes, empty_plane, unpack
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.grid.growth import Growth
-from navcore.mapping.point_queries import refresh_planes
-from navcore.mapping.point_table import PointTable
-from navcore.mapping.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
+from navcore.mapping.points.point_queries import refresh_planes
+from navcore.mapping.points.point_table import PointTable
+from navcore.mapping.views.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 from navcore.mission.beware_list import NOTHING, BewareList
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import FloatImage
 from navcore.geometry.transform import IDENTITY, Pose2
-from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.labels import Labels
 from navcore.perception.people.tracker import PeopleTracker

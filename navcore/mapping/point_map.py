@@ -28,8 +28,6 @@ from navcore.grid.bitplane import MOST_CELLS
 from navcore.grid.cell_mask import CellMask, window
 from navcore.grid.grid import BoolGrid, Box, GridSpec, inflate
 from navcore.grid.growth import Growth
-from navcore.mapping.clearing import find_outdated
-from navcore.mapping.confidence import initial_confidence, update_confidence
 from navcore.mapping.correction import (
     MapSnapshot,
     PreparedCorrection,
@@ -37,19 +35,21 @@ from navcore.mapping.correction import (
     prepare,
     replace_points,
 )
-from navcore.mapping.erasing import Erased, put_back, take
-from navcore.mapping.fading import faded
+from navcore.mapping.explored.patch import DRIVEN, FLOOR, MEASURED, VISIBLE
+from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mapping.layers import MapLayers
-from navcore.mapping.map_state import MapState
-from navcore.mapping.observation import Observation
-from navcore.mapping.patch import DRIVEN, FLOOR, MEASURED, VISIBLE
-from navcore.mapping.placing import base_points, place, pose_rows
-from navcore.mapping.point_queries import points_in, redundant_points
-from navcore.mapping.point_table import POINT, MapPoints, PointTable, Records, levels_of
-from navcore.mapping.pose_ids import PoseIds, check_movable
-from navcore.mapping.rejections import Rejection, Rejections
-from navcore.mapping.stored_scans import NO_SCANS, StoredScans
-from navcore.mapping.visibility import VisibilityMap
+from navcore.mapping.points.clearing import find_outdated
+from navcore.mapping.points.confidence import initial_confidence, update_confidence
+from navcore.mapping.points.erasing import Erased, put_back, take
+from navcore.mapping.points.fading import faded
+from navcore.mapping.points.placing import base_points, place, pose_rows
+from navcore.mapping.points.point_queries import points_in, redundant_points
+from navcore.mapping.points.point_table import POINT, MapPoints, PointTable, Records, levels_of
+from navcore.mapping.points.pose_ids import PoseIds, check_movable
+from navcore.mapping.points.rejections import Rejection, Rejections
+from navcore.mapping.storage.map_state import MapState
+from navcore.mapping.storage.stored_scans import NO_SCANS, StoredScans
+from navcore.mapping.views.observation import Observation
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame

@@ -15,7 +15,7 @@ from navcore.grid.free_space import FREE, FreeSpace
 from navcore.grid.grid import Box, Cell, GridSpec
 from navcore.grid.growth import Growth
 from navcore.grid.nearest import nearest_free
-from navcore.mapping.visibility import VisibilityMap
+from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone

@@ -21,8 +21,8 @@ import pytest
 from app.console.application import ConsoleOptions, console
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration
-from navcore.mapping import map_file
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage import map_file
 from tests.system.conftest import BY_COLOUR, state_when
 from tests.system.test_http import square
 

@@ -14,7 +14,7 @@ from navcore.errors import BadConfiguration
 from navcore.formats.keepout_mask import closed_cells, polygons_of
 from navcore.formats.map_image import encode
 from navcore.formats.nav2_map import description_of, map_from_cells, read, yaml_text
-from navcore.mapping.prior_map import prior_layer
+from navcore.mapping.storage.prior_map import prior_layer
 from navcore.perception.region_growing import region_at
 from navcore.planning.path import NoPath
 from web.gateway.problems import JsonResponse, refusals

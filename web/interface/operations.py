@@ -15,7 +15,7 @@ from pathlib import Path as FilePath
 from typing import Literal, Protocol
 
 from navcore.geometry.transform import Pose2, Twist
-from navcore.mapping.erasing import Erasable
+from navcore.mapping.points.erasing import Erasable
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone

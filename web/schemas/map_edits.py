@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import BaseModel, StrictBool
 
-from navcore.mapping.erasing import Erasable
+from navcore.mapping.points.erasing import Erasable
 from web.interface.drafts import RejectedPlace
 from web.interface.operations import MapEdits
 from web.interface.wire import DOCUMENTED

@@ -8,7 +8,7 @@ import numpy as np
 
 from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.scan import Keyframe, Scan
-from navcore.mapping.stored_scans import NO_SCANS, StoredScans
+from navcore.mapping.storage.stored_scans import NO_SCANS, StoredScans
 
 
 def stored(keyframes: Sequence[Keyframe]) -> StoredScans:

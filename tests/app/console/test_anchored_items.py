@@ -9,7 +9,7 @@ import pytest
 from app.console.anchored_items import AnchoredItems
 from navcore.geometry.transform import Pose2
 from navcore.localisation.map_correction import AppliedCorrection
-from navcore.mapping.pose_ids import PoseIds
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.mission import Goal, Mission
 from navcore.mission.zone import Zone
 

@@ -14,9 +14,9 @@ from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.errors import BadGeometry, NotKnown, Refused
-from navcore.mapping.erasing import Erasable
-from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.erasing import Erasable
+from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.perception.labels import Labels
 from tests.navcore.scene import SPEC, picture

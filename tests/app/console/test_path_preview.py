@@ -16,8 +16,8 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
-from navcore.mapping.pose_ids import PoseIds
-from navcore.mapping.visibility import VisibilityMap
+from navcore.mapping.explored.visibility import VisibilityMap
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.planning.global_planner import GlobalPlanner
 from navcore.planning.path import NoPath
 from navcore.robot.profile import HUSKY

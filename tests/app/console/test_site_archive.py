@@ -24,9 +24,9 @@ from navcore.errors import BadConfiguration, BadGeometry, NotKnown
 from navcore.formats.nav2_map import State, map_from_cells, read
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
-from navcore.mapping import map_file
 from navcore.mapping.changes import CellMap
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage import map_file
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.zone import Zone
 from navcore.mission.zone_shapes import Circle

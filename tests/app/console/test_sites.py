@@ -24,8 +24,8 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration, Outdated, Refused
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
-from navcore.mapping import map_file
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage import map_file
 from navcore.mission.mission import Mission, Phase
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter

@@ -18,7 +18,7 @@ from navcore.config.localisation import LocalisationConfig
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL
 from navcore.localisation.scans.scan import Keyframe
-from navcore.mapping.pose_ids import PoseIds
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.frame import Frame
 from sim.robot.odometry_grade import OdometryGrade
 from tests.navcore.localisation.plan_worlds import office, tour

@@ -16,9 +16,9 @@ from navcore.formats import nav2_map
 from navcore.formats.nav2_map import map_from_cells
 from navcore.grid.grid import GridSpec
 from navcore.grid.growth import growth_to
-from navcore.mapping.map_file import load
-from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage.map_file import load
+from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareList
 from navcore.perception.colour_segmenter import ColourSegmenter
 from tests.navcore.scene import RED_ID, RED_LIST, SPEC, Paint, picture

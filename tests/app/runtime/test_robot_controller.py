@@ -19,8 +19,8 @@ from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.nearest import nearest_free
-from navcore.mapping.erasing import Erasable
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.erasing import Erasable
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone, ZoneKind

@@ -20,7 +20,7 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import unpack
 from navcore.grid.grid import BoolGrid
 from navcore.mapping.correction import prepare
-from navcore.mapping.patch import PLANES
+from navcore.mapping.explored.patch import PLANES
 from navcore.mapping.point_map import PointMap
 from tests.navcore.laws import law
 from tests.navcore.mapping.test_point_map import (

@@ -13,14 +13,14 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.grid.growth import Growth, growth_into
 from navcore.mapping.correction import prepare
-from navcore.mapping.extent import measured_bounds
-from navcore.mapping.map_file import load, save
-from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
-from navcore.mapping.voxels import frustum_box
+from navcore.mapping.storage.map_file import load, save
+from navcore.mapping.views.extent import measured_bounds
+from navcore.mapping.views.observation import observe
+from navcore.mapping.views.voxels import frustum_box
 from tests.navcore.laws import law
-from tests.navcore.mapping.test_map_file import assert_same
-from tests.navcore.mapping.test_map_state import assert_same_grids
+from tests.navcore.mapping.storage.test_map_file import assert_same
+from tests.navcore.mapping.storage.test_map_state import assert_same_grids
 from tests.navcore.mapping.test_point_map import ALL, random_frame
 
 WIDE = GridSpec.centred(size_m=(14.0, 14.2), resolution_m=0.1)

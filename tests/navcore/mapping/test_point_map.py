@@ -19,9 +19,9 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.grid.grid import BoolGrid, GridSpec
-from navcore.mapping.observation import Observation, observe
 from navcore.mapping.point_map import PointMap
-from navcore.mapping.voxels import BIN_M, LOWEST_M
+from navcore.mapping.views.observation import Observation, observe
+from navcore.mapping.views.voxels import BIN_M, LOWEST_M
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.mission.zone import Zone
 from navcore.mission.zone_cells import rasterise

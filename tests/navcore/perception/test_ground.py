@@ -14,7 +14,7 @@ import pytest
 from navcore.config.perception import ObservationConfig
 from navcore.geometry.camera import pixel_rays
 from navcore.geometry.transform import STANDSTILL, Twist
-from navcore.mapping.observation import observe
+from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareList
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.ground import ground_heights

@@ -11,8 +11,8 @@ from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
-from navcore.mapping.observation import observe
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor

@@ -14,8 +14,8 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import pack
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import GridSpec, OccupancyGrid
-from navcore.mapping.pose_ids import PoseIds
-from navcore.mapping.visibility import VisibilityMap
+from navcore.mapping.explored.visibility import VisibilityMap
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.beware_list import BewareList
 from navcore.planning.global_planner import GlobalPlanner
 from navcore.planning.path import Path

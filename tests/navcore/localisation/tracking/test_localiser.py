@@ -16,7 +16,7 @@ from navcore.geometry.transform import IDENTITY, Matrix, Pose2, Twist, wrap_angl
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.scans.scan import Keyframe
 from navcore.localisation.tracking.localiser import Localiser
-from navcore.mapping.pose_ids import PoseIds
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
 from tests.navcore.localisation.plan_worlds import PlanWorld, drive, office

@@ -1,0 +1,1 @@
+"""Points: their table, the looks that make and unmake them, and the poses they belong to."""

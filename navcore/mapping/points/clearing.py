@@ -1,0 +1,97 @@
+"""Points of the map that a new depth image disproves or replaces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from navcore.compiled import compiled
+from navcore.config.mapping import ClearingRules
+from navcore.geometry.arrays import FloatImage, Indices
+from navcore.geometry.camera import Pinhole
+from navcore.geometry.transform import Matrix
+from navcore.grid.grid import Box
+from navcore.mapping.points.point_table import Cells, Records
+from navcore.mission.beware_list import NOTHING
+
+
+@compiled
+def pixel_of(
+    point: np.void, T_camera_map: Matrix, lens: Pinhole, nearest_m: float
+) -> tuple[int, int, float]:
+    """Return row, column and depth in metres of a map point in the camera image; row and column are
+    −1 for a depth below `nearest_m`."""
+    t, x, y, z = T_camera_map, float(point.x), float(point.y), float(point.z)  # type: ignore[attr-defined]
+    depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
+    if depth < nearest_m:
+        return -1, -1, depth
+    j = round((t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]) / depth * lens.fx + lens.cx)
+    i = round((t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]) / depth * lens.fy + lens.cy)
+    return i, j, depth
+
+
+@compiled
+def find_outdated(
+    records: Records,
+    count: int,
+    first: Cells,
+    cols: int,
+    box: Box,
+    depth_m: FloatImage,
+    T_camera_map: Matrix,
+    lens: Pinhole,
+    clearing: ClearingRules,
+    max_range_m: float,
+    pose_id: int,
+) -> Indices:
+    """Return the indices of the points that the frame sees through, or measures again for the same
+    pose or from much nearer.
+
+    A point is judged by its pixel and the neighbouring pixels. One of them that measures something
+    nearer occludes the point; the point is seen through only if all measured ones measure beyond
+    it. Depth alone never measures points of a beware class again, and never sees through flat ones:
+    a floor marking has no depth of its own, and neither a label lost at a grazing angle nor the
+    pitch of the robot when it brakes must free it.
+    """
+    found = np.empty(count, dtype=np.int64)
+    found_count = 0
+    for row in range(box[0], box[2]):
+        for col in range(box[1], box[3]):
+            at = first[row * cols + col]
+            while at > 0:
+                point = records[at - 1]
+                if _is_outdated(point, depth_m, T_camera_map, lens, clearing, max_range_m, pose_id):
+                    found[found_count] = at - 1
+                    found_count += 1
+                at = point.next
+    return found[:found_count]
+
+
+@compiled
+def _is_outdated(
+    point: np.void,
+    depth_m: FloatImage,
+    t: Matrix,
+    lens: Pinhole,
+    clearing: ClearingRules,
+    max_range_m: float,
+    pose_id: int,
+) -> bool:
+    height, width = depth_m.shape
+    i, j, depth = pixel_of(point, t, lens, clearing.nearest_m)
+    if depth < clearing.nearest_m or depth > max_range_m:
+        return False
+    if i < 0 or i >= height or j < 0 or j >= width:
+        return False
+    tolerance = clearing.constant_m + clearing.per_m2 * depth * depth
+    nearest = np.inf
+    for r in range(max(i - 1, 0), min(i + 2, height)):
+        for c in range(max(j - 1, 0), min(j + 2, width)):
+            if 0.0 < depth_m[r, c] < nearest:
+                nearest = depth_m[r, c]
+    beware = point.class_id != NOTHING  # type: ignore[attr-defined]
+    flat = beware and point.z < clearing.flat_m  # type: ignore[attr-defined]
+    if nearest == np.inf or nearest < depth - tolerance or flat:
+        return False
+    nearer = depth < clearing.nearer_share * point.range_m  # type: ignore[attr-defined]
+    again = not beware and (point.pose_id == pose_id or nearer)  # type: ignore[attr-defined]
+    return bool(nearest > depth + tolerance or again)

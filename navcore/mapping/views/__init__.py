@@ -1,0 +1,1 @@
+"""Views: the cells and heights that one image measures, and the points it adds to the map."""
