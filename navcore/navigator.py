@@ -147,7 +147,7 @@ class Navigator:
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.place = LocalisationEstimate()
         """Estimate of the newest frame."""
-        self.zone_margins = ZoneMargins(config.zone_margins)
+        self.zone_margins = self._zone_margins()
         """Growth of the zones with the uncertainty of the pose."""
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
         self._costmap = LiveCostmap(
@@ -271,7 +271,7 @@ class Navigator:
         )
         self.localisation.load(restored(self.map.scans(), self.map.poses), last)
         self.map.scans = lambda: stored(self.localisation.keyframes)
-        self.zone_margins = ZoneMargins(self._config.zone_margins, frozen=len(self.map.poses) > 0)
+        self.zone_margins = self._zone_margins(frozen=len(self.map.poses) > 0)
 
     def place_robot(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
         """Set the pose of the robot at a frame, which is odometry's, with its (3, 3) covariance."""
@@ -283,6 +283,15 @@ class Navigator:
         self._mapper.reset_pose()
         self._controller.reset()
         self.behaviour = self.behaviour.after_reset()
+
+    def _zone_margins(self, *, frozen: bool = False) -> ZoneMargins:
+        config = self._config
+        return ZoneMargins(
+            self._profile,
+            config.zone_margins,
+            safety_margin_m=config.safety_margin_m,
+            frozen=frozen,
+        )
 
     def _needed_part(
         self, frame: Frame, request: NavigationRequest, zones: tuple[Zone, ...]

@@ -119,9 +119,12 @@ class KeepOutMonitorConfig:
     sigmas: float = ranged(0.0, 6.0, default=2.0)
     """Standard deviations of the robot's position relative to a zone by which the zone grows."""
     largest_growth_m: float = ranged(0.0, 2.0, default=0.30)
-    """Growth in metres beyond which the position is too uncertain to drive near the zone."""
+    """Growth in metres beyond which the position is too uncertain to drive fast near the zone; the
+    planner keeps a clearance then."""
     uncertain_clearance_m: float = ranged(0.0, 5.0, default=0.5)
-    """Distance in metres from the grown zone that is kept then."""
+    """Distance in metres from the grown zone within which the side of the robot is near."""
+    uncertain_mps: float = ranged(0.05, 2.0, default=0.3)
+    """Speed in metres per second of the fastest point of the body that is permitted there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

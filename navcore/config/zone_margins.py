@@ -23,3 +23,8 @@ class ZoneMarginConfig:
     trail_spacing_m: float = ranged(0.1, 10.0, default=0.5)
     """Distance in metres between the places of which the uncertainty is remembered: a zone drawn
     later belongs to the nearest."""
+    clearance_step_m: float = ranged(0.01, 0.5, default=0.05)
+    """Step in metres of the clearance of zones beside which the position is too uncertain, for the
+    same reason."""
+    body_gap_m: float = ranged(0.0, 0.5, default=0.1)
+    """Least distance in metres between the body and that clearance: it gives way to the robot."""

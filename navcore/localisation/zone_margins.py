@@ -3,19 +3,27 @@
 A zone belongs to the place beside which it was drawn. What counts is how uncertain the robot's
 position has become since it was there, not how uncertain it is in the map: a zone drawn beside the
 robot is exact however far it has come by dead reckoning.
+
+Where the position is so uncertain that the safety gate slows the robot down beside the zone, the
+zone has a clearance besides, so that the path leads round at a distance. The clearance gives way to
+a robot that is nearer already, which can then drive away.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
 
+from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
 from navcore.config.zone_margins import ZoneMarginConfig
-from navcore.geometry.transform import Matrix
+from navcore.geometry.transform import Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.zone import Zone
-from navcore.mission.zone_growth import grow, largest_axis_m, spread_of
+from navcore.mission.zone_growth import distance_m, grow, largest_axis_m, spread_of
+from navcore.robot.profile import RobotProfile
 
 _ZERO = np.zeros((2, 2))
 _DEFAULT = ZoneMarginConfig()
@@ -28,18 +36,33 @@ class _Margin:
     anchor: Matrix
     """(2, 2) covariance of the robot's position when it was beside the zone."""
     grown: Zone
-    """The grown zone."""
+    """The zone, grown by the covariance."""
     covariance: Matrix = field(default_factory=lambda: _ZERO)
     """(2, 2) covariance by which the zone is grown at present."""
+    clearance_m: float = 0.0
+    """Distance in metres that is kept from the grown zone besides."""
+    cleared: Zone | None = None
+    """The grown zone with its clearance, if it has one."""
 
 
 class ZoneMargins:
     """Grows the zones of an operator as the robot's uncertainty grows, in steps: every change costs
     a new costmap."""
 
-    def __init__(self, config: ZoneMarginConfig = _DEFAULT, *, frozen: bool = False) -> None:
-        """With `frozen` the map was loaded: its zones belong to its own frame."""
-        self._config, self._frozen = config, frozen
+    def __init__(
+        self,
+        profile: RobotProfile,
+        config: ZoneMarginConfig = _DEFAULT,
+        *,
+        safety_margin_m: float,
+        frozen: bool = False,
+        gate: KeepOutMonitorConfig = DEFAULT_SAFETY.keep_out,
+    ) -> None:
+        """`safety_margin_m`: of the inflation; with `frozen` the map was loaded, and its zones
+        belong to its own frame."""
+        self._config, self._gate, self._frozen = config, gate, frozen
+        self._footprint = profile.footprint()
+        self._inflation_m = profile.width_m / 2 + safety_margin_m
         self._margins: dict[tuple[str, int], _Margin] = {}
         self._trail: list[tuple[float, float]] = []
         self._covariances: list[Matrix] = []
@@ -74,7 +97,7 @@ class ZoneMargins:
         needed, config = self.covariance(zone, place), self._config
         growth_m = largest_axis_m(spread_of(needed, config.sigmas))
         if growth_m <= config.negligible_m:
-            margin.covariance, margin.grown = _ZERO, zone
+            margin.covariance, margin.grown, margin.clearance_m = _ZERO, zone, 0.0
             return zone
         kept_m = largest_axis_m(spread_of(margin.covariance, config.sigmas))
         # An ellipse contains another one if the difference of the covariances has no negative
@@ -82,9 +105,33 @@ class ZoneMargins:
         suffices = np.linalg.eigvalsh(margin.covariance - needed)[0] >= 0
         if not suffices or kept_m > 2 * (growth_m + config.step_m):
             slack = (1 + config.slack) * needed + config.step_m**2 * np.eye(2)
-            margin.covariance = slack
+            margin.covariance, margin.cleared = slack, None
             margin.grown = grow(zone, spread_of(slack, config.sigmas))
-        return margin.grown
+        clearance_m = self._clearance_m(margin, growth_m, place.T_map_base) if zone.closed else 0.0
+        if not clearance_m:
+            margin.clearance_m = 0.0
+            return margin.grown
+        if margin.cleared is None or margin.clearance_m != clearance_m:
+            spread = spread_of(margin.covariance, config.sigmas) + clearance_m * np.eye(2)
+            margin.clearance_m, margin.cleared = clearance_m, grow(zone, spread)
+        return margin.cleared
+
+    def _clearance_m(self, margin: _Margin, growth_m: float, pose: Pose2) -> float:
+        """Return the clearance of a zone in metres: the whole, or what a robot that is nearer
+        leaves of it."""
+        config, gate = self._config, self._gate
+        kept_m = margin.clearance_m
+        if growth_m <= gate.largest_growth_m / (1 + config.slack if kept_m else 1):
+            return 0.0
+        body = shapely.polygons(pose.to_parent(self._footprint))
+        base = shapely.points(pose.x_m, pose.y_m)
+        body_m, base_m = distance_m(margin.grown, np.array([body, base]))
+        room_m = float(min(base_m - self._inflation_m, body_m - config.body_gap_m))
+        room_m = min(max(room_m, 0.0), gate.uncertain_clearance_m)
+        step_m = config.clearance_step_m
+        free_m = step_m * math.floor(room_m / step_m + 1e-6)
+        gives_way = body_m < kept_m + config.body_gap_m / 2
+        return free_m if gives_way else max(free_m, kept_m)
 
     def _anchor(self, zone: Zone) -> Matrix:
         """Return the covariance that the robot had where it came nearest to a new zone."""

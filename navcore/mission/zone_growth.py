@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 
+from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import Matrix
 from navcore.mission.zone import Zone
 
@@ -82,3 +85,21 @@ def grow(zone: Zone, spread: Matrix) -> Zone:
     """Return the zone with what it forbids grown by the ellipse of `spread_of`."""
     outline = shrunk_polygon if zone.forbids_outside else grown_polygon
     return dataclasses.replace(zone, polygon=outline(zone.polygon, spread))
+
+
+@lru_cache(maxsize=256)
+def polygon_of(corners: tuple[tuple[float, float], ...]) -> Polygon:
+    """Return a polygon by its corners, prepared for many queries."""
+    polygon = Polygon(corners)
+    shapely.prepare(polygon)
+    return polygon
+
+
+def distance_m(zone: Zone, shapes: npt.NDArray[np.object_]) -> Floats:
+    """Return (N,) distances in metres of N shapes of the map frame from what a zone forbids, 0
+    where they touch it."""
+    polygon = polygon_of(zone.polygon)
+    if not zone.forbids_outside:
+        return np.asarray(shapely.distance(polygon, shapes))
+    inside = shapely.covers(polygon, shapes)
+    return np.where(inside, shapely.distance(polygon.exterior, shapes), 0.0)

@@ -23,7 +23,7 @@ from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.mission.zone import Zone
-from navcore.mission.zone_growth import grow, largest_axis_m, spread_of
+from navcore.mission.zone_growth import distance_m, grow, largest_axis_m, polygon_of, spread_of
 from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import braking_s
 
@@ -31,6 +31,20 @@ NO_CELLS: Points = np.empty((0, 2))
 _DEFAULT = DEFAULT_SAFETY.keep_out
 _NEGLIGIBLE_M = 1e-3
 _STEP_M2 = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class _Area:
+    """What a zone forbids, grown by the uncertainty of the position."""
+
+    zone: Zone
+    """The grown zone."""
+    clearance_m: float = 0.0
+    """Distance in metres from it within which the side of the robot moves slowly."""
+
+    @property
+    def polygon(self) -> Polygon:
+        return polygon_of(self.zone.polygon)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,53 +79,56 @@ def permitted_share(
     """Return the largest share of a velocity, 0 to 1, that enters no area, and what is in the way.
 
     An area that the footprint overlaps already may be left, but not covered any further. The name
-    is empty where the whole velocity is permitted.
+    is empty where the whole velocity is permitted. Beside a zone relative to which the position is
+    too uncertain, the robot is slowed down.
     """
     twist, start = _within_limits(twist, profile), keep_outs.pose
     if start is None or _fastest_mps(twist, profile) < config.standing_mps:
         return 1.0, ""
     late_s = max(config.reaction_s, frame_age_s + config.reaction_after_frame_s)
-    keep_outs = _grown(keep_outs, config)
-    keep_outs = _within_reach(keep_outs, start, twist, profile, late_s, config)
-    if not keep_outs.zones and not len(keep_outs.cells):
+    travelled_m = abs(twist.v_mps) * (late_s + braking_s(twist, profile)) + config.stop_margin_m
+    reach_m = profile.circumscribed_radius_m + travelled_m
+    areas = [
+        area
+        for area in _areas(keep_outs, config)
+        if area.zone.forbids_outside or _beside_m(area, start) <= reach_m + area.clearance_m
+    ]
+    keep_outs = _near_cells(keep_outs, start, reach_m)
+    if not areas and not len(keep_outs.cells):
         return 1.0, ""
     blocking = ""
     for share in config.shares:
         part = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
         poses = list(_stopping_poses(start, part, profile, late_s, config))
-        entered = _entered(keep_outs, start, poses, profile, config.spacing_m)
+        entered = _entered(areas, keep_outs, start, poses, profile, config.spacing_m)
+        if _fastest_mps(part, profile) > config.uncertain_mps:
+            entered = entered or _slowed(areas, [start, *poses], profile)
         if entered is None:
             return share, blocking
         blocking = blocking or entered
     return 0.0, blocking
 
 
-def _grown(keep_outs: KeepOuts, config: KeepOutMonitorConfig) -> KeepOuts:
-    """Return the closed zones, grown by the uncertainty of the position."""
-    return dataclasses.replace(
-        keep_outs,
-        zones=tuple(
-            _grown_zone(zone, keep_outs.covariances.get(zone.id, keep_outs.covariance), config)
-            for zone in keep_outs.zones
-            if zone.closed
-        ),
-    )
+def _areas(keep_outs: KeepOuts, config: KeepOutMonitorConfig) -> list[_Area]:
+    """Return what the closed zones forbid by the uncertainty of the position."""
+    return [
+        _area(zone, keep_outs.covariances.get(zone.id, keep_outs.covariance), config)
+        for zone in keep_outs.zones
+        if zone.closed
+    ]
 
 
-def _grown_zone(zone: Zone, covariance: Matrix, config: KeepOutMonitorConfig) -> Zone:
+def _area(zone: Zone, covariance: Matrix, config: KeepOutMonitorConfig) -> _Area:
     growth_m = largest_axis_m(spread_of(covariance, config.sigmas))
     if growth_m < _NEGLIGIBLE_M:
-        return zone
+        return _Area(zone)
     # In steps, so that few polygons are made: the larger covariance contains the given one.
-    spread = spread_of(
-        np.ceil(covariance / _STEP_M2) * _STEP_M2 + _STEP_M2 * np.eye(2), config.sigmas
-    )
+    stepped = np.ceil(covariance / _STEP_M2) * _STEP_M2 + _STEP_M2 * np.eye(2)
+    grown = grow(zone, spread_of(stepped, config.sigmas))
     if growth_m <= config.largest_growth_m:
-        return grow(zone, spread)
-    uncertain = grow(zone, spread + config.uncertain_clearance_m * np.eye(2))
-    return dataclasses.replace(
-        uncertain, name=f"{zone.name} (the position is uncertain by {growth_m:.1f} m)"
-    )
+        return _Area(grown)
+    name = f"{zone.name} (the position is uncertain by {growth_m:.1f} m)"
+    return _Area(dataclasses.replace(grown, name=name), config.uncertain_clearance_m)
 
 
 def _within_limits(twist: Twist, profile: RobotProfile) -> Twist:
@@ -127,29 +144,20 @@ def _fastest_mps(twist: Twist, profile: RobotProfile) -> float:
     return abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
 
 
-def _within_reach(
-    keep_outs: KeepOuts,
-    pose: Pose2,
-    twist: Twist,
-    profile: RobotProfile,
-    late_s: float,
-    config: KeepOutMonitorConfig,
-) -> KeepOuts:
-    """Return the closed zones and the cells that the robot may reach until it stands."""
-    travelled_m = abs(twist.v_mps) * (late_s + braking_s(twist, profile)) + config.stop_margin_m
-    reach_m = profile.circumscribed_radius_m + travelled_m
-    zones = []
-    for zone in keep_outs.zones:
-        left, bottom, right, top = _polygon(zone.polygon).bounds
-        beside_m = max(left - pose.x_m, pose.x_m - right, bottom - pose.y_m, pose.y_m - top)
-        if zone.closed and (zone.forbids_outside or beside_m <= reach_m):
-            zones.append(zone)
+def _beside_m(area: _Area, pose: Pose2) -> float:
+    """Return a lower bound of the distance in metres between a pose and an area."""
+    left, bottom, right, top = area.polygon.bounds
+    return max(left - pose.x_m, pose.x_m - right, bottom - pose.y_m, pose.y_m - top)
+
+
+def _near_cells(keep_outs: KeepOuts, pose: Pose2, reach_m: float) -> KeepOuts:
+    """Return the areas with the cells that the robot may reach until it stands."""
     cells, growth_m = keep_outs.cells, _growth_of(keep_outs)
     if len(cells):
         distance_m = np.hypot(cells[:, 0] - pose.x_m, cells[:, 1] - pose.y_m)
         near = distance_m <= reach_m + growth_m
         cells, growth_m = cells[near], growth_m[near]
-    return dataclasses.replace(keep_outs, zones=tuple(zones), cells=cells, cell_growth_m=growth_m)
+    return dataclasses.replace(keep_outs, cells=cells, cell_growth_m=growth_m)
 
 
 def _stopping_poses(
@@ -166,17 +174,22 @@ def _stopping_poses(
 
 
 def _entered(
-    keep_outs: KeepOuts, start: Pose2, poses: list[Pose2], profile: RobotProfile, spacing_m: float
+    areas: list[_Area],
+    keep_outs: KeepOuts,
+    start: Pose2,
+    poses: list[Pose2],
+    profile: RobotProfile,
+    spacing_m: float,
 ) -> str | None:
     """Return the name of the first area that the footprint enters at any of the poses."""
     corners = profile.footprint()
     swept = shapely.polygons(np.stack([pose.to_parent(corners) for pose in poses]))
-    for zone in keep_outs.zones:
-        polygon = _polygon(zone.polygon)
+    for area in areas:
+        zone = area.zone
         if zone.forbids_outside:
-            touched = ~shapely.covers(polygon, swept)
+            touched = ~shapely.covers(area.polygon, swept)
         else:
-            touched = shapely.intersects(polygon, swept)
+            touched = shapely.intersects(area.polygon, swept)
         if not touched.any():
             continue
         body = _body_points(profile.length_m, profile.width_m, spacing_m)
@@ -200,9 +213,21 @@ def _entered(
     return None
 
 
+def _slowed(areas: list[_Area], poses: list[Pose2], profile: RobotProfile) -> str | None:
+    """Return the name of the first area whose clearance the robot does not keep at one of the
+    poses."""
+    points = shapely.points([(pose.x_m, pose.y_m) for pose in poses])
+    for area in areas:
+        if area.clearance_m:
+            least_m = profile.width_m / 2 + area.clearance_m
+            if distance_m(area.zone, points).min() < least_m:
+                return f"zone {area.zone.name!r}"
+    return None
+
+
 def _forbidden(zone: Zone, points: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
     """Return (...) whether (..., 2) points of the map frame are in the area that a zone forbids."""
-    inside = shapely.contains_xy(_polygon(zone.polygon), points[..., 0], points[..., 1])
+    inside = shapely.contains_xy(polygon_of(zone.polygon), points[..., 0], points[..., 1])
     return np.asarray(inside ^ zone.forbids_outside)
 
 
@@ -219,13 +244,6 @@ def _covered_cells(cells: Points, growth_m: Floats, pose: Pose2, profile: RobotP
             (x < profile.length_m / 2 + growth_m) & (y < profile.width_m / 2 + growth_m)
         )
     )
-
-
-@lru_cache(maxsize=256)
-def _polygon(corners: tuple[tuple[float, float], ...]) -> Polygon:
-    polygon = Polygon(corners)
-    shapely.prepare(polygon)
-    return polygon
 
 
 @lru_cache(maxsize=4)

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
+import pytest
+import shapely
 from shapely.geometry import Polygon
 
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.config.zone_margins import ZoneMarginConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.zone_margins import ZoneMargins
-from navcore.mission.zone import Zone
-from navcore.mission.zone_growth import grown_polygon, spread_of
+from navcore.mission.zone import Zone, ZoneKind
+from navcore.mission.zone_growth import distance_m, grown_polygon, spread_of
+from navcore.robot.profile import HUSKY
 
 ZONE = Zone(id="z", name="z", polygon=((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)))
+
+
+def margins_of(*, frozen: bool = False) -> ZoneMargins:
+    return ZoneMargins(HUSKY, safety_margin_m=0.15, frozen=frozen)
 
 
 def place(x_m: float, sigma_m: float) -> LocalisationEstimate:
@@ -23,7 +33,7 @@ def place(x_m: float, sigma_m: float) -> LocalisationEstimate:
 
 
 def test_a_zone_contains_what_the_present_uncertainty_needs_at_every_step() -> None:
-    margins, needed_before, changes = ZoneMargins(), None, 0
+    margins, needed_before, changes = margins_of(), None, 0
     for step in range(400):
         sigma_m = 0.2 * step / 400
         (grown,) = margins.follow((ZONE,), place(0.1 * step, sigma_m))
@@ -40,7 +50,7 @@ def test_a_zone_contains_what_the_present_uncertainty_needs_at_every_step() -> N
 
 
 def test_a_zone_drawn_beside_the_robot_is_exact_however_far_it_has_come() -> None:
-    margins = ZoneMargins()
+    margins = margins_of()
     for x_m in np.arange(-50.0, 1.0, 0.5):
         margins.follow((), place(float(x_m), 0.3))
     assert margins.follow((ZONE,), place(1.0, 0.3)) == (ZONE,)
@@ -49,13 +59,63 @@ def test_a_zone_drawn_beside_the_robot_is_exact_however_far_it_has_come() -> Non
 
 
 def test_zones_of_a_loaded_map_belong_to_its_frame() -> None:
-    margins = ZoneMargins(frozen=True)
+    margins = margins_of(frozen=True)
     margins.follow((), place(0.0, 0.2))
     (grown,) = margins.follow((ZONE,), place(1.0, 0.2))
     assert Polygon(grown.polygon).area > Polygon(ZONE.polygon).area + 1.0
 
 
 def test_growth_is_given_back_when_the_robot_is_certain_again() -> None:
-    margins = ZoneMargins(frozen=True)
+    margins = margins_of(frozen=True)
     assert margins.follow((ZONE,), place(0.0, 0.2)) != (ZONE,)
     assert margins.follow((ZONE,), place(0.0, 0.0)) == (ZONE,)
+
+
+GATE = DEFAULT_SAFETY.keep_out
+SITE = dataclasses.replace(
+    ZONE,
+    kind=ZoneKind.STAY_INSIDE,
+    polygon=((-40.0, -20.0), (1.0, -20.0), (1.0, 20.0), (-40.0, 20.0)),
+)
+"""A site whose edge lies where the zone begins."""
+
+
+def gap_m(zone: Zone, x_m: float) -> float:
+    """Distance in metres of a point on the x axis from what a zone forbids."""
+    return float(distance_m(zone, shapely.points([(x_m, 0.0)]))[0])
+
+
+@pytest.mark.parametrize("zone", [ZONE, SITE], ids=["zone", "site"])
+def test_a_zone_relative_to_which_the_position_is_too_uncertain_has_the_gates_clearance(
+    zone: Zone,
+) -> None:
+    # place() is twice as uncertain along y.
+    least_m = GATE.largest_growth_m / GATE.sigmas / 2
+    margins = margins_of(frozen=True)
+    (certain,) = margins.follow((zone,), place(-10.0, 0.98 * least_m))
+    (uncertain,) = margins.follow((zone,), place(-10.0, 1.02 * least_m))
+    lost_m = gap_m(certain, -10.0) - gap_m(uncertain, -10.0)
+    assert GATE.uncertain_clearance_m <= lost_m < GATE.uncertain_clearance_m + 0.08
+    # It is not given back at once: the path would change to and fro.
+    assert margins.follow((zone,), place(-10.0, 0.98 * least_m)) == (uncertain,)
+    assert gap_m(margins.follow((zone,), place(-10.0, 0.7 * least_m))[0], -10.0) > 10.5
+
+
+def test_a_speed_limit_has_no_clearance() -> None:
+    limit = dataclasses.replace(ZONE, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.3)
+    closed, open_ = (
+        margins_of(frozen=True).follow((zone,), place(-10.0, 0.1))[0] for zone in (ZONE, limit)
+    )
+    assert gap_m(open_, -10.0) > gap_m(closed, -10.0) + 0.9 * GATE.uncertain_clearance_m
+
+
+def test_the_clearance_gives_way_to_a_robot_that_is_nearer_and_comes_back_behind_it() -> None:
+    margins, reach_m = margins_of(frozen=True), []
+    for x_m in (-0.1, -0.2, -0.4, -1.5, -0.6):
+        here = place(x_m, 0.1)
+        (grown,) = margins.follow((ZONE,), here)
+        footprint = shapely.polygons(here.T_map_base.to_parent(HUSKY.footprint()))
+        assert distance_m(grown, np.array([footprint]))[0] > 0.0
+        reach_m.append(11.0 - gap_m(grown, -10.0))
+    # How far the zone reaches beyond its edge grows as the robot drives away, and stays so.
+    assert reach_m[0] < reach_m[1] < reach_m[2] == reach_m[3] == reach_m[4]

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.zone import Zone, ZoneKind
@@ -207,10 +208,24 @@ def test_zones_grow_with_the_uncertainty_of_the_position_across_their_edge() -> 
     assert share(relative) == certain
 
 
-def test_too_uncertain_a_position_keeps_half_a_metre_and_says_so() -> None:
+def test_beside_a_zone_too_uncertain_a_position_permits_little_speed_and_says_so() -> None:
     beside = KeepOuts(
         pose=HERE, zones=(zone(FRONT_M + 0.8, FRONT_M + 2.0),), covariance=np.diag([0.2**2, 0.0])
     )
     permitted, reason = permitted_share(beside, AHEAD, HUSKY, frame_age_s=0.05)
+    assert 0.0 < permitted <= DEFAULT_SAFETY.keep_out.uncertain_mps
+    assert "uncertain by 0.4 m" in reason
+    # Away from the zone the speed is the same, and so it is on the way out of the clearance.
+    assert 0.0 < share(beside, BACK) <= DEFAULT_SAFETY.keep_out.uncertain_mps / 0.3
+    far = dataclasses.replace(beside, zones=(zone(FRONT_M + 2.0, FRONT_M + 4.0),))
+    assert share(far) == 1.0
+
+
+def test_too_uncertain_a_position_keeps_out_of_the_grown_zone() -> None:
+    at_its_edge = KeepOuts(
+        pose=HERE, zones=(zone(FRONT_M + 0.43, FRONT_M + 2.0),), covariance=np.diag([0.2**2, 0.0])
+    )
+    permitted, reason = permitted_share(at_its_edge, AHEAD, HUSKY, frame_age_s=0.05)
     assert permitted == 0.0
     assert "uncertain by 0.4 m" in reason
+    assert share(at_its_edge, BACK) > 0.0

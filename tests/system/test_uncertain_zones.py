@@ -1,0 +1,88 @@
+"""A robot that is too uncertain to drive near a zone passes it at a distance, or slowly."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from app.episode.episode import Episode, EpisodeSettings
+from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
+from navcore.geometry.transform import Pose2
+from navcore.localisation import zone_margins
+from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.localisation import Localisation
+from navcore.mission.beware_list import default_beware_list
+from navcore.navigator import Stages
+from navcore.robot.profile import HUSKY
+from tests.reliability.fault_runs import CAMERA, OPEN_FLOOR
+
+WORLD = dataclasses.replace(OPEN_FLOOR, start=(-10.0, 0.0, 0.0), goals=((4.0, -0.5),))
+BESIDE = ((-1.0, 0.2), (1.0, 0.2), (1.0, 5.0), (-1.0, 5.0))
+"""A zone that the shortest path passes closely."""
+SIGMA_M, GROWS_OVER_M = 0.2, 8.0
+KEPT_M = (
+    DEFAULT_SAFETY.keep_out.sigmas * SIGMA_M
+    + DEFAULT_SAFETY.keep_out.uncertain_clearance_m
+    + HUSKY.width_m / 2
+)
+"""Distance of the robot's middle from the zone with its whole clearance."""
+
+
+def driven(*, from_m: float) -> tuple[dict[str, Any], float]:
+    """The report of a drive past a zone, on which the position becomes uncertain from a place on,
+    and the least distance of the robot's middle from the zone."""
+
+    def localise(localisation: Localisation, *inputs: Any) -> LocalisationEstimate:
+        place = Localisation.update(localisation, *inputs)
+        poses.append(place.T_map_base)
+        driven_m = max(pose.x_m for pose in poses) - from_m
+        sigma_m = SIGMA_M * float(np.clip(driven_m / GROWS_OVER_M, 0.0, 1.0))
+        return dataclasses.replace(place, covariance=np.diag([sigma_m**2, sigma_m**2, 1e-4]))
+
+    poses: list[Pose2] = []
+    episode = Episode(
+        WORLD,
+        EpisodeSettings(
+            beware=default_beware_list(),
+            max_time_s=30.0,
+            camera_size=CAMERA,
+            zones=(BESIDE,),
+            stages=Stages(localise=localise),
+        ),
+        seed=0,
+    )
+    try:
+        report = episode.run()
+    finally:
+        episode.close()
+    places = shapely.points([(pose.x_m, pose.y_m) for pose in poses])
+    return report, float(shapely.distance(shapely.Polygon(BESIDE), places).min())
+
+
+def test_the_path_keeps_the_clearance_of_a_zone_far_ahead() -> None:
+    report, nearest_m = driven(from_m=-12.0)
+    assert report["goals_reached"] == 1
+    assert nearest_m > KEPT_M
+    assert report["stops"] == []
+
+
+def test_a_robot_beside_the_zone_when_its_position_becomes_uncertain_drives_on() -> None:
+    report, nearest_m = driven(from_m=-7.0)
+    assert report["goals_reached"] == 1
+    assert nearest_m > DEFAULT_SAFETY.keep_out.largest_growth_m + HUSKY.width_m / 2
+    assert report["stops"] == []
+
+
+def test_without_the_clearance_the_path_passes_nearer(monkeypatch: pytest.MonkeyPatch) -> None:
+    without = dataclasses.replace(KeepOutMonitorConfig(), uncertain_clearance_m=0.0)
+    make = zone_margins.ZoneMargins.__init__
+    monkeypatch.setattr(
+        zone_margins.ZoneMargins,
+        "__init__",
+        lambda self, *inputs, **options: make(self, *inputs, gate=without, **options),
+    )
+    assert driven(from_m=-12.0)[1] < KEPT_M
