@@ -161,8 +161,8 @@ def carried_away(
     for number, at in enumerate(run.starts(count)):
         for distance_m in (0.0, *CARRIED_M):
             to = _away(run.drive, at, distance_m)
-            if to is None:
-                continue
+            if to is None or at == 0:
+                continue  # a robot that has seen nothing yet cannot be carried away from it
             ids = PoseIds(pose_ids.spacing_m, pose_ids.spacing_deg)
             ids.restore(known)
             localiser = Localiser(ids, config)
@@ -184,7 +184,7 @@ def carried_away(
         "right_again": right_again,
         "unnoticed": unnoticed,
         "median_m": float(np.median(metres)) if metres else None,
-        "not_carried": len(run.starts(count)),
+        "not_carried": sum(at > 0 for at in run.starts(count)),
         "false_alarms": false_alarms,
     }
 

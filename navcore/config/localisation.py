@@ -210,6 +210,13 @@ class TrackingConfig:
     others, if lines of sight cross its surfaces."""
     elsewhere_blocked_share: float = ranged(0.0, 1.0, default=0.1)
     """Share of lines of sight that cross surfaces of the map above which they do."""
+    discontinuous_share: float = ranged(0.0, 1.0, default=0.35)
+    """Share of points that fit the surfaces of the last metres below which the robot was moved by
+    other means than its wheels."""
+    step_m: float = ranged(0.01, 5.0, default=0.5)
+    """Motion in metres between two frames beyond which those surfaces tell nothing."""
+    step_rad: float = ranged(0.01, math.pi, default=0.5)
+    """The same for a turn in radians."""
     lost_s: float = ranged(0.1, 60.0, default=2.5)
     """Time in seconds of contradicting frames after which the robot is lost."""
     lost_m: float = ranged(0.1, 50.0, default=1.5)

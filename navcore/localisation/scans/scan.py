@@ -53,6 +53,15 @@ class Scan:
         for array in (self.points_base, self.variance_m2, self.normals, self.origin):
             array.flags.writeable = False
 
+    def part(self, chosen: Bools) -> Scan:
+        """Return the points of which an (N,) mask is true."""
+        return Scan(
+            points_base=self.points_base[chosen],
+            variance_m2=self.variance_m2[chosen],
+            normals=self.normals[chosen],
+            origin=self.origin.copy(),
+        )
+
     def seen_from(self, T_other_base: Pose2) -> Scan:
         """Return the scan in another frame, in which the robot has a pose."""
         cos, sin = math.cos(T_other_base.yaw_rad), math.sin(T_other_base.yaw_rad)

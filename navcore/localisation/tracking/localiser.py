@@ -199,10 +199,14 @@ class Localiser:
         """Match the scan and fuse it; returns the share of points that fit, None if too few points
         can say."""
         least = self._config.match.min_points
-        self._continues = True
+        was_continued, self._continues = self._continues, True
         if len(scan) < least:
+            self._continues = was_continued
             self._reckon(stamp_ns)
             return None
+        continues = self._recent.are_continued(scan, self._odometry[0], step)
+        if continues is None and not was_continued:
+            continues = False  # until the surfaces of before are seen again
         found: Match | None = None
         contradicted = False
         for scan_map, absolute in ((self._saved, True), (self._chain.map, False)):
@@ -215,7 +219,9 @@ class Localiser:
             if result.near < least:
                 continue
             found = result
-            if self._believes(result, absolute=absolute):
+            # The robot's own map may fit by chance at a place to which the robot was carried.
+            is_possible = absolute or continues is not False
+            if is_possible and self._believes(result, absolute=absolute):
                 self._fuse(result, absolute=absolute)
                 self._trust(step)
                 self._since_m = 0.0
@@ -228,7 +234,6 @@ class Localiser:
                 break
         # Where only the robot's own map contradicts, that may have drifted; where there is no map,
         # the scan still continues the last ones.
-        continues = self._recent.are_continued(scan, self._odometry[0])
         self._continues = continues is not False
         if contradicted or not self._continues:
             self._doubt(step, stamp_ns)

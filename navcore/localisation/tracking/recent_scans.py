@@ -7,17 +7,31 @@ some metres odometry is exact.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+
+import numpy as np
 
 from navcore.config.localisation import LocalisationConfig, TrackingConfig
-from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.geometry.arrays import Floats, Indices
+from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.localisation.scans.matching import Match, match
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
+from navcore.localisation.tracking.odometry_model import OdometryStep
 
 _KEPT = 8
 """Number of scans."""
 _SPACING_M, _SPACING_RAD = 0.4, math.radians(15.0)
 """Motion between two of them."""
+_DRIFT = np.diag([0.05, 0.05, math.radians(1.5)]) ** 2
+"""Covariance of odometry over the way that they cover."""
+_WINDOW_M = 0.15
+"""Distance in metres within which the surface of a point is looked for."""
+_RIM_M = 0.3
+"""Distance in metres from the end of the camera's range, and behind what is in view, within which
+points come and go."""
+_DIRECTION_RAD = math.radians(3.0)
+"""Width of a direction in radians."""
 
 
 def is_elsewhere(result: Match, rules: TrackingConfig) -> bool:
@@ -34,37 +48,82 @@ class RecentScans:
 
     def __init__(self, config: LocalisationConfig) -> None:
         self._config = config
+        # Odometry is that good over this way that one step towards the surfaces tells.
+        self._rules = replace(config.match, iterations=1)
         self._map = ScanMap(config.match)
         self._count = 0
-        self._last: Pose2 | None = None
+        self._newest: tuple[Scan, Pose2] | None = None
 
-    def are_continued(self, scan: Scan, T_odom_base: Pose2) -> bool | None:
-        """Return whether a scan shows the surfaces of the last metres; None where it shows too few
-        of them, or too many others, to tell."""
-        found = match(scan, self._map, T_odom_base, None, search_m=0.2, config=self._config.match)
+    def are_continued(self, scan: Scan, T_odom_base: Pose2, step: OdometryStep) -> bool | None:
+        """Return whether a scan shows the surfaces of the last metres where odometry expects them;
+        None where too few were in view to tell, or the robot has moved too far in one step.
+
+        It does not continue them if neither what it shows was seen before, which people and new
+        rooms cause as well, nor what was seen before is shown.
+        """
         rules = self._config.tracking
-        if is_elsewhere(found, rules):
-            return False
-        if found.near < self._config.match.min_points:
+        moves_far = step.distance_m > rules.step_m or abs(step.turn_rad) > rules.step_rad
+        if self._newest is None or moves_far or len(scan) < self._config.match.min_points:
             return None
-        if found.share_of_near <= rules.lost_share:
-            return False
-        return True if found.share >= rules.located_share else None
+        if self._share(scan, self._map, T_odom_base) >= rules.discontinuous_share:
+            return True
+        before, pose = self._newest
+        expected = self._in_view(before.seen_from(T_odom_base.inverse() @ pose), scan)
+        if len(expected) < self._config.match.min_points:
+            return None
+        now = ScanMap(self._config.match)
+        now.put(Keyframe(pose_id=0, T_map_base=IDENTITY, scan=scan))
+        return None if self._share(expected, now, IDENTITY) >= rules.discontinuous_share else False
+
+    def _share(self, scan: Scan, surfaces: ScanMap, expected: Pose2) -> float:
+        """Return the share of a scan's points that fit at about an expected pose, 0 to 1."""
+        return match(
+            scan,
+            surfaces,
+            expected,
+            _DRIFT,
+            scale=self._config.tracking.young_points / len(scan),
+            search_m=_WINDOW_M,
+            config=self._rules,
+        ).share
+
+    def _in_view(self, before: Scan, now: Scan) -> Scan:
+        """Return the points of a scan that the camera of another one, in the same frame, has in
+        view and that nothing hides, as a person does who steps in."""
+        bearing, range_m = _polar(now)
+        bearing_before, range_before_m = _polar(before)
+        seen_m = np.full(math.ceil(2 * math.pi / _DIRECTION_RAD) + 1, np.inf)
+        np.minimum.at(seen_m, _direction(bearing), range_m)
+        in_view = (bearing_before > bearing.min()) & (bearing_before < bearing.max())
+        in_view &= range_before_m < self._config.scan.max_range_m - _RIM_M
+        in_view &= range_before_m < seen_m[_direction(bearing_before)] + _RIM_M
+        return before.part(in_view)
 
     def add(self, scan: Scan, T_odom_base: Pose2) -> None:
         """Keep a scan if the robot has moved since the last one."""
-        last = self._last
-        if (
-            last is not None
-            and last.distance_to(T_odom_base.x_m, T_odom_base.y_m) < _SPACING_M
-            and abs(wrap_angle(last.yaw_rad - T_odom_base.yaw_rad)) < _SPACING_RAD
-        ):
-            return
+        if self._newest is not None:
+            last = self._newest[1]
+            if (
+                last.distance_to(T_odom_base.x_m, T_odom_base.y_m) < _SPACING_M
+                and abs(wrap_angle(last.yaw_rad - T_odom_base.yaw_rad)) < _SPACING_RAD
+            ):
+                return
         self._map.put(Keyframe(pose_id=self._count, T_map_base=T_odom_base, scan=scan))
         self._map.remove(self._count - _KEPT)
-        self._last, self._count = T_odom_base, self._count + 1
+        self._newest, self._count = (scan, T_odom_base), self._count + 1
 
     def clear(self) -> None:
         """Forget all scans."""
         self._map.replace(())
-        self._last = None
+        self._newest = None
+
+
+def _polar(scan: Scan) -> tuple[Floats, Floats]:
+    """Return (N,) bearings from the camera in radians and (N,) distances in metres."""
+    x, y = (scan.points_base - scan.origin).T
+    return np.arctan2(y, x), np.hypot(x, y)
+
+
+def _direction(bearing: Floats) -> Indices:
+    """Return (N,) numbers of the directions of bearings in radians."""
+    return np.floor((bearing + math.pi) / _DIRECTION_RAD).astype(np.int64)

@@ -16,6 +16,7 @@ from navcore.geometry.transform import IDENTITY, Matrix, Pose2, Twist, wrap_angl
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.scans.scan import Keyframe
 from navcore.localisation.tracking.localiser import Localiser
+from navcore.localisation.tracking.recent_scans import RecentScans
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
@@ -162,6 +163,28 @@ def test_a_robot_that_was_carried_off_is_lost_until_it_is_placed() -> None:
     back = list(trip.go(ROUTE[60:80], onward))
     assert back[-1][0].state is LocalisationState.LOCATED
     assert abs(back[-1][0].T_map_base.y_m - ROUTE[79].y_m) < 0.05
+
+
+def carried_off_in_a_new_map() -> list[bool]:
+    """Whether the robot is lost in each frame after it was carried into a room, where its own map
+    knows nothing, while odometry goes on."""
+    trip = new_trip()
+    for _ in trip.go(ROUTE[:60], ROUTE[:60]):
+        pass
+    there = [Pose2(x_m=8.0 + 0.1 * k, y_m=3.0, yaw_rad=wrap_angle(2.5)) for k in range(30)]
+    odometry = [ROUTE[60] @ Pose2(x_m=0.1 * k, y_m=0.0, yaw_rad=0.0) for k in range(30)]
+    return [e.state is LocalisationState.LOST for e, _ in trip.go(there, odometry)]
+
+
+def test_a_robot_that_was_carried_off_in_its_new_map_is_lost() -> None:
+    lost = carried_off_in_a_new_map()
+    assert any(lost[:21])  # within 2 m
+    assert all(lost[21:])
+
+
+def test_by_its_own_map_alone_it_would_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(RecentScans, "are_continued", lambda *_: None)
+    assert not any(carried_off_in_a_new_map())
 
 
 def test_without_enough_points_the_robot_reckons_and_its_uncertainty_grows() -> None:

@@ -1,0 +1,74 @@
+"""Whether a scan continues those of the last metres."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from navcore.config.localisation import LocalisationConfig
+from navcore.geometry.transform import Pose2
+from navcore.localisation.scans.scan import Scan
+from navcore.localisation.tracking.odometry_model import OdometryStep
+from navcore.localisation.tracking.recent_scans import RecentScans
+from tests.navcore.localisation.plan_worlds import drive, office
+
+WORLD = office(3)
+ROUTE = drive([(1.5, 0.0), (8.0, 0.0)])
+HERE = ROUTE[-1]
+ROOM = Pose2(x_m=8.0, y_m=3.0, yaw_rad=2.5)
+
+
+def step_by(turn_rad: float = 0.0) -> OdometryStep:
+    turned = Pose2(x_m=0.0, y_m=0.0, yaw_rad=turn_rad)
+    return OdometryStep.between(Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), turned, 0.2)
+
+
+def seen_from(pose: Pose2, seed: int = 1) -> Scan:
+    return WORLD.scan(pose, np.random.default_rng(seed))
+
+
+def with_person(scan: Scan, share: float) -> Scan:
+    """The scan with a person close by who hides all points behind in a share of the view."""
+    points = scan.points_base.copy()
+    hidden = np.arctan2(*(points - scan.origin).T[::-1]) > np.quantile(
+        np.arctan2(*(points - scan.origin).T[::-1]), 1.0 - share
+    )
+    sight = points[hidden] - scan.origin
+    points[hidden] = scan.origin + sight / np.linalg.norm(sight, axis=1)[:, None]
+    return Scan(
+        points_base=points,
+        variance_m2=scan.variance_m2.copy(),
+        normals=scan.normals.copy(),
+        origin=scan.origin.copy(),
+    )
+
+
+@pytest.fixture(scope="module")
+def recent() -> RecentScans:
+    scans = RecentScans(LocalisationConfig())
+    for k, pose in enumerate(ROUTE):
+        scans.add(seen_from(pose, k), pose)
+    return scans
+
+
+def test_the_next_view_continues_the_last_ones_and_another_place_does_not(
+    recent: RecentScans,
+) -> None:
+    assert recent.are_continued(seen_from(HERE), HERE, step_by()) is True
+    assert recent.are_continued(seen_from(ROOM), HERE, step_by()) is False
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8])
+def test_a_person_who_steps_in_ends_nothing(recent: RecentScans, share: float) -> None:
+    view = with_person(seen_from(HERE), share)
+    assert recent.are_continued(view, HERE, step_by()) is not False
+
+
+def test_nothing_is_said_without_scans_with_few_points_and_over_large_turns(
+    recent: RecentScans,
+) -> None:
+    there = seen_from(ROOM)
+    assert RecentScans(LocalisationConfig()).are_continued(there, HERE, step_by()) is None
+    few = there.part(np.arange(len(there)) < 10)
+    assert recent.are_continued(few, HERE, step_by()) is None
+    assert recent.are_continued(there, HERE, step_by(turn_rad=1.0)) is None
