@@ -158,11 +158,13 @@ def carried_away(
     metres: list[float] = []
     tried = in_time = right_again = unnoticed = false_alarms = 0
     known = pose_ids.array()
-    for number, at in enumerate(run.starts(count)):
+    # Without a map, a robot that has seen nothing yet cannot be carried away from anything.
+    starts = run.starts(count) if saved else run.starts(count)[1:]
+    for number, at in enumerate(starts):
         for distance_m in (0.0, *CARRIED_M):
             to = _away(run.drive, at, distance_m)
-            if to is None or at == 0:
-                continue  # a robot that has seen nothing yet cannot be carried away from it
+            if to is None:
+                continue
             ids = PoseIds(pose_ids.spacing_m, pose_ids.spacing_deg)
             ids.restore(known)
             localiser = Localiser(ids, config)
@@ -184,7 +186,7 @@ def carried_away(
         "right_again": right_again,
         "unnoticed": unnoticed,
         "median_m": float(np.median(metres)) if metres else None,
-        "not_carried": sum(at > 0 for at in run.starts(count)),
+        "not_carried": len(starts),
         "false_alarms": false_alarms,
     }
 
