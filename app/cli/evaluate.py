@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console as Terminal
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from navcore.config.navigator import NavigatorConfig
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
+PAPER_SUITE = "paper"
 ENOUGH_FOUND, FEW_FALSE_PER_10_M = 0.95, 1.0
 """Share of objects found in time, and rate of false detections, at which `finding` succeeds."""
 
@@ -44,9 +45,13 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, finding and localisation."
+            "crossings, finding, localisation and paper."
         ),
     ]
+    experiment: Annotated[
+        Literal["indoor", "forest"] | None,
+        typer.Option(help="Experiment of the paper: the world that S → G1 → G2 → G3 lead through."),
+    ] = None
     scenario: Annotated[
         str | None,
         typer.Option(metavar="NAME|FILE.toml", help="World of localisation, office by default."),
@@ -63,7 +68,8 @@ class EvaluateSettings:
         typer.Option(
             min=1,
             max=10_000,
-            help="Number of episodes: seeds of a scenario (10 by default), or worlds of a suite.",
+            help="Number of episodes: seeds of a scenario (10 by default) or of paper (1), or "
+            "worlds of a suite.",
         ),
     ] = None
     seed: Annotated[
@@ -137,6 +143,13 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             "--latency is the time from an image to a command, and the suite "
             f"{settings.suite!r} judges no commands"
         )
+    if settings.suite == PAPER_SUITE and (settings.experiment is None or settings.random):
+        raise BadConfiguration(
+            "the suite paper needs --experiment indoor or forest, and its goals are given: "
+            "no --random"
+        )
+    if settings.experiment is not None and settings.suite != PAPER_SUITE:
+        raise BadConfiguration("--experiment is for the suite 'paper'; worlds are the argument")
     drives = settings.suite != DETECTION_SUITE
     if not drives and settings.navigation is not None:
         raise BadConfiguration(
@@ -228,8 +241,9 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
     from app.runtime.segmentation import compose
     from sim.scenario.load import load_scenario
 
+    world, count = settings.experiment or settings.suite, settings.episodes
     task = Task(
-        scenario=load_scenario(settings.suite),
+        scenario=load_scenario(world),
         random=settings.random,
         zones=settings.zones,
         ablation=settings.ablation,
@@ -240,7 +254,8 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         max_time_s=settings.max_time,
     )
     parts = [
-        Path(settings.suite).stem,
+        "" if settings.experiment is None else PAPER_SUITE,
+        Path(world).stem,
         "random" if settings.random else "",
         "" if settings.ablation is Ablation.NONE else str(settings.ablation),
         "" if settings.odometry is OdometryGrade.TYPICAL else str(settings.odometry),
@@ -252,7 +267,9 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
     summary = evaluate_scenario(
         task,
         robot=settings.robot,
-        seeds=range(settings.seed, settings.seed + (settings.episodes or 10)),
+        seeds=range(
+            settings.seed, settings.seed + (count or (10 if settings.experiment is None else 1))
+        ),
         workers=settings.workers,
         out=settings.out or Path("runs") / "-".join(filter(None, parts)),
         beware=beware_list(settings.beware, task.scenario),

@@ -77,7 +77,8 @@ def evaluate_scenario(
         drive_alone=partial(_drive_alone, common=common, choice=choice),
     )
     reports = campaign.run(seeds, workers=workers, out=out)
-    summary = {"command": command_line(), **summarise(reports)}
+    mission = "random" if task.random else "given"
+    summary = {"command": command_line(), "mission": mission, **summarise(reports)}
     write_summary(summary, out)
     _draw(reports, common)
     terminal = Terminal(width=None if sys.stdout.isatty() else 140)

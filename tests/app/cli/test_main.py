@@ -89,6 +89,9 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "office", "--latency", "-5"), "--latency '-5'"),
         (("drive", "--latency", "fast"), "--latency 'fast'"),
         (("evaluate", "office", "--ablation", "no-zones"), "--zones"),
+        (("evaluate", "paper"), "--experiment"),
+        (("evaluate", "paper", "--experiment", "indoor", "--random"), "no --random"),
+        (("evaluate", "indoor", "--experiment", "indoor"), "suite 'paper'"),
         (("compare", "/no/such/folder"), "summary.json"),
         # Refused before the weights are opened, and before an engine is tried.
         (("drive", "--goal", "99,99", "--weights", "/no/such.onnx"), "outside the world"),
