@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test check lint kernels bench reliability campaign screenshots screenshots-check setup debian clean
+.PHONY: run test test-fleet check lint kernels bench reliability campaign screenshots screenshots-check setup debian clean
 
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
@@ -12,6 +12,11 @@ run: setup
 test: setup
 	@$(MAKE) --no-print-directory --jobs=2 lint kernels debian
 	$(BIN)/pytest --numprocesses=2 --dist=worksteal
+
+# The Ray engine on a cluster of two nodes on this machine, one of which is killed. Ray is 70 MB, so it is no part of `test`.
+test-fleet: setup
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,fleet]'
+	$(BIN)/pytest -q tests/app/fleet
 
 # For daily work: the linters, the types, and the tests of the rooms that differ from the last commit.
 check: lint

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 from collections.abc import Generator, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -17,7 +13,7 @@ from rich.console import Console as Terminal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from app.cli.options import takes_options
+from app.cli.options import EngineOptions, takes_options
 from navcore.errors import BadConfiguration
 
 if TYPE_CHECKING:  # at run time these would make every command wait for torch and the simulator
@@ -27,6 +23,8 @@ if TYPE_CHECKING:  # at run time these would make every command wait for torch a
 POSES_PER_WORLD = 8
 WORLDS_PER_JOB = 25
 """Number of worlds that one process renders before it ends, because the renderers leak memory."""
+AHEAD = 32
+"""Number of jobs that may be ahead of the first one that is not written yet, about 120 MB each."""
 RendererName = Literal["auto", "tiny", "egl"]
 
 OutArgument = Annotated[
@@ -102,7 +100,7 @@ class RenderSettings:
     renderer: Annotated[
         RendererName, typer.Option(help="auto: EGL for two thirds of the worlds where it works.")
     ] = "auto"
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that render.")] = 1
+    where: EngineOptions = field(default_factory=EngineOptions)
 
 
 @dataset_cli.command()
@@ -136,7 +134,7 @@ def render(settings: RenderSettings) -> None:
     )
     with (
         Progress(*columns, console=Terminal(stderr=True)) as bar,
-        closing(_rendered(jobs, settings.workers)) as results,
+        closing(_rendered(jobs, settings.where)) as results,
     ):
         task = bar.add_task("rendering", total=sum(counts.values()))
         for split, images in results:
@@ -286,27 +284,21 @@ def _jobs(
     ]
 
 
-def _rendered(jobs: list[Job], workers: int) -> Generator[tuple[Split, list[LabelledImage]]]:
+def _rendered(
+    jobs: list[Job], where: EngineOptions
+) -> Generator[tuple[Split, list[LabelledImage]]]:
     """Yield the images of each job, in the order of the jobs."""
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, _silence_output, max_tasks_per_child=1) as pool:
-        try:
-            yield from pool.map(_render, jobs)
-        except BrokenProcessPool:
-            # `multiprocessing.Pool` would start another process and wait for the lost images for
-            # ever.
-            raise BadConfiguration(
-                "a process that renders was killed; if memory is short, use fewer --workers"
-            ) from None
-        finally:
-            pool.shutdown(cancel_futures=True)
+    from app.fleet.engine import TRIES, Lost, in_order
 
-
-def _silence_output() -> None:
-    """Silence the renderers, which print into the progress bar; errors arrive as exceptions."""
-    with Path(os.devnull).open("w", encoding="ascii") as null:
-        for stream in (1, 2):
-            os.dup2(null.fileno(), stream)
+    engine = where.chosen(tasks_each=1)  # the renderers leak memory
+    with closing(in_order(engine, _render, jobs, ahead=AHEAD)) as results:
+        for rendered in results:
+            if isinstance(rendered, Lost):
+                raise BadConfiguration(
+                    f"a process that renders failed {TRIES} times: {rendered.cause}; "
+                    "if memory is short, use fewer --workers"
+                )
+            yield rendered
 
 
 def _render(job: Job) -> tuple[Split, list[LabelledImage]]:

@@ -14,6 +14,7 @@ from rich.console import Console as Terminal
 from app.cli.options import (
     AblationOption,
     BewareOption,
+    EngineOptions,
     GnssOption,
     LatencyOption,
     NavigationOption,
@@ -29,6 +30,7 @@ from navcore.errors import BadConfiguration
 from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
+    from app.evaluation.campaign import Fleet
     from navcore.config.navigator import NavigatorConfig
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
@@ -76,7 +78,14 @@ class EvaluateSettings:
         int,
         typer.Option(min=0, help="Seed of the first episode, counting up; of every world of barn."),
     ] = 0
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Episodes driven in parallel.")] = 1
+    where: EngineOptions = field(default_factory=EngineOptions)
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            metavar="i/n",
+            help="Drive the i-th of n shares of the episodes; `merge` joins their folders.",
+        ),
+    ] = None
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder of episodes.jsonl, summary.json and figures."),
@@ -113,17 +122,31 @@ def evaluate(settings: EvaluateSettings) -> None:
         if settings.navigation is None
         else load_config(settings.navigation, load_profile(settings.robot))
     )
-    if settings.suite in SUITES:
-        succeeded = _barn(settings, config)
-    elif settings.suite == CROSSINGS_SUITE:
-        succeeded = _crossings(settings, config)
-    elif settings.suite == DETECTION_SUITE:
-        succeeded = _detection(settings)
-    elif settings.suite == LOCALISATION_SUITE:
-        succeeded = _localisation(settings, config)
-    else:
-        succeeded = _scenario(settings, config)
+    try:
+        succeeded = _evaluated(settings, config)
+    except KeyboardInterrupt:
+        typer.echo(
+            "bewarenav: interrupted; what was driven is recorded, and the same command drives the "
+            "rest",
+            err=True,
+        )
+        sys.exit(130)
     sys.exit(0 if succeeded else 1)
+
+
+def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
+    """Run the suite; return whether it succeeded."""
+    from app.evaluation.barn import SUITES
+
+    if settings.suite in SUITES:
+        return _barn(settings, config)
+    if settings.suite == CROSSINGS_SUITE:
+        return _crossings(settings, config)
+    if settings.suite == DETECTION_SUITE:
+        return _detection(settings)
+    if settings.suite == LOCALISATION_SUITE:
+        return _localisation(settings, config)
+    return _scenario(settings, config)
 
 
 def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
@@ -150,6 +173,12 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
         )
     if settings.experiment is not None and settings.suite != PAPER_SUITE:
         raise BadConfiguration("--experiment is for the suite 'paper'; worlds are the argument")
+    spread = settings.shard is not None or settings.where != EngineOptions()
+    if spread and settings.suite in (DETECTION_SUITE, LOCALISATION_SUITE):
+        raise BadConfiguration(
+            "--shard, --workers and --engine are for suites of separate episodes, and "
+            f"{settings.suite!r} runs as a whole"
+        )
     drives = settings.suite != DETECTION_SUITE
     if not drives and settings.navigation is not None:
         raise BadConfiguration(
@@ -159,6 +188,20 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
         raise BadConfiguration(
             "--odometry is for robots that drive, and in the suite 'finding' nothing does"
         )
+
+
+def _fleet(settings: EvaluateSettings) -> Fleet:
+    from app.evaluation.campaign import Fleet
+    from app.fleet.shard import parse_shard
+
+    shard = None if settings.shard is None else parse_shard(settings.shard)
+    return Fleet(engine=settings.where.chosen(), shard=shard)
+
+
+def _out(settings: EvaluateSettings, name: str) -> Path:
+    """Return the folder of the results; by default of its own for each share."""
+    share = "" if settings.shard is None else f"-shard-{settings.shard.replace('/', '-of-')}"
+    return settings.out or Path("runs") / f"{name}{share}"
 
 
 def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
@@ -171,8 +214,8 @@ def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
         robot=settings.robot,
         count=settings.episodes,
         seed=settings.seed,
-        workers=settings.workers,
-        out=settings.out or Path("runs") / f"{settings.suite}-{settings.robot}",
+        fleet=_fleet(settings),
+        out=_out(settings, f"{settings.suite}-{settings.robot}"),
         config=config,
         odometry=settings.odometry,
         latency=latency_of(settings.latency),
@@ -186,8 +229,8 @@ def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
 
     verdict = evaluate_crossings(
         seeds=range(settings.seed, settings.seed + (settings.episodes or 200)),
-        workers=settings.workers,
-        out=settings.out or Path("runs") / settings.suite,
+        fleet=_fleet(settings),
+        out=_out(settings, settings.suite),
         beware=beware_list(settings.beware),
         config=config,
         odometry=settings.odometry,
@@ -206,7 +249,7 @@ def _detection(settings: EvaluateSettings) -> bool:
         beware_list(settings.beware),
         seed=settings.seed,
         walks=settings.episodes or 40,
-        out=settings.out or Path("runs") / settings.suite,
+        out=_out(settings, settings.suite),
     )
     return bool(
         found["found_in_time"] >= ENOUGH_FOUND
@@ -225,7 +268,7 @@ def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) ->
         grade=settings.odometry,
         episodes=settings.episodes or 10,
         seed=settings.seed,
-        out=settings.out or Path("runs") / f"localisation-{Path(world).stem}-{settings.odometry}",
+        out=_out(settings, f"localisation-{Path(world).stem}-{settings.odometry}"),
         beware=beware_list(settings.beware, scenario),
         config=config,
     )
@@ -270,8 +313,8 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         seeds=range(
             settings.seed, settings.seed + (count or (10 if settings.experiment is None else 1))
         ),
-        workers=settings.workers,
-        out=settings.out or Path("runs") / "-".join(filter(None, parts)),
+        fleet=_fleet(settings),
+        out=_out(settings, "-".join(filter(None, parts))),
         beware=beware_list(settings.beware, task.scenario),
         perception=compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
         if needs_segmenter
@@ -297,3 +340,27 @@ def compare(
     Terminal(width=None if sys.stdout.isatty() else 60 + 36 * len(folders)).print(
         side_by_side(folders)
     )
+
+
+def merge(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR…", help="Output folders of all shards.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the whole campaign.")],
+    allow: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="missing|repeated|versions",
+            help="Accept missing episodes, episodes in several shards, or several versions of the "
+            "program; may be given several times.",
+        ),
+    ] = None,
+) -> None:
+    """Join the shards of a campaign into the folder that one run would have made."""
+    from app.evaluation.merge import Allowance, merge_shards
+
+    try:
+        allowed = [Allowance(one) for one in allow or []]
+    except ValueError as error:
+        raise BadConfiguration(f"--allow: {error}; {', '.join(Allowance)} are known") from None
+    merge_shards(folders, out=out, allowed=allowed)

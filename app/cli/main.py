@@ -16,7 +16,7 @@ from app.bench.parts import BenchPart
 from app.cli.console import console
 from app.cli.dataset import dataset_cli
 from app.cli.drive import drive
-from app.cli.evaluate import compare, evaluate
+from app.cli.evaluate import compare, evaluate, merge
 from app.cli.options import ScenarioOption, takes_options
 from app.cli.plan import plan
 from app.cli.replay import replay
@@ -42,6 +42,7 @@ cli.command()(takes_options(segment))
 cli.command()(takes_options(plan))
 cli.command()(takes_options(replay))
 cli.command()(takes_options(evaluate))
+cli.command()(merge)
 cli.command()(compare)
 cli.command()(takes_options(console))
 cli.command()(takes_options(drive))

@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
 
 import typer
 
@@ -27,6 +27,7 @@ from sim.robot.odometry_grade import OdometryGrade
 from sim.sensors.gnss_settings import GnssKind
 
 if TYPE_CHECKING:
+    from app.fleet.engine import Engine
     from sim.scenario.schema import Scenario
 
 Settings = TypeVar("Settings")
@@ -151,6 +152,38 @@ class SegmenterOptions:
         return SegmenterChoice(
             kind=self.segmenter, weights=self.weights, engine=self.backend, live=live
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineOptions:
+    """The options that say where tasks are done."""
+
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Tasks done in parallel.")] = 1
+    engine: Annotated[
+        Literal["local", "ray"],
+        typer.Option(help="Processes of this machine, or a Ray cluster with a worker a CPU."),
+    ] = "local"
+    address: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT|auto",
+            help="The Ray cluster; without it --engine ray starts one of --workers here.",
+        ),
+    ] = None
+
+    def chosen(self, *, tasks_each: int = 0) -> Engine:
+        """Return the engine; `tasks_each` above 0 replaces a worker after so many tasks, and
+        discards what it prints."""
+        from app.fleet.local import Processes, ThisProcess
+        from app.fleet.ray_cluster import RayCluster
+
+        if self.engine == "ray":
+            return RayCluster(address=self.address, workers=self.workers, tasks_each=tasks_each)
+        if self.address is not None:
+            raise BadConfiguration("--address is for --engine ray")
+        if self.workers == 1 and not tasks_each:
+            return ThisProcess()
+        return Processes(workers=self.workers, tasks_each=tasks_each, quiet=tasks_each > 0)
 
 
 def takes_options(command: Callable[[Settings], None]) -> Callable[..., None]:

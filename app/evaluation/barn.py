@@ -11,7 +11,7 @@ from typing import Any
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.failure_causes import causes_of
 from app.episode.latency import NO_LATENCY, Latency
-from app.evaluation.campaign import Campaign, conclude, mean_of
+from app.evaluation.campaign import HERE, Campaign, Fleet, conclude, mean_of
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList
@@ -82,7 +82,7 @@ def evaluate_barn(
     robot: str,
     count: int | None,
     seed: int,
-    workers: int,
+    fleet: Fleet = HERE,
     out: Path,
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
@@ -113,6 +113,7 @@ def evaluate_barn(
         latency=latency,
     )
     campaign = Campaign(
+        suite=suite,
         key="world",
         rules=(
             hashlib.sha256(worlds.read_bytes()).hexdigest(),
@@ -126,7 +127,13 @@ def evaluate_barn(
         drive=drive,
         drive_alone=drive,
     )
-    reports = campaign.run([world.id for world in listed], workers=workers, out=out)
+    reports = campaign.run([world.id for world in listed], fleet=fleet, out=out)
+    return conclude_barn(suite, reports, out)
+
+
+def conclude_barn(suite: str, reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
+    """Print the table of a campaign, write `summary.json`, return the summary."""
+    profile = load_profile(reports[0]["robot"])
     summary = summarise(suite, profile, reports)
     conclude(reports, summary, columns=COLUMNS, title=f"{suite}, {profile.name}", out=out)
     return summary

@@ -20,7 +20,7 @@ import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.latency import NO_LATENCY, Latency
-from app.evaluation.campaign import Campaign, conclude
+from app.evaluation.campaign import HERE, Campaign, Fleet, conclude
 from navcore.config.navigator import NavigatorConfig
 from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import HUSKY
@@ -141,6 +141,7 @@ def draw_crossing(seed: int) -> Crossing:
             return crossing
 
 
+SUITE = "crossings"
 COLUMNS = (
     *(
         "seed",
@@ -159,7 +160,7 @@ COLUMNS = (
 def evaluate_crossings(
     *,
     seeds: Iterable[int],
-    workers: int,
+    fleet: Fleet = HERE,
     out: Path,
     beware: BewareList,
     max_time_s: float = PATIENCE_S,
@@ -178,9 +179,10 @@ def evaluate_crossings(
         latency=latency,
     )
     campaign = Campaign(
+        suite=SUITE,
         key="seed",
         rules=(
-            "crossings",
+            SUITE,
             draw_crossing(0),
             beware.classes,
             max_time_s,
@@ -192,9 +194,13 @@ def evaluate_crossings(
         drive=drive,
         drive_alone=drive,
     )
-    reports = campaign.run(list(seeds), workers=workers, out=out)
+    return conclude_crossings(campaign.run(list(seeds), fleet=fleet, out=out), out)
+
+
+def conclude_crossings(reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
+    """Print the table of a campaign, write `summary.json`, return the summary."""
     summary = summarise(reports)
-    conclude(reports, summary, columns=COLUMNS, title="crossings", out=out)
+    conclude(reports, summary, columns=COLUMNS, title=SUITE, out=out)
     return summary
 
 

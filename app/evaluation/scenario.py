@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,7 +15,7 @@ from rich.console import Console as Terminal
 
 from app.episode.ablations import Ablation
 from app.episode.task import Task, episode_of
-from app.evaluation.campaign import Campaign, write_summary
+from app.evaluation.campaign import HERE, Campaign, Fleet, write_summary
 from app.evaluation.summary import summarise, tables_of
 from app.runtime.provenance import command_line
 from app.runtime.segmentation import Perception, colour_perception, compose
@@ -22,7 +23,10 @@ from app.runtime.segmenter_choice import SegmenterChoice
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import load_profile
+from sim.scenario.schema import Scenario
 
+RANDOM, GIVEN = "random", "given"
+"""Names of the suites: start and goal of each seed, or those of the world."""
 NEEDS_NO_SEGMENTER = (Ablation.NO_SEMANTICS, Ablation.ORACLE)
 
 
@@ -36,8 +40,6 @@ class Evaluation:
     """Name of the robot profile."""
     beware: BewareList
     """Classes that the robot must avoid."""
-    out: Path
-    """Folder of reports and figures."""
     config: NavigatorConfig
     """Navigation parameters."""
     drawn: frozenset[int] = frozenset()
@@ -48,9 +50,9 @@ def evaluate_scenario(
     task: Task,
     *,
     seeds: Sequence[int],
-    workers: int,
     out: Path,
     beware: BewareList,
+    fleet: Fleet = HERE,
     perception: Perception | None = None,
     robot: str = "husky",
     draw_first: int = 1,
@@ -67,43 +69,70 @@ def evaluate_scenario(
     profile = load_profile(robot)
     segmenter = str(task.ablation) if task.ablation in NEEDS_NO_SEGMENTER else perception.identity
     config, drawn = config or config_for(profile), frozenset(seeds[:draw_first])
-    common = Evaluation(task=task, robot=robot, beware=beware, out=out, config=config, drawn=drawn)
+    common = Evaluation(task=task, robot=robot, beware=beware, config=config, drawn=drawn)
     campaign = Campaign(
+        suite=RANDOM if task.random else GIVEN,
         key="seed",
         rules=(task, beware.classes, profile, config, segmenter),
         holds="another world, task, ablation, odometry, robot, configuration, beware list, "
         "segmenter or time limit",
         drive=partial(_drive, common=common, perception=perception),
         drive_alone=partial(_drive_alone, common=common, choice=choice),
+        unpack=partial(_with_figures, folder=out / "figures"),
     )
-    reports = campaign.run(seeds, workers=workers, out=out)
-    mission = "random" if task.random else "given"
-    summary = {"command": command_line(), "mission": mission, **summarise(reports)}
+    reports = campaign.run(seeds, fleet=fleet, out=out)
+    _draw(reports, task.scenario, out / "figures")
+    return conclude_scenario(campaign.suite, command_line(), reports, out)
+
+
+def conclude_scenario(
+    mission: str, command: str, reports: Sequence[dict[str, Any]], out: Path
+) -> dict[str, Any]:
+    """Print the tables of a campaign, write `summary.json`, return the summary."""
+    summary = {"command": command, "mission": mission, **summarise(reports)}
     write_summary(summary, out)
-    _draw(reports, common)
     terminal = Terminal(width=None if sys.stdout.isatty() else 140)
     for table in tables_of(summary):
         terminal.print(table)
-    terminal.print(f"episodes.jsonl, summary.json and figures are in {out}")
+    terminal.print(f"the results are in {out}")
     return summary
 
 
-def _draw(reports: Sequence[dict[str, Any]], common: Evaluation) -> None:
+def _draw(reports: Sequence[dict[str, Any]], scenario: Scenario, folder: Path) -> None:
     from app.evaluation.plots import all_drives, progress, save
     from sim.scenario.variation import randomise
 
-    folder = common.out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
-    world = randomise(common.task.scenario, int(reports[0]["seed"]))
+    world = randomise(scenario, int(reports[0]["seed"]))
     save(progress(reports, f"{world.name}, {len(reports)} episodes"), folder / "progress")
     save(all_drives(reports, world), folder / "drives")
 
 
-def _drive_alone(seed: int, *, common: Evaluation, choice: SegmenterChoice) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class DrivenEpisode:
+    """What came of an episode, as a value: its worker may be another machine."""
+
+    report: dict[str, Any]
+    """Report of the episode."""
+    figures: dict[str, bytes]
+    """Contents of its figures by file name; empty where none were drawn."""
+
+
+def _with_figures(driven: DrivenEpisode, *, folder: Path) -> dict[str, Any]:
+    """Write the figures of an episode into a folder of its seed; return the report."""
+    if driven.figures:
+        own = folder / f"seed-{driven.report['seed']:04d}"
+        own.mkdir(parents=True, exist_ok=True)
+        for name, content in driven.figures.items():
+            (own / name).write_bytes(content)
+    return driven.report
+
+
+def _drive_alone(seed: int, *, common: Evaluation, choice: SegmenterChoice) -> DrivenEpisode:
     return _drive(seed, common=common, perception=compose(choice))
 
 
-def _drive(seed: int, *, common: Evaluation, perception: Perception) -> dict[str, Any]:
+def _drive(seed: int, *, common: Evaluation, perception: Perception) -> DrivenEpisode:
     from app.episode.keyframes import Keyframes
     from app.evaluation.plots import plot_episode
 
@@ -119,8 +148,11 @@ def _drive(seed: int, *, common: Evaluation, perception: Perception) -> dict[str
     try:
         keyframes = Keyframes(episode)
         report = episode.run()
-        if seed in common.drawn or not report["success"]:
-            plot_episode(report, episode, keyframes, common.out / "figures" / f"seed-{seed:04d}")
-        return report
+        if seed not in common.drawn and report["success"]:
+            return DrivenEpisode(report, {})
+        with tempfile.TemporaryDirectory() as folder:
+            plot_episode(report, episode, keyframes, Path(folder))
+            figures = {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
+        return DrivenEpisode(report, figures)
     finally:
         episode.close()

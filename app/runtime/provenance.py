@@ -9,6 +9,7 @@ import platform
 import shlex
 import subprocess
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -50,6 +51,17 @@ def shipped_sha256() -> str:
     return hashlib.sha256(SHIPPED.read_bytes()).hexdigest()
 
 
-def command_line() -> str:
-    """Return the command with which this process was started."""
-    return shlex.join(["bewarenav", *sys.argv[1:]])
+WHERE = ("--shard", "--workers", "--engine", "--address", "--out")
+"""Options that say where something is computed and stored, and change no result."""
+
+
+def command_line(arguments: Sequence[str] | None = None) -> str:
+    """Return the command with which this process was started, without the options of `WHERE`."""
+    given = iter(sys.argv[1:] if arguments is None else arguments)
+    kept = []
+    for argument in given:
+        if argument in WHERE:
+            next(given, None)
+        elif argument.partition("=")[0] not in WHERE:
+            kept.append(argument)
+    return shlex.join(["bewarenav", *kept])

@@ -92,6 +92,11 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "paper"), "--experiment"),
         (("evaluate", "paper", "--experiment", "indoor", "--random"), "no --random"),
         (("evaluate", "indoor", "--experiment", "indoor"), "suite 'paper'"),
+        (("evaluate", "office", "--shard", "5/4"), "--shard '5/4'"),
+        (("evaluate", "finding", "--workers", "2"), "runs as a whole"),
+        (("evaluate", "office", "--address", "auto", "--segmenter", "colour"), "--engine ray"),
+        (("merge", "/no/such/folder", "--out", "/tmp/merged"), "no folder of a campaign"),
+        (("merge", "/no/such/folder", "--out", "m", "--allow", "all"), "missing, repeated"),
         (("compare", "/no/such/folder"), "summary.json"),
         # Refused before the weights are opened, and before an engine is tried.
         (("drive", "--goal", "99,99", "--weights", "/no/such.onnx"), "outside the world"),
@@ -113,6 +118,18 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(
     arguments: tuple[str, ...], words: str
 ) -> None:
     check_refusal(bewarenav(*arguments), words)
+
+
+def test_an_interrupted_evaluation_says_so_and_ends_with_130(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupted(*_: object) -> bool:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("app.cli.evaluate._evaluated", interrupted)
+    answer = bewarenav("evaluate", "office")
+    assert answer.returncode == 130
+    assert "the same command drives the rest" in answer.stderr
 
 
 def test_a_process_ends_with_the_line_and_the_exit_code() -> None:

@@ -175,7 +175,7 @@ def test_a_killed_worker_ends_the_rendering_with_a_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("app.cli.dataset._render", killed)
-    with pytest.raises(BadConfiguration, match="was killed"):
+    with pytest.raises(BadConfiguration, match="ended with exit code -9; if memory is short"):
         run(
             "dataset",
             "render",

@@ -30,9 +30,7 @@ def test_a_world_is_driven_scored_and_not_driven_twice(
     worlds, out = a_file(tmp_path, WALLED, STATIC, goal=NEAR), tmp_path / "out"
 
     def campaign(count: int | None) -> dict[str, Any]:
-        return evaluate_barn(
-            "barn", worlds, robot="jackal", count=count, seed=0, workers=1, out=out
-        )
+        return evaluate_barn("barn", worlds, robot="jackal", count=count, seed=0, out=out)
 
     first = campaign(1)
     kept = (out / "episodes.jsonl").read_text()
@@ -47,7 +45,7 @@ def test_a_world_is_driven_scored_and_not_driven_twice(
     assert report["optimal_s"] == 6.0 and report["min_clearance_m"] > 0.03
     assert "time_s" in capsys.readouterr().out
     with pytest.raises(BadConfiguration, match="another --out"):
-        evaluate_barn("barn", worlds, robot="husky", count=1, seed=0, workers=1, out=out)
+        evaluate_barn("barn", worlds, robot="husky", count=1, seed=0, out=out)
 
 
 def test_a_configuration_of_its_own_drives_a_world_and_another_one_is_another_campaign(
@@ -59,7 +57,6 @@ def test_a_configuration_of_its_own_drives_a_world_and_another_one_is_another_ca
         "robot": "jackal",
         "count": 1,
         "seed": 0,
-        "workers": 1,
         "out": tmp_path / "out",
     }
     summary = evaluate_barn("barn", a_file(tmp_path, WALLED, goal=NEAR), config=own, **options)
@@ -135,7 +132,7 @@ def test_an_obstacle_that_runs_into_the_standing_robot_fails_the_run_too(tmp_pat
 
 def test_a_wrong_suite_robot_or_file_is_refused(tmp_path: Path) -> None:
     static = a_file(tmp_path, STATIC)
-    options: dict[str, Any] = {"count": None, "seed": 0, "workers": 1, "out": tmp_path}
+    options: dict[str, Any] = {"count": None, "seed": 0, "out": tmp_path}
     with pytest.raises(BadConfiguration, match="needs --worlds"):
         evaluate_barn("barn", None, robot="jackal", **options)
     with pytest.raises(BadConfiguration, match="no such file"):

@@ -3,13 +3,13 @@ worker behind."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,17 @@ import numpy as np
 import pytest
 
 from app.episode.ablation import pursue
-from app.evaluation.campaign import Campaign, EpisodesFailed
+from app.evaluation.campaign import HERE, Campaign, EpisodesFailed, Fleet
+from app.fleet.campaign_progress import rate_of
+from app.fleet.local import Processes
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState
 from navcore.errors import BadConfiguration
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
 from navcore.robot.profile import HUSKY
+
+TWO = Fleet(engine=Processes(workers=2))
 
 
 def drive(key: int) -> dict[str, Any]:
@@ -37,7 +41,9 @@ def slow_drive(key: int) -> dict[str, Any]:
 
 
 def campaign(rules: object = "rules", run: Any = drive) -> Campaign:
-    return Campaign(key="key", rules=rules, holds="another campaign", drive=run, drive_alone=run)
+    return Campaign(
+        suite="test", key="key", rules=rules, holds="another campaign", drive=run, drive_alone=run
+    )
 
 
 def test_recorded_episodes_are_not_driven_again_and_other_rules_are_refused(tmp_path: Path) -> None:
@@ -48,12 +54,12 @@ def test_recorded_episodes_are_not_driven_again_and_other_rules_are_refused(tmp_
         return drive(key)
 
     assert [
-        report["key"] for report in campaign(run=note).run([0, 1], workers=1, out=tmp_path)
+        report["key"] for report in campaign(run=note).run([0, 1], fleet=HERE, out=tmp_path)
     ] == [0, 1]
-    again = campaign(run=note).run([2, 1, 0], workers=1, out=tmp_path)
+    again = campaign(run=note).run([2, 1, 0], fleet=HERE, out=tmp_path)
     assert [report["key"] for report in again] == [2, 1, 0] and driven == [0, 1, 2]
     with pytest.raises(BadConfiguration, match="another campaign"):
-        campaign(rules="others").run([0], workers=1, out=tmp_path)
+        campaign(rules="others").run([0], fleet=HERE, out=tmp_path)
 
 
 def test_a_killed_campaign_has_recorded_what_was_driven_and_its_workers_end(tmp_path: Path) -> None:
@@ -63,7 +69,7 @@ def test_a_killed_campaign_has_recorded_what_was_driven_and_its_workers_end(tmp_
         "from tests.app.evaluation.test_campaign import *\n"
         "if __name__ == '__main__':\n"
         f"    out = Path({str(tmp_path)!r})\n"
-        "    campaign(run=slow_drive).run([0, 1, 2], workers=2, out=out)\n"
+        "    campaign(run=slow_drive).run([0, 1, 2], fleet=TWO, out=out)\n"
     )
     environment = {
         **os.environ,
@@ -106,7 +112,7 @@ def test_a_killed_worker_fails_its_own_episode_which_is_driven_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CAMPAIGN_PIDS", str(tmp_path))
-    reports = campaign(run=killed_once).run([0, 1, 2], workers=2, out=tmp_path)
+    reports = campaign(run=killed_once).run([0, 1, 2], fleet=TWO, out=tmp_path)
     assert [report["key"] for report in reports] == [0, 1, 2]
     assert (tmp_path / "killed").exists()
 
@@ -117,9 +123,9 @@ def test_a_killed_worker_fails_its_own_episode_which_is_driven_again(
 def test_an_episode_that_fails_twice_is_named_and_all_others_are_recorded(
     tmp_path: Path, run: Any, cause: str
 ) -> None:
-    limited = dataclasses.replace(campaign(run=run), limit_s=8.0)
+    limited = Fleet(engine=Processes(workers=2, limit_s=8.0))
     with pytest.raises(EpisodesFailed, match="key 1") as failure:
-        limited.run([0, 1, 2], workers=2, out=tmp_path)
+        campaign(run=run).run([0, 1, 2], fleet=limited, out=tmp_path)
     assert cause in failure.value.causes[1]
     recorded = (tmp_path / "episodes.jsonl").read_text().splitlines()
     assert sorted(json.loads(line)["key"] for line in recorded) == [0, 2]
@@ -127,7 +133,7 @@ def test_an_episode_that_fails_twice_is_named_and_all_others_are_recorded(
 
 def test_an_error_of_the_program_ends_the_campaign(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
-        campaign(run=broken).run([0, 1], workers=2, out=tmp_path)
+        campaign(run=broken).run([0, 1], fleet=TWO, out=tmp_path)
 
 
 def broken(key: int) -> dict[str, Any]:
@@ -171,3 +177,10 @@ def test_a_path_is_pursued_ahead_turned_to_behind_and_ended_at_its_goal() -> Non
         pursue(track((0.0, 0.0), (0.05, 0.0)), here, HUSKY, config).outcome
         is ControllerState.ARRIVED
     )
+
+
+def test_the_rate_names_workers_and_each_machine() -> None:
+    one = rate_of(Counter({"a": 30}), 2, 3600.0)
+    assert one == "30 episodes in 60.0 min: 30.0 per hour, workers: 2, machines: 1"
+    two = rate_of(Counter({"b": 10, "a": 30}), 4, 1800.0)
+    assert two.endswith("80.0 per hour, workers: 4, machines: 2 (a 60.0, b 20.0)")

@@ -43,12 +43,12 @@ def test_an_evaluation_is_resumed_where_it_was_cut_and_draws_its_figures(
     tmp_path: Path, capsys: Any
 ) -> None:
     beware, drives = default_beware_list(), task(random=True, max_time_s=4.0)
-    first = evaluate_scenario(drives, seeds=range(1), workers=1, out=tmp_path, beware=beware)
+    first = evaluate_scenario(drives, seeds=range(1), out=tmp_path, beware=beware)
     kept = (tmp_path / "episodes.jsonl").read_text()
     (tmp_path / "episodes.jsonl").write_text(
         kept + '{"scenario": "empty_ro'
     )  # as a kill would leave it
-    both = evaluate_scenario(drives, seeds=range(2), workers=1, out=tmp_path, beware=beware)
+    both = evaluate_scenario(drives, seeds=range(2), out=tmp_path, beware=beware)
     assert (first["episodes"], both["episodes"], both["seeds"]) == (1, 2, [0, 1])
     assert (tmp_path / "episodes.jsonl").read_text().startswith(kept)
     assert json.loads((tmp_path / "summary.json").read_text()) == json.loads(json.dumps(both))
@@ -65,7 +65,7 @@ def test_an_evaluation_is_resumed_where_it_was_cut_and_draws_its_figures(
     }
     assert compare_text([tmp_path, tmp_path]).count("empty_room") == 2
     with pytest.raises(BadConfiguration, match="ablation"):
-        evaluate_scenario(task(), seeds=range(1), workers=1, out=tmp_path, beware=beware)
+        evaluate_scenario(task(), seeds=range(1), out=tmp_path, beware=beware)
 
 
 def compare_text(folders: list[Path]) -> str:

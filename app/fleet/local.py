@@ -1,0 +1,119 @@
+"""Tasks on this machine: in this process, or in processes of their own."""
+
+from __future__ import annotations
+
+import os
+import platform
+import signal
+import threading
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context, parent_process
+from typing import Any
+
+from pebble import ProcessExpired, ProcessPool
+
+from app.fleet.engine import Done, Lost
+
+LIMIT_S = 3600.0
+"""Real time after which a task in a process of its own counts as hung, seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class ThisProcess:
+    """One task after the other, in this process."""
+
+    alone = True
+
+    @contextmanager
+    def started(self) -> Iterator[ThisProcess]:
+        """Return itself: there is nothing to start."""
+        yield self
+
+    def submit(self, do: Callable[[Any], Any], task: Any) -> Callable[[], Done[Any]]:
+        """Keep a task until it is asked for."""
+        return lambda: done(do, task)
+
+    def ended(self, handles: Collection[Callable[[], Done[Any]]]) -> list[Callable[[], Done[Any]]]:
+        """Return the first task, which is done when its outcome is asked for."""
+        return [next(iter(handles))]
+
+    def outcome(self, handle: Callable[[], Done[Any]]) -> Done[Any]:
+        """Do a task."""
+        return handle()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Processes:
+    """Processes of this machine; one that is killed or hangs ends with its own task only."""
+
+    workers: int
+    """Number of processes."""
+    limit_s: float = LIMIT_S
+    """Real time after which a task counts as hung, seconds."""
+    tasks_each: int = 0
+    """Number of tasks after which a process is replaced by a fresh one; 0 for never."""
+    quiet: bool = False
+    """Whether what the tasks print is discarded."""
+    alone = False
+
+    @contextmanager
+    def started(self) -> Iterator[_Pool]:
+        """Start the processes; at the end tasks in progress are not waited for."""
+        pool = ProcessPool(
+            self.workers,
+            max_tasks=self.tasks_each,
+            context=get_context("spawn"),
+            initializer=_begin,
+            initargs=[self.quiet],
+        )
+        try:
+            yield _Pool(pool, self.limit_s)
+        finally:
+            pool.stop()  # type: ignore[no-untyped-call]
+            pool.join()
+
+
+@dataclass(frozen=True, slots=True)
+class _Pool:
+    pool: ProcessPool
+    limit_s: float
+
+    def submit(self, do: Callable[[Any], Any], task: Any) -> Future[Done[Any]]:
+        job: Future[Done[Any]] = self.pool.schedule(done, args=[do, task], timeout=self.limit_s)
+        return job
+
+    def ended(self, handles: Collection[Future[Done[Any]]]) -> Collection[Future[Done[Any]]]:
+        return wait(handles, return_when=FIRST_COMPLETED).done
+
+    def outcome(self, handle: Future[Done[Any]]) -> Done[Any] | Lost:
+        error = handle.exception()
+        if isinstance(error, ProcessExpired):
+            return Lost(cause=f"its worker ended with exit code {error.exitcode}")
+        if isinstance(error, TimeoutError):
+            return Lost(cause=f"it took longer than {self.limit_s:g} s")
+        return handle.result()
+
+
+def done(do: Callable[[Any], Any], task: Any) -> Done[Any]:
+    """Do a task in this process."""
+    return Done(result=do(task), node=platform.node(), pid=os.getpid())
+
+
+def _begin(quiet: bool) -> None:
+    """End this worker when its parent is killed; Ctrl-C is left to the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
+    if quiet:
+        null = os.open(os.devnull, os.O_WRONLY)
+        for stream in (1, 2):
+            os.dup2(null, stream)
+
+
+def _exit_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

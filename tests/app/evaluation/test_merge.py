@@ -1,0 +1,118 @@
+"""The shards of a campaign become what one run gives, and nothing else is merged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.evaluation.campaign import Campaign, Fleet
+from app.evaluation.merge import Allowance, merge_shards
+from app.evaluation.scenario import conclude_scenario
+from app.fleet.campaign_files import EPISODES, read_card, recorded
+from app.fleet.shard import Shard
+from app.runtime.provenance import command_line
+from navcore.errors import BadConfiguration
+from navcore.mission.beware_list import default_beware_list
+from tests.app.evaluation.test_scenario import task
+
+SEEDS = range(3000, 3005)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Report of a short episode that was driven."""
+    from app.evaluation.scenario import evaluate_scenario
+
+    out = tmp_path_factory.mktemp("one")
+    short = task(max_time_s=1.0)
+    evaluate_scenario(short, seeds=[3000], out=out, beware=default_beware_list(), draw_first=0)
+    return dict(json.loads((out / EPISODES).read_text()))
+
+
+def driven(report: dict[str, Any], out: Path, shard: Shard | None = None, **changes: Any) -> Path:
+    """Write the folder of a campaign whose episodes differ by seed."""
+
+    def drive(seed: int) -> dict[str, Any]:
+        return {**report, "seed": seed, "distance_m": seed / 7, **changes}
+
+    campaign = Campaign(
+        suite="random",
+        key="seed",
+        rules="rules",
+        holds="another campaign",
+        drive=drive,
+        drive_alone=drive,
+    )
+    reports = campaign.run(SEEDS, fleet=Fleet(shard=shard), out=out)
+    conclude_scenario("random", read_card(out).command, reports, out)
+    return out
+
+
+def shares(report: dict[str, Any], folder: Path) -> list[Path]:
+    return [driven(report, folder / str(i), Shard(i, 3)) for i in (1, 2, 3)]
+
+
+def test_merged_shards_are_to_the_byte_what_one_run_gives(
+    report: dict[str, Any], tmp_path: Path
+) -> None:
+    whole = driven(report, tmp_path / "whole")
+    merge_shards(shares(report, tmp_path)[::-1], out=tmp_path / "merged")
+    for name in (EPISODES, "summary.json", "campaign.json"):
+        assert (tmp_path / "merged" / name).read_bytes() == (whole / name).read_bytes()
+
+
+def test_missing_and_repeated_episodes_are_named_and_merged_only_when_allowed(
+    report: dict[str, Any], tmp_path: Path
+) -> None:
+    first, second, third = shares(report, tmp_path)
+    with pytest.raises(BadConfiguration, match="no shard holds seed 3001, 3004; --allow missing"):
+        merge_shards([first, third], out=tmp_path / "a")
+    part = merge_shards([first, third], out=tmp_path / "a", allowed=[Allowance.MISSING])
+    assert part["seeds"] == [3000, 3002, 3003]
+    with pytest.raises(BadConfiguration, match=r"seed 3000 is in several shards, .*1 and .*1;"):
+        merge_shards([first, second, third, first], out=tmp_path / "b")
+    again = [first, second, third, first]
+    assert merge_shards(again, out=tmp_path / "b", allowed=[Allowance.REPEATED])["episodes"] == 5
+    with pytest.raises(BadConfiguration, match="holds episodes already"):
+        merge_shards(again, out=tmp_path / "b")
+
+
+def test_shards_of_another_version_network_or_command_are_refused_by_name(
+    report: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = driven(report, tmp_path / "1", Shard(1, 2))
+    older = driven(report, tmp_path / "old", Shard(2, 2), version="0.0.9")
+    with pytest.raises(BadConfiguration, match=r"old has episodes of version '0\.0\.9'.*--allow"):
+        merge_shards([first, older], out=tmp_path / "a")
+    merged = merge_shards([first, older], out=tmp_path / "a", allowed=[Allowance.VERSIONS])
+    assert len(merged["versions"]) == 2
+    other = driven(report, tmp_path / "net", Shard(2, 2), segmenter="network sha256 00")
+    with pytest.raises(BadConfiguration, match="net has episodes of segmenter 'network sha256 00'"):
+        merge_shards([first, other], out=tmp_path / "b", allowed=list(Allowance))
+    monkeypatch.setattr("app.evaluation.campaign.command_line", lambda: "bewarenav evaluate forest")
+    forest = driven(report, tmp_path / "forest", Shard(2, 2))
+    with pytest.raises(BadConfiguration, match="forest was made by 'bewarenav evaluate forest'"):
+        merge_shards([first, forest], out=tmp_path / "b", allowed=list(Allowance))
+    card = json.loads((first / "campaign.json").read_text())
+    (forest / "campaign.json").write_text(json.dumps({**card, "campaign": "0", "shard": "2/2"}))
+    with pytest.raises(BadConfiguration, match="of another campaign"):
+        merge_shards([first, forest], out=tmp_path / "b", allowed=list(Allowance))
+    with pytest.raises(BadConfiguration, match="is no folder of a campaign"):
+        merge_shards([first, tmp_path], out=tmp_path / "b")
+
+
+def test_the_kept_command_says_what_is_driven_and_not_where() -> None:
+    given = "evaluate office --random --shard 2/8 --workers=4 --out a --engine ray --address h:1"
+    assert command_line(given.split()) == "bewarenav evaluate office --random"
+
+
+def test_a_share_without_episodes_is_refused(report: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(BadConfiguration, match="--shard 9/9: there are only 5 episodes"):
+        driven(report, tmp_path, Shard(9, 9))
+
+
+def test_a_line_that_a_kill_cut_short_is_no_episode() -> None:
+    assert [report for _, report in recorded('{"seed": 1}\n{"se')] == [{"seed": 1}]
