@@ -97,6 +97,7 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
     summary |= {key: sum(report[key] for report in reports) for key in TOTALS}
     return summary | {
         "goals": sum(len(report["goals"]) for report in reports),
+        "goal_errors_m": _goal_errors_m(reports),
         "min_clearance_m": min(clear, default=None),
         "items": _items(reports),
         "failures": count_causes(reports),
@@ -186,6 +187,15 @@ def _causes(summary: Report) -> str:
         "\n".join(f"{len(seeds)} × {cause}" for cause, seeds in summary["failures"].items())
         or "none"
     )
+
+
+def _goal_errors_m(reports: Sequence[Report]) -> dict[str, list[float]]:
+    """Return by goal the true distances at which the robot reported it reached."""
+    errors_m: dict[str, list[float]] = {}
+    for report in reports:
+        for goal, error_m in report["goal_errors_m"].items():
+            errors_m.setdefault(goal, []).append(error_m)
+    return errors_m
 
 
 def _items(reports: Sequence[Report]) -> dict[str, dict[str, int]]:

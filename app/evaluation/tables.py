@@ -29,6 +29,11 @@ def kept_results(folder: Path = RESULTS) -> list[Result]:
     return [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))]
 
 
+def is_paper(result: Result) -> bool:
+    """Return whether a result is of one of the paper's missions, not of random ones."""
+    return result.get("mission") == "given"
+
+
 def short_table(results: Sequence[Result]) -> str:
     """Return the table of the first page."""
     return _table(
@@ -43,6 +48,7 @@ def short_table(results: Sequence[Result]) -> str:
                 f"{result['ideal_spl']:.2f}",
             )
             for result in results
+            if not is_paper(result)
         ],
     )
 
@@ -58,23 +64,39 @@ def full_table(results: Sequence[Result]) -> str:
                 *(f"{_count(result, key)} ({_interval(result, key)})" for key in rates),
                 f"{result['spl']:.2f}",
                 f"{result['ideal_spl']:.2f}",
-                "; ".join(
-                    f"{cause}: {', '.join(map(str, seeds))}"
-                    for cause, seeds in result["failures"].items()
-                )
-                or "none",
+                _failures(result),
             )
             for result in results
+            if not is_paper(result)
         ],
     )
+    missions = _table(
+        (
+            *("the paper's mission", "goals reached", "true distance at G1, G2, G3"),
+            *("drove into something", "over an item, a marking or a zone", "least clearance"),
+            *("driven", "time", "explored", "failures by seed"),
+        ),
+        [_mission_row(result) for result in results if is_paper(result)],
+    )
     origins = _table(
-        ("world", "latency", "people", "odometry", "segmenter", "version", "machine", "command"),
+        (
+            "world",
+            "latency",
+            "people",
+            "odometry",
+            "GNSS",
+            "segmenter",
+            "version",
+            "machine",
+            "command",
+        ),
         [
             (
-                f"`{result['scenario']}`",
+                f"`{result['scenario']}`" + ", the paper's" * is_paper(result),
                 result["latency"],
                 result["people"],
                 result["odometry"],
+                result["gnss"],
                 HASH.sub(r"\1…", result["segmenter"]),
                 "; ".join(result["versions"]),
                 "; ".join(result["machines"]),
@@ -83,7 +105,7 @@ def full_table(results: Sequence[Result]) -> str:
             for result in results
         ],
     )
-    return f"{figures}\n{origins}"
+    return f"{figures}\n{missions}\n{origins}"
 
 
 PAGES: Mapping[str, Callable[[Sequence[Result]], str]] = {
@@ -110,6 +132,31 @@ def main() -> None:
         path = ROOT / name
         page = path.read_text(encoding="utf-8")
         path.write_text(with_table(page, table_of(results)), encoding="utf-8")
+
+
+def _mission_row(result: Result) -> Sequence[str]:
+    errors_m = (
+        " / ".join(f"{error_m:.2f}" for error_m in errors)
+        for _, errors in sorted(result["goal_errors_m"].items())
+    )
+    clearance_m = result["min_clearance_m"]
+    return (
+        f"`{result['scenario']}`, seed {', '.join(map(str, result['seeds']))}",
+        f"{result['goals_reached']} of {result['goals']}",
+        f"{', '.join(errors_m)} m",
+        str(result["collisions"]),
+        str(result["beware_intrusions"] + result["zone_intrusions"]),
+        "–" if clearance_m is None else f"{clearance_m:.2f} m",
+        f"{result['distance_m']:.0f} m",
+        f"{result['sim_time_s']:.0f} s",
+        f"{result['explored_m3']:.0f} m³",
+        _failures(result),
+    )
+
+
+def _failures(result: Result) -> str:
+    causes = result["failures"].items()
+    return "; ".join(f"{cause}: {', '.join(map(str, seeds))}" for cause, seeds in causes) or "none"
 
 
 def _count(result: Result, key: str) -> str:

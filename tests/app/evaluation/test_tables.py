@@ -12,6 +12,7 @@ from app.evaluation.tables import (
     ROOT,
     Result,
     full_table,
+    is_paper,
     kept_results,
     short_table,
     with_table,
@@ -43,15 +44,25 @@ def test_kept_files_are_small_and_named_after_their_world() -> None:
     assert KEPT
     for name, result in KEPT.items():
         assert name.split("-")[0] == result["scenario"]
+        assert is_paper(result) == name.endswith("-paper")
         assert (RESULTS / f"{name}.json").stat().st_size < 20_000
 
 
 def test_another_figure_makes_another_table() -> None:
     """Control: the tables depend on what they show."""
-    (first, *_) = KEPT.values()
+    first = next(result for result in KEPT.values() if not is_paper(result))
     for table_of in (short_table, full_table):
         for key, value in (("spl", 0.123), ("goals_rate", 0.0)):
             assert table_of([{**first, key: value}]) != table_of([first])
+
+
+def test_a_mission_of_the_paper_shows_how_far_from_each_goal_the_robot_stood() -> None:
+    paper = KEPT["indoor-paper"]
+    shown = full_table([paper])
+    assert (
+        f"{paper['goal_errors_m']['3'][0]:.2f} m" in shown and short_table([paper]).count("\n") == 2
+    )
+    assert full_table([{**paper, "goal_errors_m": {"1": [0.5]}}]) != shown
 
 
 def test_a_table_stands_between_its_two_lines() -> None:
