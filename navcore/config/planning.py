@@ -38,6 +38,12 @@ class GapViewpointConfig:
     """Search radius in metres for a free cell next to a blocked goal."""
     goal_believed_m: float = ranged(0.1, 50.0, default=3.0)
     """Distance in metres to the goal within which a blocked goal is believed at once."""
+    gap_m: float = ranged(0.5, 10.0, default=2.0)
+    """Radius in metres about the gap that the robot drives to; as long as its body fits through
+    there, it drives to no other gap."""
+    gap_reached_m: float = ranged(0.05, 2.0, default=0.3)
+    """Distance in metres to the viewpoint within which the gap counts as measured, and the most
+    promising gap is chosen again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

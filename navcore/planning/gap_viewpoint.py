@@ -6,6 +6,9 @@ the gap may have walked on. So where there is no path, the robot drives to the e
 promising gap: of all paths that its body fits through without the safety margin and without people,
 the one with the fewest cells that margin or people close. It enters none of these cells, apart from
 those within reach of its own cell, as at every start: these it may leave in any direction.
+
+Depth scatters, so of two gaps that lack about equally much now one and now the other lacks less:
+the robot keeps to the one that it drives to as long as its body fits through it.
 """
 
 from __future__ import annotations
@@ -36,6 +39,7 @@ def viewpoint_before_gap(
     vehicle_width_m: float,
     relief_cells: float,
     body_m: float,
+    present: BitPlane | None = None,
 ) -> tuple[Cell, Cell] | None:
     """Return the cell to start from and the viewpoint, both (row, col); None where no viewpoint
     would help.
@@ -44,7 +48,8 @@ def viewpoint_before_gap(
     within `relief_cells` of it count as reachable. Layers and zones keep their own margins, except
     the layers of `people`, class ids, since people walk on; geometric cells within `body_m` of
     theirs belong to the same bodies. Of equally promising gaps the one that is entered nearest to
-    the goal is chosen.
+    the goal is chosen; before all others one whose closed cells lie in `present`, the surroundings
+    of the gap that the robot drives to.
     """
     areas = _areas(occupancy, start, relief_cells)
     for first, area in areas:
@@ -53,9 +58,12 @@ def viewpoint_before_gap(
     if not areas:
         return None
     within: BitPlane = np.bitwise_or.reduce([area for _, area in areas])
-    nearest = nearest_of(
-        cells_of(_entries(occupancy, within, goal, people, vehicle_width_m, body_m)), goal
-    )
+    closed = _closed(occupancy, people, vehicle_width_m, body_m)
+    entries = _entries(occupancy, within, goal, closed)
+    if present is not None and entries.any():
+        kept = _entries(occupancy, within, goal, closed & present)
+        entries = kept if kept.any() else entries
+    nearest = nearest_of(cells_of(entries), goal)
     if nearest is None:
         return None
     row, col = nearest
@@ -79,24 +87,25 @@ def _areas(occupancy: Costmap, start: Cell, relief_cells: float) -> list[Area]:
     return areas
 
 
-def _entries(
-    occupancy: Costmap,
-    within: BitPlane,
-    goal: Cell,
-    people: Collection[int],
-    vehicle_width_m: float,
-    body_m: float,
-) -> BitPlane:
-    """The cells of `within` next to those at which the paths to the goal with the fewest closed
-    cells leave it."""
-    free, solid = occupancy.free.plane, _solid(occupancy, people, vehicle_width_m, body_m)
-    closed = free | solid
-    complement(closed, occupancy.spec.rows, occupancy.spec.cols)
+def _entries(occupancy: Costmap, within: BitPlane, goal: Cell, closed: BitPlane) -> BitPlane:
+    """The cells of `within` next to those at which the paths to the goal with the fewest cells of
+    `closed` leave it."""
+    free = occupancy.free.plane
     end = plane_of(goal, like=free)
     # Mostly there is no such path at all, and one flood tells.
     reached = np.zeros_like(end)
-    flood(free | closed, reached, end & ~solid)
+    flood(free | closed, reached, end & (free | closed))
     return crossings(free, closed, within, end) if (reached & within).any() else np.zeros_like(end)
+
+
+def _closed(
+    occupancy: Costmap, people: Collection[int], vehicle_width_m: float, body_m: float
+) -> BitPlane:
+    """The cells that only the safety margin or people close."""
+    free, spec = occupancy.free.plane, occupancy.spec
+    closed = free | _solid(occupancy, people, vehicle_width_m, body_m)
+    complement(closed, spec.rows, spec.cols)
+    return closed
 
 
 def _solid(

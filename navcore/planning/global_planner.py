@@ -11,9 +11,11 @@ import numpy as np
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.transform import Pose2
+from navcore.grid.bitplane import BitPlane, plane_of
 from navcore.grid.free_space import FREE, FreeSpace
 from navcore.grid.grid import Box, Cell, GridSpec
 from navcore.grid.growth import Growth
+from navcore.grid.inflation import inflated
 from navcore.grid.nearest import nearest_free
 from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mission.beware_list import BewareList
@@ -49,6 +51,8 @@ class GlobalPlanner:
         shorter one may lead through cells outside the grid. None where it is the shortest."""
         self._newest: tuple[tuple[object, ...], Route] | None = None
         self._reachable_goal: tuple[float, float] | None = None
+        self._gap: tuple[tuple[float, float], tuple[float, float]] | None = None
+        """Goal, and viewpoint before the gap that the robot drives to, both in the map frame."""
 
     def route(
         self,
@@ -100,6 +104,8 @@ class GlobalPlanner:
             return no_route(Reason.START_BLOCKED)
         outcome = self._search(costmap, start, costmap.spec.cell(*goal))
         alternative, lacking = None, self.lacking
+        if isinstance(outcome, Path):
+            self._gap = None
         if outcome == NoPath(reason=Reason.UNREACHABLE):
             alternative = self._to_viewpoint(costmap, pose, goal, beware)
         elif (
@@ -146,7 +152,7 @@ class GlobalPlanner:
         self, costmap: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
     ) -> Route | None:
         """The route to a viewpoint before a gap; None if there is none or the robot is there."""
-        spec = costmap.spec
+        spec, present = costmap.spec, self._present_gap(costmap, pose, goal)
         ends = viewpoint_before_gap(
             costmap,
             spec.cell(pose.x_m, pose.y_m),
@@ -155,7 +161,9 @@ class GlobalPlanner:
             vehicle_width_m=self._profile.width_m,
             relief_cells=self._config.start_relief_m / spec.resolution_m,
             body_m=self._config.map.body_m,
+            present=present,
         )
+        self._gap = None if ends is None else (goal, spec.centre(*ends[1]))
         if ends is None:
             return None
         workspace, budget = SearchWorkspace(self._space), self._config.plan_budget
@@ -164,6 +172,21 @@ class GlobalPlanner:
             return None
         route = self._built(path, spec.centre(*ends[1]), spec)
         return dataclasses.replace(route, outcome=NoPath(reason=Reason.UNREACHABLE))
+
+    def _present_gap(
+        self, costmap: Costmap, pose: Pose2, goal: tuple[float, float]
+    ) -> BitPlane | None:
+        """The surroundings of the gap that the robot drives to; None when it drives to none, or has
+        reached it."""
+        rules, spec = self._config.planning.viewpoint, costmap.spec
+        if self._gap is None or self._gap[0] != goal:
+            return None
+        viewpoint = self._gap[1]
+        if pose.distance_to(*viewpoint) <= rules.gap_reached_m:
+            return None
+        radius = math.ceil(rules.gap_m / spec.resolution_m)
+        centre = plane_of(spec.cell(*viewpoint), like=costmap.free.plane)
+        return inflated({radius: centre}, spec.rows, spec.cols)
 
     def _to_goal_neighbour(
         self, costmap: Costmap, start: Cell, goal: tuple[float, float]

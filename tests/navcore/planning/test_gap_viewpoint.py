@@ -13,11 +13,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.transform import Pose2
+from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.mapping.explored.visibility import VisibilityMap
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone, ZoneKind
@@ -25,6 +29,7 @@ from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels, LabelSource
 from navcore.planning.gap_viewpoint import viewpoint_before_gap
+from navcore.planning.global_planner import GlobalPlanner
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
 from navcore.robot.frame import Frame
@@ -38,6 +43,8 @@ MARGIN_M = NavigatorConfig().safety_margin_m
 PERSON, BOX = 11, 6
 WALL_X_M, GAP_M = 2.0, 0.9
 """Wider than the Husky, narrower than the Husky with its margin on either side."""
+BETWEEN = Pose2(x_m=-2.0, y_m=0.0, yaw_rad=0.0)
+"""As far from either of two gaps."""
 
 
 def wall(gap_m: float) -> BoolGrid:
@@ -121,6 +128,64 @@ def test_of_two_equal_gaps_the_one_nearer_to_the_goal() -> None:
         path = approach(occupancy(cells), 0.0, y_m)
         assert path is not None
         assert abs(SPEC.centre(*(int(at) for at in path.cells[-1]))[1]) < 0.3
+
+
+def two_gaps(upper_m: float, lower_m: float) -> Costmap:
+    """A wall with gaps of these widths at y = 2 m and y = −2 m; 0 for none."""
+    cells = wall(0.0)
+    col = SPEC.cell(WALL_X_M, 0.0)[1]
+    for y_m, gap_m in ((2.0, upper_m), (-2.0, lower_m)):
+        row, half = SPEC.cell(WALL_X_M, y_m)[0], round(gap_m / 2 / SPEC.resolution_m)
+        cells[row - half : row + half, col : col + 4] = False
+    return occupancy(cells)
+
+
+class Drive:
+    """A planner whose measurements of two gaps change from plan to plan."""
+
+    def __init__(self) -> None:
+        self.space = FreeSpace.of(np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_))
+        explored = VisibilityMap(SPEC, MappingConfig().raycast, PoseIds(0.5, 20.0))
+        self.planner = GlobalPlanner(self.space, explored, HUSKY, NavigatorConfig())
+
+    def end(self, upper_m: float, lower_m: float, pose: Pose2 = BETWEEN) -> tuple[float, float]:
+        """The viewpoint (x, y) of the route in metres."""
+        known = two_gaps(upper_m, lower_m)
+        self.space.update(known.blocked)
+        route = self.planner.plan(known, pose, (4.0, 0.0), RED_LIST)
+        assert route.outcome == NoPath(reason=Reason.UNREACHABLE)
+        x_m, y_m = route.points[-1]
+        return float(x_m), float(y_m)
+
+
+WAVERING = [(0.9, 0.85), (0.85, 0.9), (0.9, 0.9)] * 3
+"""Widths of two gaps as they are measured from afar."""
+
+
+def test_of_two_gaps_that_lack_about_equally_much_the_present_one_is_kept() -> None:
+    drive = Drive()
+    assert all(drive.end(*widths)[1] > 1.0 for widths in WAVERING)
+    # Control: without a memory the gap is now this one and now that one.
+    assert {Drive().end(*widths)[1] > 1.0 for widths in WAVERING} == {True, False}
+
+
+def test_a_gap_that_has_closed_for_good_is_left_for_the_other() -> None:
+    drive = Drive()
+    assert drive.end(0.9, 0.85)[1] > 1.0
+    assert drive.end(0.5, 0.85)[1] < -1.0
+    assert drive.end(0.9, 0.85)[1] < -1.0, "now the other one is the present one"
+
+
+def test_at_the_gap_the_choice_is_made_again_by_what_was_measured_there() -> None:
+    drive = Drive()
+    x_m, y_m = drive.end(0.9, 0.85)
+    assert y_m > 1.0
+    near = Pose2(x_m=x_m - 0.2, y_m=y_m, yaw_rad=0.0)
+    assert drive.end(0.85, 0.9, near)[1] < -1.0
+    # Control: from farther away the robot still drives to the first one.
+    again = Drive()
+    again.end(0.9, 0.85)
+    assert again.end(0.85, 0.9, Pose2(x_m=x_m - 0.6, y_m=y_m, yaw_rad=0.0))[1] > 1.0
 
 
 def test_a_margin_of_the_operator_is_no_mere_safety_margin() -> None:
