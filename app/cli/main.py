@@ -16,10 +16,11 @@ from app.bench.parts import BenchPart
 from app.cli.console import console
 from app.cli.dataset import dataset_cli
 from app.cli.drive import drive
-from app.cli.evaluate import compare, evaluate, merge
+from app.cli.evaluate import evaluate
 from app.cli.options import ScenarioOption, takes_options
 from app.cli.plan import plan
 from app.cli.replay import replay
+from app.cli.results import compare, merge
 from app.cli.segment import segment
 from app.cli.sites import site_cli
 from app.cli.train import train

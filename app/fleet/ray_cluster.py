@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import os
 import platform
+import socket
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
@@ -18,6 +19,9 @@ from navcore.errors import BadConfiguration
 
 STORE_BYTES = 200_000_000
 """Memory for results that were not fetched yet, of a cluster that is started here."""
+
+CONNECT_S = 10.0
+"""Time within which the head of a cluster must accept a connection, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +52,8 @@ class RayCluster:
             raise BadConfiguration(
                 "the engine ray needs the package ray: pip install 'bewarenav[fleet]'"
             ) from None
+        if self.address:
+            _check_reachable(self.address)
         here = (
             {} if self.address else {"num_cpus": self.workers, "object_store_memory": STORE_BYTES}
         )
@@ -95,6 +101,17 @@ class _Cluster:
         except (errors.NodeDiedError, errors.ObjectLostError) as error:
             return Lost(cause=f"its machine was lost ({type(error).__name__})", machine=True)
         return done
+
+
+def _check_reachable(address: str) -> None:
+    """Raise `BadConfiguration` where nothing listens; Ray itself tries for minutes."""
+    host, _, port = address.rpartition(":")
+    if not port.isdecimal() or "/" in host:
+        return
+    try:
+        socket.create_connection((host, int(port)), timeout=CONNECT_S).close()
+    except (OSError, OverflowError) as error:
+        raise BadConfiguration(f"no Ray cluster at {address!r}: {error}") from None
 
 
 def _done(do: Callable[[Any], Any], task: Any, *, limit_s: float, expected: str) -> Done[Any]:

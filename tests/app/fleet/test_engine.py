@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 
 from app.fleet.engine import MACHINE_LOSSES, TRIES, Done, Lost, in_order, run
 from app.fleet.local import ThisProcess
+from app.fleet.ray_cluster import RayCluster
 from app.fleet.shard import Shard, parse_shard
 from navcore.errors import BadConfiguration
 
@@ -74,3 +76,18 @@ def test_shares_are_even_and_together_the_whole() -> None:
 def test_a_share_that_does_not_exist_is_refused(text: str) -> None:
     with pytest.raises(BadConfiguration, match="--shard"):
         parse_shard(text)
+
+
+def test_without_ray_the_message_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(BadConfiguration, match=r"bewarenav\[fleet\]"):
+        list(run(RayCluster(), square, [1]))
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "127.0.0.1:99999"])
+def test_an_address_without_a_cluster_is_refused_at_once(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", object())
+    with pytest.raises(BadConfiguration, match=f"no Ray cluster at '{address}'"):
+        list(run(RayCluster(address=address), square, [1]))
