@@ -5,6 +5,7 @@ import * as ownName from "./access/own_name.js";
 import * as bewareList from "./beware/beware_list.js";
 import { connect, get } from "./core/api.js";
 import * as connection from "./core/connection.js";
+import "./core/language_switch.js";
 import { element, loadSetting, saveSetting } from "./core/dom.js";
 import { isNarrow, selectTab } from "./core/page_tabs.js";
 import { delivered } from "./core/stop.js";

@@ -3,7 +3,8 @@
 
 import { swatchOf } from "../beware/swatch.js";
 import { get, post, request } from "../core/api.js";
-import { element, formatAge, make, setText } from "../core/dom.js";
+import { element, make, setText } from "../core/dom.js";
+import { formatAge } from "../core/format.js";
 import { attempt, notify } from "../core/toasts.js";
 import { offerUndo } from "../map/erase.js";
 import { openMissed } from "./missed_object.js";

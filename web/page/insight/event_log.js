@@ -2,7 +2,8 @@
 // to the place. It goes back over earlier starts of the console, whose entries are marked.
 
 import { get } from "../core/api.js";
-import { formatTime, make, set, setText } from "../core/dom.js";
+import { make, set, setText } from "../core/dom.js";
+import { formatTime } from "../core/format.js";
 import { attempt } from "../core/toasts.js";
 import { countText, fold, levelOf, LEVELS, newFold, rowFor } from "./log_folding.js";
 

@@ -3,7 +3,8 @@
 
 import { swatch, patternOf } from "../beware/swatch.js";
 import { get, post } from "../core/api.js";
-import { formatNumber, make } from "../core/dom.js";
+import { make } from "../core/dom.js";
+import { formatNumber } from "../core/format.js";
 import { attempt } from "../core/toasts.js";
 import { describe, listOf, metres, MIN_COST_M, nameOf } from "./explanation_text.js";
 

@@ -1,7 +1,8 @@
 // The age of what is shown: camera image, map, path, connection. What is old says so, and fades while
 // the robot moves or the link is lost. What counts as old depends on what this computer reaches.
 
-import { formatAge, make, setText } from "../core/dom.js";
+import { make, setText } from "../core/dom.js";
+import { formatAge } from "../core/format.js";
 
 const UPDATE_MS = 200;
 const OLD_S = { image: 1.0, map: 2.0, path: 2.0, link: 1.0 };

@@ -1,6 +1,7 @@
 // Position, speed and other figures below the view, twice a second at most.
 
-import { element, formatNumber, make, set, setText } from "../core/dom.js";
+import { element, make, set, setText } from "../core/dom.js";
+import { formatNumber } from "../core/format.js";
 
 const FIGURES_MS = 500;
 const PLACES = {

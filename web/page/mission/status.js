@@ -2,7 +2,8 @@
 
 import { post } from "../core/api.js";
 import { onStale } from "../core/connection.js";
-import { element, formatAge, set, setText } from "../core/dom.js";
+import { element, set, setText } from "../core/dom.js";
+import { formatAge } from "../core/format.js";
 import { attempt } from "../core/toasts.js";
 import { holdFilter, NEEDED_HZ, rateMeter } from "./calm.js";
 

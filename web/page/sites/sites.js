@@ -2,7 +2,8 @@
 // map. It lies below the header, so that the stop stays within reach while it is open.
 
 import { abortableFetch, get, post, request } from "../core/api.js";
-import { clearSent, download, element, formatTime, make, reconcile, setText } from "../core/dom.js";
+import { clearSent, download, element, make, reconcile, setText } from "../core/dom.js";
+import { formatTime } from "../core/format.js";
 import { attempt } from "../core/toasts.js";
 import * as changes from "./changes.js";
 import { buildPlacing } from "./placing.js";

@@ -1,7 +1,7 @@
 // The path that a draft or a goal would give, asked of the console while it is drawn.
 
 import { post } from "../core/api.js";
-import { formatSigned } from "../core/dom.js";
+import { formatSigned } from "../core/format.js";
 
 const DELAY_MS = 180;
 const MIN_UNSEEN_M = 0.5;

@@ -1,0 +1,100 @@
+// The language of the page. A text is written in English and looked up in the catalog of the
+// language in which the console sent the page; `web/README.md` says how to add a language.
+
+const root = document.documentElement;
+export const language = root.lang || "en";
+const { texts, sentences } = language === "en" ? { texts: {}, sentences: {} } : await catalog();
+
+async function catalog() {
+  const answer = await fetch(`/page/languages/${language}.json`);
+  return answer.json();
+}
+
+const CATEGORIES = ["zero", "one", "two", "few", "many", "other"]; // as gettext counts the forms
+const plurals = new Intl.PluralRules(language);
+const known = new Set(plurals.resolvedOptions().pluralCategories);
+const categories = CATEGORIES.filter((category) => known.has(category));
+
+const filled = (text, values) =>
+  text.replace(/\{(\w+)\}/g, (whole, name) => (name in values ? values[name] : whole));
+
+// The text in the language of the page, with `{names}` replaced by the values.
+export const t = (text, values = {}) => filled(texts[text]?.[0] ?? text, values);
+
+// The same for a text that depends on a number `n`.
+export function tn(one, many, n, values = {}) {
+  const forms = texts[one] ?? [one, many];
+  const form = Math.min(categories.indexOf(plurals.select(n)), forms.length - 1);
+  return filled(forms[form], { n, ...values });
+}
+
+const formats = [];
+const formatWith = (digits) =>
+  new Intl.NumberFormat(language, {
+    minimumFractionDigits: digits,
+    maximumFractionDigits: digits,
+    useGrouping: false,
+  });
+
+// A number with a fixed number of decimals.
+export const number = (value, digits) => (formats[digits] ??= formatWith(digits)).format(value);
+
+const localNumber = (text) => text.replace(".", number(0.1, 1).charAt(1));
+
+// The robot's sentences carry figures and names: a template that fits is translated, and so are the
+// sentences in it. Templates with many words come first.
+const FIELD = /\{(\w+)(?::([^}]*))?\}/g;
+const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
+const templates = Object.entries(sentences)
+  .filter(([source]) => source.search(FIELD) >= 0)
+  .sort(([a], [b]) => b.replace(FIELD, "").length - a.replace(FIELD, "").length)
+  .map(([source, target]) => ({ target, ...matcher(source) }));
+
+function matcher(source) {
+  const names = [];
+  let pattern = "";
+  let end = 0;
+  for (const { 0: whole, 1: name, 2: format, index } of source.matchAll(FIELD)) {
+    names.push(name);
+    pattern += escaped(source.slice(end, index)) + (format ? "([-+]?[\\d.]+(?:e[-+]?\\d+)?%?)" : "(.*?)");
+    end = index + whole.length;
+  }
+  return { names, pattern: new RegExp(`^${pattern}${escaped(source.slice(end))}$`, "s") };
+}
+
+const MAX_KEPT = 500;
+const said = new Map();
+
+// A sentence of the robot's program in the language of the page; as it is where no template fits.
+export function sentence(text) {
+  if (!text || language === "en") return text;
+  if (!said.has(text)) {
+    if (said.size >= MAX_KEPT) said.clear();
+    said.set(text, translated(text));
+  }
+  return said.get(text);
+}
+
+function translated(text) {
+  if (Object.hasOwn(sentences, text)) return sentences[text];
+  for (const { target, names, pattern } of templates) {
+    const found = pattern.exec(text);
+    if (!found) continue;
+    const values = Object.fromEntries(names.map((name, i) => [name, found[i + 1]]));
+    return target.replace(FIELD, (_, name, format) =>
+      format ? localNumber(values[name]) : sentence(values[name]),
+    );
+  }
+  return text;
+}
+
+const COOKIE = "bewarenav-language";
+const YEAR_S = 365 * 24 * 3600;
+
+export const languages = (root.dataset.languages ?? "en").split(" ");
+export const nameOfLanguage = (code) => new Intl.DisplayNames([code], { type: "language" }).of(code);
+
+export function chooseLanguage(code) {
+  document.cookie = `${COOKIE}=${code}; path=/; max-age=${YEAR_S}; samesite=strict`;
+  location.reload(); // control is kept
+}
