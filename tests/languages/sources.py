@@ -51,13 +51,19 @@ SENTENCES = (
     "navcore/formats/nav2_map.py",
     "navcore/grid/grid.py",
     "navcore/localisation/estimate.py",
-    "navcore/localisation/relocalisation/*.py",
+    "navcore/localisation/relocalisation/place_check.py",
+    "navcore/localisation/relocalisation/place_fit.py",
+    "navcore/localisation/relocalisation/relocalisation.py",
     "navcore/mission/*.py",
+    "navcore/perception/labels.py",
     "navcore/perception/region_growing.py",
     "navcore/planning/path.py",
     "navcore/robot/frame.py",
-    "navcore/safety/*.py",
+    "navcore/safety/gate.py",
+    "navcore/safety/keep_out_monitor.py",
+    "navcore/safety/sensor_monitor.py",
     "web/api/beware.py",
+    "web/api/map_edits.py",
     "web/api/maps.py",
     "web/api/sites.py",
     "web/api/users.py",
@@ -76,6 +82,8 @@ SENTENCES = (
     "web/schemas/*.py",
 )
 """Modules whose strings the page shows."""
+WORDLESS = ("{name} ({by})", "console key", "console button", "{label}: {text}.")
+"""Sentences that the scan of those modules does not find."""
 _NUMBER = re.compile(r"[.\d,+]*[fgd%]")
 _SILENT = re.compile(
     r"log\..*|.*(?:\bdatabase|\bconnection|query)\.\w+|Field|Query|Header|Path|Response|APIRouter"
@@ -104,6 +112,8 @@ def texts(root: Path = REPOSITORY) -> Catalog:
         for path in sorted(root.glob(pattern)):
             for text in sentences_of(path.read_text(encoding="utf-8")):
                 found.add(text, locations=[_at(path, root)], context=ROBOT)
+    for text in WORDLESS:
+        found.add(text, context=ROBOT)
     return found
 
 

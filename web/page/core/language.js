@@ -41,6 +41,8 @@ export const number = (value, digits) => (formats[digits] ??= formatWith(digits)
 
 const localNumber = (text) => text.replace(".", number(0.1, 1).charAt(1));
 
+export const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 // The robot's sentences carry figures and names: a template that fits is translated, and so are the
 // sentences in it. Templates with many words come first.
 const FIELD = /\{(\w+)(?::([^}]*))?\}/g;
@@ -77,6 +79,7 @@ export function sentence(text) {
 
 function translated(text) {
   if (Object.hasOwn(sentences, text)) return sentences[text];
+  if (Object.hasOwn(texts, text)) return texts[text][0];
   for (const { target, names, pattern } of templates) {
     const found = pattern.exec(text);
     if (!found) continue;
@@ -85,7 +88,8 @@ function translated(text) {
       format ? localNumber(values[name]) : sentence(values[name]),
     );
   }
-  return text;
+  const small = text.charAt(0).toLowerCase() + text.slice(1);
+  return small === text || sentence(small) === small ? text : capitalised(sentence(small));
 }
 
 const COOKIE = "bewarenav-language";

@@ -1,5 +1,7 @@
 // Round numbers and times for the axes of charts.
 
+import { language, number } from "../core/language.js";
+
 const MAX_STEPS = 4;
 
 // Ticks that cover [low, high]: multiples of 1, 2 or 5 times a power of ten.
@@ -17,8 +19,8 @@ export const tickText = (value) =>
     : String(Number(value.toPrecision(3)));
 
 export const clockText = (unixS) =>
-  new Date(1000 * unixS).toLocaleTimeString([], { hour12: false });
+  new Date(1000 * unixS).toLocaleTimeString(language, { hour12: false });
 
 export function durationText(seconds) {
-  return seconds < 120 ? `${seconds.toFixed(0)} s` : `${(seconds / 60).toFixed(1)} min`;
+  return seconds < 120 ? `${number(seconds, 0)} s` : `${number(seconds / 60, 1)} min`;
 }
