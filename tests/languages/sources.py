@@ -9,12 +9,12 @@ number keeps its format: "{age_s:.2f} s old".
 from __future__ import annotations
 
 import ast
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from babel.messages.catalog import Catalog
-from babel.messages.extract import extract
 
 from web.languages.catalog import ROBOT, page_texts
 
@@ -79,32 +79,49 @@ SENTENCES = (
     "web/gateway/problems.py",
     "web/gateway/request_body.py",
     "web/gateway/sentences.py",
-    "web/schemas/*.py",
+    "web/schemas/drafts.py",
+    "web/schemas/fields.py",
+    "web/schemas/zones.py",
 )
 """Modules whose strings the page shows."""
-WORDLESS = ("{name} ({by})", "console key", "console button", "{label}: {text}.")
+_LITERAL = r'"(?:[^"\\]|\\.)*"'
+_STRING = rf"({_LITERAL}(?:\s*\+\s*{_LITERAL})*)"
+_CALL = re.compile(rf"(?<![\w$])(?:(?:t|text)\(\s*{_STRING}|tn\(\s*{_STRING},\s*{_STRING})")
+MORE = (
+    "{label}: {text}.",
+    "{name} ({by})",
+    "a viewer",
+    "an admin",
+    "an operator",
+    "are",
+    "console button",
+    "console key",
+    "is",
+    "margin",
+    "redo",
+    "Something",
+    "undo",
+)
 """Sentences that the scan of those modules does not find."""
 _NUMBER = re.compile(r"[.\d,+]*[fgd%]")
 _SILENT = re.compile(
     r"log\..*|.*(?:\bdatabase|\bconnection|query)\.\w+|Field|Query|Header|Path|Response|APIRouter"
-    r"|PeriodicThread|threading\.Thread|typer\..*|.*\.(?:encode|removeprefix|replace|join|get)"
+    r"|PeriodicThread|threading\.Thread|typer\..*|.*\.(?:encode|removeprefix|replace|join)|(?:error|context|scope)\.get"
 )
 """Calls whose strings nobody reads, or only developers."""
-_NO_PROSE = re.compile(r"\s*[A-Z]{3,} |(?:attachment|image): |.*=|#")
+_NO_PROSE = re.compile(r"\s*[A-Z]{3,} |(?:attachment|image): |.*=|#|by hand: ")
 """SQL, headers and files."""
+_FIGURE = re.compile(r"\{\w+:")
 _WORDS = re.compile(r"[A-Za-z]{2}")
 
 
 def texts(root: Path = REPOSITORY) -> Catalog:
     """Return all texts, untranslated, with the files that they come from."""
     found = Catalog(fuzzy=False)
-    for path in sorted((root / "web/page").rglob("*.js")):
-        with path.open("rb") as file:
-            for _, text, _, _ in extract("javascript", file, {"t": None, "tn": (1, 2)}):
-                found.add(text, locations=[_at(path, root)])
-    with (root / "web/gateway/login.py").open("rb") as file:
-        for _, text, _, _ in extract("python", file, {"text": None}):
-            found.add(text, locations=[_at(root / "web/gateway/login.py", root)])
+    scripts = [*(root / "web/page").rglob("*.js"), root / "web/gateway/login.py"]
+    for path in sorted(scripts):
+        for text in texts_of(path.read_text(encoding="utf-8")):
+            found.add(text, locations=[_at(path, root)])
     for name in PAGES:
         for _, _, text in page_texts((root / name).read_text(encoding="utf-8")):
             found.add(text, locations=[(name, 0)])
@@ -112,9 +129,19 @@ def texts(root: Path = REPOSITORY) -> Catalog:
         for path in sorted(root.glob(pattern)):
             for text in sentences_of(path.read_text(encoding="utf-8")):
                 found.add(text, locations=[_at(path, root)], context=ROBOT)
-    for text in WORDLESS:
+    for text in MORE:
         found.add(text, context=ROBOT)
     return found
+
+
+def texts_of(source: str) -> Iterator[str | tuple[str, str]]:
+    """Yield the texts of a script, with both forms of those that depend on a number."""
+    for only, one, many in _CALL.findall(source):
+        yield _joined(only) if only else (_joined(one), _joined(many))
+
+
+def _joined(literals: str) -> str:
+    return "".join(json.loads(literal) for literal in re.findall(_LITERAL, literals))
 
 
 def _at(path: Path, root: Path) -> tuple[str, int]:
@@ -164,10 +191,10 @@ def _name(value: ast.expr) -> str:
 
 def _is_said(node: ast.AST, text: str, parents: dict[ast.AST, ast.AST]) -> bool:
     """Return whether a string is a sentence, or a part of one, that a person may read."""
-    if isinstance(parents[node], ast.Expr | ast.JoinedStr) or not _WORDS.search(
-        re.sub(r"\{.*?\}", "", text)
+    if isinstance(parents[node], ast.Expr | ast.JoinedStr) or not (
+        _FIGURE.search(text) or _WORDS.search(re.sub(r"\{.*?\}", "", text))
     ):
-        return False  # a docstring, a part of an f-string, or no words
+        return False  # a docstring, a part of an f-string, or neither words nor figures
     if _NO_PROSE.match(text):
         return False
     above: ast.AST | None = parents[node]
@@ -177,5 +204,10 @@ def _is_said(node: ast.AST, text: str, parents: dict[ast.AST, ast.AST]) -> bool:
         if isinstance(above, ast.FormattedValue):
             return True
         above = parents.get(above)
-    is_value_of_enum = isinstance(above, ast.Assign) and isinstance(parents[above], ast.ClassDef)
-    return " " in text or is_value_of_enum
+    return " " in text or (isinstance(above, ast.Assign) and _is_enum(parents[above]))
+
+
+def _is_enum(node: ast.AST) -> bool:
+    return isinstance(node, ast.ClassDef) and any(
+        isinstance(base, ast.Name) and base.id == "StrEnum" for base in node.bases
+    )

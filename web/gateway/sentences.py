@@ -71,7 +71,7 @@ def sentence_of(error: Mapping[str, Any], parts: Sequence[str]) -> str:
     if kind == "extra_forbidden":
         return f"“{parts[-1]}” is not known here."
     if kind == "string_too_short" and context.get("min_length") == 1:
-        return f"Give {_article(label)} {label}."
+        return f"Give an {label}." if label[:1] in "aeiou" else f"Give a {label}."
     if kind in COUNTS:
         name, text = COUNTS[kind]
         return text.format(label=_capital(label), limit=context.get(name))
@@ -110,10 +110,6 @@ def _unit(parts: Sequence[str]) -> str:
 
 def _number(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _article(label: str) -> str:
-    return "an" if label[:1] in "aeiou" else "a"
 
 
 def _capital(text: str) -> str:

@@ -45,6 +45,7 @@ export const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1
 
 // The robot's sentences carry figures and names: a template that fits is translated, and so are the
 // sentences in it. Templates with many words come first.
+const NAMES = new Set(["name", "title", "class_name"]); // given by people, and shown as they are
 const FIELD = /\{(\w+)(?::([^}]*))?\}/g;
 const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
 const templates = Object.entries(sentences)
@@ -84,10 +85,12 @@ function translated(text) {
     const found = pattern.exec(text);
     if (!found) continue;
     const values = Object.fromEntries(names.map((name, i) => [name, found[i + 1]]));
-    return target.replace(FIELD, (_, name, format) =>
-      format ? localNumber(values[name]) : sentence(values[name]),
-    );
+    return target.replace(FIELD, (_, name, format) => {
+      if (format) return localNumber(values[name]);
+      return NAMES.has(name) ? values[name] : sentence(values[name]);
+    });
   }
+  if (text.endsWith(".")) return `${sentence(text.slice(0, -1))}.`;
   const small = text.charAt(0).toLowerCase() + text.slice(1);
   return small === text || sentence(small) === small ? text : capitalised(sentence(small));
 }

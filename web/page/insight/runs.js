@@ -128,12 +128,13 @@ function textOf(name, value) {
 }
 
 // Reports of earlier versions have one entry for each stop, without a count.
-const stopText = (stop) =>
-  t("{time} s: {reason}{count} for {duration} s", {
+function stopText(stop) {
+  const times = stop.count > 1 ? ` × ${stop.count}` : "";
+  return t("{time} s: {reason} for {duration} s", {
     time: fixed(stop.t_s, 1),
-    reason: sentence(String(stop.reason ?? "").replaceAll("_", " ")),
-    count: stop.count > 1 ? ` × ${stop.count}` : "",
+    reason: sentence(String(stop.reason ?? "").replaceAll("_", " ")) + times,
     duration: fixed(stop.duration_s, 1),
   });
+}
 
 attempt(showList);
