@@ -2,7 +2,7 @@
 
 import { post, request } from "../core/api.js";
 import { element, make, reconcile, set, setText, setValue } from "../core/dom.js";
-import { sentence, t } from "../core/language.js";
+import { decimal, sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import { swatchOf } from "./swatch.js";
 
@@ -85,7 +85,7 @@ function itemOf(entry) {
     input.setAttribute("aria-invalid", String(!fits));
     if (fits) return patch({ [key]: value });
     input.value = Math.round(1000 * scale * item.item[key]) / 1000;
-    const range = { name: input.title, low: scale * low, high: scale * high, unit };
+    const range = { name: input.title, low: decimal(scale * low), high: decimal(scale * high), unit };
     setText(refused, t("{name}: {low} to {high} {unit}.", range));
     return undefined;
   };

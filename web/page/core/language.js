@@ -38,6 +38,9 @@ const formatWith = (digits) =>
 
 // A number with a fixed number of decimals.
 export const number = (value, digits) => (formats[digits] ??= formatWith(digits)).format(value);
+const shortest = new Intl.NumberFormat(language, { maximumFractionDigits: 3, useGrouping: false });
+// A number with as many decimals as it has, three at most.
+export const decimal = (value) => shortest.format(value);
 
 const localNumber = (text) => text.replace(".", number(0.1, 1).charAt(1));
 

@@ -1,6 +1,6 @@
 // Round numbers and times for the axes of charts.
 
-import { language, number } from "../core/language.js";
+import { decimal, language, number } from "../core/language.js";
 
 const MAX_STEPS = 4;
 
@@ -15,8 +15,8 @@ export function ticksOf(low, high) {
 
 export const tickText = (value) =>
   Math.abs(value) >= 1000
-    ? `${Number((value / 1000).toPrecision(3))}k`
-    : String(Number(value.toPrecision(3)));
+    ? `${decimal(Number((value / 1000).toPrecision(3)))}k`
+    : decimal(Number(value.toPrecision(3)));
 
 export const clockText = (unixS) =>
   new Date(1000 * unixS).toLocaleTimeString(language, { hour12: false });

@@ -1,7 +1,7 @@
 // What is selected or below the pointer, and what is measured, on the map.
 
 import { distance } from "../core/geometry.js";
-import { number, t } from "../core/language.js";
+import { decimal, number, t } from "../core/language.js";
 import { draft } from "../zones/draft.js";
 import { colourOf } from "../zones/zones.js";
 import { placeLabel, shortened } from "./labels.js";
@@ -31,7 +31,7 @@ export function drawZoneNames() {
     const isNamed = isLit("zone", zone.id);
     const { left, right, top, bottom } = boxOf(ringOf(zone));
     if (!isNamed && right - left < NAMED_FROM_PX && bottom - top < NAMED_FROM_PX) continue;
-    const text = `${isNamed ? name : shortened(name)}${limit ? ` ≤ ${limit} m/s` : ""}${enabled ? "" : ` (${t("off")})`}`;
+    const text = `${isNamed ? name : shortened(name)}${limit ? ` ≤ ${decimal(limit)} m/s` : ""}${enabled ? "" : ` (${t("off")})`}`;
     const middle = [(left + right) / 2, (top + bottom) / 2];
     placeLabel(text, middle, {
       colour: enabled ? "#fff" : "#aab4c2",

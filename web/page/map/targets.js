@@ -1,7 +1,7 @@
 // What lies below a pixel of the map: a goal, a person, a sighting or a zone; and a point in words.
 
 import { isInside } from "../core/geometry.js";
-import { number, t } from "../core/language.js";
+import { decimal, number, t } from "../core/language.js";
 import { cellAt } from "./tiles.js";
 import { toPage, toWorld } from "./view.js";
 import { world } from "./world.js";
@@ -97,7 +97,7 @@ function targetText(target) {
     });
   const { name, enabled, kind: rule, max_speed_mps: limit } = item.properties;
   const terms =
-    { "speed-limit": t("at most {limit} m/s", { limit }), "stay-inside": t("stay inside") }[rule] ?? t("keep out");
+    { "speed-limit": t("at most {limit} m/s", { limit: decimal(limit) }), "stay-inside": t("stay inside") }[rule] ?? t("keep out");
   return t("zone “{name}”: {terms}", { name, terms }) + (enabled ? "" : `, ${t("switched off")}`);
 }
 

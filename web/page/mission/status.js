@@ -9,7 +9,6 @@ import { attempt } from "../core/toasts.js";
 import { holdFilter, NEEDED_HZ, rateMeter } from "./calm.js";
 
 const SLOWEST_CHANGE_MS = 1000;
-const STANDING = "standing: ";
 const CONSOLE = t("Operator console");
 const BADGES = {
   unknown: t("? UNKNOWN"),
@@ -49,12 +48,10 @@ function lineOf(state, isHeld) {
   // The stop is latched before the command thread names it as a reason.
   if (state.stop_latched) return { kind: "stopped", text: reasons || t("emergency stop") };
   if (state.by_hand && state.moving) return { kind: "hand", text: sentence(state.summary) };
-  if (state.phase === "paused") return { kind: "paused", text: sentence(withoutPrefix(state.summary)) };
+  if (state.phase === "paused") return { kind: "paused", text: sentence(state.summary) };
   if (isHeld) return { kind: "held", text: reasons || line.text };
   return { kind: state.phase, text: state.reasons.length ? freeText : sentence(state.summary) };
 }
-
-const withoutPrefix = (text) => (text.startsWith(STANDING) ? text.slice(STANDING.length) : text);
 
 function showLine(given, nowMs) {
   const next = { kind: given.kind, text: capitalised(given.text) };

@@ -2,7 +2,7 @@
 
 import { post, request } from "../core/api.js";
 import { element, make, reconcile, setText, setValue } from "../core/dom.js";
-import { language, sentence, t, tn } from "../core/language.js";
+import { decimal, language, sentence, t, tn } from "../core/language.js";
 import { savedList } from "../core/saved_list.js";
 import { attempt, notify } from "../core/toasts.js";
 import { setMode } from "./draft.js";
@@ -77,9 +77,9 @@ function termsOf({ kind, max_speed_mps: limit, margin_m: margin, expires_at_s: e
           hour12: false,
         });
   const parts = [
-    kind === "speed-limit" ? t("at most {limit} m/s", { limit }) : "",
+    kind === "speed-limit" ? t("at most {limit} m/s", { limit: decimal(limit) }) : "",
     kind === "stay-inside" ? t("stay inside") : "",
-    margin ? t("margin {margin} m", { margin }) : "",
+    margin ? t("margin {margin} m", { margin: decimal(margin) }) : "",
     time ? t("until {time}", { time }) : "",
   ];
   return parts.filter(Boolean).join(" · ");
