@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
+from web.auth.roles import CurrentVisitor, Visitor
 from web.languages.catalog import CATALOGS, ENGLISH, language_of
 
 FOLDER = Path(__file__).with_name("page")
@@ -45,18 +46,21 @@ def pages_router() -> APIRouter:
         kind = _TYPES.get(Path(name).suffix) or mimetypes.guess_type(name)[0]
         return Response(files[name], media_type=kind, headers=headers)
 
-    def page(request: Request, name: str) -> Response:
-        return file(request, f"{language_of(request.headers)}/{name}")
+    def page(request: Request, visitor: Visitor, name: str) -> Response:
+        user = visitor.name if visitor.logged_in else ""
+        answer = file(request, f"{language_of(request.headers, user)}/{name}")
+        answer.headers["Vary"] = "Accept-Language, Cookie"
+        return answer
 
     @router.get("/")
-    async def index(request: Request) -> Response:
+    async def index(request: Request, visitor: CurrentVisitor) -> Response:
         """Return the operator's page."""
-        return page(request, "index.html")
+        return page(request, visitor, "index.html")
 
     @router.get("/runs")
-    async def runs(request: Request) -> Response:
+    async def runs(request: Request, visitor: CurrentVisitor) -> Response:
         """Return the page that compares reports of past missions."""
-        return page(request, "runs.html")
+        return page(request, visitor, "runs.html")
 
     @router.get("/docs")
     async def docs(request: Request) -> Response:

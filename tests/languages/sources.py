@@ -41,6 +41,7 @@ SENTENCES = (
     "app/runtime/stop_reasons.py",
     "app/storage/database.py",
     "app/storage/sites.py",
+    "app/storage/store.py",
     "app/storage/users.py",
     "navcore/control/motion.py",
     "navcore/costmap/cell_description.py",

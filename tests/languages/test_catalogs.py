@@ -9,7 +9,7 @@ import pytest
 from babel.messages.catalog import Catalog
 from babel.messages.pofile import read_po
 
-from tests.languages.sources import sentences_of, texts
+from tests.languages.sources import REPOSITORY, SENTENCES, sentences_of, texts
 from web.languages.catalog import ENGLISH, FOLDER, ROBOT, read_catalog
 
 FIELD = re.compile(r"\{(\w+)")
@@ -96,3 +96,21 @@ def test_the_console_reads_a_catalog_as_babel_does(code: str) -> None:
         if message.id and message.context != ROBOT
     }
     assert ENGLISH not in CODES
+
+
+MAKES_SENTENCES = re.compile(
+    r"StopReason\(\s*cause|raise (?:Refused|NotKnown|Outdated|AlreadyThere|BlockedGoal)\("
+)
+"""What makes a reason or a refusal."""
+
+
+def test_every_module_that_makes_a_reason_or_a_refusal_is_searched() -> None:
+    searched = {path for pattern in SENTENCES for path in REPOSITORY.glob(pattern)}
+    making = {
+        path
+        for package in ("app", "navcore", "web")
+        for path in (REPOSITORY / package).rglob("*.py")
+        if path.parent.name != "cli"  # says it in a terminal
+        if MAKES_SENTENCES.search(path.read_text(encoding="utf-8"))
+    }
+    assert making - searched == set()

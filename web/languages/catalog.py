@@ -22,7 +22,8 @@ ENGLISH = "en"
 ROBOT = "robot"
 """Context of the sentences of the robot's program."""
 COOKIE = "bewarenav-language"
-"""Cookie in which a browser keeps the language that was chosen in the page."""
+"""Cookie in which a browser keeps the language that was chosen last; with a dot and a user's name,
+that of the user."""
 _ENTRY = re.compile(
     r'(?:^msgctxt "(?P<context>.*)"\n)?^msgid (?P<text>(?:".*"\n)+)(?:^msgid_plural (?:".*"\n)+)?'
     r"(?P<forms>(?:^msgstr(?:\[\d\])? (?:\".*\"\n)+)+)",
@@ -106,15 +107,16 @@ CATALOGS: Mapping[str, Catalog] = {
 """Catalogs by language."""
 
 
-def language_of(headers: Headers) -> str:
-    """Return the language that the visitor has chosen, else the first known one that the browser
-    asks for, else English."""
-    chosen = cookie_parser(headers.get("cookie", "")).get(COOKIE, "")
+def language_of(headers: Headers, user: str = "") -> str:
+    """Return the language that the user has chosen in this browser, else the last one that was
+    chosen in it, else the first known one that it asks for, else English."""
+    cookies = cookie_parser(headers.get("cookie", ""))
+    chosen = cookies.get(f"{COOKIE}.{user}") or cookies.get(COOKIE, "")
     ranked = sorted(headers.get("accept-language", "").split(","), key=_quality, reverse=True)
     wanted = [chosen, *(entry.partition(";")[0].partition("-")[0].strip() for entry in ranked)]
     return next((name for name in wanted if name in CATALOGS), ENGLISH)
 
 
 def _quality(entry: str) -> float:
-    found = re.search(r";\s*q=([01](?:\.\d*)?)", entry)
+    found = re.search(r";\s*q=([01](?:\.\d*)?)\s*$", entry)
     return float(found[1]) if found else 1.0

@@ -104,7 +104,8 @@ const YEAR_S = 365 * 24 * 3600;
 export const languages = (root.dataset.languages ?? "en").split(" ");
 export const nameOfLanguage = (code) => new Intl.DisplayNames([code], { type: "language" }).of(code);
 
-export function chooseLanguage(code) {
-  document.cookie = `${COOKIE}=${code}; path=/; max-age=${YEAR_S}; samesite=strict`;
-  location.reload(); // control is kept
+// Keep the language for this browser, and for the user where one has logged in.
+export function keepLanguage(code, user) {
+  for (const name of user ? [COOKIE, `${COOKIE}.${user}`] : [COOKIE])
+    document.cookie = `${name}=${code}; path=/; max-age=${YEAR_S}; samesite=strict`;
 }

@@ -1,7 +1,16 @@
 // The switch between the languages, each under its own name.
 
+import { get } from "./api.js";
 import { element, make } from "./dom.js";
-import { chooseLanguage, language, languages, nameOfLanguage } from "./language.js";
+import { keepLanguage, language, languages, nameOfLanguage } from "./language.js";
+import { attempt } from "./toasts.js";
+
+const choose = (code) =>
+  attempt(async () => {
+    const you = await get("/me");
+    keepLanguage(code, you.logged_in ? you.name : null);
+    location.reload(); // control is kept
+  });
 
 element("language").textContent = language.toUpperCase();
 element("languages").append(
@@ -12,7 +21,7 @@ element("languages").append(
         lang: code,
         "aria-pressed": String(code === language),
         "data-testid": `language-${code}`,
-        onclick: () => chooseLanguage(code),
+        onclick: () => choose(code),
       },
       nameOfLanguage(code),
     ),
