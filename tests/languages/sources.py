@@ -107,9 +107,10 @@ MORE = (
 _NUMBER = re.compile(r"[.\d,+]*[fgd%]")
 _SILENT = re.compile(
     r"log\..*|.*(?:\bdatabase|\bconnection|query)\.\w+|Field|Query|Header|Path|Response|APIRouter"
-    r"|PeriodicThread|threading\.Thread|typer\..*|.*\.(?:encode|removeprefix|replace|join)|(?:error|context|scope)\.get"
+    r"|PeriodicThread|threading\.Thread|typer\..*|.*\.(?:encode|removeprefix|replace|join)"
+    r"|(?:error|context|scope)\.get"
 )
-"""Calls whose strings nobody reads, or only developers."""
+"""Calls whose strings no operator reads."""
 _NO_PROSE = re.compile(r"\s*[A-Z]{3,} |(?:attachment|image): |.*=|#|by hand: ")
 """SQL, headers and files."""
 _FIGURE = re.compile(r"\{\w+:")

@@ -67,7 +67,7 @@ def marked(
         texts={forms[0]: tuple(f"⟦{form}⟧" for form in forms) for forms in map(_forms, known)},
         sentences={str(one.id): f"⟦{one.id}⟧" for one in known if one.context == ROBOT},
     )
-    monkeypatch.setitem(CATALOGS, MARKED, catalog)  # type: ignore[arg-type]
+    monkeypatch.setitem(CATALOGS, MARKED, catalog)
     console = ConsoleServer(operations, port=0)
     console.start()
     yield console
@@ -200,3 +200,14 @@ def test_the_language_that_is_chosen_stays(new_context: Opener, server: ConsoleS
     page.get_by_test_id("language-es").click()
     expect(page.get_by_test_id("start")).to_contain_text("Iniciar")
     expect(page.locator("html")).to_have_attribute("lang", "es")
+
+
+def test_the_stop_works_without_the_catalog(
+    new_context: Opener, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    page = new_context(locale="de").new_page()
+    page.route("**/languages/de.json", lambda route: route.abort())
+    page.goto(f"{server.url}/#map")
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("state-badge")).to_have_text("■ STOPPED")
+    assert operations.state().stop_latched

@@ -3,11 +3,18 @@
 
 const root = document.documentElement;
 export const language = root.lang || "en";
-const { texts, sentences } = language === "en" ? { texts: {}, sentences: {} } : await catalog();
+const CATALOG_MS = 5000;
+const ENGLISH = { texts: {}, sentences: {} };
+const { texts, sentences } = language === "en" ? ENGLISH : await catalog();
 
+// Without its catalog the page speaks English: the stop waits for no translation.
 async function catalog() {
-  const answer = await fetch(`/page/languages/${language}.json`);
-  return answer.json();
+  try {
+    const signal = AbortSignal.timeout(CATALOG_MS);
+    return await (await fetch(`/page/languages/${language}.json`, { signal })).json();
+  } catch {
+    return ENGLISH;
+  }
 }
 
 const CATEGORIES = ["zero", "one", "two", "few", "many", "other"]; // as gettext counts the forms
@@ -38,6 +45,7 @@ const formatWith = (digits) =>
 
 // A number with a fixed number of decimals.
 export const number = (value, digits) => (formats[digits] ??= formatWith(digits)).format(value);
+
 const shortest = new Intl.NumberFormat(language, { maximumFractionDigits: 3, useGrouping: false });
 // A number with as many decimals as it has, three at most.
 export const decimal = (value) => shortest.format(value);
@@ -50,6 +58,7 @@ export const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1
 // sentences in it. Templates with many words come first.
 const NAMES = new Set(["name", "title", "class_name"]); // given by people, and shown as they are
 const FIELD = /\{(\w+)(?::([^}]*))?\}/g;
+const FIGURE = "([-+]?[\\d.]+(?:e[-+]?\\d+)?%?)";
 const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
 const templates = Object.entries(sentences)
   .filter(([source]) => source.search(FIELD) >= 0)
@@ -62,7 +71,7 @@ function matcher(source) {
   let end = 0;
   for (const { 0: whole, 1: name, 2: format, index } of source.matchAll(FIELD)) {
     names.push(name);
-    pattern += escaped(source.slice(end, index)) + (format ? "([-+]?[\\d.]+(?:e[-+]?\\d+)?%?)" : "(.*?)");
+    pattern += escaped(source.slice(end, index)) + (format ? FIGURE : "(.*?)");
     end = index + whole.length;
   }
   return { names, pattern: new RegExp(`^${pattern}${escaped(source.slice(end))}$`, "s") };
