@@ -1,5 +1,5 @@
-"""Routes of the operator's page. Its files are read once at start: no path of a request becomes a
-path on the disk."""
+"""Routes of the operator's page, in the visitor's language. Its files are read once at start: no
+path of a request becomes a path on the disk."""
 
 from __future__ import annotations
 
@@ -9,13 +9,18 @@ from pathlib import Path
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
+from web.auth.roles import CurrentVisitor, Visitor
+from web.languages.catalog import CATALOGS, ENGLISH, language_of
+
 FOLDER = Path(__file__).with_name("page")
 _TYPES = {
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".html": "text/html; charset=utf-8",
     ".webmanifest": "application/manifest+json",
+    ".json": "application/json",
 }
+_TRANSLATED = ("index.html", "runs.html")
 
 
 def pages_router() -> APIRouter:
@@ -26,6 +31,10 @@ def pages_router() -> APIRouter:
         for path in sorted(FOLDER.rglob("*"))
         if path.suffix in (*_TYPES, ".svg")
     }
+    for language, catalog in CATALOGS.items():
+        files[f"languages/{language}.json"] = catalog.json()
+        for name in _TRANSLATED:
+            files[f"{language}/{name}"] = _page_in(language, files[name].decode())
     tags = {name: f'"{hashlib.sha256(data).hexdigest()[:16]}"' for name, data in files.items()}
 
     def file(request: Request, name: str) -> Response:
@@ -37,15 +46,21 @@ def pages_router() -> APIRouter:
         kind = _TYPES.get(Path(name).suffix) or mimetypes.guess_type(name)[0]
         return Response(files[name], media_type=kind, headers=headers)
 
+    def page(request: Request, visitor: Visitor, name: str) -> Response:
+        user = visitor.name if visitor.logged_in else ""
+        answer = file(request, f"{language_of(request.headers, user)}/{name}")
+        answer.headers["Vary"] = "Accept-Language, Cookie"
+        return answer
+
     @router.get("/")
-    async def index(request: Request) -> Response:
+    async def index(request: Request, visitor: CurrentVisitor) -> Response:
         """Return the operator's page."""
-        return file(request, "index.html")
+        return page(request, visitor, "index.html")
 
     @router.get("/runs")
-    async def runs(request: Request) -> Response:
+    async def runs(request: Request, visitor: CurrentVisitor) -> Response:
         """Return the page that compares reports of past missions."""
-        return file(request, "runs.html")
+        return page(request, visitor, "runs.html")
 
     @router.get("/docs")
     async def docs(request: Request) -> Response:
@@ -58,3 +73,9 @@ def pages_router() -> APIRouter:
         return file(request, name)
 
     return router
+
+
+def _page_in(language: str, source: str) -> bytes:
+    """Return a page in a language, with the names of all languages for its switch."""
+    marked = f'<html lang="{language}" data-languages="{" ".join(CATALOGS)}">'
+    return CATALOGS[language].page(source).replace(f'<html lang="{ENGLISH}">', marked).encode()

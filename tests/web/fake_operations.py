@@ -398,28 +398,28 @@ class FakeOperations:
             found.append(
                 StopReason(
                     cause=Cause.EMERGENCY_STOP,
-                    text=f"emergency stop by {self._stopped_by}; reset it to go on",
+                    text=f"Emergency stop by {self._stopped_by}; it holds until it is reset.",
                 )
             )
         if self._intent.mission.goal is not None and not len(self._path):
             found.append(
                 StopReason(
                     cause=Cause.NO_PATH,
-                    text="there is no path to the goal: every way to it is closed",
+                    text="There is no path to the goal: unreachable.",
                 )
             )
         return tuple(found)
 
     def _summary(self, reasons: tuple[StopReason, ...], moving: bool) -> str:
+        queue = self._intent.mission.queue
         if reasons:
-            return f"standing: {reasons[0].text}"
+            return reasons[0].text
         if moving:
-            return f"driving to goal {self._intent.mission.queue[0].id}"
-        return (
-            "waiting for a goal"
-            if not self._intent.mission.queue
-            else f"waiting, mission is {self._intent.mission.phase}"
-        )
+            return f"Driving to {queue[0].title}: following the path."
+        if not queue:
+            return "Standing; pick a goal to begin."
+        goals = "goal waits" if len(queue) == 1 else "goals wait"
+        return f"Standing; {len(queue)} {goals} for start."
 
     def _see(self) -> None:
         counts = self._counts

@@ -1,4 +1,4 @@
-"""Log-in and log-out by a page that works without scripts."""
+"""Log-in and log-out by a page that works without scripts, in the language of the browser."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import hashlib
 from pathlib import Path
 from urllib.parse import parse_qs
 
+from starlette.datastructures import Headers
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import Scope
 
@@ -16,10 +17,12 @@ from web.auth.authenticator import PasswordAuthenticator
 from web.gateway.origin_check import single
 from web.gateway.problems import problem
 from web.gateway.rate_limit import RateLimiter
+from web.languages.catalog import CATALOGS, language_of
 
 LOGIN_PATH = "/login"
-_PAGE = Path(__file__).with_name("login.html").read_text(encoding="utf-8")
-_STYLE = _PAGE.partition("<style>")[2].partition("</style>")[0]
+_SOURCE = Path(__file__).with_name("login.html").read_text(encoding="utf-8")
+_PAGES = {language: catalog.page(_SOURCE) for language, catalog in CATALOGS.items()}
+_STYLE = _SOURCE.partition("<style>")[2].partition("</style>")[0]
 _STYLE_HASH = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()
 _CSP = (
     f"default-src 'none'; style-src 'sha256-{_STYLE_HASH}'; img-src data:; "
@@ -43,7 +46,7 @@ class Login:
     def ask(self, scope: Scope, accept: str) -> Response:
         """Return 401, with the log-in form for a browser."""
         if scope["type"] == "http" and scope["method"] == "GET" and "text/html" in accept:
-            return _page()
+            return _page(scope)
         headers = {"WWW-Authenticate": "Bearer"}
         return problem(
             401, "login_needed", "log in at / or send a user's token as a bearer", headers=headers
@@ -55,9 +58,11 @@ class Login:
         name, password = single(form.get("name", [])) or "", single(form.get("password", [])) or ""
         address = str((scope.get("client") or ("?", 0))[0])
         wait_s = self._limiter.wait_s(address)
+        words = CATALOGS[language_of(Headers(scope=scope))]
         if wait_s:
             return _page(
-                f"Too many tries; wait {wait_s} s.",
+                scope,
+                words.text("Too many tries; wait {wait_s} s.", wait_s=wait_s),
                 status=429,
                 headers={"Retry-After": str(wait_s)},
             )
@@ -69,7 +74,7 @@ class Login:
             {"who": who, "method": "POST", "path": LOGIN_PATH, "status": status, "from": address}
         )
         if cookie is None:
-            return _page("That name or password is wrong.")
+            return _page(scope, words.text("That name or password is wrong."))
         self._limiter.refund(address)
         response = RedirectResponse("/", status_code=303)
         response.headers.append("Set-Cookie", cookie_header(cookie_name, cookie, scope))
@@ -91,8 +96,12 @@ def cookie_header(name: str, value: str, scope: Scope) -> str:
     return response.headers["set-cookie"]
 
 
-def _page(note: str = "", *, status: int = 401, headers: dict[str, str] | None = None) -> Response:
+def _page(
+    scope: Scope, note: str = "", *, status: int = 401, headers: dict[str, str] | None = None
+) -> Response:
+    language = language_of(Headers(scope=scope))
     said = f'<p role="alert">▲ {note}</p>' if note else ""
-    response = HTMLResponse(_PAGE.replace("<!--note-->", said), status_code=status, headers=headers)
+    page = _PAGES[language].replace("<!--note-->", said).replace('lang="en"', f'lang="{language}"')
+    response = HTMLResponse(page, status_code=status, headers=headers)
     response.headers["Content-Security-Policy"] = _CSP
     return response

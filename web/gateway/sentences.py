@@ -49,16 +49,16 @@ EXPECTED = {
 }
 """What was expected, by the kind of the error."""
 BOUNDS = {
-    "greater_than_equal": ("ge", "at least"),
-    "less_than_equal": ("le", "at most"),
-    "greater_than": ("gt", "more than"),
-    "less_than": ("lt", "less than"),
+    "greater_than_equal": ("ge", "{label}: at least {limit}."),
+    "less_than_equal": ("le", "{label}: at most {limit}."),
+    "greater_than": ("gt", "{label}: more than {limit}."),
+    "less_than": ("lt", "{label}: less than {limit}."),
 }
 COUNTS = {
-    "string_too_long": ("max_length", "at most", "characters"),
-    "string_too_short": ("min_length", "at least", "characters"),
-    "too_long": ("max_length", "at most", "entries"),
-    "too_short": ("min_length", "at least", "entries"),
+    "string_too_long": ("max_length", "{label}: at most {limit} characters."),
+    "string_too_short": ("min_length", "{label}: at least {limit} characters."),
+    "too_long": ("max_length", "{label}: at most {limit} entries."),
+    "too_short": ("min_length", "{label}: at least {limit} entries."),
 }
 
 
@@ -71,13 +71,14 @@ def sentence_of(error: Mapping[str, Any], parts: Sequence[str]) -> str:
     if kind == "extra_forbidden":
         return f"“{parts[-1]}” is not known here."
     if kind == "string_too_short" and context.get("min_length") == 1:
-        return f"Give {_article(label)} {label}."
+        return f"Give an {label}." if label[:1] in "aeiou" else f"Give a {label}."
     if kind in COUNTS:
-        name, bound, what = COUNTS[kind]
-        return f"{_capital(label)}: {bound} {context.get(name)} {what}."
+        name, text = COUNTS[kind]
+        return text.format(label=_capital(label), limit=context.get(name))
     if kind in BOUNDS:
-        name, bound = BOUNDS[kind]
-        return f"{_capital(label)}: {bound} {_number(context.get(name))}{_unit(parts)}."
+        name, text = BOUNDS[kind]
+        limit = f"{_number(context.get(name))}{_unit(parts)}"
+        return text.format(label=_capital(label), limit=limit)
     if kind in ("literal_error", "enum"):
         return f"{_capital(label)}: expected {context.get('expected')}."
     if kind in EXPECTED:
@@ -109,10 +110,6 @@ def _unit(parts: Sequence[str]) -> str:
 
 def _number(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _article(label: str) -> str:
-    return "an" if label[:1] in "aeiou" else "a"
 
 
 def _capital(text: str) -> str:

@@ -5,6 +5,8 @@ import * as ownName from "./access/own_name.js";
 import * as bewareList from "./beware/beware_list.js";
 import { connect, get } from "./core/api.js";
 import * as connection from "./core/connection.js";
+import { t } from "./core/language.js";
+import "./core/language_switch.js";
 import { element, loadSetting, saveSetting } from "./core/dom.js";
 import { isNarrow, selectTab } from "./core/page_tabs.js";
 import { delivered } from "./core/stop.js";
@@ -142,7 +144,7 @@ zoneFiles.build(loadZones);
 numberZonesBy(() => {
   const names = new Set(zones.map((zone) => zone.properties.name));
   let number = zones.length + 1;
-  while (names.has(`Zone ${number}`)) number += 1;
+  while (names.has(t("Zone {number}", { number }))) number += 1;
   return number;
 });
 drawer.start({
@@ -163,7 +165,7 @@ onDraft(() => {
 });
 
 window.addEventListener("unhandledrejection", (event) =>
-  notify(`Error in this page: ${event.reason?.message ?? event.reason}`),
+  notify(t("Error in this page: {message}", { message: event.reason?.message ?? event.reason })),
 );
 connect("/events", { onMessage: showState, onClose: mapUpdates.forget });
 setMode("navigate");

@@ -2,6 +2,7 @@
 
 import { togglePanel } from "./access/admin_panel.js";
 import { element, make } from "./core/dom.js";
+import { t } from "./core/language.js";
 import { closeOverlay } from "./core/menus.js";
 import { stop } from "./core/stop.js";
 import { switchTheme } from "./core/theme.js";
@@ -31,30 +32,30 @@ const MOVE_M = 0.05;
 const SHIFT_FACTOR = 5;
 const ZOOM_FACTOR = 1.3;
 const LISTED = [
-  ["Space", "stop, anywhere but in a text field"],
-  ["G", "pick goals; drag for a heading"],
-  ["Z", "draw a zone: polygon"],
-  ["O", "draw a circle"],
-  ["L", "draw a corridor along a line"],
-  ["H", "draw freehand"],
-  ["N", "look around"],
-  ["Enter", "finish the zone, press the focused control"],
-  ["Esc", "leave a mode, cancel a draft"],
-  ["Backspace", "undo the last corner"],
-  ["Delete", "remove the selected corner"],
-  ["← ↑ → ↓", "move the whole draft by 5 cm (Shift: 25 cm)"],
-  ["Ctrl Z", "undo: in the draft, else the last edit of the zones"],
-  ["Ctrl Shift Z", "redo"],
-  ["M", "map or 3D view"],
-  ["C", "camera image and map change places"],
-  ["B", "drive by hand: the pad, and the arrow keys while it is open"],
-  ["F", "follow the robot"],
-  ["W", "fit what is known; again for the whole map"],
-  ["+ −", "zoom the map"],
-  ["Shift F10", "menu of what is selected on the map, as by right click"],
-  ["D", "dark or light"],
-  ["U", "for admins: users and audit log"],
-  ["?", "this list"],
+  [t("Space"), t("stop, anywhere but in a text field")],
+  ["G", t("pick goals; drag for a heading")],
+  ["Z", t("draw a zone: polygon")],
+  ["O", t("draw a circle")],
+  ["L", t("draw a corridor along a line")],
+  ["H", t("draw freehand")],
+  ["N", t("look around")],
+  ["Enter", t("finish the zone, press the focused control")],
+  ["Esc", t("leave a mode, cancel a draft")],
+  ["Backspace", t("undo the last corner")],
+  ["Delete", t("remove the selected corner")],
+  ["← ↑ → ↓", t("move the whole draft by 5 cm (Shift: 25 cm)")],
+  ["Ctrl Z", t("undo: in the draft, else the last edit of the zones")],
+  ["Ctrl Shift Z", t("redo")],
+  ["M", t("map or 3D view")],
+  ["C", t("camera image and map change places")],
+  ["B", t("drive by hand: the pad, and the arrow keys while it is open")],
+  ["F", t("follow the robot")],
+  ["W", t("fit what is known; again for the whole map")],
+  ["+ −", t("zoom the map")],
+  ["Shift F10", t("menu of what is selected on the map, as by right click")],
+  ["D", t("dark or light")],
+  ["U", t("for admins: users and audit log")],
+  ["?", t("this list")],
 ];
 const TEXT_FIELDS =
   "input:not([type=checkbox]):not([type=range]):not([type=color]), select, textarea";

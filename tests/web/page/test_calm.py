@@ -66,7 +66,7 @@ def test_the_line_changes_at_most_once_a_second_though_the_robot_says_more(
     page: Page, operations: FakeOperations
 ) -> None:
     operations.goals.add(3.0, 0.0)
-    expect(page.get_by_test_id("state-text")).to_contain_text("Waiting")
+    expect(page.get_by_test_id("state-text")).to_contain_text("Standing")
     page.evaluate(TEXTS)
     operations.mission("start")
     for step in range(1, 16):

@@ -23,6 +23,7 @@ OPENED_BY = {
     "help": "help-button",
     "admin": "admin-button",
     "account": "who-am-i",
+    "languages": "language",
     "sites": "sites-button",
     "layers-3d": "layers",
 }

@@ -2,13 +2,15 @@
 
 import { get } from "../core/api.js";
 import { make } from "../core/dom.js";
+import { formatDateTime } from "../core/format.js";
+import { sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 
 const PAGE_SIZE = 100;
 const user = make("input", {
   list: "audit-names",
   maxlength: 60,
-  placeholder: "all users",
+  placeholder: t("all users"),
   "data-testid": "audit-who",
 });
 const names = make("datalist", { id: "audit-names" });
@@ -17,9 +19,9 @@ const until = make("input", { type: "datetime-local", "data-testid": "audit-unti
 const list = make("ol", {
   class: "audit",
   "data-testid": "audit",
-  "aria-label": "Audit log, newest first",
+  "aria-label": t("Audit log, newest first"),
 });
-const empty = make("p", { class: "empty" }, "No entries match.");
+const empty = make("p", { class: "empty" }, t("No entries match."));
 const older = make(
   "button",
   {
@@ -27,18 +29,18 @@ const older = make(
     "data-testid": "audit-older",
     onclick: () => load(list.lastElementChild?.dataset.id),
   },
-  "Older ↓",
+  t("Older ↓"),
 );
 
 export function build(pane) {
   const form = make(
     "form",
     { class: "row", autocomplete: "off" },
-    make("label", { class: "field" }, "User", user),
+    make("label", { class: "field" }, t("User"), user),
     names,
-    make("label", { class: "field" }, "From", since),
-    make("label", { class: "field" }, "Until", until),
-    make("button", { class: "primary", "data-testid": "audit-show" }, "Show"),
+    make("label", { class: "field" }, t("From"), since),
+    make("label", { class: "field" }, t("Until"), until),
+    make("button", { class: "primary", "data-testid": "audit-show" }, t("Show")),
     older,
   );
   form.onsubmit = (event) => {
@@ -86,14 +88,14 @@ function itemOf(entry) {
   return make(
     "li",
     { "data-testid": "audit-entry", "data-id": entry.id },
-    make("time", { datetime: entry.at }, time.toLocaleString([], { hour12: false })),
+    make("time", { datetime: entry.at }, formatDateTime(time)),
     make("b", { title: entry.role ?? entry.from ?? "" }, entry.who ?? "–"),
-    make("span", { class: "what", title: address }, entry.text),
+    make("span", { class: "what", title: address }, sentence(entry.text)),
     make("span", { class: entry.status >= 400 ? "refused" : "outcome" }, outcome(entry.status)),
   );
 }
 
 function outcome(status) {
   if (status === undefined) return "";
-  return status < 400 ? "✓ done" : "✕ refused";
+  return status < 400 ? t("✓ done") : t("✕ refused");
 }

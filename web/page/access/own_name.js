@@ -3,6 +3,7 @@
 
 import { get } from "../core/api.js";
 import { element, make } from "../core/dom.js";
+import { t } from "../core/language.js";
 
 const COOKIE = "bewarenav-name";
 const MAX_NAME = 40;
@@ -14,8 +15,10 @@ function deviceName() {
   const browser = Object.keys(BROWSERS).find((name) => BROWSERS[name].test(agent)) ?? "Browser";
   const isTablet = /iPad|Tablet/.test(agent) || (maxTouchPoints > 1 && /Macintosh/.test(agent));
   const isPhone = !isTablet && /Mobile|iPhone/.test(agent);
-  const device = isPhone ? "phone" : isTablet || /Android/.test(agent) ? "tablet" : "computer";
-  return `${browser} on ${device}`;
+  if (isPhone) return t("{browser} on phone", { browser });
+  return isTablet || /Android/.test(agent)
+    ? t("{browser} on tablet", { browser })
+    : t("{browser} on computer", { browser });
 }
 
 function keep(name) {
@@ -28,11 +31,11 @@ if (!document.cookie.includes(`${COOKIE}=`)) keep(deviceName());
 const input = make("input", {
   maxlength: MAX_NAME,
   required: "",
-  "aria-label": "Your name for the other operators",
+  "aria-label": t("Your name for the other operators"),
   "data-testid": "own-name-input",
 });
-const form = make("form", { class: "row", autocomplete: "off" }, input, make("button", {}, "Save"));
-const dialog = make("dialog", { class: "sheet", "aria-label": "Your name" }, form);
+const form = make("form", { class: "row", autocomplete: "off" }, input, make("button", {}, t("Save")));
+const dialog = make("dialog", { class: "sheet", "aria-label": t("Your name") }, form);
 
 form.onsubmit = (event) => {
   event.preventDefault();
@@ -49,8 +52,8 @@ export async function start() {
     dialog.show();
     input.focus();
   };
-  const title = "Your name for the other operators";
+  const title = t("Your name for the other operators");
   element("control-text").after(
-    make("button", { title, "data-testid": "own-name", onclick: open }, "✎ Name"),
+    make("button", { title, "data-testid": "own-name", onclick: open }, t("✎ Name")),
   );
 }

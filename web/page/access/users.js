@@ -1,14 +1,15 @@
 // The list of users for admins: roles, passwords and tokens, a form for a new user.
 
 import { get, post, request } from "../core/api.js";
+import { sentence, t } from "../core/language.js";
 import { suggestNames } from "./audit.js";
 import { clearSent, make, reconcile, setText } from "../core/dom.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const ROLES = {
-  viewer: "viewer: watches, and may stop the robot",
-  operator: "operator: also drives and edits",
-  admin: "admin: also manages users",
+  viewer: t("viewer: watches, and may stop the robot"),
+  operator: t("operator: also drives and edits"),
+  admin: t("admin: also manages users"),
 };
 const CONFIRM_MS = 4000;
 const PASSWORD = {
@@ -16,7 +17,7 @@ const PASSWORD = {
   minlength: 10,
   maxlength: 200,
   required: "",
-  placeholder: "10 characters or more",
+  placeholder: t("10 characters or more"),
   autocomplete: "new-password",
 };
 const list = make("ul", { class: "list", "data-testid": "users" });
@@ -31,7 +32,7 @@ export async function refresh(name = ownName) {
     reconcile(list, users, (user) => user.name, itemOf, fill);
     suggestNames(users.map((user) => user.name));
     note.textContent =
-      "A user whose role or password changes, or who is removed, is logged out at once.";
+      t("A user whose role or password changes, or who is removed, is logged out at once.");
     form.hidden = false;
   } catch (error) {
     // An admin who changes their own password, role or account loses the session.
@@ -47,9 +48,9 @@ const change = (action) => attempt(action).finally(() => refresh());
 
 function itemOf(user) {
   const path = `/users/${encodeURIComponent(user.name)}`;
-  const role = roleChoice(`Role of ${user.name}`);
+  const role = roleChoice(t("Role of {name}", user));
   role.onchange = () => change(() => request("PUT", `${path}/role`, { role: role.value }));
-  const name = user.name === ownName ? `${user.name} (you)` : user.name;
+  const name = user.name === ownName ? t("{name} (you)", user) : user.name;
   const label = make("span", { class: "label" }, make("span", {}, name), make("small"));
   const { open, passwordForm } = passwordParts(user, path);
   const { button, shown } = tokenParts(path);
@@ -69,10 +70,10 @@ function itemOf(user) {
 function passwordParts(user, path) {
   const field = make("input", {
     ...PASSWORD,
-    "aria-label": `New password of ${user.name}`,
+    "aria-label": t("New password of {name}", user),
     "data-testid": "user-password",
   });
-  const save = make("button", { class: "primary", "data-testid": "user-password-save" }, "Save");
+  const save = make("button", { class: "primary", "data-testid": "user-password-save" }, t("Save"));
   const passwordForm = make("form", { class: "row", hidden: "" }, field, save);
   passwordForm.onsubmit = (event) => {
     event.preventDefault();
@@ -80,7 +81,7 @@ function passwordParts(user, path) {
       await request("PUT", `${path}/password`, { password: field.value });
       passwordForm.reset();
       passwordForm.hidden = true;
-      notify(`${user.name} has a new password.`, { good: true });
+      notify(t("{name} has a new password.", user), { good: true });
     });
   };
   const toggle = () => {
@@ -88,7 +89,7 @@ function passwordParts(user, path) {
     if (!passwordForm.hidden) field.focus();
   };
   return {
-    open: make("button", { "data-testid": "user-password-open", onclick: toggle }, "Password …"),
+    open: make("button", { "data-testid": "user-password-open", onclick: toggle }, t("Password …")),
     passwordForm,
   };
 }
@@ -98,12 +99,12 @@ function tokenParts(path) {
   const renew = () =>
     change(async () => {
       const { token } = await post(`${path}/token`);
-      shown.replaceChildren("Shown only once: ", make("code", {}, token));
+      shown.replaceChildren(t("Shown only once: "), make("code", {}, token));
       shown.hidden = false;
     });
-  const title = "A new token for programs of this user; it replaces the previous one";
+  const title = t("A new token for programs of this user; it replaces the previous one");
   return {
-    button: make("button", { title, "data-testid": "user-token-make", onclick: renew }, "Token …"),
+    button: make("button", { title, "data-testid": "user-token-make", onclick: renew }, t("Token …")),
     shown,
   };
 }
@@ -111,8 +112,8 @@ function tokenParts(path) {
 function removeButton(user, path) {
   const button = make(
     "button",
-    { "aria-label": `Remove ${user.name}`, "data-testid": "user-remove" },
-    "Remove",
+    { "aria-label": t("Remove {name}", user), "data-testid": "user-remove" },
+    t("Remove"),
   );
   button.onclick = () => {
     if (button.classList.contains("confirm")) {
@@ -121,10 +122,10 @@ function removeButton(user, path) {
       return;
     }
     button.classList.add("confirm");
-    button.textContent = "Really remove?";
+    button.textContent = t("Really remove?");
     setTimeout(() => {
       button.classList.remove("confirm");
-      button.textContent = "Remove";
+      button.textContent = t("Remove");
     }, CONFIRM_MS);
   };
   return button;
@@ -132,12 +133,12 @@ function removeButton(user, path) {
 
 function fill(item, user) {
   item.querySelector("select").value = user.role;
-  setText(item.querySelector("small"), user.has_token ? "has a token for programs" : "");
+  setText(item.querySelector("small"), user.has_token ? t("has a token for programs") : "");
 }
 
 function roleChoice(label) {
   const options = Object.keys(ROLES).map((name) =>
-    make("option", { value: name, title: ROLES[name] }, name),
+    make("option", { value: name, title: ROLES[name] }, sentence(name)),
   );
   return make("select", { "aria-label": label, "data-testid": "user-role" }, ...options);
 }
@@ -147,19 +148,19 @@ export function build(pane) {
     required: "",
     maxlength: 40,
     pattern: "[A-Za-z0-9][A-Za-z0-9_.@\\-]*",
-    title: "letters, digits, dots, dashes, @ or _",
+    title: t("letters, digits, dots, dashes, @ or _"),
     autocomplete: "off",
     "data-testid": "new-user-name",
   });
   const password = make("input", { ...PASSWORD, "data-testid": "new-user-password" });
-  const role = roleChoice("Role");
+  const role = roleChoice(t("Role"));
   role.value = "operator";
   role.dataset.testid = "new-user-role";
   form.append(
-    make("label", { class: "field" }, "Name", name),
-    make("label", { class: "field" }, "Password", password),
-    make("label", { class: "field" }, "Role", role),
-    make("button", { class: "primary", "data-testid": "new-user-add" }, "Add user"),
+    make("label", { class: "field" }, t("Name"), name),
+    make("label", { class: "field" }, t("Password"), password),
+    make("label", { class: "field" }, t("Role"), role),
+    make("button", { class: "primary", "data-testid": "new-user-add" }, t("Add user")),
   );
   form.onsubmit = (event) => {
     event.preventDefault();

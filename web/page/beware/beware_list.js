@@ -2,6 +2,7 @@
 
 import { post, request } from "../core/api.js";
 import { element, make, reconcile, set, setText, setValue } from "../core/dom.js";
+import { decimal, sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import { swatchOf } from "./swatch.js";
 
@@ -44,13 +45,13 @@ export function show(beware) {
       const isFound = entry.found_by !== "nothing";
       setText(name, entry.label ?? entry.name);
       foundBy.title = isFound
-        ? "What detects it in the camera image"
-        : "Not detected by this model";
-      setText(foundBy, isFound ? entry.found_by : "▲ not detected");
+        ? t("What detects it in the camera image")
+        : t("Not detected by this model");
+      setText(foundBy, isFound ? sentence(entry.found_by) : t("▲ not detected"));
       foundBy.classList.toggle("lost", !isFound);
     },
   );
-  setText(element("beware-version"), `version ${beware.version}`);
+  setText(element("beware-version"), t("version {version}", beware));
   element("beware-undo").disabled = !beware.can_undo;
 }
 
@@ -67,14 +68,14 @@ function itemOf(entry) {
   };
   const check = make("input", {
     type: "checkbox",
-    title: "Keep away from it",
-    "aria-label": `Keep away from ${entry.name}`,
+    title: t("Keep away from it"),
+    "aria-label": t("Keep away from {name}", entry),
     "data-testid": `beware-${entry.class_id}`,
   });
   check.onchange = () => patch({ enabled: check.checked });
   const refused = make("small", { class: "refused", role: "alert", hidden: "" });
-  const margin = numberInput(`Margin around ${entry.name} in metres`, 0.05);
-  const confidence = numberInput(`Least confidence for ${entry.name} in percent`, 5);
+  const margin = numberInput(t("Margin around {name} in metres", entry), 0.05);
+  const confidence = numberInput(t("Least confidence for {name} in percent", entry), 5);
   // A figure that is refused gives way to the stored one, so that the field shows what is in force.
   const send = async (input, key, scale, unit) => {
     const { low, high } = limits[key] ?? { low: 0, high: 0 };
@@ -84,7 +85,8 @@ function itemOf(entry) {
     input.setAttribute("aria-invalid", String(!fits));
     if (fits) return patch({ [key]: value });
     input.value = Math.round(1000 * scale * item.item[key]) / 1000;
-    setText(refused, `${input.title}: ${scale * low} to ${scale * high} ${unit}.`);
+    const range = { name: input.title, low: decimal(scale * low), high: decimal(scale * high), unit };
+    setText(refused, t("{name}: {low} to {high} {unit}.", range));
     return undefined;
   };
   margin.onchange = () => send(margin, "margin_m", 1, "m");

@@ -2,6 +2,7 @@
 // the present theme.
 
 import { element, make } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { isLight } from "../core/theme.js";
 import { paletteOf } from "../map/cells.js";
 import { COLOURS } from "../map/strokes.js";
@@ -24,9 +25,9 @@ const SIGNS = {
   candidates: () => [COLOURS.goal, null, "line"],
 };
 const OTHERS = [
-  [COLOURS.goal, "goal ⚑"],
-  [COLOURS.draft, "what is drawn"],
-  ["#b7791f", "speed limit"],
+  [COLOURS.goal, t("goal ⚑")],
+  [COLOURS.draft, t("what is drawn")],
+  ["#b7791f", t("speed limit"), "dots"],
 ];
 const css = (colour) => (Array.isArray(colour) ? `rgb(${colour.join(" ")})` : colour);
 
@@ -41,7 +42,7 @@ export function signOf(layer, classes) {
 }
 
 element("legend").append(
-  ...OTHERS.map(([colour, text]) =>
-    make("li", {}, swatch(colour, text === "speed limit" ? "dots" : null), make("span", {}, text)),
+  ...OTHERS.map(([colour, text, pattern]) =>
+    make("li", {}, swatch(colour, pattern), make("span", {}, text)),
   ),
 );

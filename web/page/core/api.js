@@ -1,17 +1,18 @@
 // Requests to the HTTP API. A refusal becomes an Error whose text is the console's own sentence.
 
+import { sentence, t } from "./language.js";
 import { showProgress } from "./progress.js";
 
 class Refusal extends Error {
   constructor(status, body) {
-    super(body?.error?.message ?? `the console answered with status ${status}`);
+    super(sentence(body?.error?.message) ?? t("the console answered with status {status}", { status }));
     this.status = status;
     this.body = body;
   }
 }
 
 const TIMEOUT_MS = 60_000;
-const WAITING = "the console";
+const WAITING = t("the console");
 const pending = new Set();
 
 // Every request of the page but the stop. A browser opens few connections to one host and the stop
@@ -44,7 +45,7 @@ export async function request(method, path, body, headers = {}) {
     response = await showProgress(abortableFetch(`/api/v1${path}`, options), WAITING);
   } catch (error) {
     if (error instanceof Refusal) throw error;
-    const message = "the console does not answer; as far as this page knows, nothing was changed";
+    const message = t("the console does not answer; as far as this page knows, nothing was changed");
     throw new Refusal(0, { error: { message } });
   }
   const value = parsed(await response.text());

@@ -1,10 +1,11 @@
 // Whether the robot's state still arrives.
 
 import { element, set, setText } from "./dom.js";
+import { t } from "./language.js";
 
 const STALE_MS = 1000;
 const CHECKED_MS = 200;
-const WORDS = { live: "live", stale: "no connection", waiting: "connecting" };
+const WORDS = { live: t("live"), stale: t("no connection"), waiting: t("connecting") };
 const listeners = [];
 let arrivedMs = performance.now();
 let hasState = false;

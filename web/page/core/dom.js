@@ -1,4 +1,4 @@
-// Elements of the page, values written into them, and numbers as text.
+// Elements of the page, values written into them, and settings of this browser.
 
 export const element = (id) => document.getElementById(id);
 
@@ -73,21 +73,4 @@ export function saveSetting(key, value) {
   } catch {
     // this browser stores nothing
   }
-}
-
-// A number that rounds to zero has no sign.
-export const formatNumber = (value, digits, unit) =>
-  value === null || value === undefined
-    ? "–"
-    : `${value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1")} ${unit}`.trim();
-export const formatTime = (unixS) =>
-  new Date(1000 * unixS).toLocaleTimeString([], { hour12: false });
-export const formatSigned = (value, digits, unit) =>
-  `${value >= 0 ? "+" : "−"}${Math.abs(value).toFixed(digits)} ${unit}`;
-
-// About two significant digits.
-export function formatAge(seconds) {
-  if (seconds < 9.95) return `${seconds.toFixed(1)} s`;
-  if (seconds < 90) return `${seconds.toFixed(0)} s`;
-  return seconds < 5400 ? `${(seconds / 60).toFixed(0)} min` : `${(seconds / 3600).toFixed(1)} h`;
 }

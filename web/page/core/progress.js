@@ -1,6 +1,7 @@
 // A sign for work that takes longer than a second: what it waits for, and how long it has taken.
 
 import { make, set, setText } from "./dom.js";
+import { t } from "./language.js";
 
 const SHOWN_AFTER_MS = 1000;
 const running = new Map();
@@ -32,11 +33,8 @@ function show() {
       slow.set(name, ((now - sinceMs) / 1000).toFixed(0));
   }
   set(box, { hidden: slow.size === 0 });
-  if (slow.size)
-    setText(
-      words,
-      `waiting for ${[...slow].map(([name, seconds]) => `${name} (${seconds} s)`).join(", ")}`,
-    );
+  const names = [...slow].map(([name, seconds]) => `${name} (${seconds} s)`).join(", ");
+  if (slow.size) setText(words, t("waiting for {names}", { names }));
 }
 
 setInterval(show, 250);

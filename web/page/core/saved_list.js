@@ -2,6 +2,7 @@
 
 import { get, request } from "./api.js";
 import { clearSent, make } from "./dom.js";
+import { t } from "./language.js";
 import { attempt, notify } from "./toasts.js";
 
 // `action` is the last part of the address that loads an entry, `verb` its button, `describe` the
@@ -14,7 +15,7 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
     "aria-label": placeholder,
     "data-testid": `${menu.id}-name`,
   });
-  const saveButton = make("button", { "data-testid": `${menu.id}-save` }, "Save");
+  const saveButton = make("button", { "data-testid": `${menu.id}-save` }, t("Save"));
   const form = make("form", { class: "row", autocomplete: "off" }, name, saveButton);
   menu.append(list, form);
   const addressOf = (entryName) => `${path}/${encodeURIComponent(entryName)}`;
@@ -44,8 +45,8 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
       make(
         "button",
         {
-          title: "Delete",
-          "aria-label": `Delete ${entry.name}`,
+          title: t("Delete"),
+          "aria-label": t("Delete {name}", entry),
           onclick: () => attempt(() => remove(entry)),
         },
         "✕",
@@ -62,7 +63,7 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
     event.preventDefault();
     const typed = name.value;
     if (!typed.trim()) {
-      notify("Give it a name first.");
+      notify(t("Give it a name first."));
       return;
     }
     attempt(async () => {
@@ -77,10 +78,10 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
     } catch (error) {
       if (!error.body?.there) throw error;
       const replace = () => attempt(() => save(typed, `${address}?replace=true`));
-      notify(error.message, { action: { label: "Replace", run: replace } });
+      notify(error.message, { action: { label: t("Replace"), run: replace } });
       return;
     }
-    notify(`“${typed.trim()}” is saved.`, { good: true });
+    notify(t("“{name}” is saved.", { name: typed.trim() }), { good: true });
     clearSent(name, typed);
     refresh();
   }

@@ -1,6 +1,7 @@
 // The emergency stop: sent until it is answered, also after a lost connection.
 
 import { abortAll } from "./api.js";
+import { t } from "./language.js";
 import { notify } from "./toasts.js";
 
 const ATTEMPTS = 3;
@@ -30,7 +31,7 @@ async function send(source) {
 }
 
 export async function stop(source) {
-  abortAll("cancelled to let the stop through; check whether it took effect");
+  abortAll(t("cancelled to let the stop through; check whether it took effect"));
   const pressedMs = performance.now();
   const sendBySecond = () => channels.forEach((sendTo) => sendTo(source));
   const timer = setTimeout(sendBySecond, SECOND_CHANNEL_AFTER_MS);
@@ -45,7 +46,7 @@ export async function stop(source) {
   undelivered = {
     pressedMs,
     toast: notify(
-      "THE STOP DID NOT REACH THE ROBOT. It is sent until it does. Use the stop on the robot itself.",
+      t("THE STOP DID NOT REACH THE ROBOT. It is sent until it does. Use the stop on the robot itself."),
       { stays: true },
     ),
   };
@@ -61,5 +62,5 @@ export function delivered() {
   const seconds = Math.max((performance.now() - undelivered.pressedMs) / 1000, 1).toFixed(0);
   undelivered.toast.remove();
   undelivered = null;
-  notify(`The stop was delivered ${seconds} s late: the robot is stopped.`, { good: true });
+  notify(t("The stop was delivered {seconds} s late: the robot is stopped.", { seconds }), { good: true });
 }

@@ -1,6 +1,7 @@
 // Dark or light colours: those of the system, until the operator chooses.
 
 import { element, loadSetting, saveSetting } from "./dom.js";
+import { t } from "./language.js";
 
 const KEY = "console.theme";
 const system = matchMedia("(prefers-color-scheme: light)");
@@ -13,8 +14,8 @@ function apply() {
   document.documentElement.dataset.theme = loadSetting(KEY, system.matches ? "light" : "dark");
   const button = element("theme");
   button.textContent = isLight() ? "☾" : "☀";
-  button.title = isLight() ? "Dark colours (D)" : "Light colours (D)";
-  button.setAttribute("aria-label", isLight() ? "Dark colours" : "Light colours");
+  button.title = isLight() ? t("Dark colours (D)") : t("Light colours (D)");
+  button.setAttribute("aria-label", isLight() ? t("Dark colours") : t("Light colours"));
   for (const listener of listeners) listener();
 }
 

@@ -1,6 +1,7 @@
 // Short messages: refusals, and changes that took effect.
 
 import { element, make } from "./dom.js";
+import { t } from "./language.js";
 
 const box = element("toasts");
 const MAX_SHOWN = 4;
@@ -14,7 +15,7 @@ export function notify(
   { good = false, action = null, actions = action ? [action] : [], stays = false } = {},
 ) {
   for (const old of box.children) if (old.dataset.text === text) old.remove();
-  const close = make("button", { "aria-label": "Dismiss", onclick: () => toast.remove() }, "✕");
+  const close = make("button", { "aria-label": t("Dismiss"), onclick: () => toast.remove() }, "✕");
   const toast = make(
     "div",
     { class: good ? "toast done" : "toast", "data-text": text },

@@ -3,6 +3,7 @@
 
 import { get } from "../core/api.js";
 import { element, make, reconcile, setText } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { oneAtATime, pause } from "../core/updates.js";
 
 const IMAGE_MS = 250;
@@ -28,7 +29,7 @@ function loaded(source) {
   return new Promise((resolve, reject) => {
     const loader = new Image();
     loader.onload = () => resolve(source);
-    loader.onerror = () => reject(new Error("no camera image"));
+    loader.onerror = () => reject(new Error(t("no camera image")));
     loader.src = source;
   });
 }

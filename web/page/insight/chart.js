@@ -2,16 +2,17 @@
 // below the pointer, in all charts of a group at once.
 
 import { make } from "../core/dom.js";
+import { number, t } from "../core/language.js";
 import { clockText, durationText, ticksOf, tickText } from "./ticks.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 // Column of the time series → title, unit, digits.
 export const COLUMNS = {
-  speed_mps: ["Speed", "m/s", 2],
-  distance_m: ["Distance", "m", 1],
-  explored_m2: ["Explored area", "m²", 0],
-  explored_m3: ["Explored volume", "m³", 1],
-  tick_ms: ["Tick", "ms", 0],
+  speed_mps: [t("Speed"), "m/s", 2],
+  distance_m: [t("Distance"), "m", 1],
+  explored_m2: [t("Explored area"), "m²", 0],
+  explored_m3: [t("Explored volume"), "m³", 1],
+  tick_ms: [t("Tick"), "ms", 0],
 };
 const DASHES = ["", "6 4"];
 // Margins of the plot area and its height in pixels: a chart is as wide as its box, so that its text
@@ -47,8 +48,8 @@ export function plot(figure, name, curves, { startUnixS = null, marks = [] } = {
   svg.replaceChildren();
   if (!numbers.length) {
     figure.querySelector("b").textContent = "";
-    svg.setAttribute("aria-label", `${title}: no data yet`);
-    svg.append(label("No data yet", width / 2, 62, "middle"));
+    svg.setAttribute("aria-label", t("{title}: no data yet", { title }));
+    svg.append(label(t("No data yet"), width / 2, 62, "middle"));
     return;
   }
   const duration = Math.max(...filled.map(({ t }) => t[t.length - 1] - t[0]), 1);
@@ -86,7 +87,12 @@ export function plot(figure, name, curves, { startUnixS = null, marks = [] } = {
   showAt(figure, null);
   svg.setAttribute(
     "aria-label",
-    `${title} in ${unit} over ${durationText(duration)}, largest ${Math.max(...numbers).toFixed(digits)}`,
+    t("{title} in {unit} over {duration}, largest {largest}", {
+      title,
+      unit,
+      duration: durationText(duration),
+      largest: number(Math.max(...numbers), digits),
+    }),
   );
 }
 
@@ -111,7 +117,7 @@ function showAt(figure, seconds) {
   cross.setAttribute("visibility", seconds === null ? "hidden" : "visible");
   if (seconds === null) {
     const latest = filled[0].values.at(-1);
-    shown.textContent = filled.length === 1 && typeof latest === "number" ? latest.toFixed(digits) : "";
+    shown.textContent = filled.length === 1 && typeof latest === "number" ? number(latest, digits) : "";
     return;
   }
   const x = LEFT + (span * seconds) / duration;
@@ -120,9 +126,9 @@ function showAt(figure, seconds) {
   const at = startUnixS === null ? durationText(seconds) : clockText(startUnixS + seconds);
   const values = filled.map(({ t, values: curve }) => {
     const value = curve[indexAt(t, t[0] + seconds)];
-    return typeof value === "number" ? value.toFixed(digits) : "–";
+    return typeof value === "number" ? number(value, digits) : "–";
   });
-  shown.textContent = `${values.join(" / ")} at ${at}`;
+  shown.textContent = t("{values} at {time}", { values: values.join(" / "), time: at });
 }
 
 // Index of the last time that is not later.

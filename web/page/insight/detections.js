@@ -3,7 +3,9 @@
 
 import { swatchOf } from "../beware/swatch.js";
 import { get, post, request } from "../core/api.js";
-import { element, formatAge, make, setText } from "../core/dom.js";
+import { element, make, setText } from "../core/dom.js";
+import { formatAge } from "../core/format.js";
+import { number, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { offerUndo } from "../map/erase.js";
 import { openMissed } from "./missed_object.js";
@@ -11,7 +13,7 @@ import { openMissed } from "./missed_object.js";
 // While the tab is closed, the counts are updated only every so many ticks.
 const CLOSED_EVERY = 5;
 const NONE_OF_LIST = "-";
-const VERDICTS = { wrong: "✕ marked as wrong", rejected: "✕ not one" };
+const VERDICTS = { wrong: t("✕ marked as wrong"), rejected: t("✕ not one") };
 let shared;
 let tab;
 let counts;
@@ -37,10 +39,10 @@ export function build(pane, context, button) {
     "button",
     {
       "data-testid": "missed-open",
-      title: "Label an object that the robot did not detect",
+      title: t("Label an object that the robot did not detect"),
       onclick: open,
     },
-    "+ Add a missed object",
+    t("+ Add a missed object"),
   );
   pane.append(make("div", { class: "head" }, counts, add), missed, cards, rejected, collected);
 }
@@ -83,17 +85,24 @@ function show({ seen, sightings, labelling }) {
   sightings.forEach((detection, i) => {
     setText(
       cards.children[i].querySelector(".soft"),
-      `${detection.looks} views · ${formatAge(detection.age_s ?? 0)} ago`,
+      t("{looks} views · {age} ago", {
+        looks: detection.looks,
+        age: formatAge(detection.age_s ?? 0),
+      }),
     );
   });
-  const size = `${(labelling.bytes_used / 1e6).toFixed(1)} MB`;
-  const count = `${labelling.pictures} of at most ${labelling.max_pictures} corrected images (${size})`;
-  setText(collected, `${count} for the next training, in ${labelling.folder}`);
+  const { pictures, max_pictures: most, folder } = labelling;
+  const size = number(labelling.bytes_used / 1e6, 1);
+  const text = t(
+    "{pictures} of at most {most} corrected images ({size} MB) for the next training, in {folder}",
+    { pictures, most, size, folder },
+  );
+  setText(collected, text);
 }
 
 function showCounts(seen) {
   const total = Object.values(seen).reduce((sum, count) => sum + count, 0);
-  setText(tab, total ? `Detections · ${total}` : "Detections");
+  setText(tab, total ? `${t("Detections")} · ${total}` : t("Detections"));
   const key = JSON.stringify(seen);
   if (counts.dataset.key === key) return;
   counts.dataset.key = key;
@@ -104,13 +113,13 @@ function showCounts(seen) {
         "span",
         { class: "count", "data-class": id },
         swatchOf(entryOf(id)),
-        `${count} × ${entryOf(id)?.name ?? `class ${id}`}`,
+        `${count} × ${entryOf(id)?.name ?? t("class {id}", { id })}`,
       );
     }),
   );
   if (!total)
     counts.replaceChildren(
-      make("span", { class: "soft" }, "No object of the beware list was detected yet."),
+      make("span", { class: "soft" }, t("No object of the beware list was detected yet.")),
     );
 }
 
@@ -124,16 +133,16 @@ function showRejected(places) {
       make(
         "li",
         { "data-testid": "rejected-place" },
-        make("span", {}, `You said that this is no ${name}:`),
+        make("span", {}, t("You said that this is no {name}:", { name })),
         placeButton(place),
         make(
           "button",
           {
-            title: "Take it seriously there again",
+            title: t("Take it seriously there again"),
             "data-testid": "rejected-forget",
             onclick: () => takeBack(id),
           },
-          "Take back",
+          t("Take back"),
         ),
       ),
     ),
@@ -155,11 +164,11 @@ function showInBewareList(seen) {
       note = make("span", {
         class: "seen",
         "data-testid": "seen-count",
-        title: "Objects detected so far",
+        title: t("Objects detected so far"),
       });
       item.querySelector(".label").after(note);
     }
-    setText(note, entry && seen[entry.class_id] ? `${seen[entry.class_id]} seen` : "");
+    setText(note, entry && seen[entry.class_id] ? t("{n} seen", { n: seen[entry.class_id] }) : "");
   }
 }
 
@@ -167,7 +176,7 @@ function cardOf(detection) {
   const { id, class_name: name, place, verdict } = detection;
   const image = make("img", {
     src: `/api/v1/sightings/${id}/picture.jpg`,
-    alt: `${name}, as the camera saw it`,
+    alt: t("{name}, as the camera saw it", { name }),
     loading: "lazy",
   });
   const confidence = make("span", {}, `${Math.round(100 * detection.confidence)} %`);
@@ -195,7 +204,7 @@ function placeButton(place) {
   const look = () => shared.look(place);
   return make(
     "button",
-    { class: "jump", title: "Show this place", "data-testid": "detection-jump", onclick: look },
+    { class: "jump", title: t("Show this place"), "data-testid": "detection-jump", onclick: look },
     `◎ ${x.toFixed(1)}, ${y.toFixed(1)}`,
   );
 }
@@ -204,37 +213,40 @@ const rejectButtons = (id, name) => [
   make(
     "button",
     {
-      title: `This is no ${name}: free its place, and ask for better evidence there`,
+      title: t("This is no {name}: free its place, and ask for better evidence there", { name }),
       "data-testid": "reject",
-      onclick: () => reject(id, false, `The place of the ${name} is free.`),
+      onclick: () => reject(id, false, t("The place of the {name} is free.", { name })),
     },
-    "✕ Not one",
+    t("✕ Not one"),
   ),
   make(
     "button",
     {
-      title: `None of all that was taken for a ${name} here is one`,
+      title: t("None of all that was taken for a {name} here is one", { name }),
       "data-testid": "reject-all",
-      onclick: () => reject(id, true, `Every place of a ${name} is free.`),
+      onclick: () => reject(id, true, t("Every place of a {name} is free.", { name })),
     },
-    "✕ None of this kind",
+    t("✕ None of this kind"),
   ),
 ];
 
 const reject = (id, isAll, done) =>
   attempt(async () => {
     await post(`/sightings/${id}/reject`, { all_of_class: isAll });
-    offerUndo(`${done} It counts there only when the robot is surer.`);
+    offerUndo(`${done} ${t("It counts there only when the robot is surer.")}`);
     await tick(true);
   });
+
+const notA = (name) =>
+  /^[aeiou]/i.test(name) ? t("Not an {name} → …", { name }) : t("Not a {name} → …", { name });
 
 function correctionChoice(id, name) {
   const others = shared.beware.classes.filter((entry) => entry.name !== name);
   const choice = make(
     "select",
-    { "aria-label": `What it is instead of ${name}`, "data-testid": "correction" },
-    make("option", { value: "" }, `Not ${/^[aeiou]/i.test(name) ? "an" : "a"} ${name} → …`),
-    make("option", { value: NONE_OF_LIST }, "nothing on the list"),
+    { "aria-label": t("What it is instead of {name}", { name }), "data-testid": "correction" },
+    make("option", { value: "" }, notA(name)),
+    make("option", { value: NONE_OF_LIST }, t("nothing on the list")),
     ...others.map((entry) => make("option", { value: entry.name }, entry.name)),
   );
   choice.onchange = () =>
@@ -242,7 +254,7 @@ function correctionChoice(id, name) {
       await post(`/sightings/${id}/wrong`, {
         class_name: choice.value === NONE_OF_LIST ? null : choice.value,
       });
-      notify("The corrected image is kept for the next training.", { good: true });
+      notify(t("The corrected image is kept for the next training."), { good: true });
       await tick(true);
     });
   return choice;

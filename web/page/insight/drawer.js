@@ -1,6 +1,7 @@
 // The drawer below the view: event log, explanation, detections and plots, one file per tab.
 
 import { element, make } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { overlays, redraw } from "../map/map.js";
 import * as detections from "./detections.js";
 import * as eventLog from "./event_log.js";
@@ -10,10 +11,10 @@ import * as plots from "./plots.js";
 import { makeSplitter } from "./splitter.js";
 
 const TABS = {
-  log: ["Log", eventLog],
-  why: ["Why this path?", explanation],
-  seen: ["Detections", detections],
-  plots: ["Plots", plots],
+  log: [t("Log"), eventLog],
+  why: [t("Why this path?"), explanation],
+  seen: [t("Detections"), detections],
+  plots: [t("Plots"), plots],
 };
 const PERIOD_MS = 1000;
 const MARK_PX = 15;
@@ -55,10 +56,10 @@ export function start({ look, mark, showSightings }) {
     });
     tab.build(panes[name], shared, buttons[name]);
   }
-  const ages = make("div", { class: "ages", "aria-label": "Age of what is shown" });
+  const ages = make("div", { class: "ages", "aria-label": t("Age of what is shown") });
   freshness.build(ages);
-  const tabs = make("div", { role: "tablist", "aria-label": "Insight" }, ...Object.values(buttons));
-  const runs = make("a", { href: "/runs", target: "_blank", "data-testid": "runs-link" }, "Runs ↗");
+  const tabs = make("div", { role: "tablist", "aria-label": t("Insight") }, ...Object.values(buttons));
+  const runs = make("a", { href: "/runs", target: "_blank", "data-testid": "runs-link" }, t("Runs ↗"));
   const body = make("div", { class: "drawer", id: "drawer", hidden: "" }, ...Object.values(panes));
   splitter = makeSplitter(body);
   const bar = make("div", { class: "drawer-tabs" }, tabs, runs, ages);

@@ -2,24 +2,26 @@
 // to the place. It goes back over earlier starts of the console, whose entries are marked.
 
 import { get } from "../core/api.js";
-import { formatTime, make, set, setText } from "../core/dom.js";
+import { make, set, setText } from "../core/dom.js";
+import { formatDateTime, formatTime } from "../core/format.js";
+import { language, sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import { countText, fold, levelOf, LEVELS, newFold, rowFor } from "./log_folding.js";
 
 const KINDS = {
-  stopped: "■ stopped",
-  released: "▶ released",
-  replanned: "⤳ path",
-  goal: "⚑ goal",
-  mission: "● mission",
-  seen: "◉ seen",
-  zone: "⬠ zone",
-  beware: "▲ beware",
-  labelled: "✎ labelled",
-  place: "⌖ place",
-  map: "⌫ map edited",
+  stopped: t("■ stopped"),
+  released: t("▶ released"),
+  replanned: t("⤳ path"),
+  goal: t("⚑ goal"),
+  mission: t("● mission"),
+  seen: t("◉ seen"),
+  zone: t("⬠ zone"),
+  beware: t("▲ beware"),
+  labelled: t("✎ labelled"),
+  place: t("⌖ place"),
+  map: t("⌫ map edited"),
 };
-const LEVEL_NAMES = { detail: "everything", notice: "goals, zones, stops", alert: "stops" };
+const LEVEL_NAMES = { detail: t("everything"), notice: t("goals, zones, stops"), alert: t("stops") };
 const MAX_NEW = 300;
 const OLDER = 200;
 const MAX_UNREAD = 99;
@@ -40,7 +42,7 @@ let running = null;
 export function build(pane, context, button) {
   shared = context;
   tab = button;
-  list = make("ol", { class: "log", "data-testid": "log", "aria-label": "Events, newest first" });
+  list = make("ol", { class: "log", "data-testid": "log", "aria-label": t("Events, newest first") });
   nothing = make("p", { class: "empty" });
   olderButton = make(
     "button",
@@ -49,25 +51,25 @@ export function build(pane, context, button) {
       hidden: "",
       "data-testid": "log-older",
       onclick: loadOlder,
-      title: "Show earlier events, also those before the last start of the console",
+      title: t("Show earlier events, also those before the last start of the console"),
     },
-    "Older ↓",
+    t("Older ↓"),
   );
   searchField = make("input", {
     type: "search",
-    placeholder: "Search",
-    "aria-label": "Search the log",
+    placeholder: t("Search"),
+    "aria-label": t("Search the log"),
     "data-testid": "log-search",
     oninput: showMatching,
   });
   levelField = make(
     "select",
-    { "aria-label": "Show", "data-testid": "log-level", onchange: showMatching },
+    { "aria-label": t("Show"), "data-testid": "log-level", onchange: showMatching },
     ...LEVELS.map((level) => make("option", { value: level }, LEVEL_NAMES[level])),
   );
   const filter = make(
     "div",
-    { class: "filter", role: "group", "aria-label": "Show only" },
+    { class: "filter", role: "group", "aria-label": t("Show only") },
     searchField,
     levelField,
     ...Object.entries(KINDS).map(filterButton),
@@ -112,8 +114,8 @@ function showMatching() {
   setText(
     nothing,
     list.children.length
-      ? "No event matches."
-      : "No events yet. What the robot decides appears here with time and place.",
+      ? t("No event matches.")
+      : t("No events yet. What the robot decides appears here with time and place."),
   );
 }
 
@@ -147,7 +149,8 @@ async function loadNewest(isOpen) {
       markStarts(page.start);
       showMatching();
     }
-    setText(tab, unread ? `Log · ${unread > MAX_UNREAD ? `${MAX_UNREAD}+` : unread} new` : "Log");
+    const shown = unread > MAX_UNREAD ? `${MAX_UNREAD}+` : unread;
+    setText(tab, unread ? t("Log · {n} new", { n: shown }) : t("Log"));
   } catch {
     // a lost connection has its own banner
   }
@@ -174,7 +177,7 @@ function repeat(row, entry, shownEntry) {
   setText(row.querySelector(".count"), countText(row.folded));
   if (!shownEntry) return;
   setText(row.querySelector("time"), formatTime(shownEntry.unix_s));
-  setText(row.querySelector(".words"), shownEntry.text);
+  setText(row.querySelector(".words"), sentence(shownEntry.text));
   row.querySelector(".jump")?.replaceWith(jumpButton(shownEntry.place ?? row.place));
 }
 
@@ -199,7 +202,7 @@ function markStarts(present) {
     const { start, day } = entry.dataset;
     entry.classList.toggle("earlier", start !== String(present));
     if (start === last) delete entry.dataset.before;
-    else entry.dataset.before = `before the console was restarted · ${day}`;
+    else entry.dataset.before = `${t("before the console was restarted")} · ${day}`;
     last = start;
   }
 }
@@ -213,11 +216,11 @@ function itemOf(entry) {
       "data-kind": entry.kind,
       "data-level": levelOf(entry),
       "data-start": entry.start,
-      "data-day": time.toLocaleDateString(),
+      "data-day": time.toLocaleDateString(language),
     },
-    make("time", { title: time.toLocaleString([], { hour12: false }) }, formatTime(entry.unix_s)),
+    make("time", { title: formatDateTime(time) }, formatTime(entry.unix_s)),
     make("b", { class: `kind kind-${entry.kind}` }, KINDS[entry.kind] ?? entry.kind),
-    make("span", { class: "words" }, entry.text),
+    make("span", { class: "words" }, sentence(entry.text)),
     make("span", { class: "count", "data-testid": "log-count" }),
   );
   Object.assign(item, { folded: newFold(entry), firstId: entry.id, place: entry.place });
@@ -229,7 +232,7 @@ function jumpButton([x, y]) {
   const look = () => shared.look([x, y]);
   return make(
     "button",
-    { class: "jump", title: "Show this place", "data-testid": "jump", onclick: look },
+    { class: "jump", title: t("Show this place"), "data-testid": "jump", onclick: look },
     `◎ ${x.toFixed(1)}, ${y.toFixed(1)}`,
   );
 }

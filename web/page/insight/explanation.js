@@ -3,7 +3,9 @@
 
 import { swatch, patternOf } from "../beware/swatch.js";
 import { get, post } from "../core/api.js";
-import { formatNumber, make } from "../core/dom.js";
+import { make } from "../core/dom.js";
+import { formatNumber } from "../core/format.js";
+import { sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import { describe, listOf, metres, MIN_COST_M, nameOf } from "./explanation_text.js";
 
@@ -66,7 +68,7 @@ function draw() {
   const { found, rules, lift } = explained;
   words.textContent = describe(explained, trial);
   const keys = explained.main_cost_m > MIN_COST_M ? explained.main : [];
-  const title = keys.length > 1 ? "Path without them" : "Path without it";
+  const title = keys.length > 1 ? t("Path without them") : t("Path without it");
   main.replaceChildren(...(keys.length ? [trialButton(keys, title)] : []));
   const rows = rules.filter((rule) => !found || rule.along_m > 0 || rule.saves_m > MIN_COST_M);
   table.replaceChildren(...rows.map(ruleRow));
@@ -76,7 +78,7 @@ function draw() {
       make(
         "li",
         { class: "empty" },
-        "Nothing lies along the path: it is as straight as the grid allows.",
+        t("Nothing lies along the path: it is as straight as the grid allows."),
       ),
     );
   markPaths();
@@ -88,22 +90,22 @@ function ruleRow(rule) {
     kind === "class" ? patternOf(Number(id)) : kind === "zone" ? "stripes falling" : null;
   const parts = [
     swatch(colourOf(rule.key), pattern),
-    make("span", { class: "name" }, rule.name),
+    make("span", { class: "name" }, sentence(rule.name)),
     make(
       "span",
       { class: "soft" },
-      explained.found ? `along ${formatNumber(rule.along_m, 1, "m")}` : "",
+      explained.found ? t("along {length}", { length: formatNumber(rule.along_m, 1, "m") }) : "",
     ),
     make("b", {}, costText(rule)),
   ];
-  if (rule.key !== "wall") parts.push(trialButton([rule.key], "Path without it"));
+  if (rule.key !== "wall") parts.push(trialButton([rule.key], t("Path without it")));
   return make("li", { "data-testid": "why-rule", "data-key": rule.key }, ...parts);
 }
 
 function costText(rule) {
-  if (rule.key === "wall") return "cannot be removed";
+  if (rule.key === "wall") return t("cannot be removed");
   if (rule.saves_m === null) return "";
-  return rule.saves_m > MIN_COST_M ? `costs ${metres(rule.saves_m)}` : "costs nothing";
+  return rule.saves_m > MIN_COST_M ? t("costs {length}", { length: metres(rule.saves_m) }) : t("costs nothing");
 }
 
 function liftRow(keys) {
@@ -111,9 +113,9 @@ function liftRow(keys) {
   return make(
     "li",
     { class: "lift", "data-testid": "why-lift" },
-    make("b", {}, "⇥ fewest rules"),
+    make("b", {}, t("⇥ fewest rules")),
     name,
-    trialButton(keys, "Path without"),
+    trialButton(keys, t("Path without")),
   );
 }
 

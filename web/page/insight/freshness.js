@@ -1,18 +1,21 @@
 // The age of what is shown: camera image, map, path, connection. What is old says so, and fades while
 // the robot moves or the link is lost. What counts as old depends on what this computer reaches.
 
-import { formatAge, make, setText } from "../core/dom.js";
+import { make, setText } from "../core/dom.js";
+import { formatAge } from "../core/format.js";
+import { number, t } from "../core/language.js";
 
 const UPDATE_MS = 200;
 const OLD_S = { image: 1.0, map: 2.0, path: 2.0, link: 1.0 };
 const LONGEST_OLD_S = 5;
 const STANDING_OLD_S = 10;
 const TITLES = {
-  image: "Age of the newest camera image",
-  map: "Age of the map on this page",
-  path: "Age of the path on this page",
-  link: "Time since the console last heard from the robot",
+  image: t("Age of the newest camera image"),
+  map: t("Age of the map on this page"),
+  path: t("Age of the path on this page"),
+  link: t("Time since the console last heard from the robot"),
 };
+const NAMES = { image: t("image"), map: t("map"), path: t("path"), link: t("link") };
 const USUAL_FACTOR = 4; // old: so many times the usual age of an image
 const USUAL_GAIN = 0.01; // of the mean age, by every state
 let usualS = 0;
@@ -64,8 +67,8 @@ function show() {
     const seconds = currentMs[name] === null ? null : Math.max(now - currentMs[name], 0) / 1000;
     const isOld = seconds !== null && seconds > oldS(name);
     // A fresh age is not counted in tenths: that would paint the page five times a second.
-    const age = seconds === null ? "–" : isOld ? formatAge(seconds) : `< ${OLD_S[name]} s`;
-    setText(chip, `${isOld ? "▲ " : ""}${name} ${age}`);
+    const age = seconds === null ? "–" : isOld ? formatAge(seconds) : `< ${number(OLD_S[name], 0)} s`;
+    setText(chip, `${isOld ? "▲ " : ""}${NAMES[name]} ${age}`);
     chip.classList.toggle("old", isOld);
     // Around a standing robot nothing has to be newer than the link.
     const isFaded = isOld && (isMoving || name === "link" || seconds > STANDING_OLD_S);

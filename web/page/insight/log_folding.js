@@ -1,5 +1,7 @@
 // Entries of the event log that say the same again, and how much each matters.
 
+import { number, t } from "../core/language.js";
+
 const FOLDED_WITHIN_S = 30;
 const FOLDED_OVER_ROWS = 6;
 // Levels of the log, the least first.
@@ -49,5 +51,7 @@ export function fold(folded, entry) {
 export function countText({ count, first, last }) {
   if (count === 1) return "";
   const seconds = last - first;
-  return `× ${count} in ${seconds < 90 ? `${Math.max(seconds, 1).toFixed(0)} s` : `${(seconds / 60).toFixed(0)} min`}`;
+  const time =
+    seconds < 90 ? `${number(Math.max(seconds, 1), 0)} s` : `${number(seconds / 60, 0)} min`;
+  return t("× {count} in {time}", { count, time });
 }

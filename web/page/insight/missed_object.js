@@ -2,6 +2,7 @@
 
 import { post } from "../core/api.js";
 import { make } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const MIN_BOX_PX = 6;
@@ -11,19 +12,19 @@ export async function openMissed(pane, classes, onAdded) {
   const { snapshot } = await post("/sightings/snapshots");
   const image = make("img", {
     src: `/api/v1/sightings/snapshots/${snapshot}.jpg`,
-    alt: "Frozen camera image",
+    alt: t("Frozen camera image"),
     draggable: "false",
     "data-testid": "missed-image",
   });
   const choice = make(
     "select",
-    { "aria-label": "Class of the object", "data-testid": "missed-class" },
+    { "aria-label": t("Class of the object"), "data-testid": "missed-class" },
     ...classes.map((entry) => make("option", { value: entry.name }, entry.label ?? entry.name)),
   );
   const add = make(
     "button",
     { class: "primary", disabled: "", "data-testid": "missed-add" },
-    "Add",
+    t("Add"),
   );
   const close = () => {
     pane.hidden = true;
@@ -37,11 +38,11 @@ export async function openMissed(pane, classes, onAdded) {
   add.onclick = () =>
     attempt(async () => {
       await post("/sightings", { snapshot, class_name: choice.value, box });
-      notify(`The missed ${choice.value} is kept for the next training.`, { good: true });
+      notify(t("The missed {name} is kept for the next training.", { name: choice.value }), { good: true });
       close();
       await onAdded();
     });
-  const words = make("p", {}, "Drag a box around the missed object and choose its class.");
+  const words = make("p", {}, t("Drag a box around the missed object and choose its class."));
   pane.replaceChildren(
     stage,
     make(
@@ -50,7 +51,7 @@ export async function openMissed(pane, classes, onAdded) {
       words,
       choice,
       add,
-      make("button", { onclick: close }, "Cancel"),
+      make("button", { onclick: close }, t("Cancel")),
     ),
   );
   pane.hidden = false;

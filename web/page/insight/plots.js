@@ -2,10 +2,11 @@
 
 import { get } from "../core/api.js";
 import { loadSetting, make, saveSetting } from "../core/dom.js";
+import { sentence, t } from "../core/language.js";
 import { COLUMNS, makeChart, plot } from "./chart.js";
 
 const KEY = "console.plots_s";
-const WINDOWS_S = { 60: "1 minute", 600: "10 minutes", 3600: "1 hour" };
+const WINDOWS_S = { 60: t("1 minute"), 600: t("10 minutes"), 3600: t("1 hour") };
 const DEFAULT_S = 600;
 const MAX_ROWS = 3600;
 const MARKED = "kind=stopped&kind=goal&kind=zone";
@@ -29,13 +30,13 @@ export function build(pane, context) {
     ),
   );
   choice.value = loadSetting(KEY, DEFAULT_S);
-  nothing = make("p", { class: "empty" }, "Nothing has been driven yet: add a goal and press Start.");
+  nothing = make("p", { class: "empty" }, t("Nothing has been driven yet: add a goal and press Start."));
   pane.append(
     make(
       "div",
       { class: "head" },
-      make("label", { class: "soft" }, "Newest ", choice),
-      make("span", { class: "soft" }, "Marks: stops, goals and zones of the log."),
+      make("label", { class: "soft" }, t("Newest "), choice),
+      make("span", { class: "soft" }, t("Marks: stops, goals and zones of the log.")),
       nothing,
     ),
     make("div", { class: "charts in-row" }, ...Object.values(charts)),
@@ -53,7 +54,7 @@ export async function tick(isOpen) {
   try {
     await loadNew();
     const { entries } = await get(`/journal?since=0&limit=${MAX_MARKS}&${MARKED}`);
-    marks = entries.map((entry) => ({ t: entry.stamp_s, unixS: entry.unix_s, text: entry.text }));
+    marks = entries.map((entry) => ({ t: entry.stamp_s, unixS: entry.unix_s, text: sentence(entry.text) }));
     draw();
   } catch {
     // a lost connection has its own banner

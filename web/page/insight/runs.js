@@ -2,31 +2,33 @@
 
 import { get } from "../core/api.js";
 import { element, make } from "../core/dom.js";
+import { number, sentence, t, tn } from "../core/language.js";
 import "../core/theme.js";
 import { attempt } from "../core/toasts.js";
 import { COLUMNS, makeChart, plot } from "./chart.js";
 
-const fixed = (value, digits) => (typeof value === "number" ? value.toFixed(digits) : "–");
+const fixed = (value, digits) => (typeof value === "number" ? number(value, digits) : "–");
 // Title → text of a run.
 const LIST = {
-  scenario: (run) => run.scenario ?? "–",
-  goals: (run) => `${run.goals_reached ?? "–"} of ${run.goals?.length ?? "–"}`,
-  "time, s": (run) => fixed(run.sim_time_s, 1),
-  "distance, m": (run) => fixed(run.distance_m, 1),
+  [t("scenario")]: (run) => run.scenario ?? "–",
+  [t("goals")]: (run) =>
+    t("{reached} of {all}", { reached: run.goals_reached ?? "–", all: run.goals?.length ?? "–" }),
+  [t("time, s")]: (run) => fixed(run.sim_time_s, 1),
+  [t("distance, m")]: (run) => fixed(run.distance_m, 1),
   SPL: (run) => fixed(run.spl, 2),
-  collisions: (run) => fixed(run.collisions, 0),
-  "beware intrusions": (run) => fixed(run.beware_intrusions, 0),
-  "zone intrusions": (run) => fixed(run.zone_intrusions, 0),
+  [t("collisions")]: (run) => fixed(run.collisions, 0),
+  [t("beware intrusions")]: (run) => fixed(run.beware_intrusions, 0),
+  [t("zone intrusions")]: (run) => fixed(run.zone_intrusions, 0),
 };
 let chosen = [];
 
 async function showList() {
   const runs = await get("/runs");
   element("note").textContent = runs.length
-    ? `${runs.length} run${runs.length > 1 ? "s" : ""}, newest first`
-    : "No mission has finished yet. Add a goal in the console and press Start; the report appears here.";
+    ? tn("{n} run, newest first", "{n} runs, newest first", runs.length)
+    : t("No mission has finished yet. Add a goal in the console and press Start; the report appears here.");
   element("head").replaceChildren(
-    make("tr", {}, ...["", "run", ...Object.keys(LIST)].map((title) => make("th", {}, title))),
+    make("tr", {}, ...["", t("run"), ...Object.keys(LIST)].map((title) => make("th", {}, title))),
   );
   element("runs").replaceChildren(...runs.map(rowOf));
   if (runs.length) element("runs").querySelector("input").click();
@@ -35,7 +37,7 @@ async function showList() {
 function rowOf(run) {
   const box = make("input", {
     type: "checkbox",
-    "aria-label": `Show run ${run.id}`,
+    "aria-label": t("Show run {id}", run),
     "data-testid": "run-check",
     value: run.id,
   });
@@ -77,7 +79,7 @@ async function showChosen() {
   const titles = [
     "",
     ...reports.map((report) => report.id),
-    ...(reports.length === 2 ? ["difference"] : []),
+    ...(reports.length === 2 ? [t("difference")] : []),
   ];
   element("rows").replaceChildren(
     make("tr", {}, ...titles.map((title) => make("th", {}, title))),
@@ -112,9 +114,9 @@ const rounded = (value, digits) => Number(value.toPrecision(digits));
 
 function textOf(name, value) {
   if (value === null || value === undefined) return "–";
-  if (typeof value === "boolean") return value ? "✓ yes" : "✕ no";
+  if (typeof value === "boolean") return value ? t("✓ yes") : t("✕ no");
   if (name === "goals") return value.map(([x, y]) => `(${x}, ${y})`).join(" → ");
-  if (name === "stops") return value.length ? value.map(stopText).join("; ") : "none";
+  if (name === "stops") return value.length ? value.map(stopText).join("; ") : t("none");
   if (typeof value === "object")
     return Object.entries(value)
       .map(
@@ -126,7 +128,13 @@ function textOf(name, value) {
 }
 
 // Reports of earlier versions have one entry for each stop, without a count.
-const stopText = (stop) =>
-  `${stop.t_s?.toFixed?.(1)} s: ${stop.reason?.replaceAll?.("_", " ")}${stop.count > 1 ? ` × ${stop.count}` : ""} for ${stop.duration_s?.toFixed?.(1)} s`;
+function stopText(stop) {
+  const times = stop.count > 1 ? ` × ${stop.count}` : "";
+  return t("{time} s: {reason} for {duration} s", {
+    time: fixed(stop.t_s, 1),
+    reason: sentence(String(stop.reason ?? "").replaceAll("_", " ")) + times,
+    duration: fixed(stop.duration_s, 1),
+  });
+}
 
 attempt(showList);

@@ -1,6 +1,7 @@
 // The bar between map and drawer: dragged, or moved with the arrow keys; its place is remembered.
 
 import { loadSetting, make, saveSetting } from "../core/dom.js";
+import { t } from "../core/language.js";
 
 const KEY = "console.drawer_px";
 const DEFAULT_PX = 228;
@@ -16,7 +17,7 @@ export function makeSplitter(drawer) {
     hidden: "",
     "aria-orientation": "horizontal",
     "aria-controls": drawer.id,
-    "aria-label": "Height of the drawer",
+    "aria-label": t("Height of the drawer"),
     "data-testid": "splitter",
   });
   let height = loadSetting(KEY, DEFAULT_PX);

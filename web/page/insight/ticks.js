@@ -1,5 +1,7 @@
 // Round numbers and times for the axes of charts.
 
+import { decimal, language, number } from "../core/language.js";
+
 const MAX_STEPS = 4;
 
 // Ticks that cover [low, high]: multiples of 1, 2 or 5 times a power of ten.
@@ -13,12 +15,12 @@ export function ticksOf(low, high) {
 
 export const tickText = (value) =>
   Math.abs(value) >= 1000
-    ? `${Number((value / 1000).toPrecision(3))}k`
-    : String(Number(value.toPrecision(3)));
+    ? `${decimal(Number((value / 1000).toPrecision(3)))}k`
+    : decimal(Number(value.toPrecision(3)));
 
 export const clockText = (unixS) =>
-  new Date(1000 * unixS).toLocaleTimeString([], { hour12: false });
+  new Date(1000 * unixS).toLocaleTimeString(language, { hour12: false });
 
 export function durationText(seconds) {
-  return seconds < 120 ? `${seconds.toFixed(0)} s` : `${(seconds / 60).toFixed(1)} min`;
+  return seconds < 120 ? `${number(seconds, 0)} s` : `${number(seconds / 60, 1)} min`;
 }

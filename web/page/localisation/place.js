@@ -2,6 +2,7 @@
 
 import { post } from "../core/api.js";
 import { element, make, set, setText } from "../core/dom.js";
+import { sentence, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const UNKNOWN = new Set(["ambiguous", "lost"]);
@@ -15,10 +16,10 @@ export function showPlace({ place, phase, stop_latched: isStopped }) {
   const isUnknown = UNKNOWN.has(place.state);
   set(element("place-unknown"), { hidden: !isUnknown });
   if (!isUnknown) return;
-  setText(element("place-text"), `◎ ${place.text}`);
+  setText(element("place-text"), `◎ ${sentence(place.text)}`);
   const isDriving = phase === "driving" || phase === "leaving";
   set(element("place-search"), { disabled: place.searching || isDriving || isStopped });
-  setText(element("place-search"), place.searching ? "Looking round …" : "Look round");
+  setText(element("place-search"), place.searching ? t("Looking round …") : t("Look round"));
 }
 
 // Ask how well the camera's view fits at a pose, and offer to take it.
@@ -31,11 +32,11 @@ function show(asked, checked) {
   const panel = element("place-proposal");
   set(panel, { hidden: !checked });
   if (checked) {
-    const [text, id] = checked.fits ? ["Accept", "place-accept"] : ["Accept anyway", "place-force"];
+    const [text, id] = checked.fits ? [t("Accept"), "place-accept"] : [t("Accept anyway"), "place-force"];
     panel.replaceChildren(
-      make("p", { "data-testid": "place-fit" }, checked.text),
+      make("p", { "data-testid": "place-fit" }, sentence(checked.text)),
       make("button", { "data-testid": id, onclick: () => accept(!checked.fits) }, text),
-      make("button", { "data-testid": "place-cancel", onclick: () => show(null, null) }, "Cancel"),
+      make("button", { "data-testid": "place-cancel", onclick: () => show(null, null) }, t("Cancel")),
     );
     panel.querySelector("button").focus();
   }
@@ -46,7 +47,7 @@ async function accept(isForced) {
   const { asked } = proposal;
   await attempt(async () => {
     await post(`/pose${isForced ? "?force=true" : ""}`, asked);
-    notify("The robot takes this to be its place.", { good: true });
+    notify(t("The robot takes this to be its place."), { good: true });
     show(null, null);
   });
 }

@@ -1,6 +1,7 @@
 // What the operator is drawing on the map, and the scale bar.
 
 import { midpoints } from "../core/geometry.js";
+import { decimal } from "../core/language.js";
 import { isLight } from "../core/theme.js";
 import { draft, outline } from "../zones/draft.js";
 import { placeLabel } from "./labels.js";
@@ -52,5 +53,5 @@ export function drawScale(height) {
   pen.font = "12px sans-serif";
   pen.textAlign = "left";
   pen.textBaseline = "bottom";
-  pen.fillText(`${metres} m`, x, y - 2);
+  pen.fillText(`${decimal(metres)} m`, x, y - 2);
 }

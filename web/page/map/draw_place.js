@@ -1,6 +1,7 @@
 // The robot's place on the map: its uncertainty, the places between which it is unsure, and what the
 // camera sees at a place that is proposed.
 
+import { t } from "../core/language.js";
 import { proposal } from "../localisation/place.js";
 import { placeLabel } from "./labels.js";
 import { COLOURS, dot, pen } from "./strokes.js";
@@ -37,7 +38,7 @@ export function drawCandidatePlaces() {
   world.state?.place?.candidates.forEach(({ x_m: x, y_m: y }, i) => {
     dot([x, y], 7, COLOURS.robot, { hollow: true });
     const [px, py] = toPage([x, y]);
-    placeLabel(`here? ${i + 1}`, [px, py - 16], { colour: COLOURS.robot });
+    placeLabel(t("here? {number}", { number: i + 1 }), [px, py - 16], { colour: COLOURS.robot });
   });
 }
 

@@ -1,5 +1,6 @@
 // The robot, its goals, the people around it and its candidate motions on the map.
 
+import { t } from "../core/language.js";
 import { offer } from "../mission/goals.js";
 import { placeLabel, shortened } from "./labels.js";
 import { isLit } from "./selection.js";
@@ -27,7 +28,7 @@ export function drawGoals() {
   });
   if (!offer.position) return;
   flag(offer.position, "?", COLOURS.draft);
-  tagBelow("nearest free position: click", offer.position, "#ffe3a3");
+  tagBelow(t("nearest free position: click"), offer.position, "#ffe3a3");
 }
 
 function tagBelow(text, position, colour) {

@@ -1,6 +1,7 @@
 // What is selected or below the pointer, and what is measured, on the map.
 
 import { distance } from "../core/geometry.js";
+import { decimal, number, t } from "../core/language.js";
 import { draft } from "../zones/draft.js";
 import { colourOf } from "../zones/zones.js";
 import { placeLabel, shortened } from "./labels.js";
@@ -30,7 +31,7 @@ export function drawZoneNames() {
     const isNamed = isLit("zone", zone.id);
     const { left, right, top, bottom } = boxOf(ringOf(zone));
     if (!isNamed && right - left < NAMED_FROM_PX && bottom - top < NAMED_FROM_PX) continue;
-    const text = `${isNamed ? name : shortened(name)}${limit ? ` ≤ ${limit} m/s` : ""}${enabled ? "" : " (off)"}`;
+    const text = `${isNamed ? name : shortened(name)}${limit ? ` ≤ ${decimal(limit)} m/s` : ""}${enabled ? "" : ` (${t("off")})`}`;
     const middle = [(left + right) / 2, (top + bottom) / 2];
     placeLabel(text, middle, {
       colour: enabled ? "#fff" : "#aab4c2",
@@ -84,7 +85,7 @@ export function drawPicked() {
     dot(from, 4, COLOURS.draft);
     dot(to, 4, COLOURS.draft);
     const [x, y] = toPage([(from[0] + to[0]) / 2, (from[1] + to[1]) / 2]);
-    placeLabel(`${distance(from, to).toFixed(2)} m`, [x, y - 16], { colour: "#fff", isForced: true });
+    placeLabel(`${number(distance(from, to), 2)} m`, [x, y - 16], { colour: "#fff", isForced: true });
   }
   if (!robot) return;
   dot(robot.at, 6, COLOURS.robot);

@@ -2,24 +2,25 @@
 
 import { signOf } from "../beware/legend.js";
 import { element, loadSetting, make, reconcile, saveSetting } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { onTheme } from "../core/theme.js";
 import { pen } from "./strokes.js";
 
 const KEY = "console.layers";
 const FIXED = [
-  ["unknown", "not seen"],
-  ["free", "floor, seen"],
-  ["obstacle", "obstacles"],
-  ["inflation", "too close"],
-  ["prior", "prior map"],
-  ["zones", "zones"],
-  ["path", "planned path"],
-  ["waypoints", "waypoints"],
-  ["driven", "driven path"],
-  ["people", "people, predicted"],
-  ["view", "camera view"],
-  ["motion", "commanded motion"],
-  ["candidates", "candidate motions"],
+  ["unknown", t("not seen")],
+  ["free", t("floor, seen")],
+  ["obstacle", t("obstacles")],
+  ["inflation", t("too close")],
+  ["prior", t("prior map")],
+  ["zones", t("zones")],
+  ["path", t("planned path")],
+  ["waypoints", t("waypoints")],
+  ["driven", t("driven path")],
+  ["people", t("people, predicted")],
+  ["view", t("camera view")],
+  ["motion", t("commanded motion")],
+  ["candidates", t("candidate motions")],
 ];
 // Off until the operator wants it: the robot computes it on request.
 const OFF = new Set(["candidates"]);
@@ -68,8 +69,8 @@ function itemOf([id, text]) {
     min: 0.1,
     max: 1,
     step: 0.1,
-    title: "Opacity",
-    "aria-label": `Opacity of ${text}`,
+    title: t("Opacity"),
+    "aria-label": t("Opacity of {text}", { text }),
     oninput: save,
   });
   [check.checked, slider.value] = [on, fade];

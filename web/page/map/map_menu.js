@@ -3,6 +3,7 @@
 
 import { request } from "../core/api.js";
 import { element, make } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { addGoal } from "../mission/goals.js";
 import { proposeCircle, setMode } from "../zones/draft.js";
@@ -19,7 +20,8 @@ const EDGE_PX = 8;
 let openedAt = [0, 0];
 
 const isViewer = () => document.body.dataset.role === "viewer";
-const nameOf = (item) => item.name || `the goal at ${item.x_m.toFixed(1)}, ${item.y_m.toFixed(1)}`;
+const nameOf = (item) =>
+  item.name || t("the goal at {place}", { place: `${item.x_m.toFixed(1)}, ${item.y_m.toFixed(1)}` });
 
 // Items of the menu as [test id, text, action].
 function itemsOf(at, target) {
@@ -29,23 +31,23 @@ function itemsOf(at, target) {
   if (!isViewer()) {
     if (kind === "zone") {
       const { name, enabled } = item.properties;
-      add("edit-zone", `Edit zone “${name}”`, () => setMode("edit", item));
-      add("switch-zone", enabled ? "Switch it off" : "Switch it on", () => switchZone(item, !enabled));
-      add("delete-zone", "Delete it", () => removeZone(item));
-      add("erase-zone", "⌫ Erase inside it …", () => choose(choicesFor(item.geometry)));
+      add("edit-zone", t("Edit zone “{name}”", { name }), () => setMode("edit", item));
+      add("switch-zone", enabled ? t("Switch it off") : t("Switch it on"), () => switchZone(item, !enabled));
+      add("delete-zone", t("Delete it"), () => removeZone(item));
+      add("erase-zone", t("⌫ Erase inside it …"), () => choose(choicesFor(item.geometry)));
     }
     if (kind === "goal") {
-      add("goal-first", `Drive to ${nameOf(item)} first`, () => driveFirst(item));
-      add("goal-delete", "Remove this goal", () =>
+      add("goal-first", t("Drive to {name} first", { name: nameOf(item) }), () => driveFirst(item));
+      add("goal-delete", t("Remove this goal"), () =>
         attempt(() => request("DELETE", `/goals/${item.id}`)),
       );
     }
-    add("goal-here", "⚑ Goal here", () => addGoal(at));
-    add("zone-here", "⬠ Zone here", () => proposeCircle(at));
-    add("erase-here", "⌫ Erase here …", () => choose(choicesFor(discAt(at))));
-    add("robot-here", "◎ The robot is here …", () => startPlacing(at));
+    add("goal-here", t("⚑ Goal here"), () => addGoal(at));
+    add("zone-here", t("⬠ Zone here"), () => proposeCircle(at));
+    add("erase-here", t("⌫ Erase here …"), () => choose(choicesFor(discAt(at))));
+    add("robot-here", t("◎ The robot is here …"), () => startPlacing(at));
   }
-  add("measure", "↔ Measure from here", () => startMeasuring(at));
+  add("measure", t("↔ Measure from here"), () => startMeasuring(at));
   return items;
 }
 
@@ -144,9 +146,9 @@ export async function moveGoal(goal, [x, y]) {
   const put = (toX, toY) => request("PATCH", `/goals/${goal.id}`, { x_m: toX, y_m: toY });
   await attempt(async () => {
     await put(x, y);
-    notify("The goal is moved.", {
+    notify(t("The goal is moved."), {
       good: true,
-      action: { label: "Undo", run: () => attempt(() => put(goal.x_m, goal.y_m)) },
+      action: { label: t("Undo"), run: () => attempt(() => put(goal.x_m, goal.y_m)) },
     });
   });
 }

@@ -1,6 +1,7 @@
 // Tools that take one point of the map: measuring a distance, and telling the robot where it is.
 
 import { distance, rounded } from "../core/geometry.js";
+import { number } from "../core/language.js";
 import { propose } from "../localisation/place.js";
 import { notify } from "../core/toasts.js";
 import { draft, onDraft, setMode } from "../zones/draft.js";
@@ -30,7 +31,7 @@ export function finishAt(at) {
   pointTo(at);
   const { measure, robot } = sketch;
   if (measure && distance(measure.from, measure.to) > MIN_ARROW_M) {
-    notify(`${distance(measure.from, measure.to).toFixed(2)} m`, { good: true });
+    notify(`${number(distance(measure.from, measure.to), 2)} m`, { good: true });
     setMode("navigate");
   }
   if (!robot || distance(robot.at, at) <= MIN_ARROW_M) return;

@@ -1,6 +1,7 @@
 // What lies below a pixel of the map: a goal, a person, a sighting or a zone; and a point in words.
 
 import { isInside } from "../core/geometry.js";
+import { decimal, number, t } from "../core/language.js";
 import { cellAt } from "./tiles.js";
 import { toPage, toWorld } from "./view.js";
 import { world } from "./world.js";
@@ -81,26 +82,32 @@ export function describe(at, target) {
 function targetText(target) {
   if (!target) return "";
   const { kind, item } = target;
-  if (kind === "goal") return `goal ${item.name ? `“${item.name}”` : ""}`.trim();
+  if (kind === "goal") return item.name ? t("goal “{name}”", item) : t("goal");
   if (kind === "person") {
     const speed = Math.hypot(item.vx_mps, item.vy_mps);
-    return speed > 0.05 ? `a person, walking at ${speed.toFixed(1)} m/s` : "a person, standing";
+    return speed > 0.05
+      ? t("a person, walking at {speed} m/s", { speed: number(speed, 1) })
+      : t("a person, standing");
   }
   if (kind === "sighting")
-    return `${item.class_name}, detected ${item.looks} times, ${Math.round(100 * item.confidence)} % sure`;
+    return t("{name}, detected {looks} times, {percent} % sure", {
+      name: item.class_name,
+      looks: item.looks,
+      percent: Math.round(100 * item.confidence),
+    });
   const { name, enabled, kind: rule, max_speed_mps: limit } = item.properties;
   const terms =
-    { "speed-limit": `at most ${limit} m/s`, "stay-inside": "stay inside" }[rule] ?? "keep out";
-  return `zone “${name}”: ${terms}${enabled ? "" : ", switched off"}`;
+    { "speed-limit": t("at most {limit} m/s", { limit: decimal(limit) }), "stay-inside": t("stay inside") }[rule] ?? t("keep out");
+  return t("zone “{name}”: {terms}", { name, terms }) + (enabled ? "" : `, ${t("switched off")}`);
 }
 
 function cellText(at) {
   const cell = world.map && cellAt(world.map, at);
-  if (!cell) return "outside the map";
+  if (!cell) return t("outside the map");
   const found = world.classes.find((entry) => [cell.first, cell.second].includes(entry.class_id));
-  if (found) return `${found.label ?? found.name} of the beware list`;
-  if (cell.flags & OBSTACLE) return "an obstacle";
-  if (cell.flags & PRIOR) return "an obstacle of the prior map, not seen yet";
-  if (cell.flags & BLOCKED) return "too close to something for the robot's centre";
-  return cell.flags & SEEN ? "free floor" : "not seen yet, taken to be free";
+  if (found) return t("{name} of the beware list", { name: found.label ?? found.name });
+  if (cell.flags & OBSTACLE) return t("an obstacle");
+  if (cell.flags & PRIOR) return t("an obstacle of the prior map, not seen yet");
+  if (cell.flags & BLOCKED) return t("too close to something for the robot's centre");
+  return cell.flags & SEEN ? t("free floor") : t("not seen yet, taken to be free");
 }

@@ -1,6 +1,7 @@
 // The tiles of the map: only those that changed are fetched and painted.
 
 import { abortableFetch, get } from "../core/api.js";
+import { t } from "../core/language.js";
 import { colourMixer, paint, read } from "./cells.js";
 
 const LARGE_MAP_CELLS = 1_500_000;
@@ -50,7 +51,7 @@ export async function loadNewest() {
 
 async function loadTile(row, col, version, side, rows) {
   const answer = await abortableFetch(`/api/v1/map/tiles/${row}/${col}.png?v=${version}`);
-  if (!answer.ok) throw new Error("no map yet");
+  if (!answer.ok) throw new Error(t("no map yet"));
   const cells = await read(await answer.blob());
   const [left, top] = [col * side, rows - row * side - cells.rows];
   const tile = { cells, left, top, known: knownOf(cells) };

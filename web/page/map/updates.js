@@ -1,6 +1,7 @@
 // Fetches what the map shows, when the robot's state says that it has changed.
 
 import { get } from "../core/api.js";
+import { t } from "../core/language.js";
 import { showProgress } from "../core/progress.js";
 import { oneAtATime, pause } from "../core/updates.js";
 import * as freshness from "../insight/freshness.js";
@@ -21,7 +22,7 @@ export const versionOf = (state) => `${state.grid_version}-${state.beware_versio
 
 const loadMap = oneAtATime(async () => {
   const [version, askedMs] = [mapVersion, performance.now()];
-  const { canvas, rows, cols } = await showProgress(tiles.loadNewest(), "the map");
+  const { canvas, rows, cols } = await showProgress(tiles.loadNewest(), t("the map"));
   // The frame of the map changes only with its size.
   if (mapSize !== `${rows} ${cols}`) {
     map.update({ map: await get("/map") });

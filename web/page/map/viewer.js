@@ -2,6 +2,7 @@
 // while hidden, and is removed after a while, so that the console has nothing to send either.
 
 import { element, make } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { showProgress } from "../core/progress.js";
 import { onTheme } from "../core/theme.js";
 import { onKeyDown, onKeyUp } from "../keys.js";
@@ -64,7 +65,7 @@ function open() {
   const query = webgl === "hardware" ? "" : `?fixedDpr=${SOFTWARE_DPR}`;
   frame = make("iframe", {
     id: "viewer",
-    title: "3D view",
+    title: t("3D view"),
     src: `${address}/${query}`,
     "data-webgl": webgl,
     "data-testid": "view-3d-frame",
@@ -75,7 +76,7 @@ function open() {
     new Promise((resolve) => {
       onLive = resolve;
     }),
-    "the 3D view",
+    t("the 3D view"),
   );
 }
 

@@ -2,21 +2,22 @@
 // opacity is common to all.
 
 import { element, loadSetting, make, saveSetting } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { fade, look, showDisplay } from "./viewer_link.js";
 
 const KEY = "console.viewer";
 const LAYERS = [
-  ["cloud", "points"],
-  ["floor", "floor grid"],
-  ["robot", "robot"],
-  ["camera", "camera, frustum"],
-  ["path", "planned path"],
-  ["waypoints", "waypoints"],
-  ["driven", "driven path"],
-  ["candidates", "candidate motions"],
-  ["people", "people, predicted"],
-  ["goals", "goals"],
-  ["zones", "zones"],
+  ["cloud", t("points")],
+  ["floor", t("floor grid")],
+  ["robot", t("robot")],
+  ["camera", t("camera, frustum")],
+  ["path", t("planned path")],
+  ["waypoints", t("waypoints")],
+  ["driven", t("driven path")],
+  ["candidates", t("candidate motions")],
+  ["people", t("people, predicted")],
+  ["goals", t("goals")],
+  ["zones", t("zones")],
 ];
 const WITHOUT_OPACITY = new Set(["goals", "robot"]);
 const settings = { hidden: ["candidates"], colour: "camera", follows: false, ...loadSetting(KEY, {}) };
@@ -61,8 +62,8 @@ function layerRow([name, text]) {
       step: 10,
       value: 100,
       "data-strength": name,
-      "aria-label": `Opacity of ${text}`,
-      title: "Opacity, the same for every open console",
+      "aria-label": t("Opacity of {text}", { text }),
+      title: t("Opacity, the same for every open console"),
       onchange: sendOpacity,
     }),
   );

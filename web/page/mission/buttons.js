@@ -2,22 +2,23 @@
 
 import { post } from "../core/api.js";
 import { element, set } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 
-const TITLES = { leave: "Drive out of the zone by the shortest path" };
+const TITLES = { leave: t("Drive out of the zone by the shortest path") };
 
 // Reason why an action is not possible now, or "" where it is.
 function refusalsOf(state) {
   const { phase, queue, stop_latched: isStopped } = state;
-  const stopped = isStopped ? "The stop is latched: reset it first" : "";
+  const stopped = isStopped ? t("The stop is latched: reset it first") : "";
   const isDriving = ["driving", "leaving"].includes(phase);
   return {
     start:
-      stopped || (phase !== "idle" && "The mission has begun") || (!queue.length && "Add a goal first") || "",
-    pause: isDriving ? "" : "Nothing drives",
-    resume: phase === "paused" ? stopped : "The mission is not paused",
-    cancel: queue.length > 0 || phase !== "idle" ? "" : "There is no mission",
-    leave: stopped || (state.in_zone ? "" : "The robot is in no zone"),
+      stopped || (phase !== "idle" && t("The mission has begun")) || (!queue.length && t("Add a goal first")) || "",
+    pause: isDriving ? "" : t("Nothing drives"),
+    resume: phase === "paused" ? stopped : t("The mission is not paused"),
+    cancel: queue.length > 0 || phase !== "idle" ? "" : t("There is no mission"),
+    leave: stopped || (state.in_zone ? "" : t("The robot is in no zone")),
   };
 }
 
@@ -33,10 +34,10 @@ export function enableButtons(state) {
   set(element("reset"), {
     disabled: !state.stop_latched || isViewer,
     title: !state.stop_latched
-      ? "No stop is latched"
+      ? t("No stop is latched")
       : isViewer
-        ? "Viewers cannot reset the stop"
-        : "Release the stop; a mission stays paused",
+        ? t("Viewers cannot reset the stop")
+        : t("Release the stop; a mission stays paused"),
   });
   element("reset").classList.toggle("due", state.stop_latched && !isViewer);
 }

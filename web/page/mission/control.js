@@ -5,6 +5,7 @@ import { showVisitor } from "../access/admin_panel.js";
 import { connect, get, post } from "../core/api.js";
 import { onStale } from "../core/connection.js";
 import { element, set, setText } from "../core/dom.js";
+import { sentence, t } from "../core/language.js";
 import { addStopChannel } from "../core/stop.js";
 import { attempt, notify } from "../core/toasts.js";
 
@@ -21,7 +22,7 @@ const link = connect("/control/live", {
   onMessage: (message) => {
     if (message.type === "refused") {
       releaseKeys();
-      notify(message.message);
+      notify(sentence(message.message));
       return;
     }
     link.send({ type: "here" });
@@ -48,7 +49,7 @@ async function checkSession() {
 
 onStale(() => {
   set(element("control").dataset, { who: "free" });
-  setText(element("control-text"), "? Control unknown");
+  setText(element("control-text"), t("? Control unknown"));
 });
 
 function show(now) {
@@ -59,15 +60,15 @@ function show(now) {
   const who = now.yours ? "you" : holder ? "other" : "free";
   set(element("control").dataset, { who });
   const words = {
-    you: "● You have control",
-    other: `▲ ${holder?.name} has control`,
-    free: "○ Control is free",
+    you: t("● You have control"),
+    other: t("▲ {name} has control", { name: holder?.name }),
+    free: t("○ Control is free"),
   }[who];
   const request =
-    now.yours && asking ? ` · ${asking.name} asks` : now.asked_by_you ? " · asked" : "";
-  setText(element("control-text"), isViewer ? `${words} · you watch` : words + request);
+    now.yours && asking ? ` · ${t("{name} asks", asking)}` : now.asked_by_you ? ` · ${t("asked")}` : "";
+  setText(element("control-text"), isViewer ? `${words} · ${t("you watch")}` : words + request);
   set(element("control-text"), {
-    title: now.yours && asking ? `${asking.name} asks for control` : words,
+    title: now.yours && asking ? t("{name} asks for control", asking) : words,
   });
   set(element("control-take"), { hidden: isViewer || now.yours });
   set(element("control-ask"), {
@@ -85,13 +86,15 @@ function show(now) {
 function announce(now) {
   if (previous.yours && !now.yours) {
     releaseKeys();
-    const change = now.taken ? "has taken over control" : "is in control now";
-    if (now.holder) notify(`${now.holder.name} ${change}. Take over to drive again.`);
-    else notify("You have given up control.", { good: true });
+    const change = now.taken
+      ? t("{name} has taken over control. Take over to drive again.", now.holder)
+      : t("{name} is in control now. Take over to drive again.", now.holder ?? {});
+    if (now.holder) notify(change);
+    else notify(t("You have given up control."), { good: true });
   } else if (now.yours && !previous.yours) {
-    notify("You are in control.", { good: true });
+    notify(t("You are in control."), { good: true });
   } else if (now.yours && now.asking && !previous.asking) {
-    notify(`${now.asking.name} asks for control: press “Hand over”, or just drive on.`);
+    notify(t("{name} asks for control: press “Hand over”, or just drive on.", now.asking));
   }
 }
 

@@ -1,13 +1,15 @@
 // Position, speed and other figures below the view, twice a second at most.
 
-import { element, formatNumber, make, set, setText } from "../core/dom.js";
+import { element, make, set, setText } from "../core/dom.js";
+import { formatNumber } from "../core/format.js";
+import { number, sentence, t } from "../core/language.js";
 
 const FIGURES_MS = 500;
 const PLACES = {
-  located: "located",
-  "dead reckoning": "by the wheels",
-  ambiguous: "unsure",
-  lost: "lost",
+  located: t("located"),
+  "dead reckoning": t("by the wheels"),
+  ambiguous: t("unsure"),
+  lost: t("lost"),
 };
 let shownMs = 0;
 
@@ -18,15 +20,15 @@ export function showFigures(state) {
   shownMs = nowMs;
   const { pose, place, twist } = state;
   const rows = [
-    ["position", pose.x_m === null ? "unknown" : `${pose.x_m.toFixed(2)}, ${pose.y_m.toFixed(2)} m`],
-    ["place", `${PLACES[place.state]} ± ${place.major_m.toFixed(2)} m`],
-    ["speed", formatNumber(twist.v_mps, 2, "m/s")],
-    ["to goal", formatNumber(state.distance_to_goal_m, 1, "m")],
-    ["not seen", formatNumber(state.unseen_m, 1, "m")],
-    ["driven", formatNumber(state.travelled_m, 1, "m")],
-    ["seen", formatNumber(state.explored_m2, 0, "m²")],
-    ["plans", String(state.replans)],
-    ["tick", formatNumber(state.tick_ms, 0, "ms")],
+    [t("position"), pose.x_m === null ? t("unknown") : `${pose.x_m.toFixed(2)}, ${pose.y_m.toFixed(2)} m`],
+    [t("place"), `${PLACES[place.state]} ± ${number(place.major_m, 2)} m`],
+    [t("speed"), formatNumber(twist.v_mps, 2, "m/s")],
+    [t("to goal"), formatNumber(state.distance_to_goal_m, 1, "m")],
+    [t("not seen"), formatNumber(state.unseen_m, 1, "m")],
+    [t("driven"), formatNumber(state.travelled_m, 1, "m")],
+    [t("seen"), formatNumber(state.explored_m2, 0, "m²")],
+    [t("plans"), String(state.replans)],
+    [t("tick"), formatNumber(state.tick_ms, 0, "ms")],
   ];
   const list = element("figures");
   if (!list.children.length)
@@ -35,6 +37,6 @@ export function showFigures(state) {
 }
 
 function showSegmenter({ segmenter, segmenter_warning: warning }) {
-  setText(element("segmenter"), warning ? `▲ ${warning}` : segmenter);
+  setText(element("segmenter"), warning ? `▲ ${sentence(warning)}` : sentence(segmenter));
   set(element("segmenter"), { className: warning ? "segmenter lost" : "segmenter" });
 }

@@ -4,6 +4,7 @@
 import { post, request } from "../core/api.js";
 import { clearSent, element, make, reconcile, set, setText, setValue } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
+import { t, tn } from "../core/language.js";
 import { savedList } from "../core/saved_list.js";
 import { attempt, notify } from "../core/toasts.js";
 
@@ -29,7 +30,7 @@ export async function addGoal([x, y], yaw = null, name = "") {
     setOffer([nearest.x_m, nearest.y_m], yaw);
     notify(error.message, {
       action: {
-        label: `Take ${nearest.x_m.toFixed(2)}, ${nearest.y_m.toFixed(2)}`,
+        label: t("Take {place}", { place: `${nearest.x_m.toFixed(2)}, ${nearest.y_m.toFixed(2)}` }),
         run: acceptOffer,
       },
     });
@@ -64,14 +65,15 @@ export function showGoals(state) {
     if (up) set(up, { disabled: goal.number === 1 });
   });
   set(element("no-goals"), { hidden: waiting.length + reached.length > 0 });
-  setText(element("goal-count"), `${waiting.length} waiting · ${state.reached.length} reached`);
+  const counts = { waiting: waiting.length, reached: state.reached.length };
+  setText(element("goal-count"), t("{waiting} waiting · {reached} reached", counts));
   if (!isLoopPending) element("loop").checked = state.loop;
 }
 
 function statusText(goal, isMoving) {
-  if (goal.number === 0) return "reached";
+  if (goal.number === 0) return t("reached");
   if (goal.number > 1) return "";
-  return isMoving ? "driving here" : "next";
+  return isMoving ? t("driving here") : t("next");
 }
 
 const degrees = (yaw) => `${Math.round((yaw * 180) / Math.PI)}°`;
@@ -98,7 +100,7 @@ function itemOf(goal) {
       maxlength: 80,
       placeholder: where,
       title: where,
-      "aria-label": `Name of the goal at ${where}`,
+      "aria-label": t("Name of the goal at {where}", { where }),
       "data-testid": "goal-name",
       onchange: rename,
     }),
@@ -108,8 +110,8 @@ function itemOf(goal) {
       {
         "data-up": "",
         "data-testid": "goal-up",
-        title: "Drive here earlier",
-        "aria-label": `Drive to ${where} earlier`,
+        title: t("Drive here earlier"),
+        "aria-label": t("Drive to {where} earlier", { where }),
         onclick: () => moveUp(goal.id),
       },
       "↑",
@@ -117,8 +119,8 @@ function itemOf(goal) {
     make(
       "button",
       {
-        title: "Remove",
-        "aria-label": `Remove the goal at ${where}`,
+        title: t("Remove"),
+        "aria-label": t("Remove the goal at {where}", { where }),
         "data-testid": "goal-remove",
         onclick: remove,
       },
@@ -153,11 +155,15 @@ element("goal-form").addEventListener("submit", (event) => {
       .map(Number);
     if (![2, 3].includes(numbers.length) || !numbers.every(Number.isFinite)) {
       throw new Error(
-        `“${typed}” is no goal; write x, y in metres and, if it matters, the heading in degrees`,
+        t("“{typed}” is no goal; write x, y in metres and, if it matters, the heading in degrees", {
+          typed,
+        }),
       );
     }
     if (Math.abs(numbers[2] ?? 0) > 360)
-      throw new Error(`A heading of ${numbers[2]}° is out of range: −360° to 360°`);
+      throw new Error(
+        t("A heading of {degrees}° is out of range: −360° to 360°", { degrees: numbers[2] }),
+      );
     const yaw = numbers.length === 3 ? (numbers[2] * Math.PI) / 180 : null;
     if (await addGoal(numbers, yaw)) clearSent(input, typed);
   });
@@ -166,9 +172,9 @@ element("goal-form").addEventListener("submit", (event) => {
 savedList(element("missions"), {
   path: "/missions",
   action: "load",
-  verb: "Load",
-  placeholder: "Name for the waiting goals",
-  nothing: "Nothing is saved yet. Add goals, then save them here under a name.",
+  verb: t("Load"),
+  placeholder: t("Name for the waiting goals"),
+  nothing: t("Nothing is saved yet. Add goals, then save them here under a name."),
   describe: (entry) =>
-    `${entry.goals} goal${entry.goals > 1 ? "s" : ""}${entry.loop ? ", repeated" : ""}`,
+    tn("{n} goal", "{n} goals", entry.goals) + (entry.loop ? `, ${t("repeated")}` : ""),
 });

@@ -2,21 +2,23 @@
 
 import { post } from "../core/api.js";
 import { onStale } from "../core/connection.js";
-import { element, formatAge, set, setText } from "../core/dom.js";
+import { element, set, setText } from "../core/dom.js";
+import { formatAge } from "../core/format.js";
+import { capitalised, number, sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import { holdFilter, NEEDED_HZ, rateMeter } from "./calm.js";
 
 const SLOWEST_CHANGE_MS = 1000;
-const STANDING = "standing: ";
+const CONSOLE = t("Operator console");
 const BADGES = {
-  unknown: "? UNKNOWN",
-  stopped: "■ STOPPED",
-  held: "▲ HELD",
-  idle: "● IDLE",
-  paused: "❚❚ PAUSED",
-  driving: "▶ DRIVING",
-  leaving: "▶ LEAVING",
-  hand: "◉ BY HAND",
+  unknown: t("? UNKNOWN"),
+  stopped: t("■ STOPPED"),
+  held: t("▲ HELD"),
+  idle: t("● IDLE"),
+  paused: t("❚❚ PAUSED"),
+  driving: t("▶ DRIVING"),
+  leaving: t("▶ LEAVING"),
+  hand: t("◉ BY HAND"),
 };
 // Changes to and from these are shown at once.
 const URGENT = new Set(["stopped", "unknown"]);
@@ -31,29 +33,25 @@ export function showStatus(state) {
   const nowMs = performance.now();
   const isStopping = state.stop_latched || state.phase === "paused";
   const isHeld = isHoldShown(state.reasons.length > 0 && !isStopping, nowMs);
-  if (!state.reasons.length) freeText = state.summary;
+  if (!state.reasons.length) freeText = sentence(state.summary);
   showLine(lineOf(state, isHeld), nowMs);
   showRate(state, nowMs);
   set(element("back-off"), { hidden: !state.reasons.some((reason) => reason.offer === "back-off") });
   const title = `${state.scenario} · ${state.robot}`;
-  set(document, { title: `${title} · Operator console` });
-  set(element("mark"), { ariaLabel: `Operator console · ${title}` });
+  set(document, { title: `${title} · ${CONSOLE}` });
+  set(element("mark"), { ariaLabel: `${CONSOLE} · ${title}` });
   set(element("nothing-enabled"), { hidden: state.beware_enabled > 0 });
 }
 
 function lineOf(state, isHeld) {
-  const reasons = state.reasons.map((reason) => reason.text).join(" · ");
+  const reasons = state.reasons.map((reason) => sentence(reason.text)).join(" · ");
   // The stop is latched before the command thread names it as a reason.
-  if (state.stop_latched) return { kind: "stopped", text: reasons || "emergency stop" };
-  if (state.by_hand && state.moving) return { kind: "hand", text: state.summary };
-  if (state.phase === "paused") return { kind: "paused", text: withoutPrefix(state.summary) };
+  if (state.stop_latched) return { kind: "stopped", text: reasons || t("emergency stop") };
+  if (state.by_hand && state.moving) return { kind: "hand", text: sentence(state.summary) };
+  if (state.phase === "paused") return { kind: "paused", text: sentence(state.summary) };
   if (isHeld) return { kind: "held", text: reasons || line.text };
-  return { kind: state.phase, text: state.reasons.length ? freeText : state.summary };
+  return { kind: state.phase, text: state.reasons.length ? freeText : sentence(state.summary) };
 }
-
-const withoutPrefix = (text) => (text.startsWith(STANDING) ? text.slice(STANDING.length) : text);
-
-const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 function showLine(given, nowMs) {
   const next = { kind: given.kind, text: capitalised(given.text) };
@@ -76,8 +74,11 @@ function showRate({ picture_serial: serial }, nowMs) {
   if (isSlow && box.hidden)
     setText(
       box.firstElementChild,
-      `▲ This computer is too slow for the robot: ${rate.toFixed(1)} images a second, at least ` +
-        `${NEEDED_HZ} are needed. Close other programs, or choose a faster network (bewarenav doctor).`,
+      t(
+        "▲ This computer is too slow for the robot: {rate} images a second, at least {needed} " +
+          "are needed. Close other programs, or choose a faster network (bewarenav doctor).",
+        { rate: number(rate, 1), needed: NEEDED_HZ },
+      ),
     );
   if (rate === null || isSlow || rate > 1.5 * NEEDED_HZ || isSlowDismissed)
     set(box, { hidden: !isSlow });
@@ -94,7 +95,10 @@ onStale((seconds) => {
   showLine(
     {
       kind: "unknown",
-      text: `NO CONNECTION for ${age}: what is below is out of date. STOP is still sent; the robot stops by itself when it loses its own link.`,
+      text: t(
+        "NO CONNECTION for {age}: what is below is out of date. STOP is still sent; the robot stops by itself when it loses its own link.",
+        { age },
+      ),
     },
     performance.now(),
   );

@@ -2,24 +2,25 @@
 
 import { get, post } from "../core/api.js";
 import { make, setText } from "../core/dom.js";
+import { number, t, tn } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { overlays, redraw } from "../map/map.js";
 import { centreOn } from "../map/view.js";
 
 const COLOURS = { appeared: "#e5322d", gone: "#0a84ff" };
-const TEXTS = { appeared: "new obstacle", gone: "obstacle gone" };
+const TEXTS = { appeared: t("new obstacle"), gone: t("obstacle gone") };
 const DASH = [6, 4];
 const WIDTH_PX = 2.5;
 const note = make("p", { class: "empty", role: "status", "data-testid": "changes-note" });
 const list = make("ul", { class: "list", "data-testid": "changes" });
-const all = make("button", { "data-testid": "changes-all" }, "Accept the whole map");
-const again = make("button", { "data-testid": "changes-refresh" }, "Compare again");
+const all = make("button", { "data-testid": "changes-all" }, t("Accept the whole map"));
+const again = make("button", { "data-testid": "changes-refresh" }, t("Compare again"));
 let listed = { areas: [], listing: null };
 
 export const section = make(
   "section",
-  { "aria-label": "Changes of the map" },
-  make("h2", {}, "Changes of the map"),
+  { "aria-label": t("Changes of the map") },
+  make("h2", {}, t("Changes of the map")),
   note,
   list,
   make("div", { class: "row" }, all, again),
@@ -42,19 +43,22 @@ export function hide() {
 function show(changes) {
   listed = changes;
   list.replaceChildren(...changes.areas.map(itemOf));
-  const more = changes.left_out ? `, the ${changes.left_out} smallest are left out` : "";
+  const more = changes.left_out
+    ? ` ${t("The {n} smallest are left out.", { n: changes.left_out })}`
+    : "";
   setText(
     note,
     !changes.accepted
-      ? "No map has been accepted yet. What is accepted now is what later maps are compared with."
+      ? t("No map has been accepted yet. What is accepted now is what later maps are compared with.")
       : changes.areas.length
-        ? `${inWords(changes.areas.length)} from the accepted map${more}.`
-        : "The map is as it was accepted.",
+        ? inWords(changes.areas.length) + more
+        : t("The map is as it was accepted."),
   );
   redraw();
 }
 
-const inWords = (count) => (count === 1 ? "1 area differs" : `${count} areas differ`);
+const inWords = (count) =>
+  tn("{n} area differs from the accepted map.", "{n} areas differ from the accepted map.", count);
 
 function middleOf(outline) {
   const sum = outline.reduce(([x, y], [px, py]) => [x + px, y + py], [0, 0]);
@@ -63,14 +67,14 @@ function middleOf(outline) {
 
 function itemOf(area) {
   const [x, y] = middleOf(area.outline);
-  const text = `${TEXTS[area.kind]}, ${area.area_m2.toFixed(2)} m²`;
+  const text = `${TEXTS[area.kind]}, ${number(area.area_m2, 2)} m²`;
   const place = `(${x.toFixed(1)}, ${y.toFixed(1)})`;
-  const accept = make("button", { "data-testid": "change-accept" }, "Accept");
-  accept.setAttribute("aria-label", `Accept: ${text} at ${place}`);
+  const accept = make("button", { "data-testid": "change-accept" }, t("Accept"));
+  accept.setAttribute("aria-label", t("Accept: {text} at {place}", { text, place }));
   accept.onclick = () => attempt(() => acceptAreas(listed.listing, [area.id]));
   const where = make(
     "button",
-    { title: "Show it on the map", "aria-label": `Show on the map: ${text} at ${place}` },
+    { title: t("Show it on the map"), "aria-label": t("Show on the map: {text} at {place}", { text, place }) },
     place,
   );
   where.onclick = () => centreOn([x, y]);
@@ -80,7 +84,7 @@ function itemOf(area) {
 
 async function acceptAreas(listing, areas) {
   show(await post("/map/changes/accept", { listing, areas }));
-  notify("Accepted.", { good: true });
+  notify(t("Accepted."), { good: true });
 }
 
 all.onclick = () => attempt(() => acceptAreas(null, []));

@@ -3,6 +3,7 @@
 import { post } from "../core/api.js";
 import { element, make, setText } from "../core/dom.js";
 import { roundedPoint } from "../core/geometry.js";
+import { t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { canvas, toWorld } from "../map/view.js";
 import { setMode } from "../zones/draft.js";
@@ -17,19 +18,19 @@ export function buildPlacing({ hide, show, onMade }) {
   const picture = make("canvas", {
     tabindex: "0",
     role: "img",
-    "aria-label": "Image of the Nav2 map; a click sets point A, the next one point B",
+    "aria-label": t("Image of the Nav2 map; a click sets point A, the next one point B"),
     "data-testid": "placing-image",
   });
   const note = make("p", { class: "empty", role: "status", "data-testid": "placing-note" });
   const fields = NAMES.map((name) => ({
-    onMap: pointField(`Point ${name} on the Nav2 map, x, y in metres`, `placing-map-${name}`),
-    onSite: pointField(`Point ${name} at the site, x, y in metres`, `placing-site-${name}`),
+    onMap: pointField(t("Point {name} on the Nav2 map, x, y in metres", { name }), `placing-map-${name}`),
+    onSite: pointField(t("Point {name} at the site, x, y in metres", { name }), `placing-site-${name}`),
   }));
   const rows = fields.map(({ onMap, onSite }, i) => {
     const pick = make(
       "button",
       { type: "button", "data-testid": `placing-pick-${NAMES[i]}` },
-      `Click ${NAMES[i]} on the map`,
+      t("Click {name} on the map", { name: NAMES[i] }),
     );
     pick.onclick = () => pickOnMap(NAMES[i], onSite);
     return make("div", { class: "row" }, onMap.label, onSite.label, pick);
@@ -43,7 +44,7 @@ export function buildPlacing({ hide, show, onMade }) {
     make(
       "div",
       { class: "row" },
-      make("button", { class: "primary", "data-testid": "placing-make" }, "Make the site"),
+      make("button", { class: "primary", "data-testid": "placing-make" }, t("Make the site")),
       cancelButton(() => {
         form.hidden = true;
       }),
@@ -55,7 +56,7 @@ export function buildPlacing({ hide, show, onMade }) {
     setMode("navigate");
     element("tab-map").click();
     hide();
-    notify(`Click point ${name} on the map.`, { good: true });
+    notify(t("Click point {name} on the map.", { name }), { good: true });
     canvas.addEventListener(
       "click",
       (event) => {
@@ -97,7 +98,7 @@ export function buildPlacing({ hide, show, onMade }) {
     attempt(async () => {
       await post("/sites/import-nav2", { ...map.files, alignment: alignmentOf(fields) });
       form.hidden = true;
-      notify(`Site ${map.files.name} is made.`, { good: true });
+      notify(t("Site {name} is made.", map.files), { good: true });
       onMade();
     });
   };
@@ -105,7 +106,7 @@ export function buildPlacing({ hide, show, onMade }) {
   async function start(files, name) {
     const find = (pattern) => files.find((file) => pattern.test(file.name));
     const [yaml, image] = [find(/\.ya?ml$/i), find(/\.(pgm|png)$/i)];
-    if (!yaml || !image) throw new Error("choose the YAML file and the image of a Nav2 map together");
+    if (!yaml || !image) throw new Error(t("choose the YAML file and the image of a Nav2 map together"));
     const text = await yaml.text();
     const description = readDescription(text);
     const bytes = new Uint8Array(await image.arrayBuffer());
@@ -118,8 +119,11 @@ export function buildPlacing({ hide, show, onMade }) {
     [picture.width, picture.height] = [map.image.width, map.image.height];
     setText(
       note,
-      `Site ${name}: click two points that you know on the image, far from each other, and the ` +
-        "same two on the map. Without points the image's own frame is that of the site.",
+      t(
+        "Site {name}: click two points that you know on the image, far from each other, and the " +
+          "same two on the map. Without points the image's own frame is that of the site.",
+        { name },
+      ),
     );
     form.hidden = false;
     drawPoints();
@@ -135,7 +139,7 @@ function pointField(name, testId) {
 }
 
 function cancelButton(onclick) {
-  return make("button", { type: "button", "data-testid": "placing-cancel", onclick }, "Cancel");
+  return make("button", { type: "button", "data-testid": "placing-cancel", onclick }, t("Cancel"));
 }
 
 function write(field, point) {
@@ -151,7 +155,7 @@ function pointOf({ input }) {
 function alignmentOf(fields) {
   const all = fields.flatMap(({ onMap, onSite }) => [onMap, onSite]);
   if (all.every(({ input }) => !input.value.trim())) return null;
-  if (!all.every(pointOf)) throw new Error("give both points in both frames, or none");
+  if (!all.every(pointOf)) throw new Error(t("give both points in both frames, or none"));
   return {
     on_map: fields.map(({ onMap }) => pointOf(onMap)),
     on_site: fields.map(({ onSite }) => pointOf(onSite)),

@@ -2,7 +2,9 @@
 // map. It lies below the header, so that the stop stays within reach while it is open.
 
 import { abortableFetch, get, post, request } from "../core/api.js";
-import { clearSent, download, element, formatTime, make, reconcile, setText } from "../core/dom.js";
+import { clearSent, download, element, make, reconcile, setText } from "../core/dom.js";
+import { formatTime } from "../core/format.js";
+import { number, sentence, t, tn } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import * as changes from "./changes.js";
 import { buildPlacing } from "./placing.js";
@@ -15,9 +17,9 @@ const list = make("ul", { class: "list", "data-testid": "sites-list" });
 const only = make(
   "p",
   { class: "empty", "data-testid": "sites-only" },
-  "One site so far. For another floor or building, type a name and press Make.",
+  t("One site so far. For another floor or building, type a name and press Make."),
 );
-const newName = nameField("Name of a new site", "site-name");
+const newName = nameField(t("Name of a new site"), "site-name");
 let chosen = null;
 
 function nameField(label, testId) {
@@ -27,7 +29,7 @@ function nameField(label, testId) {
     required: "",
     maxlength: 40,
     pattern: NAME_RULE,
-    title: "1 to 40 letters, digits, blanks, - and _",
+    title: t("1 to 40 letters, digits, blanks, - and _"),
     "data-testid": testId,
   });
 }
@@ -37,7 +39,7 @@ export function update({ site }) {
   if (site === chosen) return false;
   const isFirst = chosen === null;
   chosen = site;
-  setText(opener, `Site ${site} ▾`);
+  setText(opener, t("Site {site} ▾", { site }));
   if (panel.open) refresh();
   return !isFirst;
 }
@@ -63,21 +65,27 @@ const act = (what, said) =>
 function itemOf({ name }) {
   const button = (text, testId, onclick, title = text) =>
     make("button", { title: `${title}: ${name}`, "data-testid": testId, onclick }, text);
-  const renaming = nameForm(`New name of ${name}`, "Rename", (typed) =>
-    act(() => request("PATCH", pathOf(name), { name: typed }), `${name} is called ${typed} now.`),
+  const renaming = nameForm(t("New name of {name}", { name }), t("Rename"), "site-rename-name", (typed) =>
+    act(
+      () => request("PATCH", pathOf(name), { name: typed }),
+      t("{name} is called {typed} now.", { name, typed }),
+    ),
   );
-  const copying = nameForm(`Name of the copy of ${name}`, "Copy", (typed) =>
-    act(() => post(`${pathOf(name)}/copy`, { name: typed }), `${typed} is a copy of ${name}.`),
+  const copying = nameForm(t("Name of the copy of {name}", { name }), t("Copy"), "site-copy-name", (typed) =>
+    act(
+      () => post(`${pathOf(name)}/copy`, { name: typed }),
+      t("{typed} is a copy of {name}.", { name, typed }),
+    ),
   );
   return make(
     "li",
     { "data-testid": "site", "data-name": name },
     make("span", { class: "label" }, make("span", {}, name), make("small")),
-    button("Go on here", "site-choose", () => act(() => post(`${pathOf(name)}/choose`))),
-    button("Rename …", "site-rename", () => toggle(renaming)),
-    button("Copy …", "site-copy", () => toggle(copying)),
-    button("Export", "site-export", () => attempt(() => save(name, "export", "site.zip"))),
-    button("Nav2", "site-nav2", () => attempt(() => save(name, "nav2", "nav2.zip")), "Export Nav2"),
+    button(t("Go on here"), "site-choose", () => act(() => post(`${pathOf(name)}/choose`))),
+    button(t("Rename …"), "site-rename", () => toggle(renaming)),
+    button(t("Copy …"), "site-copy", () => toggle(copying)),
+    button(t("Export"), "site-export", () => attempt(() => save(name, "export", "site.zip"))),
+    button("Nav2", "site-nav2", () => attempt(() => save(name, "nav2", "nav2.zip")), t("Export Nav2")),
     deleteButton(name),
     renaming,
     copying,
@@ -86,10 +94,17 @@ function itemOf({ name }) {
 
 function fill(item, site) {
   const map = site.map_unix_s
-    ? `map of ${formatTime(site.map_unix_s)}, ${(site.map_bytes / 1e6).toFixed(1)} MB`
-    : "no map yet";
-  const parts = [`${site.zones} zones`, `${site.missions} missions`, map];
-  if (site.accepted) parts.push("accepted map");
+    ? t("map of {time}, {size} MB", {
+        time: formatTime(site.map_unix_s),
+        size: number(site.map_bytes / 1e6, 1),
+      })
+    : t("no map yet");
+  const parts = [
+    tn("{n} zone", "{n} zones", site.zones),
+    tn("{n} mission", "{n} missions", site.missions),
+    map,
+  ];
+  if (site.accepted) parts.push(t("accepted map"));
   if (site.chosen) parts.unshift("the robot is here");
   setText(item.querySelector("small"), parts.join(" · "));
   item.classList.toggle("chosen", site.chosen);
@@ -102,8 +117,8 @@ function toggle(form) {
   if (!form.hidden) form.querySelector("input").focus();
 }
 
-function nameForm(label, verb, onName) {
-  const field = nameField(label, `site-${verb.toLowerCase()}-name`);
+function nameForm(label, verb, testId, onName) {
+  const field = nameField(label, testId);
   const save = make("button", { class: "primary" }, verb);
   const form = make("form", { class: "row", hidden: "", autocomplete: "off" }, field, save);
   form.onsubmit = (event) => {
@@ -118,16 +133,16 @@ function nameForm(label, verb, onName) {
 function deleteButton(name) {
   const button = make(
     "button",
-    { title: "Delete", "aria-label": `Delete ${name}`, "data-testid": "site-delete" },
+    { title: t("Delete"), "aria-label": t("Delete {name}", { name }), "data-testid": "site-delete" },
     "✕",
   );
   button.onclick = () => {
     if (button.classList.contains("confirm")) {
-      act(() => request("DELETE", pathOf(name)), `${name} is deleted.`);
+      act(() => request("DELETE", pathOf(name)), t("{name} is deleted.", { name }));
       return;
     }
     button.classList.add("confirm");
-    setText(button, "Delete?");
+    setText(button, t("Delete?"));
     setTimeout(() => {
       button.classList.remove("confirm");
       setText(button, "✕");
@@ -144,7 +159,7 @@ async function save(name, kind, ending) {
 async function answered(path, options) {
   const response = await abortableFetch(`/api/v1${path}`, options);
   if (response.ok) return response;
-  throw new Error((await response.json()).error?.message ?? "the console refuses the file");
+  throw new Error(sentence((await response.json()).error?.message) ?? t("the console refuses the file"));
 }
 
 // The name that was typed, else one made of the name of a file.
@@ -168,7 +183,7 @@ async function importArchive([file]) {
   const name = nameFor(file);
   await act(
     () => answered(`/sites/import?name=${encodeURIComponent(name)}`, { method: "POST", body: file }),
-    `Site ${name} is made.`,
+    t("Site {name} is made.", { name }),
   );
 }
 
@@ -184,7 +199,7 @@ function close() {
 function build() {
   const closing = make(
     "button",
-    { class: "round", title: "Close (Esc)", "aria-label": "Close", "data-testid": "sites-close" },
+    { class: "round", title: t("Close (Esc)"), "aria-label": t("Close"), "data-testid": "sites-close" },
     "✕",
   );
   closing.onclick = close;
@@ -192,7 +207,7 @@ function build() {
     "form",
     { class: "row", autocomplete: "off" },
     newName,
-    make("button", { class: "primary", "data-testid": "site-make" }, "Make"),
+    make("button", { class: "primary", "data-testid": "site-make" }, t("Make")),
   );
   making.onsubmit = (event) => {
     event.preventDefault();
@@ -200,19 +215,19 @@ function build() {
     act(async () => {
       await post("/sites", { name: typed });
       clearSent(newName, typed);
-    }, `Site ${typed} is made.`);
+    }, t("Site {name} is made.", { name: typed }));
   };
   const placing = buildPlacing({ hide: close, show: open, onMade: refresh });
   const files = make(
     "div",
     { class: "row" },
-    fileButton("Import archive …", "site-import", ".zip", importArchive),
-    fileButton("Import Nav2 map …", "site-import-nav2", ".yaml,.yml,.pgm,.png", (chosenFiles) =>
+    fileButton(t("Import archive …"), "site-import", ".zip", importArchive),
+    fileButton(t("Import Nav2 map …"), "site-import-nav2", ".yaml,.yml,.pgm,.png", (chosenFiles) =>
       placing.start(chosenFiles, nameFor(chosenFiles[0])),
     ),
   );
   panel.append(
-    make("header", {}, make("h2", {}, "Sites"), make("span", { id: "sites-said", role: "status" }), closing),
+    make("header", {}, make("h2", {}, t("Sites")), make("span", { id: "sites-said", role: "status" }), closing),
     make("section", {}, list, only, making, files, placing.form),
     changes.section,
   );

@@ -10,6 +10,7 @@ import {
   roundedPoint,
   simplify,
 } from "../core/geometry.js";
+import { t } from "../core/language.js";
 import { addGoal } from "../mission/goals.js";
 import { clearForm, describe, missingOf, readForm, showForm } from "./draft_form.js";
 import { askPreview } from "./preview.js";
@@ -21,16 +22,16 @@ const FREEHAND_TOLERANCE_M = 0.04;
 const MAX_UNDO = 200;
 const HINTS = {
   navigate: "",
-  measure: "Click where the measurement ends. Esc cancels.",
-  place: "Drag or click in the direction in which the robot faces. Esc cancels.",
-  goal: "Click the floor to add a goal, drag to give it a heading; hover to see the path. Esc when done.",
+  measure: t("Click where the measurement ends. Esc cancels."),
+  place: t("Drag or click in the direction in which the robot faces. Esc cancels."),
+  goal: t("Click the floor to add a goal, drag to give it a heading; hover to see the path. Esc when done."),
   polygon:
-    "Click the corners. Double-click or Enter finishes the zone, Backspace undoes, Esc cancels.",
-  circle: "Click the centre, then the edge. Enter finishes the zone, Esc cancels.",
+    t("Click the corners. Double-click or Enter finishes the zone, Backspace undoes, Esc cancels."),
+  circle: t("Click the centre, then the edge. Enter finishes the zone, Esc cancels."),
   corridor:
-    "Click along the line. Double-click or Enter finishes the zone, Backspace undoes, Esc cancels.",
-  free: "Press and draw around the area. Enter finishes the zone, Esc cancels.",
-  edit: "Drag a corner, the zone, or a hollow mark to add a corner; Delete removes one. Enter saves, Esc cancels.",
+    t("Click along the line. Double-click or Enter finishes the zone, Backspace undoes, Esc cancels."),
+  free: t("Press and draw around the area. Enter finishes the zone, Esc cancels."),
+  edit: t("Drag a corner, the zone, or a hollow mark to add a corner; Delete removes one. Enter saves, Esc cancels."),
 };
 
 export const draft = {
@@ -72,7 +73,7 @@ export function setMode(mode, zone = null) {
   Object.assign(draft, zone ? handlesOf(zone) : { corners: [] });
   if (mode === "draw" && draft.corners.length === 0) draft.tool = element("draft-tool").value;
   [undoSteps, redoSteps] = [[], []];
-  if (isDrawing()) showForm(draft, zone, `Zone ${nextNumber()}`);
+  if (isDrawing()) showForm(draft, zone, t("Zone {number}", { number: nextNumber() }));
   else clearForm();
   for (const button of document.querySelectorAll("[data-mode]"))
     button.setAttribute("aria-checked", String(button.dataset.mode === mode));

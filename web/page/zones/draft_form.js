@@ -2,10 +2,11 @@
 
 import { element, set } from "../core/dom.js";
 import { distance, rounded } from "../core/geometry.js";
+import { number, t, tn } from "../core/language.js";
 
 const form = element("draft");
 export const field = (name) => element(`draft-${name}`);
-const POINT_NAMES = { polygon: "corner", free: "corner", circle: "point", corridor: "point" };
+const hasCorners = (tool) => tool === "polygon" || tool === "free";
 const FEWEST = { polygon: 3, free: 3, circle: 2, corridor: 2 };
 const MIN_RADIUS_M = 0.02;
 const DEFAULT_LIMIT_MPS = 0.3;
@@ -15,7 +16,7 @@ let stored = null;
 export function showForm(draft, zone, name) {
   stored = zone?.properties ?? null;
   form.hidden = false;
-  element("draft-title").textContent = zone ? "Edit zone" : "New zone";
+  element("draft-title").textContent = zone ? t("Edit zone") : t("New zone");
   field("name").value = stored?.name ?? name;
   field("margin").value = stored?.margin_m ?? 0;
   field("kind").value = stored?.kind ?? "keep-out";
@@ -59,7 +60,7 @@ export function readForm() {
 export function describe(draft, preview = null) {
   const { corners, tool } = draft;
   const missing = missingOf(draft);
-  set(field("finish"), { disabled: missing !== "", title: missing || "Enter or double-click" });
+  set(field("finish"), { disabled: missing !== "", title: missing || t("Enter or double-click") });
   field("erase").disabled = missing !== "";
   const isCircle = tool === "circle";
   fill(
@@ -68,11 +69,13 @@ export function describe(draft, preview = null) {
   );
   fill("size", isCircle ? rounded(corners.length > 1 ? distance(...corners) : 0) : draft.width);
   element("draft-size-field").hidden = !isCircle && tool !== "corridor";
-  element("draft-size-name").textContent = isCircle ? "Radius, m" : "Width, m";
+  element("draft-size-name").textContent = isCircle ? t("Radius, m") : t("Width, m");
   field("tool").value = tool;
   const count = corners.length
-    ? `${corners.length} ${POINT_NAMES[tool]}${corners.length > 1 ? "s" : ""}`
-    : "nothing drawn yet";
+    ? hasCorners(tool)
+      ? tn("{n} corner", "{n} corners", corners.length)
+      : tn("{n} point", "{n} points", corners.length)
+    : t("nothing drawn yet");
   const more = preview?.text ?? missing;
   note(more ? `${count} · ${more}` : count, preview?.bad ?? false);
 }
@@ -80,9 +83,12 @@ export function describe(draft, preview = null) {
 // What the shape lacks, or "".
 export function missingOf({ corners, tool }) {
   const lacking = FEWEST[tool] - corners.length;
-  if (lacking > 0) return `${lacking} more ${POINT_NAMES[tool]}${lacking > 1 ? "s" : ""} needed`;
+  if (lacking > 0)
+    return hasCorners(tool)
+      ? tn("{n} more corner needed", "{n} more corners needed", lacking)
+      : tn("{n} more point needed", "{n} more points needed", lacking);
   if (tool === "circle" && distance(...corners) < MIN_RADIUS_M)
-    return `a circle has a radius of at least ${MIN_RADIUS_M} m`;
+    return t("a circle has a radius of at least {radius} m", { radius: number(MIN_RADIUS_M, 2) });
   return "";
 }
 
@@ -103,7 +109,9 @@ export function parseCorners(text) {
   return pairs.map((pair) => {
     const numbers = pair.split(/[,\s]+/).map(Number);
     if (numbers.length !== 2 || !numbers.every(Number.isFinite))
-      throw new Error(`“${pair}” is no corner; write x, y in metres, with ; between corners`);
+      throw new Error(
+        t("“{pair}” is no corner; write x, y in metres, with ; between corners", { pair }),
+      );
     return numbers;
   });
 }

@@ -2,6 +2,7 @@
 
 import { abortableFetch, post } from "../core/api.js";
 import { download, element } from "../core/dom.js";
+import { t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 let refresh = () => {};
@@ -22,7 +23,7 @@ async function importFiles(files) {
       name: yaml.name.replace(/\.ya?ml$/i, ""),
     });
   else
-    throw new Error("choose one GeoJSON file, or the YAML and the image of a Nav2 mask together");
+    throw new Error(t("choose one GeoJSON file, or the YAML and the image of a Nav2 mask together"));
 }
 
 // Zones of the file that are there already are the operator's choice.
@@ -33,11 +34,11 @@ async function send(path, body, existing = "ask") {
     if (!error.body?.there) throw error;
     const choose = (label, value) => ({ label, run: () => attempt(() => send(path, body, value)) });
     notify(`${error.message}.`, {
-      actions: [choose("Replace", "replace"), choose("Keep both", "keep"), choose("Skip", "skip")],
+      actions: [choose(t("Replace"), "replace"), choose(t("Keep both"), "keep"), choose(t("Skip"), "skip")],
     });
     return;
   }
-  notify("The zones of the file are in force.", { good: true });
+  notify(t("The zones of the file are in force."), { good: true });
   refresh();
 }
 
@@ -50,13 +51,13 @@ function parsed(text, name) {
   try {
     return JSON.parse(text);
   } catch {
-    throw new Error(`${name} is not readable as JSON`);
+    throw new Error(t("{name} is not readable as JSON", { name }));
   }
 }
 
 async function exportFile(route, name, type) {
   const response = await abortableFetch(`/api/v1/${route}`);
-  if (!response.ok) throw new Error("the console did not deliver the file");
+  if (!response.ok) throw new Error(t("the console did not deliver the file"));
   download(name, new Blob([await response.arrayBuffer()], { type }));
 }
 

@@ -1,7 +1,8 @@
 // The path that a draft or a goal would give, asked of the console while it is drawn.
 
 import { post } from "../core/api.js";
-import { formatSigned } from "../core/dom.js";
+import { formatSigned } from "../core/format.js";
+import { number, sentence, t } from "../core/language.js";
 
 const DELAY_MS = 180;
 const MIN_UNSEEN_M = 0.5;
@@ -16,11 +17,11 @@ export function askPreview(question, onAnswer) {
   clearTimeout(timer);
   newest += 1;
   if (question === null) return;
-  const number = newest;
+  const asked = newest;
   timer = setTimeout(async () => {
     try {
       const answer = await post("/preview", question);
-      if (number === newest)
+      if (asked === newest)
         onAnswer({
           ...verdict(answer, question),
           path: answer.path,
@@ -28,7 +29,7 @@ export function askPreview(question, onAnswer) {
         });
     } catch (error) {
       // Without a goal or a map there is no path to preview; a draft that is no zone says why (422).
-      if (number === newest && error.status === 422)
+      if (asked === newest && error.status === 422)
         onAnswer({
           text: error.message,
           bad: true,
@@ -46,22 +47,31 @@ function verdict(answer, question) {
     return {
       bad: true,
       text: zones
-        ? `the goal would be cut off by ${zones}`
-        : `there would be no path: ${answer.reason}`,
+        ? t("the goal would be cut off by {zones}", { zones })
+        : t("there would be no path: {reason}", { reason: sentence(answer.reason) }),
     };
   }
   if (question.goal)
     return {
       bad: false,
-      text: `${formatSigned(answer.length_m, 1, "m")}, about ${formatSigned(answer.time_s, 0, "s")}${unseen(answer)}`,
+      text:
+        t("{length}, about {time}", {
+          length: formatSigned(answer.length_m, 1, "m"),
+          time: formatSigned(answer.time_s, 0, "s"),
+        }) + unseen(answer),
     };
-  const length = `${answer.length_m.toFixed(1)} m, about ${answer.time_s.toFixed(0)} s`;
+  const length = t("the path would be {length} m, about {time} s", {
+    length: number(answer.length_m, 1),
+    time: number(answer.time_s, 0),
+  });
   const change = answer.change_m === null ? "" : ` (${changeText(answer)})`;
-  return { bad: false, text: `the path would be ${length}${change}${unseen(answer)}` };
+  return { bad: false, text: length + change + unseen(answer) };
 }
 
 const unseen = ({ unseen_m: length }) =>
-  length >= MIN_UNSEEN_M ? `; ${length.toFixed(0)} m of it not seen yet` : "";
+  length >= MIN_UNSEEN_M
+    ? `; ${t("{length} m of it not seen yet", { length: number(length, 0) })}`
+    : "";
 
 // Small differences of two smoothed paths mean nothing.
 function changeText({ change_m: metres, change_s: seconds }) {
@@ -69,5 +79,5 @@ function changeText({ change_m: metres, change_s: seconds }) {
     Math.abs(metres) >= MIN_CHANGE_M ? formatSigned(metres, 1, "m") : "",
     Math.abs(seconds) >= MIN_CHANGE_S ? formatSigned(seconds, 0, "s") : "",
   ];
-  return parts.filter(Boolean).join(", ") || "no difference";
+  return parts.filter(Boolean).join(", ") || t("no difference");
 }

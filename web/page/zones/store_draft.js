@@ -1,6 +1,7 @@
 // Storing a finished draft as a zone.
 
 import { post, request } from "../core/api.js";
+import { t } from "../core/language.js";
 import { notify } from "../core/toasts.js";
 import { asZone, draft, isComplete, isDrawing, setMode } from "./draft.js";
 import { missingOf, note } from "./draft_form.js";
@@ -14,7 +15,7 @@ export const pendingStore = () => pending;
 export function finish() {
   if (!isDrawing() || pending) return;
   if (!isComplete()) {
-    note(`The zone is not complete: ${missingOf(draft)}.`, true);
+    note(t("The zone is not complete: {missing}.", { missing: missingOf(draft) }), true);
     return;
   }
   pending = store().finally(() => {
@@ -31,16 +32,16 @@ async function store() {
         "If-Match": `"${draft.version}"`,
       });
     const { name, enabled } = zone.properties;
-    notify(
-      `Zone “${name}” is ${enabled ? "in force" : "stored; switch it on to put it in force"}.`,
-      { good: true },
-    );
+    const done = enabled
+      ? t("Zone “{name}” is in force.", { name })
+      : t("Zone “{name}” is stored; switch it on to put it in force.", { name });
+    notify(done, { good: true });
     if (isDrawing()) setMode("navigate");
   } catch (error) {
     if (error.body?.error?.code === "outdated") {
       draft.version = error.body.stored_version;
       note(
-        "Another user has changed this zone meanwhile. Finish again to replace that version, Cancel to keep it.",
+        t("Another user has changed this zone meanwhile. Finish again to replace that version, Cancel to keep it."),
         true,
       );
     } else {

@@ -2,12 +2,17 @@
 
 import { post, request } from "../core/api.js";
 import { element, make, reconcile, setText, setValue } from "../core/dom.js";
+import { decimal, language, sentence, t, tn } from "../core/language.js";
 import { savedList } from "../core/saved_list.js";
 import { attempt, notify } from "../core/toasts.js";
 import { setMode } from "./draft.js";
 
 const KEEP_OUT_COLOUR = "#d63384";
 const SPEED_LIMIT_COLOUR = "#b7791f";
+const STEPS = [
+  ["undo", t("Undo"), t("Nothing to undo")],
+  ["redo", t("Redo"), t("Nothing to redo")],
+];
 let refresh = () => {};
 
 // `onNewZones` loads and shows the zones again after a change.
@@ -33,11 +38,11 @@ export function show(collection) {
       const { name, enabled } = zone.properties;
       const [check, input] = child.querySelectorAll("input");
       check.checked = enabled;
-      check.setAttribute("aria-label", `Zone ${name} is in force`);
+      check.setAttribute("aria-label", t("Zone {name} is in force", { name }));
       setValue(input, name);
       child.classList.toggle("off", !enabled);
       child.dataset.name = name;
-      input.setAttribute("aria-label", `Name of zone ${name}`);
+      input.setAttribute("aria-label", t("Name of zone {name}", { name }));
       setText(child.querySelector(".terms"), termsOf(zone.properties));
       child.querySelector(".swatch").style.setProperty("--c", colourOf(zone));
       child.querySelector(".swatch").dataset.pattern = isSpeedLimit(zone)
@@ -48,16 +53,16 @@ export function show(collection) {
   element("no-zones").hidden = zones.length > 0;
   setText(
     element("zone-count"),
-    `${zones.filter((zone) => zone.properties.enabled).length} of ${zones.length} on`,
+    t("{on} of {all} on", {
+      on: zones.filter((zone) => zone.properties.enabled).length,
+      all: zones.length,
+    }),
   );
-  for (const [action, verb] of [
-    ["undo", "Undo"],
-    ["redo", "Redo"],
-  ]) {
+  for (const [action, does, nothing] of STEPS) {
     element(`zones-${action}`).disabled = collection[action] === null;
     element(`zones-${action}`).title = collection[action]
-      ? `${verb}: ${collection[action]}`
-      : `Nothing to ${action}`;
+      ? `${does}: ${sentence(collection[action])}`
+      : nothing;
   }
 }
 
@@ -66,16 +71,16 @@ function termsOf({ kind, max_speed_mps: limit, margin_m: margin, expires_at_s: e
   const time =
     end === null
       ? ""
-      : new Date(end * 1000).toLocaleTimeString([], {
+      : new Date(end * 1000).toLocaleTimeString(language, {
           hour: "2-digit",
           minute: "2-digit",
           hour12: false,
         });
   const parts = [
-    kind === "speed-limit" ? `at most ${limit} m/s` : "",
-    kind === "stay-inside" ? "stay inside" : "",
-    margin ? `margin ${margin} m` : "",
-    time ? `until ${time}` : "",
+    kind === "speed-limit" ? t("at most {limit} m/s", { limit: decimal(limit) }) : "",
+    kind === "stay-inside" ? t("stay inside") : "",
+    margin ? t("margin {margin} m", { margin: decimal(margin) }) : "",
+    time ? t("until {time}", { time }) : "",
   ];
   return parts.filter(Boolean).join(" · ");
 }
@@ -96,9 +101,9 @@ export async function switchZone(zone, enabled) {
 export async function removeZone(zone) {
   await attempt(async () => {
     await request("DELETE", addressOf(zone), undefined, versionOf(zone));
-    notify(`Zone “${zone.properties.name}” is deleted.`, {
+    notify(t("Zone “{name}” is deleted.", zone.properties), {
       good: true,
-      action: { label: "Undo", run: () => step("undo") },
+      action: { label: t("Undo"), run: () => step("undo") },
     });
   });
   refresh();
@@ -115,7 +120,7 @@ function itemOf(first) {
   };
   const check = make("input", {
     type: "checkbox",
-    title: "In force",
+    title: t("In force"),
     "data-testid": "zone-enabled",
     onchange: () => put({ enabled: check.checked }),
   });
@@ -132,17 +137,17 @@ function itemOf(first) {
     make(
       "button",
       {
-        title: "Edit outline and rule",
+        title: t("Edit outline and rule"),
         "data-testid": "zone-edit",
         onclick: () => setMode("edit", zone()),
       },
-      "Edit",
+      t("Edit"),
     ),
     make(
       "button",
       {
-        title: "Delete",
-        "aria-label": `Delete zone ${first.properties.name}`,
+        title: t("Delete"),
+        "aria-label": t("Delete zone {name}", first.properties),
         "data-testid": "zone-delete",
         onclick: () => removeZone(zone()),
       },
@@ -164,9 +169,9 @@ element("zones-redo").onclick = () => step("redo");
 savedList(element("zone-sets"), {
   path: "/zone-sets",
   action: "use",
-  verb: "Use",
-  placeholder: "Name for these zones",
-  nothing: "Nothing is saved yet. Draw zones, then save them here as a set.",
-  describe: (entry) => `${entry.zones} zone${entry.zones === 1 ? "" : "s"}`,
+  verb: t("Use"),
+  placeholder: t("Name for these zones"),
+  nothing: t("Nothing is saved yet. Draw zones, then save them here as a set."),
+  describe: (entry) => tn("{n} zone", "{n} zones", entry.zones),
   onLoaded: () => refresh(),
 });

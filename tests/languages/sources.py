@@ -1,0 +1,215 @@
+"""The texts of the console that need a translation, read from the sources.
+
+Texts of the page: `t("…")` and `tn("…", "…", n)` in its scripts, `text("…")` in the log-in, and
+what a person reads in the HTML files. Sentences of the robot's program: the strings of the modules
+whose refusals, reasons and log lines the page shows; the values in an f-string become fields, a
+number keeps its format: "{age_s:.2f} s old".
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from babel.messages.catalog import Catalog
+
+from web.languages.catalog import ROBOT, page_texts
+
+REPOSITORY = Path(__file__).parents[2]
+PAGES = ("web/page/index.html", "web/page/runs.html", "web/gateway/login.html")
+SENTENCES = (
+    "app/console/anchored_items.py",
+    "app/console/back_off.py",
+    "app/console/beware_editor.py",
+    "app/console/goals.py",
+    "app/console/map_editor.py",
+    "app/console/operations.py",
+    "app/console/path_preview.py",
+    "app/console/place_editor.py",
+    "app/console/saved_missions.py",
+    "app/console/site_archive.py",
+    "app/console/site_files.py",
+    "app/console/sites.py",
+    "app/console/zone_editor.py",
+    "app/insight/*.py",
+    "app/runtime/map_keeper.py",
+    "app/runtime/robot_controller.py",
+    "app/runtime/segmentation.py",
+    "app/runtime/stop_reasons.py",
+    "app/storage/database.py",
+    "app/storage/sites.py",
+    "app/storage/store.py",
+    "app/storage/users.py",
+    "navcore/control/motion.py",
+    "navcore/costmap/cell_description.py",
+    "navcore/files.py",
+    "navcore/formats/alignment.py",
+    "navcore/formats/keepout_mask.py",
+    "navcore/formats/map_image.py",
+    "navcore/formats/nav2_map.py",
+    "navcore/grid/grid.py",
+    "navcore/localisation/estimate.py",
+    "navcore/localisation/relocalisation/place_check.py",
+    "navcore/localisation/relocalisation/place_fit.py",
+    "navcore/localisation/relocalisation/relocalisation.py",
+    "navcore/mission/*.py",
+    "navcore/perception/labels.py",
+    "navcore/perception/region_growing.py",
+    "navcore/planning/path.py",
+    "navcore/robot/frame.py",
+    "navcore/safety/gate.py",
+    "navcore/safety/keep_out_monitor.py",
+    "navcore/safety/sensor_monitor.py",
+    "web/api/beware.py",
+    "web/api/map_edits.py",
+    "web/api/maps.py",
+    "web/api/sites.py",
+    "web/api/users.py",
+    "web/api/zone_drafts.py",
+    "web/api/zones.py",
+    "web/auth/audit_text.py",
+    "web/auth/authenticator.py",
+    "web/auth/control_lease.py",
+    "web/auth/roles.py",
+    "web/auth/users.py",
+    "web/gateway/etag.py",
+    "web/gateway/guard.py",
+    "web/gateway/problems.py",
+    "web/gateway/request_body.py",
+    "web/gateway/sentences.py",
+    "web/schemas/drafts.py",
+    "web/schemas/fields.py",
+    "web/schemas/zones.py",
+)
+"""Modules whose strings the page shows."""
+_LITERAL = r'"(?:[^"\\]|\\.)*"'
+_STRING = rf"({_LITERAL}(?:\s*\+\s*{_LITERAL})*)"
+_CALL = re.compile(rf"(?<![\w$])(?:(?:t|text)\(\s*{_STRING}|tn\(\s*{_STRING},\s*{_STRING})")
+MORE = (
+    "{label}: {text}.",
+    "{name} ({by})",
+    "a viewer",
+    "an admin",
+    "an operator",
+    "are",
+    "console button",
+    "console key",
+    "is",
+    "margin",
+    "redo",
+    "Something",
+    "undo",
+)
+"""Sentences that the scan of those modules does not find."""
+_NUMBER = re.compile(r"[.\d,+]*[fgd%]")
+_SILENT = re.compile(
+    r"log\..*|.*(?:\bdatabase|\bconnection|query)\.\w+|Field|Query|Header|Path|Response|APIRouter"
+    r"|PeriodicThread|threading\.Thread|typer\..*|.*\.(?:encode|removeprefix|replace|join)"
+    r"|(?:error|context|scope)\.get"
+)
+"""Calls whose strings no operator reads."""
+_NO_PROSE = re.compile(r"\s*[A-Z]{3,} |(?:attachment|image): |.*=|#|by hand: ")
+"""SQL, headers and files."""
+_FIGURE = re.compile(r"\{\w+:")
+_WORDS = re.compile(r"[A-Za-z]{2}")
+
+
+def texts(root: Path = REPOSITORY) -> Catalog:
+    """Return all texts, untranslated, with the files that they come from."""
+    found = Catalog(fuzzy=False)
+    scripts = [*(root / "web/page").rglob("*.js"), root / "web/gateway/login.py"]
+    for path in sorted(scripts):
+        for text in texts_of(path.read_text(encoding="utf-8")):
+            found.add(text, locations=[_at(path, root)])
+    for name in PAGES:
+        for _, _, text in page_texts((root / name).read_text(encoding="utf-8")):
+            found.add(text, locations=[(name, 0)])
+    for pattern in SENTENCES:
+        for path in sorted(root.glob(pattern)):
+            for text in sentences_of(path.read_text(encoding="utf-8")):
+                found.add(text, locations=[_at(path, root)], context=ROBOT)
+    for text in MORE:
+        found.add(text, context=ROBOT)
+    return found
+
+
+def texts_of(source: str) -> Iterator[str | tuple[str, str]]:
+    """Yield the texts of a script, with both forms of those that depend on a number."""
+    for only, one, many in _CALL.findall(source):
+        yield _joined(only) if only else (_joined(one), _joined(many))
+
+
+def _joined(literals: str) -> str:
+    return "".join(json.loads(literal) for literal in re.findall(_LITERAL, literals))
+
+
+def _at(path: Path, root: Path) -> tuple[str, int]:
+    # No line: it would change with every edit.
+    return path.relative_to(root).as_posix(), 0
+
+
+def sentences_of(source: str) -> Iterator[str]:
+    """Yield the sentences of a module, as templates."""
+    parents: dict[ast.AST, ast.AST] = {}
+    for node in ast.walk(ast.parse(source)):
+        parents |= dict.fromkeys(ast.iter_child_nodes(node), node)
+    for node in parents:
+        text = _template(node)
+        if text is not None and _is_said(node, text, parents):
+            yield text.replace("_", " ") if text.isidentifier() else text
+
+
+def _template(node: ast.AST) -> str | None:
+    """Return the text of a string, with fields for the values of an f-string."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if not isinstance(node, ast.JoinedStr):
+        return None
+    pieces, names = list[str](), list[str]()
+    for part in node.values:
+        if isinstance(part, ast.FormattedValue):
+            form = ast.unparse(part.format_spec)[2:-1] if part.format_spec else ""
+            name = _name(part.value)
+            names.append(name)
+            name += str(names.count(name)) if names.count(name) > 1 else ""
+            pieces.append(f"{{{name}:{form}}}" if _NUMBER.fullmatch(form) else f"{{{name}}}")
+        elif isinstance(part, ast.Constant):
+            pieces.append(str(part.value))
+    return "".join(pieces)
+
+
+def _name(value: ast.expr) -> str:
+    """Return the last name in an expression."""
+    found = [
+        node.attr if isinstance(node, ast.Attribute) else node.id
+        for node in ast.walk(value)
+        if isinstance(node, ast.Attribute | ast.Name)
+    ]
+    return found[0].strip("_").lower() if found else "value"
+
+
+def _is_said(node: ast.AST, text: str, parents: dict[ast.AST, ast.AST]) -> bool:
+    """Return whether a string is a sentence, or a part of one, that a person may read."""
+    if isinstance(parents[node], ast.Expr | ast.JoinedStr) or not (
+        _FIGURE.search(text) or _WORDS.search(re.sub(r"\{.*?\}", "", text))
+    ):
+        return False  # a docstring, a part of an f-string, or neither words nor figures
+    if _NO_PROSE.match(text):
+        return False
+    above: ast.AST | None = parents[node]
+    while above is not None and not isinstance(above, ast.stmt):
+        if isinstance(above, ast.Call) and _SILENT.fullmatch(ast.unparse(above.func)):
+            return False
+        if isinstance(above, ast.FormattedValue):
+            return True
+        above = parents.get(above)
+    return " " in text or (isinstance(above, ast.Assign) and _is_enum(parents[above]))
+
+
+def _is_enum(node: ast.AST) -> bool:
+    return isinstance(node, ast.ClassDef) and any(
+        isinstance(base, ast.Name) and base.id == "StrEnum" for base in node.bases
+    )

@@ -1,0 +1,213 @@
+"""The page in other languages: every text that is shown comes from a catalog, the robot's sentences
+are translated with their figures, and longer words fit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+import pytest
+from babel.messages.catalog import Catalog as Texts
+from playwright.sync_api import BrowserContext, Page, expect
+
+from app.runtime.stop_reasons import CONTROLLER_STOPS, POSE_STOPS
+from navcore.mission.beware_list import default_beware_list
+from tests.languages.sources import texts
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import await_map, click_map
+from tests.web.page.states import SIZES, STATES, furnish
+from web.languages.catalog import CATALOGS, ENGLISH, ROBOT, Catalog
+from web.server import ConsoleServer
+
+Opener = Callable[..., BrowserContext]
+SAID = """() => {
+  const isShown = (node) => node.checkVisibility();
+  const said = [];
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode())
+    if (isShown(walker.currentNode.parentElement)) said.push(walker.currentNode.nodeValue.trim());
+  for (const name of ["title", "aria-label", "placeholder", "alt"])
+    for (const node of document.querySelectorAll(`[${name}]`))
+      if (isShown(node)) said.push(node.getAttribute(name));
+  return said;
+}"""
+"""JavaScript: all that the page says to a person."""
+CLIPPED = """() => [...document.querySelectorAll("button, label, summary, h2, select, .badge")]
+  .filter((node) => node.checkVisibility() && node.clientWidth)
+  .filter((node) => node.scrollWidth > node.clientWidth + 1)
+  .map((node) => node.textContent)"""
+"""JavaScript: what is wider than its box."""
+TRANSLATE = """async ([language, sentences]) => {
+  document.documentElement.lang = language;
+  const { sentence } = await import(`/page/core/language.js?${language}`);
+  return sentences.map(sentence);
+}"""
+"""JavaScript: the robot's sentences in a language."""
+MARKED = "eo"
+"""Language of the catalog whose translations are the texts themselves in brackets."""
+BRACKETS = re.compile("⟦.*⟧", re.DOTALL)
+KEYS = {"Enter", "Esc", "Backspace", "Delete", "Ctrl", "Shift"}
+FIELD = re.compile(r"\{(\w+)(:[^}]*)?\}")
+OTHERS = sorted(CATALOGS.keys() - {ENGLISH})
+
+
+@pytest.fixture
+def current() -> Texts:
+    """Return the texts of the sources."""
+    return texts()
+
+
+@pytest.fixture
+def marked(
+    monkeypatch: pytest.MonkeyPatch, operations: FakeOperations, current: Texts
+) -> Iterator[ConsoleServer]:
+    """Yield a console with one more language, in which every known text is in brackets."""
+    known = [message for message in current if message.id]
+    catalog = Catalog(
+        texts={forms[0]: tuple(f"⟦{form}⟧" for form in forms) for forms in map(_forms, known)},
+        sentences={str(one.id): f"⟦{one.id}⟧" for one in known if one.context == ROBOT},
+    )
+    monkeypatch.setitem(CATALOGS, MARKED, catalog)
+    console = ConsoleServer(operations, port=0)
+    console.start()
+    yield console
+    console.stop()
+
+
+def _forms(message: object) -> tuple[str, ...]:
+    text = message.id  # type: ignore[attr-defined]
+    return (text,) if isinstance(text, str) else tuple(text)
+
+
+def opened(
+    new_context: Opener, server: ConsoleServer, language: str, size: tuple[int, int] = (1440, 900)
+) -> Page:
+    """Open the page in a browser of a language."""
+    width, height = size
+    context = new_context(
+        viewport={"width": width, "height": height}, locale=language, has_touch=width < 1200
+    )
+    page = context.new_page()
+    page.goto(f"{server.url}/#map")
+    await_map(page)
+    return page
+
+
+def test_all_that_the_page_says_comes_from_the_catalog(
+    new_context: Opener, marked: ConsoleServer, operations: FakeOperations
+) -> None:
+    furnish(operations)
+    page = opened(new_context, marked, MARKED)
+    given = {zone.name for zone in operations.zones.stored}
+    given |= {goal.name for goal in operations.state().queue} | KEYS
+    given |= {entry.name for entry in default_beware_list().classes}
+    foreign = set()
+    for reach in STATES.values():
+        reach(page)
+        page.wait_for_timeout(300)
+        said = {text for text in page.evaluate(SAID) if re.search("[A-Za-z]{3}", text)}
+        foreign |= {text for text in said if not BRACKETS.search(text) and not _has(text, given)}
+        page.keyboard.press("Escape")
+    assert foreign == set()
+
+
+def _has(text: str, names: set[str]) -> bool:
+    return any(name and name in text for name in names)
+
+
+def test_every_sentence_of_the_robot_is_translated_with_its_figures(
+    new_context: Opener, server: ConsoleServer, current: Texts
+) -> None:
+    page = opened(new_context, server, "en-US")
+    samples = [str(one.id) for one in current if one.id and one.context == ROBOT]
+    filled = [FIELD.sub(lambda field: "2.5" if field[2] else "Ω", text) for text in samples]
+    for language in OTHERS:
+        translated = page.evaluate(TRANSLATE, [language, filled])
+        expected = [_translated(text, language) for text in samples]
+        assert [pair for pair in zip(translated, expected, strict=True) if len(set(pair)) > 1] == []
+        # As they come: one in the other, and one that no catalog has.
+        stops = [stop.text for stop in (*CONTROLLER_STOPS.values(), *POSE_STOPS.values())]
+        assert set(page.evaluate(TRANSLATE, [language, stops])).isdisjoint(stops)
+        unknown = "a sentence of a later version, 1.5 m"
+        assert page.evaluate(TRANSLATE, [language, [unknown]]) == [unknown]
+
+
+def _translated(text: str, language: str) -> str:
+    """Return the translation of a sample: a figure in the form of the language, but in a position,
+    whose translation has no format."""
+
+    def value(field: re.Match[str]) -> str:
+        if field[2]:
+            return "2,5"
+        return "2.5" if f"{{{field[1]}:" in text else "Ω"
+
+    return FIELD.sub(value, CATALOGS[language].sentences[text])
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_reasons_refusals_and_figures_are_in_the_language_of_the_browser(
+    new_context: Opener, server: ConsoleServer, operations: FakeOperations, language: str
+) -> None:
+    furnish(operations)
+    page = opened(new_context, server, language)
+    words = CATALOGS[language]
+    expect(page.get_by_test_id("state-badge")).to_have_text(words.text("● IDLE"))
+    expect(page.get_by_test_id("stop")).to_contain_text(words.text("STOP"))
+    expect(page.locator("#figures")).to_contain_text(re.compile(r"\d,\d m"))
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("state-badge")).to_have_text(words.text("■ STOPPED"))
+    reason = words.sentences["Emergency stop by {stopped_by}; it holds until it is reset."]
+    by = words.sentences["console button"]
+    expect(page.get_by_test_id("state-text")).to_contain_text(reason.format(stopped_by=by))
+    page.get_by_test_id("mode-draw").click()
+    for corner in ((0.0, 3.0), (1.0, 4.0), (1.0, 3.0), (0.0, 4.0)):
+        click_map(page, *corner)
+    crossing = words.sentences[
+        "the outline of the {what} crosses itself at ({x_m:.2f}, {y_m:.2f}); move a corner"
+    ]
+    expect(page.get_by_test_id("draft-note")).to_contain_text(crossing.rpartition(";")[2])
+    assert_fits(page)
+    english = {text for text, forms in words.texts.items() if text not in forms and " " in text}
+    assert english.isdisjoint(page.evaluate(SAID))
+
+
+def assert_fits(page: Page) -> None:
+    """Assert that no word is wider than its box, and the page no wider than the window."""
+    assert page.evaluate(CLIPPED) == []
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_longer_words_fit_a_tablet_and_a_phone(
+    new_context: Opener, server: ConsoleServer, operations: FakeOperations, language: str
+) -> None:
+    furnish(operations)
+    page = opened(new_context, server, language, SIZES["tablet"])
+    page.get_by_test_id("stop").click()
+    STATES["draft"](page)
+    for width, height in (SIZES["tablet"], SIZES["phone"]):
+        page.set_viewport_size({"width": width, "height": height})
+        for tab in ("map", "goals", "zones", "camera", "more"):
+            page.get_by_test_id(f"page-tab-{tab}").click()
+            page.wait_for_timeout(50)
+            assert_fits(page)
+
+
+def test_the_language_that_is_chosen_stays(new_context: Opener, server: ConsoleServer) -> None:
+    page = opened(new_context, server, "en-US")
+    expect(page.get_by_test_id("start")).to_contain_text("Start")
+    page.get_by_test_id("language").click()
+    page.get_by_test_id("language-es").click()
+    expect(page.get_by_test_id("start")).to_contain_text("Iniciar")
+    expect(page.locator("html")).to_have_attribute("lang", "es")
+
+
+def test_the_stop_works_without_the_catalog(
+    new_context: Opener, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    page = new_context(locale="de").new_page()
+    page.route("**/languages/de.json", lambda route: route.abort())
+    page.goto(f"{server.url}/#map")
+    page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("state-badge")).to_have_text("■ STOPPED")
+    assert operations.state().stop_latched

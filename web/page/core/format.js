@@ -1,0 +1,21 @@
+// Numbers, times and durations as text in the language of the page.
+
+import { language, number } from "./language.js";
+
+// A number that rounds to zero has no sign.
+export const formatNumber = (value, digits, unit) =>
+  value === null || value === undefined
+    ? "–"
+    : `${number(value, digits).replace(/^-(0([.,]0*)?)$/, "$1")} ${unit}`.trim();
+export const formatTime = (unixS) =>
+  new Date(1000 * unixS).toLocaleTimeString(language, { hour12: false });
+export const formatDateTime = (time) => time.toLocaleString(language, { hour12: false });
+export const formatSigned = (value, digits, unit) =>
+  `${value >= 0 ? "+" : "−"}${number(Math.abs(value), digits)} ${unit}`;
+
+// About two significant digits.
+export function formatAge(seconds) {
+  if (seconds < 9.95) return `${number(seconds, 1)} s`;
+  if (seconds < 90) return `${number(seconds, 0)} s`;
+  return seconds < 5400 ? `${number(seconds / 60, 0)} min` : `${number(seconds / 3600, 1)} h`;
+}
