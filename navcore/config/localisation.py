@@ -201,6 +201,9 @@ class TrackingConfig:
     gate_sigmas: float = ranged(1.0, 10.0, default=3.0)
     """Deviation from odometry, in standard deviations, beyond which a match or a position fix is
     refused."""
+    refused_s: float = ranged(0.1, 60.0, default=3.0)
+    """Time in seconds for which refused position fixes must agree with each other, while nothing
+    confirms the estimate, to be believed."""
     located_share: float = ranged(0.1, 1.0, default=0.6)
     """Share of points that fit from which a match is believed."""
     lost_share: float = ranged(0.0, 1.0, default=0.45)

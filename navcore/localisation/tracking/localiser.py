@@ -25,6 +25,7 @@ from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPos
 from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.localisation.tracking.pose_filter import PoseFilter, difference
 from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
+from navcore.localisation.tracking.refused_fixes import RefusedFixes
 from navcore.robot.fix import PositionFix
 from navcore.robot.frame import Frame
 from navcore.robot.profile import DepthSensor
@@ -54,6 +55,7 @@ class Localiser:
         self._chain = KeyframeChain(pose_ids, config)
         self._filter: PoseFilter | None = None
         self._recent = RecentScans(config)
+        self._refused = RefusedFixes(config.tracking)
         self._flow = CorrectionFlow(config.tracking)
         self._odometry: tuple[Pose2, int] = (IDENTITY, 0)
         self._state = LocalisationState.DEAD_RECKONING
@@ -142,6 +144,7 @@ class Localiser:
         self._flow.jump(T_map_base, frame.pose)
         self._chain.restart()
         self._recent.clear()
+        self._refused.clear()
         self._doubt_s = self._doubt_m = 0.0
         self._unmatched = (math.inf, math.inf)
         self._since_m = 0.0
@@ -149,7 +152,8 @@ class Localiser:
 
     def fuse(self, fix: PositionFix) -> bool:
         """Fuse an absolute position of the present moment; returns whether it was believed: it must
-        lie within the gate around the expected pose."""
+        lie within the gate around the expected pose, or agree with others that did not for so long
+        that the robot must have been moved."""
         if self._filter is None or self._state is LocalisationState.LOST:
             return False
         measured = Pose2(x_m=fix.x_m, y_m=fix.y_m, yaw_rad=fix.yaw_rad or 0.0)
@@ -158,9 +162,24 @@ class Localiser:
         rows, covariance = np.eye(3)[:count], np.asarray(fix.covariance)[:count, :count]
         spread = rows @ self._filter.covariance @ rows.T + covariance
         if residual @ np.linalg.solve(spread, residual) > self._gate(count):
-            return False
+            if not self._refused.add(fix.stamp_ns, residual[:2], covariance[:2, :2]):
+                return False
+            self._move_to(measured, covariance, heading=fix.yaw_rad is not None)
+            return True
+        self._refused.clear()
         self._filter.fuse_position(residual, rows, covariance)
         return True
+
+    def _move_to(self, measured: Pose2, covariance: Matrix, *, heading: bool) -> None:
+        """Set the estimate to a measured position, and begin to track again from there."""
+        spread = _PLACED.copy()
+        spread[: len(covariance), : len(covariance)] = covariance
+        yaw_rad = measured.yaw_rad if heading else self._pose.yaw_rad
+        there = Pose2(x_m=measured.x_m, y_m=measured.y_m, yaw_rad=yaw_rad)
+        self._require_filter().place(there, spread)
+        self._chain.restart()
+        self._recent.clear()
+        self._refused.clear()
 
     @property
     def _pose(self) -> Pose2:
@@ -224,6 +243,8 @@ class Localiser:
             if is_possible and self._believes(result, absolute=absolute):
                 self._fuse(result, absolute=absolute)
                 self._trust(step)
+                if absolute:
+                    self._refused.clear()
                 self._since_m = 0.0
                 self._enter(LocalisationState.LOCATED, stamp_ns)
                 return result.share if absolute else result.share_of_near

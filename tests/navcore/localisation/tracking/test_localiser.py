@@ -197,9 +197,9 @@ def test_without_enough_points_the_robot_reckons_and_its_uncertainty_grows() -> 
     assert estimate.sigma_m > results[10][0].sigma_m
 
 
-def fix_at(x_m: float, y_m: float, covariance: Matrix) -> PositionFix:
+def fix_at(x_m: float, y_m: float, covariance: Matrix, stamp_ns: int = 0) -> PositionFix:
     return PositionFix(
-        stamp_ns=0, x_m=x_m, y_m=y_m, covariance=covariance[:2, :2], source=FixSource.GNSS
+        stamp_ns=stamp_ns, x_m=x_m, y_m=y_m, covariance=covariance[:2, :2], source=FixSource.GNSS
     )
 
 
@@ -221,6 +221,34 @@ def test_a_position_fix_is_fused_and_one_far_off_is_refused() -> None:
         estimate = trip.localiser.follow(standing, scan)
     assert away_m(estimate, true) < 0.03
     assert estimate.sigma_m < 0.03
+
+
+def fixes_after_a_push(scatter_m: float, seconds: float) -> list[bool]:
+    """Which fixes are believed after a robot with accurate fixes was pushed aside by 1.1 m; those
+    of odd frames are `scatter_m` off."""
+    trip, empty = new_trip(), PlanWorld([(90.0, 90.0, 91.0, 91.0)])
+    accurate, believed = np.eye(2) * 0.02**2, []
+    scan = empty.scan(IDENTITY, np.random.default_rng(1))
+    for k in range(10 + round(seconds / PERIOD_S)):
+        pose = Pose2(x_m=0.1 * k, y_m=0.0, yaw_rad=0.0)
+        trip.localiser.follow(frame_at(pose, k), scan)
+        aside_m = 1.1 + scatter_m * (k % 2) if k >= 10 else 0.0
+        fix = fix_at(pose.x_m, aside_m, accurate, round(k * PERIOD_S * 1e9))
+        believed.append(trip.localiser.fuse(fix))
+    assert all(believed[:10])
+    return believed[10:]
+
+
+def test_fixes_that_agree_for_seconds_are_believed_and_the_robot_was_pushed() -> None:
+    believed = fixes_after_a_push(0.0, 6.0)
+    refused = believed.index(True)
+    assert refused * PERIOD_S == pytest.approx(3.0, abs=0.3)
+    assert all(believed[refused:])
+
+
+def test_fixes_that_disagree_and_short_disturbances_are_not_believed() -> None:
+    assert not any(fixes_after_a_push(2.0, 8.0))
+    assert not any(fixes_after_a_push(0.0, 2.5))
 
 
 def test_consecutive_keyframes_have_edges_by_odometry_and_by_matching() -> None:
