@@ -34,6 +34,11 @@ class EditHistory:
     """Description of the edit that undo would take back; None without one."""
     redo: str | None
     """Description of the edit that redo would repeat; None without one."""
+    undo_number: int = 0
+    """Number of the edit that undo would take back, in the order of all edits of the operators
+    since the start of the console; 0 without one, and for one from before the start."""
+    redo_number: int = 0
+    """Number of the edit that redo would repeat; 0 without one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
