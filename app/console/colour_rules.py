@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from app.console.recent_frames import RecentFrames
 from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.errors import BadConfiguration, Refused
@@ -74,4 +76,4 @@ class LiveColourRules:
         """Return the (H, W) pixels that a rule takes, whatever their region's size."""
         entry = BewareClass(name="rule", class_id=1, colour=rule)
         masks = colour_masks(frame, heights_above_floor(frame), [entry], self._config)
-        return masks[0][1] if masks else matches_colour(frame.rgb[:0], rule)
+        return masks[0][1] if masks else np.zeros(frame.depth_m.shape, dtype=np.bool_)

@@ -603,6 +603,7 @@ def _grid(
         spec=SPEC,
         geometric=world[0],
         beware={entry.class_id: world.get(entry.class_id, nothing) for entry in beware.enabled},
+        margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
         zones=nothing,
     )
     return with_zones(open_floor, tuple(zones))

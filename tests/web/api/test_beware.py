@@ -10,7 +10,7 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.web.api.test_api import wrong
+from tests.web.api.test_api import wrong, zone
 from tests.web.fake_operations import FakeOperations
 
 BEWARE = "/api/v1/beware"
@@ -119,7 +119,7 @@ def test_a_preview_says_which_cells_and_how_the_path_changes_and_applies_nothing
     assert without["change_m"] < -0.3 and without["change_s"] < 0
     assert without["go_count"] == bare["go_count"] and without["cut_off"] == []
     wide = client.post(
-        f"{BEWARE}/preview", json={"changes": {"red floor": {"margin_m": 2.0}}}
+        f"{BEWARE}/preview", json={"changes": {"red floor": {"margin_m": 0.8}}}
     ).json()
     assert wide["change_m"] > 0.5 and wide["go"] == wide["appear"] == []
     assert client.get(BEWARE).json()["version"] == 0
@@ -151,7 +151,7 @@ def test_a_click_into_the_picture_makes_a_colour_rule_that_takes_what_was_clicke
     mask = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_UNCHANGED)
     assert mask is not None and mask.shape == (180, 320, 4)
     taken = mask[..., 3] > 0
-    assert taken[112:148, 122:218].all() and taken.mean() == looks[0]["share"] > 0.05
+    assert taken[112:148, 122:218].all() and looks[0]["share"] == round(taken.mean(), 4) > 0.05
     assert not taken[:90].any()
     grey = client.post(f"{BEWARE}/colour", json={"right": 0.9, "down": 0.95})
     assert "too grey" in wrong(grey, 409)["message"]
@@ -163,7 +163,7 @@ def test_a_click_into_the_picture_makes_a_colour_rule_that_takes_what_was_clicke
 def test_one_undo_takes_back_the_last_edit_whatever_it_was_of(client: httpx.Client) -> None:
     square = {"type": "Polygon", "coordinates": [[[4, -1], [5, -1], [5, 1], [4, 1], [4, -1]]]}
     assert wrong(client.post("/api/v1/edits/undo"), 409)["message"] == "there is no edit to undo"
-    client.post("/api/v1/zones", json={"name": "wet", **square})
+    client.post("/api/v1/zones", json=zone("wet"))
     client.patch(f"{BEWARE}/cup", json={"enabled": False})
     client.post("/api/v1/map/erase", json={"geometry": square})
     client.patch(f"{BEWARE}/cup", json={"margin_m": 1.0})
