@@ -73,7 +73,6 @@ def test_a_click_makes_a_colour_rule_that_bends_the_path_until_it_is_undone(
         sync_playwright() as playwright,
     ):
         program.put("/api/v1/beware?force=true", json={"classes": []})
-        program.post("/api/v1/goals", json={"x_m": 2.5, "y_m": 0.0})
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         page = chromium.new_page(viewport={"width": 1280, "height": 800})
         page.set_default_timeout(PATIENCE_MS)
@@ -81,6 +80,9 @@ def test_a_click_makes_a_colour_rule_that_bends_the_path_until_it_is_undone(
         expect(page.get_by_test_id("connection")).to_have_text("live")
         await_map(page)
         expect(page.get_by_test_id("beware-class")).to_have_count(0)
+        page.get_by_test_id("goal-input").fill("2.5, 0")
+        page.get_by_test_id("goal-add").click()
+        expect(page.get_by_test_id("goal")).to_have_count(1)
         page.get_by_test_id("beware-add").click()
         expect(page.get_by_test_id("entry-eyes")).to_contain_text("Nothing can see it yet")
         page.get_by_test_id("entry-name").fill("green tape")
@@ -102,7 +104,7 @@ def test_a_click_makes_a_colour_rule_that_bends_the_path_until_it_is_undone(
         expect(page.get_by_test_id("beware-class")).to_have_count(0)
         page.get_by_test_id("resume").click()
         eventually(page, lambda: widest_m(program) < 0.4)
-        program.post("/api/v1/mission/cancel")
+        page.get_by_test_id("cancel").click()
         chromium.close()
 
 

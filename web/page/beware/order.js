@@ -9,6 +9,15 @@ const rowAt = (list, y) =>
     return y >= top && y < bottom;
   });
 
+// Give a row the place of another one. The row itself stays in the document, or it would lose the
+// pointer and the focus.
+function moveTo(row, other) {
+  const rows = [...row.parentElement.children];
+  const [from, to] = [rows.indexOf(row), rows.indexOf(other)];
+  if (from < to) row.before(...rows.slice(from + 1, to + 1));
+  else row.after(...rows.slice(to, from));
+}
+
 // A handle for a row; `store` is called when the row has another place.
 export function handleOf(row, name, store) {
   const title = t("Drag to reorder {name}, or press ↑ or ↓", { name });
@@ -28,9 +37,7 @@ export function handleOf(row, name, store) {
   handle.onpointermove = (event) => {
     if (from === null) return;
     const other = rowAt(row.parentElement, event.clientY);
-    if (!other || other === row) return;
-    if (place() < [...row.parentElement.children].indexOf(other)) other.after(row);
-    else other.before(row);
+    if (other && other !== row) moveTo(row, other);
   };
   const end = () => {
     row.classList.remove("dragged");
@@ -44,9 +51,7 @@ export function handleOf(row, name, store) {
     if (!other) return;
     event.preventDefault();
     event.stopPropagation();
-    if (event.key === "ArrowUp") other.before(row);
-    else other.after(row);
-    handle.focus();
+    moveTo(row, other);
     store();
   };
   return handle;
