@@ -161,7 +161,7 @@ def test_a_preview_shows_the_cells_that_applying_gives() -> None:
         drive.see(number)
     follower: Any = drive.editor._follower
     for name in ("wide", "off", "remove", "order"):
-        drafts = {
+        drafts: dict[str, tuple[dict[str, Any], dict[str, Any] | None]] = {
             "wide": ({"red": {"colour": dataclasses.asdict(WARM)}}, None),
             "off": ({"red": {"enabled": False}}, None),
             "remove": ({"green": None}, None),

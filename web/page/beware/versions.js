@@ -4,7 +4,7 @@
 import { get, post } from "../core/api.js";
 import { element, make } from "../core/dom.js";
 import { formatTime } from "../core/format.js";
-import { t } from "../core/language.js";
+import { sentence, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const menu = element("beware-versions");
@@ -30,7 +30,7 @@ function rowOf(entry, isNewest) {
       { class: "label" },
       make("span", {}, t("version {version}", entry)),
       make("small", {}, [dated(entry.unix_s), entry.by].filter(Boolean).join(" · ")),
-      make("small", { class: "changes" }, entry.what),
+      make("small", { class: "changes" }, sentence(entry.what)),
       changes,
     ),
   );
@@ -40,7 +40,7 @@ function rowOf(entry, isNewest) {
     attempt(async () => {
       const { changes: told } = await get(`/beware/versions/${entry.version}`);
       changes.textContent = told.length
-        ? `${t("Bringing it back:")} ${told.join("; ")}`
+        ? `${t("Bringing it back:")} ${told.map(sentence).join("; ")}`
         : t("It says the same as the list in force.");
       changes.hidden = false;
     });
