@@ -14,7 +14,7 @@ import numpy as np
 from app.storage.site_store import SiteStore
 from navcore.config.mapping import MappingConfig
 from navcore.costmap.costmap import layer_grid
-from navcore.errors import BadConfiguration, Refused
+from navcore.errors import BadConfiguration
 from navcore.formats.map_image import MAX_PIXELS, MAX_SIDE
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
@@ -40,10 +40,11 @@ def beware_of(site: SiteStore, new: BewareList | None = None) -> BewareList:
 
 def put_in_force(site: SiteStore, given: BewareList, present: BewareList) -> None:
     """Store a list from elsewhere as the newest one of a site, whose ids it takes over; nothing is
-    stored where it says the same as the present one. Raises `Refused` for an empty list."""
+    stored where it says the same as the present one. Raises `BadConfiguration` for an empty
+    list."""
     adopted = present.adopted(given.classes)
     if not adopted.classes:
-        raise Refused("--beware: the list is empty, the robot would beware of nothing")
+        raise BadConfiguration("--beware: the list is empty, the robot would beware of nothing")
     if adopted.classes == present.classes:
         return
     now_s = time.time()

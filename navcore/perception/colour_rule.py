@@ -37,9 +37,10 @@ def rule_at(
     # The median of hue is that of the differences to the clicked pixel: hue is an angle.
     seed = float(hue[row, col] + np.median(_turn(hue[around], float(hue[row, col]))))
     sure, bright = float(np.median(saturation[around])), float(np.median(value[around]))
-    if sure < config.min_saturation or bright < config.min_value:
-        kind = "grey" if sure < config.min_saturation else "dark"
-        raise Refused(f"what was clicked is too {kind} to have a colour; click something coloured")
+    if bright < config.min_value:
+        raise Refused("what was clicked is too dark to have a colour; click something brighter")
+    if sure < config.min_saturation:
+        raise Refused("what was clicked is too grey to have a colour; click something coloured")
     near = (
         (np.abs(_turn(hue, seed)) <= config.hue_deg)
         & (np.abs(saturation - sure) <= config.saturation)

@@ -175,6 +175,6 @@ def test_a_file_from_the_command_line_is_a_version_of_the_site(tmp_path: Path) -
     editor = editor_of(store)
     editor.undo()
     assert editor.list.classes == SHIPPED.classes
-    with pytest.raises(Refused, match="the list is empty"):
+    with pytest.raises(BadConfiguration, match="the list is empty"):
         put_in_force(store.site, BewareList(classes=()), beware_of(store.site))
     store.close()
