@@ -22,10 +22,18 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Return the document of a file; raises `BadConfiguration` with file and line if it is
     invalid."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise BadConfiguration(f"{path}: not readable as TOML: {error}") from None
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file; raises `BadConfiguration` with the file if it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise BadConfiguration(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError) as error:
         raise BadConfiguration(f"{path}: not readable as TOML: {error}") from None
 
 

@@ -12,6 +12,7 @@ from fastapi import FastAPI
 
 from web.api.audit import audit_router
 from web.api.beware import beware_router
+from web.api.beware_drafts import beware_drafts_router
 from web.api.control import control_router
 from web.api.detections import sightings_router
 from web.api.events import events_router
@@ -77,6 +78,7 @@ def create_app(
         mission_router,
         zones_router,
         drawing_router,
+        beware_drafts_router,
         beware_router,
         maps_router,
         poses_router,

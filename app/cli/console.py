@@ -31,6 +31,16 @@ OwnMapOption = Annotated[
 ]
 
 
+OwnListOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--beware",
+        metavar="FILE.toml",
+        help="Put this beware list in force at the site, as one edit; earlier lists are kept.",
+    ),
+]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsoleSettings:
     """The options of the command."""
@@ -61,6 +71,7 @@ class ConsoleSettings:
     segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
     prior: PriorOption = None
     kept: OwnMapOption = None
+    beware: OwnListOption = None
     navigation: NavigationOption = None
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
@@ -78,6 +89,7 @@ def console(settings: ConsoleSettings) -> None:
     with reserve(settings.host, settings.port) as listener:  # before the slow imports
         _check(settings)
         from app.console.application import ConsoleOptions, run_console
+        from navcore.mission.beware_list import load_beware_list
 
         options = ConsoleOptions(
             scenario=settings.scenario,
@@ -91,6 +103,7 @@ def console(settings: ConsoleSettings) -> None:
             choice=settings.segmentation.choice(live=True),
             prior=settings.prior,
             kept=settings.kept,
+            beware=None if settings.beware is None else load_beware_list(settings.beware),
             navigation=settings.navigation,
             odometry=settings.odometry,
             gnss=settings.gnss,
@@ -103,11 +116,14 @@ def console(settings: ConsoleSettings) -> None:
 def _check(settings: ConsoleSettings) -> None:
     """Refuse wrong files before anything slow is loaded."""
     from navcore.config.navigator import load_config
+    from navcore.mission.beware_list import load_beware_list
     from sim.scenario.load import load_scenario
 
     if settings.recording is None:
         load_scenario(settings.scenario)
     if settings.navigation is not None:
         load_config(settings.navigation)
+    if settings.beware is not None:
+        load_beware_list(settings.beware)
     if settings.kept is not None:
         prepare(settings.kept.parent)

@@ -18,7 +18,7 @@ import torch
 
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
-from app.console.site_map import beware_of, map_of
+from app.console.site_map import beware_of, map_of, put_in_force
 from app.console.sites import SESSION_PERIOD_S, last_place_of, mission_of
 from app.runtime.background import Background, ThreadBackground
 from app.runtime.engine_memory import EngineMemory
@@ -37,6 +37,7 @@ from app.storage import Store
 from app.storage.site_store import SiteStore
 from navcore.config.navigator import NavigatorConfig, load_config
 from navcore.mapping.point_map import PointMap
+from navcore.mission.beware_list import BewareList
 from navcore.navigator import Navigator, Stages
 from navcore.robot.profile import HUSKY
 from navcore.warmup import warm_up
@@ -100,6 +101,8 @@ class ConsoleOptions:
     kept: Path | None = None
     """Map file that is loaded at the start, if it exists, and kept instead of that of the site;
     None for that of the site."""
+    beware: BewareList | None = None
+    """Beware list that is put in force at the site; None for the site's own."""
     navigation: Path | None = None
     """Configuration file of the navigation, see `load_config`; None for the defaults."""
     login: bool = False
@@ -138,6 +141,8 @@ def console(
         faults.take_time(time.sleep)
         stages = faults.wrap(Stages()) if back_end.faults else Stages()
         site = _site_of(store, options.site, back_end.name)
+        if options.beware is not None:
+            put_in_force(site, options.beware, beware_of(site, back_end.beware))
         background = ThreadBackground()
         background.start()
         stack.callback(background.stop)

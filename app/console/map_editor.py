@@ -6,6 +6,7 @@ log then says what it has changed.
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -65,6 +66,8 @@ class _Edit(Protocol):
 
     text: str
     """Description of the step."""
+    number: int
+    """Number of the step among all edits."""
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
         """Change the map."""
@@ -86,6 +89,7 @@ class _Erasure:
     text: str
     place: Position
     erased: Erased | None = field(default=None, init=False)
+    number: int = field(default=0, init=False)
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
         cells = np.flatnonzero(rasterise(self.polygon, point_map.spec))
@@ -113,6 +117,7 @@ class _Rejecting:
     text: str
     place: Position
     done: list[tuple[int, Erased]] = field(default_factory=list, init=False)
+    number: int = field(default=0, init=False)
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
         for extent in self.extents:
@@ -146,6 +151,7 @@ class _Forgetting:
     text: str
     place: Position
     removed: Rejection | None = field(default=None, init=False)
+    number: int = field(default=0, init=False)
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
         self.removed = point_map.take_back(self.rejection_id)
@@ -173,11 +179,14 @@ class MapEditor:
         detections: Callable[[], Gallery],
         names: Callable[[], Mapping[int, str]],
         tell: Tell,
+        number: Callable[[], int] | None = None,
     ) -> None:
         """`point_map` is only read here; `detections` gives the present gallery, `names` the name
-        of each class, and `tell` notes a sentence with its place in the log."""
+        of each class, `tell` notes a sentence with its place in the log, and `number` counts the
+        edits of all kinds."""
         self._holder, self._map, self._tell = holder, point_map, tell
         self._detections, self._names = detections, names
+        self._number = number or itertools.count(1).__next__
         self._lock = threading.Lock()
         self._is_retired = False
         self._done: list[_Edit] = []
@@ -195,7 +204,10 @@ class MapEditor:
         """Descriptions of the next undo and redo."""
         done, undone = self._done, self._undone
         return EditHistory(
-            undo=done[-1].text if done else None, redo=undone[-1].text if undone else None
+            undo=done[-1].text if done else None,
+            redo=undone[-1].text if undone else None,
+            undo_number=done[-1].number if done else 0,
+            redo_number=undone[-1].number if undone else 0,
         )
 
     def erase(self, corners: Corners, what: Erasable, *, by: str) -> None:
@@ -290,6 +302,7 @@ class MapEditor:
     def _step(self, edit: _Edit, by: str) -> None:
         with self._lock:
             self._post(edit.apply, by)
+            edit.number = self._number()
             self._done = [*self._done[1 - MAX_UNDO :], edit]
             self._undone = []
             while sum(step.bytes_used for step in self._done) > MAX_UNDO_BYTES:

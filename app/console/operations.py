@@ -4,7 +4,8 @@ store, snapshots come from the newest tick."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Any
@@ -12,10 +13,21 @@ from typing import Any
 from app.console.anchored_items import AnchoredItems
 from app.console.back_off import BackOff
 from app.console.beware_editor import BewareEditor
+from app.console.beware_map import BewareMap
+from app.console.colour_rules import LiveColourRules
+from app.console.edit_history import AllEdits
 from app.console.goals import Goals
 from app.console.map_editor import MapEditor
-from app.console.path_preview import compare, grid_with, measured, pose_at
+from app.console.path_preview import (
+    Planner,
+    compare,
+    compare_lists,
+    grid_with,
+    measured,
+    pose_at,
+)
 from app.console.place_editor import PlaceEditor
+from app.console.recent_frames import RecentFrames
 from app.console.saved_missions import SavedMissions
 from app.console.sites import LiveSites
 from app.console.zone_editor import ZoneEditor
@@ -30,6 +42,7 @@ from app.storage import Store
 from app.storage.site_store import SiteStore
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState
+from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import OccupancyGrid
@@ -42,9 +55,11 @@ from navcore.planning.path import NoPath
 from navcore.robot.driver import Command, Robot
 from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import GateDecision, StopReason
+from web.interface.beware import ListPreview
 from web.interface.drafts import PathPreview, Preview, PreviewDraft
 from web.interface.operations import MissionAction
 from web.interface.snapshots import Cloud, State, TickSnapshot
+from web.interface.wire import Position
 
 MOVING_MPS = 1e-3
 """Commanded speed from which the robot is shown as moving, m/s or rad/s."""
@@ -90,6 +105,15 @@ class LiveOperations:
         self.keeper = keeper or MapKeeper(store.site.map_file, {})
         """Keeps the map on disk."""
         self._edits_before, self._new_beware = 0, new_beware
+        self._number, self._recent = itertools.count(1).__next__, RecentFrames()
+        self._config = config
+        self._beware_map = BewareMap(
+            controller,
+            point_map=controller.navigator.map,
+            recent=self._recent,
+            segmenter=perception.segmenter,
+            config=config,
+        )
         self._edit(store.site)
         self.sites = LiveSites(
             store,
@@ -114,6 +138,7 @@ class LiveOperations:
             change_mission=controller.change_mission,
         )
         self.map_edits = self._map_editor()
+        self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits))
         self.insight = LiveInsight(
             controller=controller,
             recorder=recorder,
@@ -132,12 +157,15 @@ class LiveOperations:
             spec=lambda: controller.navigator.map.spec,
             saved=SavedMissions(site),
         )
-        self.zones = ZoneEditor(controller, store=site, watcher=self._recorder)
+        self.zones = ZoneEditor(controller, store=site, watcher=self._recorder, number=self._number)
         self.beware = BewareEditor(
             controller,
             store=site,
             segmenter=self._perception.segmenter,
+            colours=LiveColourRules(self._recent, self._config.perception),
+            follower=self._beware_map,
             defaults=self._new_beware,
+            number=self._number,
         )
 
     def _map_editor(self) -> MapEditor:
@@ -148,6 +176,7 @@ class LiveOperations:
             detections=lambda: self.insight.detections,
             names=lambda: self._controller.intent.beware.names,
             tell=lambda text, place: self.insight.note_map(text, place),
+            number=self._number,
         )
 
     @contextmanager
@@ -164,6 +193,7 @@ class LiveOperations:
         self._recorder.watch_zones(self.zones.stored)
         self.insight.forget_place()
         self._anchored.forget()
+        self._recent.forget()
 
     @property
     def profile(self) -> RobotProfile:
@@ -185,9 +215,10 @@ class LiveOperations:
         """Called by the think thread after each tick."""
         self._recorder.note_decision(decision)
         self.insight.note_decision(decision)
-        self.insight.note_place(
-            self._anchored.note_tick(decision.correction, self._controller.navigator.map.pose_ids)
-        )
+        pose_ids = self._controller.navigator.map.pose_ids
+        if decision.place.is_known and (at := pose_ids.known(decision.frame.pose)) is not None:
+            self._recent.note(decision.frame, at, pose_ids[at])
+        self.insight.note_place(self._anchored.note_tick(decision.correction, pose_ids))
         request = self._controller.tick_state.request
         names = {} if request is None else request.beware.names
         self.keeper.note_tick(self._controller.navigator.map, names, decision.frame.stamp_ns)
@@ -342,28 +373,60 @@ class LiveOperations:
 
     def preview(self, draft: PreviewDraft) -> Preview:
         """Plan on the newest map with the draft and without it; nothing is applied."""
-        decision, navigator = self._controller.tick_state.decision, self._controller.navigator
         queue = self._controller.intent.mission.queue
         target = draft.goal or ((queue[0].x_m, queue[0].y_m) if queue else None)
         if target is None:
             raise Refused("there is no goal to preview a path to; give one")
-        tick = self._recorder.picture
-        if decision is None or tick is None:
+        decision = self._controller.tick_state.decision
+        plan, ends = self._planner(draft.start), [target]
+        if decision is None:
             raise Refused("there is no map yet; the camera has not delivered an image")
-        goal, ends = target, [target] if draft.start is None else [draft.start, target]
+        if draft.start is not None:
+            ends = [draft.start, target]
         grid = grid_with(decision.occupancy.grid, ends)
-        pose = decision.frame.pose if draft.start is None else pose_at(draft.start)
         zone = (
             None
             if draft.zone is None
             else self.zones.checked(draft.zone, zone_id="draft", version=1)
         )
+        return compare(grid, self.zones.stored, plan(target), draft=zone, replaces=draft.replaces)
 
-        def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
-            route = navigator.preview(navigator.inflate_draft(grid), pose, goal)
-            return measured(route, zones, navigator.travel_time_s, tick.seen_mask, tick.grid_spec)
+    def preview_list(self, beware: BewareList) -> ListPreview:
+        """Compare another beware list with the one in force on the newest map; nothing is
+        applied."""
+        controller = self._controller
 
-        return compare(grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces)
+        def occupancy() -> Costmap | None:
+            decision = controller.tick_state.decision
+            return None if decision is None else decision.occupancy
+
+        present, drafted = self._beware_map.grids(occupancy, self.beware.list, beware)
+        return compare_lists(
+            present,
+            drafted,
+            self.zones.stored,
+            self._planner(None),
+            controller.intent.mission.queue,
+        )
+
+    def _planner(self, start: Position | None) -> Callable[[Position], Planner]:
+        """Return what plans from a position, or from the robot's, to a goal on any grid."""
+        decision, navigator = self._controller.tick_state.decision, self._controller.navigator
+        tick = self._recorder.picture
+        if decision is None or tick is None:
+            raise Refused("there is no map yet; the camera has not delivered an image")
+        pose = decision.frame.pose if start is None else pose_at(start)
+
+        def to(goal: Position) -> Planner:
+            def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
+                route = navigator.preview(navigator.inflate_draft(grid), pose, goal)
+                return measured(
+                    route, zones, navigator.travel_time_s, tick.seen_mask, tick.grid_spec
+                )
+
+            return plan
+
+        return to
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Return the reports of past runs, newest first, without their time series."""

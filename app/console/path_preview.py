@@ -13,15 +13,18 @@ from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import length_m
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
-from navcore.grid.grid import GridSpec, OccupancyGrid
+from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.grid.growth import is_possible, padded, reaching
 from navcore.mission.mission import Goal, checked
 from navcore.mission.zone import Zone, zone_masks
 from navcore.planning.path import NoPath, Path
 from navcore.planning.route import Route
 from navcore.planning.unseen_parts import unseen_m, unseen_parts
+from web.interface.beware import ListPreview
 from web.interface.drafts import PathPreview, Preview
 
+MAX_GOALS = 20
+"""Largest number of waiting goals to which a preview of a list plans."""
 MAX_SINGLE_ZONES = 8
 """Largest number of zones that are removed one by one to find those that cut the goal off."""
 Position = tuple[float, float]
@@ -79,6 +82,46 @@ def compare(
     present = None if draft is None and replaces is None else plan(with_zones(grid, zones), zones)
     cut_by = blocking_zones(grid, drafted, plan, draft) if isinstance(path.outcome, NoPath) else ()
     return Preview(path=path, present=present, cut_by=cut_by)
+
+
+def compare_lists(
+    present: OccupancyGrid,
+    drafted: OccupancyGrid,
+    zones: tuple[Zone, ...],
+    plan_to: Callable[[Position], Planner],
+    goals: Sequence[Goal],
+) -> ListPreview:
+    """Compare the grid of the beware list in force with that of another one: the cells, the path to
+    the first goal, and the goals that would be cut off."""
+    before, after = (_beware_cells(grid) for grid in (present, drafted))
+    spec = present.spec
+    cells = ListPreview(
+        appear=spec.centres(np.argwhere(after & ~before)),
+        go=spec.centres(np.argwhere(before & ~after)),
+    )
+    if not goals:
+        return cells
+    paths: list[tuple[PathPreview, PathPreview]] = []
+    for goal in goals[:MAX_GOALS]:
+        plan, at = plan_to((goal.x_m, goal.y_m)), (goal.x_m, goal.y_m)
+        old, new = (
+            plan(with_zones(grid_with(grid, [at]), zones), zones) for grid in (present, drafted)
+        )
+        paths.append((old, new))
+    cut_off = tuple(
+        goal.title
+        for goal, (old, new) in zip(goals, paths, strict=False)
+        if isinstance(old.outcome, Path) and isinstance(new.outcome, NoPath)
+    )
+    return dataclasses.replace(cells, present=paths[0][0], path=paths[0][1], cut_off=cut_off)
+
+
+def _beware_cells(grid: OccupancyGrid) -> BoolGrid:
+    """Return the (rows, cols) cells of all classes of the beware list."""
+    cells = np.zeros_like(grid.geometric)
+    for layer in grid.beware.values():
+        cells = cells | layer
+    return cells
 
 
 def blocking_zones(

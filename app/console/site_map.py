@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+import time
 import zlib
 from collections.abc import Mapping
 from typing import Any
@@ -23,6 +24,7 @@ from navcore.mapping.changes import CellMap
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage import map_file
 from navcore.mapping.storage.map_state import MapState
+from navcore.mission.beware_changes import changes_between
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.toml_config import from_table, ranged
 
@@ -34,6 +36,22 @@ def beware_of(site: SiteStore, new: BewareList | None = None) -> BewareList:
     """Return the beware list of a site; before its first edit it is `new`, by default the shipped
     one."""
     return site.beware() or new or default_beware_list()
+
+
+def put_in_force(site: SiteStore, given: BewareList, present: BewareList) -> None:
+    """Store a list from elsewhere as the newest one of a site, whose ids it takes over; nothing is
+    stored where it says the same as the present one. Raises `BadConfiguration` for an empty
+    list."""
+    adopted = present.adopted(given.classes)
+    if not adopted.classes:
+        raise BadConfiguration("--beware: the list is empty, the robot would beware of nothing")
+    if adopted.classes == present.classes:
+        return
+    now_s = time.time()
+    if not site.beware_versions():
+        site.save_beware(present, unix_s=now_s, what="list of a new site")
+    what = "; ".join(changes_between(present, adopted)[:3])
+    site.save_beware(adopted, unix_s=now_s, by="command line", what=what)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)

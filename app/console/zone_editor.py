@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import logging
 import threading
 import time
@@ -19,6 +20,7 @@ from app.storage.records import zone_of, zone_record
 from navcore.errors import AlreadyThere, BadGeometry, NotKnown, Outdated, Refused, StorageFailed
 from navcore.mission.zone import Zone, check_polygon, check_rules
 from navcore.mission.zone_shapes import still_drawn
+from web.interface.beware import OPERATOR
 from web.interface.drafts import EditHistory, ZoneDraft
 from web.interface.operations import Existing
 
@@ -52,6 +54,8 @@ class ZoneWatcher(Protocol):
 class _Edit:
     """One step of the operator that can be undone."""
 
+    number: int
+    """Number of the step among all edits."""
     text: str
     """Description of the step."""
     before: Mapping[str, Zone | None]
@@ -71,10 +75,13 @@ class ZoneEditor:
         watcher: ZoneWatcher | None = None,
         calendar_s: Callable[[], float] = time.time,
         new_id: Callable[[], str] = lambda: uuid.uuid4().hex[:12],
+        number: Callable[[], int] | None = None,
     ) -> None:
-        """`calendar_s`: calendar clock of the robot, seconds since 1970; zones expire by it."""
+        """`calendar_s`: calendar clock of the robot, seconds since 1970; zones expire by it.
+        `number` counts the edits of all kinds."""
         self._holder, self._store, self._watcher = holder, store, watcher
         self._calendar_s, self._new_id = calendar_s, new_id
+        self._number = number or itertools.count(1).__next__
         self._lock = threading.RLock()
         saved = (zone for zones in self.sets().values() for zone in zones)
         self._versions = {zone.id: zone.version for zone in (*self.stored, *saved)}
@@ -105,7 +112,10 @@ class ZoneEditor:
         """Descriptions of the next undo and redo."""
         done, undone = self._done, self._undone
         return EditHistory(
-            undo=done[-1].text if done else None, redo=undone[-1].text if undone else None
+            undo=done[-1].text if done else None,
+            redo=undone[-1].text if undone else None,
+            undo_number=done[-1].number if done else 0,
+            redo_number=undone[-1].number if undone else 0,
         )
 
     def checked(self, draft: ZoneDraft, *, zone_id: str, version: int) -> Zone:
@@ -193,15 +203,15 @@ class ZoneEditor:
             old = self._expected(zone_id, expected_version)
             self._step(f"deletion of {old.name!r}", {zone_id: None})
 
-    def undo(self) -> str:
-        """Undo the newest edit and return its description."""
+    def undo(self, *, by: str = OPERATOR) -> str:
+        """Undo the newest edit and return its description; only the audit log keeps who did it."""
         with self._lock:
             edit = _last(self._done, "undo")
             self._apply(edit.before)
             self._undone.append(self._done.pop())
         return edit.text
 
-    def redo(self) -> str:
+    def redo(self, *, by: str = OPERATOR) -> str:
         """Repeat the edit that was undone last and return its description."""
         with self._lock:
             edit = _last(self._undone, "redo")
@@ -305,10 +315,9 @@ class ZoneEditor:
 
     def _step(self, text: str, after: Mapping[str, Zone | None]) -> None:
         present = {zone.id: zone for zone in self.stored}
-        edit = _Edit(
-            text=text, before={zone_id: present.get(zone_id) for zone_id in after}, after=after
-        )
+        before = {zone_id: present.get(zone_id) for zone_id in after}
         self._apply(after)
+        edit = _Edit(number=self._number(), text=text, before=before, after=after)
         self._done = [*self._done[1 - MAX_UNDO :], edit]
         self._undone = []
 

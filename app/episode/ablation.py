@@ -60,8 +60,8 @@ class Oracle:
         shown = self._shown.get(frame.stamp_ns, {})
         self._shown = {t_ns: kept for t_ns, kept in self._shown.items() if t_ns > frame.stamp_ns}
         for entry in beware.classes:
-            if entry.name in shown:
-                class_ids[shown[entry.name]] = entry.class_id
+            if entry.detected_as in shown:
+                class_ids[shown[entry.detected_as]] = entry.class_id
         return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
 
     def source_of(self, entry: BewareClass) -> LabelSource:

@@ -191,7 +191,7 @@ def _ideal_m(record: EpisodeRecord) -> float | None:
 def _items(record: EpisodeRecord) -> dict[str, dict[str, int]]:
     beware = record.beware
     grid = layer_grid(record.map, beware, ())
-    held = {entry.name: grid.beware[entry.class_id] for entry in beware.enabled}
+    held = {entry.detected_as: grid.beware[entry.class_id] for entry in beware.enabled}
     return record.detections.counts_by_class(held, record.spec)
 
 

@@ -110,7 +110,7 @@ def episode_of(
     Without a configuration the default of the robot is used.
     """
     world, config = randomise(task.populated, seed), config or config_for(robot)
-    margins_m = {entry.name: entry.margin_m for entry in beware.enabled}
+    margins_m = {entry.detected_as: entry.margin_m for entry in beware.enabled}
     if task.random:
         world, config = _placed(world, seed, robot, config, margins_m)
     if task.goals:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from app.storage.records import zone_of, zone_record
 from navcore.mission.beware_list import BewareClass, BewareList, as_table
 from navcore.mission.zone import Zone
 from navcore.toml_config import from_table
+from web.interface.beware import BewareVersion
 
 MAP_FILE = "map.npz"
 """Name of the map file in the folder of a site."""
@@ -83,37 +84,53 @@ class SiteStore:
 
     def beware(self) -> BewareList | None:
         """Return the list saved last; None on a new site."""
-        versions = self._beware_lists(limit=1)
-        return versions[0] if versions else None
+        versions = self._beware_versions(limit=1)
+        return versions[0].list if versions else None
 
-    def beware_versions(self) -> tuple[BewareList, ...]:
+    def beware_versions(self) -> tuple[BewareVersion, ...]:
         """Return every list that was ever saved, newest first."""
-        return self._beware_lists(limit=-1)
+        return self._beware_versions(limit=-1)
 
-    def save_beware(self, beware: BewareList) -> None:
-        """Store the list in force; earlier lists are kept."""
-        classes = [as_table(entry) for entry in beware.classes]
-        document = json.dumps(
-            {"version": beware.version, "classes": classes, "retired": beware.retired}
-        )
+    def save_beware(
+        self,
+        beware: BewareList,
+        *,
+        unix_s: float | None = None,
+        by: str = "",
+        what: str = "",
+    ) -> None:
+        """Store the list in force, with the time of the edit in seconds since 1970, who made it
+        and its description; earlier lists are kept."""
+        document = {
+            "version": beware.version,
+            "classes": [as_table(entry) for entry in beware.classes],
+            "retired": beware.retired,
+            "unix_s": unix_s,
+            "by": by,
+            "what": what,
+        }
         self._database.write(
             "INSERT INTO beware_lists (site, version, list) VALUES (?, ?, ?)",
-            (self.name, beware.version, document),
+            (self.name, beware.version, json.dumps(document)),
         )
 
-    def _beware_lists(self, *, limit: int) -> tuple[BewareList, ...]:
+    def _beware_versions(self, *, limit: int) -> tuple[BewareVersion, ...]:
         rows = self._database.rows(
             "SELECT list FROM beware_lists WHERE site = ? ORDER BY position DESC LIMIT ?",
             (self.name, limit),
         )
-        return tuple(_beware_list(row[0]) for row in rows)
+        return tuple(_beware_version(json.loads(row[0])) for row in rows)
 
 
-def _beware_list(document: str) -> BewareList:
-    saved = json.loads(document)
+def _beware_version(saved: Mapping[str, Any]) -> BewareVersion:
     classes = tuple(
         from_table(BewareClass, table, f"stored beware list[{i}]")
         for i, table in enumerate(saved["classes"])
     )
     retired = tuple((name, class_id) for name, class_id in saved["retired"])
-    return BewareList(classes=classes, version=saved["version"], retired=retired)
+    return BewareVersion(
+        list=BewareList(classes=classes, version=saved["version"], retired=retired),
+        unix_s=saved.get("unix_s"),
+        by=saved.get("by", ""),
+        what=saved.get("what", ""),
+    )

@@ -171,6 +171,33 @@ class RegionGrowingConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ColourPickingConfig:
+    """How a click into the camera image becomes a colour rule."""
+
+    hue_deg: float = ranged(1.0, 90.0, default=16.0)
+    """Largest difference of hue in degrees to the clicked pixel within its region."""
+    saturation: float = ranged(0.01, 1.0, default=0.3)
+    """Largest difference of saturation to the clicked pixel within its region."""
+    value: float = ranged(0.01, 1.0, default=0.35)
+    """Largest difference of brightness to the clicked pixel within its region."""
+    outside_share: float = ranged(0.0, 0.4, default=0.02)
+    """Share of the region's pixels at either end of hue, saturation and brightness that the rule
+    leaves out."""
+    slack_deg: float = ranged(0.0, 60.0, default=4.0)
+    """Degrees of hue by which the rule is wider than its region at either end."""
+    slack: float = ranged(0.0, 0.5, default=0.08)
+    """Saturation and brightness by which the rule is wider than its region."""
+    min_saturation: float = ranged(0.0, 1.0, default=0.18)
+    """Saturation below which a clicked pixel is grey: it has no hue."""
+    min_value: float = ranged(0.0, 1.0, default=0.1)
+    """Brightness below which a clicked pixel is too dark to have a hue."""
+    above_m: float = ranged(0.0, 1.0, default=0.05)
+    """Height in metres that the rule allows above the top of its region."""
+    max_share: float = ranged(0.05, 1.0, default=0.5)
+    """Share of all pixels of the images of the last minutes from which a rule is refused."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PersonDetectorConfig:
     """Which clusters of a depth image have the size of a person."""
 
@@ -324,6 +351,8 @@ class PerceptionConfig:
     """Labelled regions that are reported as detections."""
     region_growing: RegionGrowingConfig = field(default_factory=RegionGrowingConfig)
     """Objects that are outlined after a click."""
+    colour_picking: ColourPickingConfig = field(default_factory=ColourPickingConfig)
+    """Colour rules that are made by a click."""
 
 
 DEFAULT_PERCEPTION = PerceptionConfig()

@@ -36,6 +36,16 @@ def floor_bins(floor_m: float) -> np.uint64:
     )
 
 
+def least_confidence(beware: BewareList, certain: float) -> npt.NDArray[np.float32]:
+    """Return (64,) the smallest confidence of a point that counts, by class id; `certain` is the
+    largest that a list can ask for."""
+    least = np.zeros(64, dtype=np.float32)
+    for entry in beware.classes:
+        # A threshold above what the map can reach would disable the class silently.
+        least[entry.class_id] = min(entry.min_confidence, certain)
+    return least
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Changes:
     """Cells that became occupied or free in the layer of a class; a cell may occur more than
@@ -140,10 +150,7 @@ class MapLayers:
 
     def use(self, beware: BewareList, points: PointTable) -> None:
         """Count only points with the confidence that the list asks for, past ones included."""
-        least = np.zeros(64, dtype=np.float32)
-        for entry in beware.classes:
-            # A threshold above what the map can reach would disable the class silently.
-            least[entry.class_id] = min(entry.min_confidence, self._certain)
+        least = least_confidence(beware, self._certain)
         stale = np.flatnonzero(least != self._least)
         self._least = least
         self._refresh_classes(points, stale)

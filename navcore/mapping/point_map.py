@@ -39,6 +39,7 @@ from navcore.mapping.explored.patch import DRIVEN, FLOOR, MEASURED, VISIBLE
 from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mapping.layers import MapLayers
 from navcore.mapping.points.clearing import find_outdated
+from navcore.mapping.points.coloured import is_taken
 from navcore.mapping.points.confidence import initial_confidence, update_confidence
 from navcore.mapping.points.erasing import Erased, put_back, take
 from navcore.mapping.points.fading import faded
@@ -50,7 +51,7 @@ from navcore.mapping.points.rejections import Rejection, Rejections
 from navcore.mapping.storage.map_state import MapState
 from navcore.mapping.storage.stored_scans import NO_SCANS, StoredScans
 from navcore.mapping.views.observation import Observation
-from navcore.mission.beware_list import NOTHING, BewareList
+from navcore.mission.beware_list import NOTHING, BewareList, ColourRule
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
@@ -247,6 +248,45 @@ class PointMap:
         """Forget a rejection and return it; None for an unknown number."""
         self.version += 1
         return self.rejections.remove(rejection_id, pose_rows(self.pose_ids.poses), self.spec)
+
+    @property
+    def beware_points(self) -> Records:
+        """Copy of the points of the beware list's classes."""
+        live = self._points.live
+        return np.asarray(live[live["class_id"] != NOTHING])
+
+    def forget_coloured(
+        self, class_id: int, rule: ColourRule, before: ColourRule | None = None
+    ) -> Erased:
+        """Remove and return the points of a class that its colour rule has found and that its new
+        rule does not take; `before` is the rule until now."""
+        live = self._points.live
+        indices = np.flatnonzero((live["class_id"] == class_id) & (live["confidence"] >= 1))
+        gone = indices[~is_taken(live[indices], rule, before)]
+        taken = take(self._points, gone)
+        cells = np.unique(taken["cell"][taken["cell"] >= 0]).astype(np.int64)
+        self._changed_by_hand(cells, cells[:0])
+        return Erased(records=taken, prior_xy=np.empty((0, 2)), cells=len(cells))
+
+    def past_points(self, observation: Observation, pose_id: int) -> Records:
+        """Return the beware points that a past frame with a known pose ID shows, placed on the
+        present grid; raises `ValueError` for an unknown ID."""
+        if not 0 <= pose_id < len(self.pose_ids):
+            raise ValueError(f"pose ID {pose_id} is not on the map")
+        rows, at = pose_rows([self.pose_ids[pose_id]]), np.zeros(len(observation.rgb), np.int32)
+        points_base = base_points(observation.points_map, at, rows)
+        new = self._records(observation, points_base, at, rows)
+        new["pose_id"], new["looks"] = pose_id, self._rules.fading.first
+        return np.asarray(new[new["class_id"] != NOTHING])
+
+    def add_past(self, points: Records) -> None:
+        """Add `past_points` where the map has none of their class."""
+        self._has_beware = self._has_beware or len(points) > 0
+        self.layers.add_classes(points["class_id"])
+        self._points.add(points, one_per_cell=self._over_budget)
+        cells = np.unique(points["cell"][points["cell"] >= 0]).astype(np.int64)
+        self._changed_by_hand(cells, cells[:0])
+        self._keep_to_budget()
 
     def _changed_by_hand(self, cells: Indices, prior: Indices) -> None:
         self.layers.refresh(self._points, cells)

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Iterable
+import re
+import tomllib
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from navcore.errors import BadConfiguration
-from navcore.toml_config import from_table, ranged, read_toml
+from navcore.toml_config import from_table, ranged, read_text
 
 NOTHING = 0
 """Class id of a pixel without an entry of the list; on the map, of a geometric obstacle."""
@@ -24,7 +26,11 @@ LARGEST_CLASS_ID = 62
 """Largest class id; the map has a bit for each id in a word."""
 MAX_MARGIN_M = 2.0
 """Largest margin of an entry in metres."""
-OPTIONAL = ("colour", "min_height_m", "max_height_m", "min_size_m", "label")
+FLAT_M = 0.05
+"""Height in metres up to which a colour is a flat marking, unless a rule says otherwise."""
+MAX_NAME = 80
+"""Largest length of a name in characters."""
+OPTIONAL = ("colour", "min_height_m", "max_height_m", "min_size_m", "label", "network_class")
 """Fields of an entry that an edit may remove, with None."""
 
 
@@ -38,7 +44,7 @@ class ColourRule:
     """Smallest saturation, 0 (grey) to 1."""
     min_value: float = ranged(0.0, 1.0, default=0.2)
     """Smallest brightness, 0 (black) to 1."""
-    max_height_m: float = ranged(0.0, 3.0, default=0.05)
+    max_height_m: float = ranged(0.0, 3.0, default=FLAT_M)
     """Largest height in metres above the floor: a marking is flat, and a red chair is no red
     zone."""
     fallback: bool = False
@@ -74,6 +80,14 @@ class BewareClass:
     a colour rule are grains of the floor or image noise. None for any size."""
     label: str | None = None
     """Name in the console, in the operator's language; None for the English name."""
+    network_class: str | None = None
+    """Class of the network that detects this one, kept when the entry is renamed; None for the
+    class with the entry's own name."""
+
+    @property
+    def detected_as(self) -> str:
+        """Class of the network that detects this one."""
+        return self.network_class or self.name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +99,8 @@ class BewareList:
     version: int = 0
     """Version of the list; grows by one with every edit."""
     retired: tuple[tuple[str, int], ...] = ()
-    """Name and class id of removed entries: the map may still hold points of them."""
+    """Name and class id of removed entries, and former names of renamed ones, oldest first: maps
+    may hold points under them. A name has one class id for ever."""
 
     def __post_init__(self) -> None:
         for what in ("name", "class_id"):
@@ -109,15 +124,20 @@ class BewareList:
 
     @property
     def names(self) -> dict[int, str]:
-        """Class id → name, removed entries included."""
+        """Class id → newest name, removed entries included."""
         return {class_id: name for name, class_id in self.retired} | {
             entry.class_id: entry.name for entry in self.classes
         }
 
     @property
+    def ids(self) -> dict[str, int]:
+        """Name → class id, removed entries and former names included."""
+        return dict(self.retired) | {entry.name: entry.class_id for entry in self.classes}
+
+    @property
     def people_ids(self) -> list[int]:
         """Class ids of people; empty for a list without people."""
-        return [entry.class_id for entry in self.classes if entry.name == PERSON]
+        return [entry.class_id for entry in self.classes if entry.detected_as == PERSON]
 
     def edited(self, name: str, /, **changes: object) -> BewareList:
         """Return the next version with changed fields of one entry; raises `BadConfiguration` for
@@ -133,23 +153,105 @@ class BewareList:
 
     def replaced(self, classes: Iterable[BewareClass]) -> BewareList:
         """Return the next version with other entries; raises `BadConfiguration` if a name gets
-        another class id, because the map stores ids."""
+        another class id or a class id an unknown name, because maps store ids."""
         classes = tuple(classes)
-        names = self.names
-        ids = {name: class_id for class_id, name in names.items()}
+        ids = self.ids
         for entry in classes:
-            if names.get(entry.class_id, entry.name) != entry.name:
-                raise BadConfiguration(
-                    f"beware list: class_id {entry.class_id} belongs to "
-                    f"{names[entry.class_id]!r} for ever"
-                )
             if ids.get(entry.name, entry.class_id) != entry.class_id:
                 raise BadConfiguration(
                     f"beware list: {entry.name!r} has class_id {ids[entry.name]} for ever"
                 )
-        kept = {entry.name for entry in classes}
-        retired = tuple((name, class_id) for name, class_id in ids.items() if name not in kept)
+            if entry.name not in ids and entry.class_id in ids.values():
+                raise BadConfiguration(
+                    f"beware list: class_id {entry.class_id} belongs to "
+                    f"{self.names[entry.class_id]!r} for ever"
+                )
+        return self._followed_by(classes)
+
+    def added(self, table: Mapping[str, object]) -> BewareList:
+        """Return the next version with one more entry at its end, given as plain values without
+        `class_id`; a class that was removed before gets its class id back, and with it its points
+        on the map."""
+        name = table.get("name")
+        if any(entry.name == name for entry in self.classes):
+            raise BadConfiguration(f"beware list: there is a class {name!r} already")
+        number = self.ids.get(name) if isinstance(name, str) else None
+        for entry in self.classes:
+            if entry.class_id == number:
+                raise BadConfiguration(
+                    f"beware list: {name!r} is a former name of {entry.name!r}; take another one"
+                )
+        table = {**table, "class_id": self._free_id() if number is None else number}
+        return self.replaced((*self.classes, from_table(BewareClass, table, "beware list")))
+
+    def renamed(self, name: str, new: str) -> BewareList:
+        """Return the next version with another name for an entry, which keeps its class id, so that
+        what is on the map stays, and its class of the network."""
+        entry, owner = self.named(name), self.ids.get(new)
+        if any(other.name == new for other in self.classes):
+            raise BadConfiguration(f"beware list: there is a class {new!r} already")
+        if owner is not None and owner != entry.class_id:
+            raise BadConfiguration(
+                f"beware list: {new!r} was the name of another class; take another one"
+            )
+        network_class = None if entry.detected_as == new else entry.detected_as
+        renamed = dataclasses.replace(entry, name=new, network_class=network_class)
+        return self._followed_by(
+            tuple(renamed if other is entry else other for other in self.classes)
+        )
+
+    def removed(self, name: str) -> BewareList:
+        """Return the next version without an entry; its points stay in the map and count no
+        more."""
+        entry = self.named(name)
+        return self._followed_by(tuple(other for other in self.classes if other is not entry))
+
+    def ordered(self, names: Sequence[str]) -> BewareList:
+        """Return the next version with the entries in another order, all of them named once."""
+        if sorted(names) != sorted(entry.name for entry in self.classes):
+            raise BadConfiguration("beware list: the order has to name every class once")
+        return self._followed_by(tuple(map(self.named, names)))
+
+    def adopted(self, classes: Iterable[BewareClass]) -> BewareList:
+        """Return the next version with the entries of another list: a known name keeps its class id
+        here, a new one takes its own where that is free."""
+        wanted, ids = tuple(classes), self.ids
+        used = {*ids.values()}
+        adopted = []
+        for entry in wanted:
+            number = ids.get(entry.name)
+            if number is None:
+                number = entry.class_id if entry.class_id not in used else self._free_id(used)
+            used.add(number)
+            adopted.append(dataclasses.replace(entry, class_id=number))
+        return self.replaced(adopted)
+
+    def _free_id(self, used: Container[int] | None = None) -> int:
+        taken = self.ids.values() if used is None else used
+        for number in range(1, LARGEST_CLASS_ID + 1):
+            if number not in taken:
+                return number
+        raise BadConfiguration(
+            f"beware list: all {LARGEST_CLASS_ID} class ids are used, by removed classes too; "
+            "rename or bring back one of those"
+        )
+
+    def _followed_by(self, classes: tuple[BewareClass, ...]) -> BewareList:
+        known = self.ids
+        for entry in classes:
+            if entry.name not in known:
+                check_name(entry.name, "beware list")
+        kept = {(entry.name, entry.class_id) for entry in classes}
+        retired = tuple(pair for pair in self.ids.items() if pair not in kept)
         return BewareList(classes=classes, version=self.version + 1, retired=retired)
+
+
+def check_name(name: str, where: str) -> None:
+    """Raise `BadConfiguration` for a name of a class that is blank, too long or not printable."""
+    if not name.strip() or not name.isprintable() or len(name) > MAX_NAME:
+        raise BadConfiguration(
+            f"{where}: name {name!r:.90}: expected 1 to {MAX_NAME} printable characters"
+        )
 
 
 def as_table(entry: BewareClass) -> dict[str, object]:
@@ -182,9 +284,60 @@ class _Document:
     beware: tuple[BewareClass, ...] = ()
 
 
+_TABLE = re.compile(r"\s*\[\[\s*beware\s*\]\]")
+_PLACE = re.compile(r"beware\[(\d+)\](?:\.(\w+))?(?:\.(\w+))?(.*)", re.DOTALL)
+
+
+def parse_beware_list(text: str, where: str) -> BewareList:
+    """Return the list of a TOML document; raises `BadConfiguration` with `where`, the line and the
+    key of what is wrong."""
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadConfiguration(f"{where}: not readable as TOML: {error}") from None
+    try:
+        classes = from_table(_Document, document, where).beware
+    except BadConfiguration as error:
+        found = _PLACE.search(str(error))
+        if found is None:
+            raise
+        index, key, inner, said = found.groups()
+        unknown = re.search(r"unknown key '(\w+)'", said)
+        keys = (unknown[1] if unknown else None, inner, key)
+        line = _line_of(text, int(index), keys)
+        raise BadConfiguration(f"{where}: line {line}: {found.group()}") from None
+    for index, entry in enumerate(classes):
+        check_name(entry.name, f"{where}: line {_line_of(text, index, ('name',))}")
+    for key in ("name", "class_id"):
+        values = [getattr(entry, key) for entry in classes]
+        for index, value in enumerate(values):
+            if value in values[:index]:
+                raise BadConfiguration(
+                    f"{where}: line {_line_of(text, index, (key,))}: {key} {value!r} occurs more "
+                    "than once"
+                )
+    return BewareList(classes=classes)
+
+
+def _line_of(text: str, index: int, keys: Sequence[str | None]) -> int:
+    """Return the line, from 1, of the first key that is in an entry, else of the entry's
+    header."""
+    lines = text.splitlines()
+    headers = [number for number, line in enumerate(lines) if _TABLE.match(line)]
+    if index >= len(headers):  # written as an inline array
+        return 1
+    end = headers[index + 1] if index + 1 < len(headers) else len(lines)
+    for key in filter(None, keys):
+        for number in range(headers[index], end):
+            if re.search(rf"(^|[\s{{,.]){re.escape(key)}\s*[=\]]", lines[number]):
+                return number + 1
+    return headers[index] + 1
+
+
 def load_beware_list(path: Path) -> BewareList:
-    """Read `[[beware]]` tables of a TOML file; raises `BadConfiguration` with file and key."""
-    return BewareList(classes=from_table(_Document, read_toml(path), path.name).beware)
+    """Read `[[beware]]` tables of a TOML file; raises `BadConfiguration` with file, line and
+    key."""
+    return parse_beware_list(read_text(path), path.name)
 
 
 def default_beware_list() -> BewareList:

@@ -95,6 +95,11 @@ def colour_masks(
     return masks
 
 
+def matches_colour(rgb: npt.NDArray[np.uint8], rule: ColourRule) -> Bools:
+    """Return the (H, W) pixels of an (H, W, 3) image whose colour fits, at any height."""
+    return _matches(np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8), rule)
+
+
 def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule) -> Bools:
     """Return the (H, W) pixels that fit; OpenCV has hue in steps of 2°, saturation and value in
     0…255."""

@@ -127,7 +127,7 @@ def test_an_edit_makes_the_next_version_and_leaves_the_old_value_untouched() -> 
         ("cat", {"enabled": True}, "no class 'cat'; known classes: cup, mud"),
         ("cup", {"margin_m": 9.0}, r"beware list: cup\.margin_m: 9.0 is out of range"),
         ("cup", {"margin_m": "0.1"}, r"cup\.margin_m: expected float"),
-        ("cup", {"name": "mud"}, "class_id 1 belongs to 'cup' for ever"),
+        ("cup", {"name": "mud"}, "'mud' has class_id 2 for ever"),
         ("cup", {"class_id": 2}, "class_id cannot be changed"),
         ("cup", {"margn_m": 0.1}, "margn_m"),
         ("cup", {"margin_m": None}, "margin_m"),
@@ -179,7 +179,9 @@ def test_files_are_read_and_errors_name_file_and_key(tmp_path: Path) -> None:
     )
     assert [entry.name for entry in load_beware_list(file).enabled] == ["cup"]
     file.write_text('[[beware]]\nname = "cup"\nclass_id = 1\ncolor = 3\n')
-    with pytest.raises(BadConfiguration, match=r"list\.toml\.beware\[0\]: unknown key 'color'"):
+    with pytest.raises(
+        BadConfiguration, match=r"list\.toml: line 4: beware\[0\]: unknown key 'color'"
+    ):
         load_beware_list(file)
     file.write_text("[[beware\n")
     with pytest.raises(BadConfiguration, match=r"list\.toml: not readable as TOML.*line 1"):

@@ -16,14 +16,26 @@ import numpy as np
 import numpy.typing as npt
 
 from app.console.beware_editor import BewareEditor
+from app.console.beware_map import BewareMap
+from app.console.colour_rules import LiveColourRules
+from app.console.edit_history import AllEdits
 from app.console.goals import Goals
 from app.console.map_editor import MapEditor
-from app.console.path_preview import compare, grid_with, pose_at, with_zones
+from app.console.path_preview import (
+    Planner,
+    compare,
+    compare_lists,
+    grid_with,
+    pose_at,
+    with_zones,
+)
+from app.console.recent_frames import RecentFrames
 from app.console.saved_missions import SavedMissions
 from app.console.zone_editor import ZoneEditor
 from app.insight.explanation import ExplanationQuery
 from app.runtime.operator_state import OperatorState
 from navcore.config.mapping import MappingConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration, NotKnown, Refused
@@ -43,10 +55,12 @@ from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan
 from navcore.planning.unseen_parts import Parts, unseen_m, unseen_parts
 from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
+from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import Cause, StopReason
 from tests.web.fake_insight import FakeInsight
 from tests.web.fake_sites import FakeSites
+from web.interface.beware import BewareVersion, ListPreview
 from web.interface.drafts import PathPreview, Preview, PreviewDraft
 from web.interface.localisation import PlaceCheck, PlaceOut
 from web.interface.operations import MissionAction
@@ -107,6 +121,7 @@ class FakeOperations:
         self._lock = threading.RLock()
         self._intent = OperatorState(mission=Mission(), beware=default_beware_list())
         store, self.calendar_s = MemoryStore(), 1e9
+        number = itertools.count(1).__next__
         self.view = FakeView()
         self.goals = Goals(self, view=self.view, spec=lambda: SPEC, saved=SavedMissions(store))
         self.zones = ZoneEditor(
@@ -114,17 +129,36 @@ class FakeOperations:
             store=store,
             calendar_s=lambda: self.calendar_s,
             new_id=_ids().__next__,
+            number=number,
         )
-        self.beware = BewareEditor(self, store=store, segmenter=ColourSegmenter())
         self.map_posts: list[Callable[[PointMap], None]] = []
         self.point_map = PointMap(SPEC, MappingConfig())
         self.point_map.pose_ids.id_of(Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0))
+        self.recent, segmenter = RecentFrames(), ColourSegmenter()
+        self.beware_map = BewareMap(
+            self,
+            point_map=self.point_map,
+            recent=self.recent,
+            segmenter=segmenter,
+            config=NavigatorConfig(),
+        )
+        self.beware = BewareEditor(
+            self,
+            store=store,
+            segmenter=segmenter,
+            colours=LiveColourRules(self.recent),
+            follower=self.beware_map,
+            calendar_s=lambda: self.calendar_s,
+            number=number,
+        )
+        self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits))
         self.map_edits = MapEditor(
             self,
             point_map=self.point_map,
             detections=lambda: self.insight.detections,
             names=lambda: self._intent.beware.names,
             tell=lambda text, place: None,
+            number=number,
         )
         self.sites = FakeSites(lambda: self._intent.mission.phase is Phase.DRIVING)
         self._pose = Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0)
@@ -288,21 +322,43 @@ class FakeOperations:
                 else self.zones.checked(draft.zone, zone_id="draft", version=1)
             )
 
-            def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
-                outcome, points = _planned(_inflated(grid), pose, goal)
-                length = self._length(points)
-                time_s = None if length is None else travel_time_s(points, zones, HUSKY)
-                return PathPreview(
-                    outcome=outcome,
-                    points=points,
-                    length_m=length,
-                    time_s=time_s,
-                    unseen_m=unseen_m(points, self._unseen(points)),
-                )
-
             return compare(
-                self._picture.grid, self.zones.stored, plan, draft=zone, replaces=draft.replaces
+                self._picture.grid,
+                self.zones.stored,
+                self._planner(pose, goal),
+                draft=zone,
+                replaces=draft.replaces,
             )
+
+    def preview_list(self, beware: BewareList) -> ListPreview:
+        """Implement the port."""
+        with self._lock:
+            present, drafted = (
+                _grid(self._world, listed, self.zones.stored)
+                for listed in (self._intent.beware, beware)
+            )
+            return compare_lists(
+                present,
+                drafted,
+                self.zones.stored,
+                lambda goal: self._planner(self._pose, goal),
+                self._intent.mission.queue,
+            )
+
+    def _planner(self, pose: Pose2, goal: tuple[float, float]) -> Planner:
+        def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
+            outcome, points = _planned(_inflated(grid), pose, goal)
+            length = self._length(points)
+            time_s = None if length is None else travel_time_s(points, zones, HUSKY)
+            return PathPreview(
+                outcome=outcome,
+                points=points,
+                length_m=length,
+                time_s=time_s,
+                unseen_m=unseen_m(points, self._unseen(points)),
+            )
+
+        return plan
 
     # Runs
 
@@ -365,6 +421,12 @@ class FakeOperations:
             self._intent = edit(self._intent)
             self._see()
             return self._intent
+
+    def block_by_red(self) -> None:
+        """Paint the floor red from wall to wall."""
+        with self._lock:
+            self._world[RED_FLOOR] = _box(-1.5, 0.5, -5.9, 5.9)
+            self._see()
 
     def grow(self, x_m: float, y_m: float) -> None:
         """Let the map grow to a point, as it does when the robot or a goal is there."""
@@ -443,6 +505,17 @@ class FakeOperations:
                     outcome, SPEC, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD
                 )
         rgb, labels = _frame()
+        depth_m = _depth()
+        frame = Frame(
+            stamp_ns=counts["serial"] * 100_000_000,
+            rgb=rgb,
+            depth_m=depth_m,
+            intrinsics=INTRINSICS,
+            T_base_camera=T_BASE_CAMERA,
+            pose=self._pose,
+            twist=STANDSTILL,
+        )
+        self.recent.note(frame, 0, self.point_map.poses[0])
         self.view.picture = TickSnapshot(
             serial=counts["serial"],
             pose=self._pose,
@@ -459,7 +532,7 @@ class FakeOperations:
             waypoints=waypoints,
             driven=np.array(self._driven),
             closed=self.closed,
-            depth_m=_depth(),
+            depth_m=depth_m,
         )
 
     def _unseen(self, points: npt.NDArray[np.float64]) -> Parts:
@@ -481,16 +554,18 @@ class MemoryStore:
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, str], str] = {}
+        self._lists: list[BewareVersion] = []
 
     def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
         """Do nothing: the editor keeps the zones."""
 
-    def beware_versions(self) -> tuple[BewareList, ...]:
-        """Return no versions: nothing outlives the test."""
-        return ()
+    def beware_versions(self) -> tuple[BewareVersion, ...]:
+        """Implement the store."""
+        return tuple(self._lists[::-1])
 
-    def save_beware(self, beware: BewareList) -> None:
-        """Do nothing: the operator's state keeps the list."""
+    def save_beware(self, beware: BewareList, *, unix_s: float, by: str, what: str) -> None:
+        """Implement the store."""
+        self._lists.append(BewareVersion(list=beware, unix_s=unix_s, by=by, what=what))
 
     def documents(self, kind: str) -> dict[str, Any]:
         """Implement the store."""
@@ -528,6 +603,7 @@ def _grid(
         spec=SPEC,
         geometric=world[0],
         beware={entry.class_id: world.get(entry.class_id, nothing) for entry in beware.enabled},
+        margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
         zones=nothing,
     )
     return with_zones(open_floor, tuple(zones))

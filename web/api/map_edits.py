@@ -1,14 +1,15 @@
-"""Routes of the operator's edits of the map: erase, reject a detection, undo, redo."""
+"""Routes of the operator's edits of the map: erase, reject a detection, undo, redo; and one undo
+for all edits."""
 
 from __future__ import annotations
 
 from fastapi import APIRouter
 
 from web.api.detections import SightingId
-from web.auth.roles import CurrentVisitor, Visitor
+from web.auth.roles import CurrentVisitor
 from web.gateway.problems import JsonResponse, refusals
 from web.interface.operations import RobotService
-from web.schemas.map_edits import EraseIn, MapEditsOut, RejectIn
+from web.schemas.map_edits import EditDone, EditsOut, EraseIn, MapEditsOut, RejectIn
 
 
 def map_edits_router(operations: RobotService) -> APIRouter:
@@ -27,7 +28,7 @@ def map_edits_router(operations: RobotService) -> APIRouter:
     def erase(body: EraseIn, visitor: CurrentVisitor) -> MapEditsOut:
         """Erase obstacles, points of the beware list or both from an area before the next tick.
         What the camera sees there later comes back."""
-        operations.map_edits.erase(body.geometry.corners(), body.what, by=_name_of(visitor))
+        operations.map_edits.erase(body.geometry.corners(), body.what, by=visitor.signature)
         return edits()
 
     @router.post(
@@ -39,7 +40,7 @@ def map_edits_router(operations: RobotService) -> APIRouter:
         """Reject a detection: what it occupies is free from the next tick on, and its class counts
         there only with a higher confidence. Kept with the map."""
         operations.map_edits.reject(
-            sighting_id, all_of_class=body.all_of_class, by=_name_of(visitor)
+            sighting_id, all_of_class=body.all_of_class, by=visitor.signature
         )
         return edits()
 
@@ -48,24 +49,35 @@ def map_edits_router(operations: RobotService) -> APIRouter:
     )
     def forget(rejection_id: SightingId, visitor: CurrentVisitor) -> MapEditsOut:
         """Forget a rejection: its class counts there as everywhere."""
-        operations.map_edits.forget(rejection_id, by=_name_of(visitor))
+        operations.map_edits.forget(rejection_id, by=visitor.signature)
         return edits()
 
     @router.post("/map/undo", response_model=MapEditsOut, responses=refusals(409))
     def undo(visitor: CurrentVisitor) -> MapEditsOut:
         """Undo the newest edit of the map by any operator since the start of the console."""
-        operations.map_edits.undo(by=_name_of(visitor))
+        operations.map_edits.undo(by=visitor.signature)
         return edits()
 
     @router.post("/map/redo", response_model=MapEditsOut, responses=refusals(409))
     def redo(visitor: CurrentVisitor) -> MapEditsOut:
         """Repeat the edit that was undone last."""
-        operations.map_edits.redo(by=_name_of(visitor))
+        operations.map_edits.redo(by=visitor.signature)
         return edits()
 
+    @router.get("/edits", response_model=EditsOut)
+    def get_all_edits() -> EditsOut:
+        """Return the newest edit of zones, beware list or map since the start of the console, and
+        the one that was undone last."""
+        return EditsOut.of(operations.edits)
+
+    @router.post("/edits/undo", response_model=EditDone, responses=refusals(409, 422, 503))
+    def undo_any(visitor: CurrentVisitor) -> EditDone:
+        """Undo the newest edit by any operator, whether of zones, beware list or map."""
+        return EditDone(text=operations.edits.undo(by=visitor.signature))
+
+    @router.post("/edits/redo", response_model=EditDone, responses=refusals(409, 422, 503))
+    def redo_any(visitor: CurrentVisitor) -> EditDone:
+        """Repeat the edit that was undone last, whichever it was of."""
+        return EditDone(text=operations.edits.redo(by=visitor.signature))
+
     return router
-
-
-def _name_of(visitor: Visitor) -> str:
-    """Return the name for the event log; a console without users has none."""
-    return visitor.name if visitor.logged_in else "The operator"

@@ -19,11 +19,18 @@ from navcore.perception.region_growing import region_at
 from navcore.planning.path import NoPath
 from web.gateway.problems import JsonResponse, refusals
 from web.images.camera import beware_mask
-from web.interface.drafts import PathPreview, Preview, ZoneDraft
+from web.interface.drafts import Preview, ZoneDraft
 from web.interface.operations import Existing, RobotService
 from web.interface.snapshots import TickSnapshot
 from web.interface.wire import polyline
-from web.schemas.drafts import PathPreviewOut, PixelIn, PreviewIn, PreviewOut, RegionOut
+from web.schemas.drafts import (
+    PathPreviewOut,
+    PixelIn,
+    PreviewIn,
+    PreviewOut,
+    RegionOut,
+    difference,
+)
 from web.schemas.fields import MAX_NAME
 from web.schemas.zones import MaskImportIn, ZoneImportIn, ZonesOut
 
@@ -166,24 +173,10 @@ def drawing_router(operations: RobotService) -> APIRouter:
 def _preview_of(preview: Preview) -> PreviewOut:
     path, present = preview.path, preview.present
     return PreviewOut(
-        **dict(_path_of(path)),
+        **dict(PathPreviewOut.of(path)),
         reason=str(path.outcome.reason) if isinstance(path.outcome, NoPath) else None,
         cut_by=preview.cut_by,
-        present=None if present is None else _path_of(present),
-        change_m=_difference(path.length_m, present.length_m if present else None),
-        change_s=_difference(path.time_s, present.time_s if present else None),
+        present=None if present is None else PathPreviewOut.of(present),
+        change_m=difference(path.length_m, present.length_m if present else None),
+        change_s=difference(path.time_s, present.time_s if present else None),
     )
-
-
-def _path_of(preview: PathPreview) -> PathPreviewOut:
-    return PathPreviewOut(
-        found=not isinstance(preview.outcome, NoPath),
-        length_m=preview.length_m,
-        time_s=preview.time_s,
-        unseen_m=preview.unseen_m,
-        path=polyline(preview.points),
-    )
-
-
-def _difference(new: float | None, old: float | None) -> float | None:
-    return None if new is None or old is None else round(new - old, 3)

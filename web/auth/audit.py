@@ -20,7 +20,9 @@ MAX_DETAIL_BYTES = 4000
 """Largest body that is logged, bytes."""
 MAX_DEPTH = 20
 """Largest nesting of JSON that is logged."""
-_SILENT = {"/api/v1/preview"}
+_DRAFTS = ("preview", "beware/preview", "beware/colour", "beware/colour/looks")
+SILENT = frozenset(f"/api/v1/{path}" for path in _DRAFTS)
+"""Requests that change nothing and come with every move of a slider: they are not logged."""
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
@@ -52,7 +54,7 @@ class Auditor:
     def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
         """Return a `send` that logs the request before its answer, and the emergency stop right
         after it."""
-        if self.audit_log is None or scope["method"] in SAFE or scope["path"] in _SILENT:
+        if self.audit_log is None or scope["method"] in SAFE or scope["path"] in SILENT:
             return send
 
         async def watched(message: Message) -> None:

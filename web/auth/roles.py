@@ -9,6 +9,8 @@ from typing import Annotated
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from web.interface.beware import OPERATOR
+
 
 class Role(StrEnum):
     """Rights of a user."""
@@ -38,6 +40,11 @@ class Visitor:
     """Id of the browser or program; control of the robot belongs to one client."""
     logged_in: bool = True
     """Whether the visitor has logged in; False on a console without users."""
+
+    @property
+    def signature(self) -> str:
+        """Name in the event log and in the history of edits; a console without users has none."""
+        return self.name if self.logged_in else OPERATOR
 
 
 SCOPE_KEY = "bewarenav.visitor"

@@ -7,14 +7,17 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.perception.labels import Labels
 from web.images import palette
-from web.images.encode import Image, Mask, encoded
+from web.images.encode import PNG_OPTIONS, Image, Mask, encoded
 from web.interface.snapshots import TickSnapshot
 
 JPEG_QUALITY = 80
+MASK_BGRA = (255, 0, 255, 170)
+"""Blue, green, red and opacity of the pixels that a colour rule takes, 0 to 255."""
 MIN_LABELLED_SHARE = 0.0005
 """Share of the image below which an object gets no label."""
 
@@ -37,6 +40,23 @@ def camera_jpg(image: Image) -> bytes:
     """Return an RGB image (H, W, 3) as JPEG."""
     return encoded(
         ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    )
+
+
+def mask_png(mask: Mask) -> bytes:
+    """Return the pixels of a mask (H, W) as PNG, all others transparent."""
+    image = np.zeros((*mask.shape, 4), dtype=np.uint8)
+    image[mask] = MASK_BGRA
+    return encoded(".png", image, PNG_OPTIONS)
+
+
+def narrowed(image: npt.NDArray[np.uint8], width: int) -> npt.NDArray[np.uint8]:
+    """Return an image with at most this width in pixels; no pixel of it is a mixture."""
+    if image.shape[1] <= width:
+        return image
+    height = max(round(image.shape[0] * width / image.shape[1]), 1)
+    return np.asarray(
+        cv2.resize(image, (width, height), interpolation=cv2.INTER_NEAREST), dtype=np.uint8
     )
 
 

@@ -3,7 +3,7 @@ effect, and saved missions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, TypedDict
 
 import numpy as np
@@ -34,6 +34,11 @@ class EditHistory:
     """Description of the edit that undo would take back; None without one."""
     redo: str | None
     """Description of the edit that redo would repeat; None without one."""
+    undo_number: int = field(default=0, compare=False)
+    """Number of the edit that undo would take back, in the order of all edits of the operators
+    since the start of the console; 0 without one, and for one from before the start."""
+    redo_number: int = field(default=0, compare=False)
+    """Number of the edit that redo would repeat; 0 without one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

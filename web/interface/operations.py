@@ -16,11 +16,11 @@ from typing import Literal, Protocol
 
 from navcore.geometry.transform import Pose2, Twist
 from navcore.mapping.points.erasing import Erasable
-from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone
-from navcore.perception.labels import LabelSource
 from navcore.robot.profile import RobotProfile
+from web.interface.beware import OPERATOR, BewareEdits, ListPreview
 from web.interface.drafts import (
     EditHistory,
     GoalChanges,
@@ -100,10 +100,10 @@ class ZoneEdits(Protocol):
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Delete a zone."""
 
-    def undo(self) -> str:
+    def undo(self, *, by: str = OPERATOR) -> str:
         """Undo the newest edit and return its description."""
 
-    def redo(self) -> str:
+    def redo(self, *, by: str = OPERATOR) -> str:
         """Repeat the edit that was undone last and return its description."""
 
     def sets(self) -> Mapping[str, tuple[Zone, ...]]:
@@ -117,37 +117,6 @@ class ZoneEdits(Protocol):
 
     def delete_set(self, name: str) -> None:
         """Delete a set; the present zones stay."""
-
-
-class BewareEdits(Protocol):
-    """Beware list and its edits."""
-
-    @property
-    def list(self) -> BewareList:
-        """List in force."""
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether an earlier list is known."""
-
-    def finder(self, entry: BewareClass) -> LabelSource:
-        """Return which part of the segmenter detects an entry of the list."""
-
-    def edit(
-        self, name: str, changes: Mapping[str, object], *, expected_version: int | None = None
-    ) -> BewareList:
-        """Change fields of one class, e.g. `enabled`, `margin_m`, `min_confidence`, `colour` (a
-        table); None removes an optional one. `Outdated` when the list's version is not the expected
-        one."""
-
-    def replace(self, beware: BewareList, *, expected_version: int | None = None) -> BewareList:
-        """Replace the list; the new one gets the next version."""
-
-    def restore_defaults(self) -> BewareList:
-        """Restore the list of the package, as the next version."""
-
-    def undo(self) -> BewareList:
-        """Restore the list before the newest edit, as the next version; `Refused` without one."""
 
 
 class MapEdits(Protocol):
@@ -180,6 +149,21 @@ class MapEdits(Protocol):
         """Repeat the edit that was undone last and return its description."""
 
 
+class AllEdits(Protocol):
+    """Edits of zones, beware list and map together, in the order in which they were made since the
+    start of the console."""
+
+    @property
+    def history(self) -> EditHistory:
+        """The newest edit, and the one that was undone last, whichever they are of."""
+
+    def undo(self, *, by: str) -> str:
+        """Undo the newest edit and return its description; `Refused` without one."""
+
+    def redo(self, *, by: str) -> str:
+        """Repeat the edit that was undone last and return its description."""
+
+
 class RobotService(Protocol):
     """Robot as seen from the console."""
 
@@ -206,6 +190,10 @@ class RobotService(Protocol):
     @property
     def map_edits(self) -> MapEdits:
         """What the operator erases from the map."""
+
+    @property
+    def edits(self) -> AllEdits:
+        """One undo for zones, beware list and map."""
 
     @property
     def place(self) -> PlaceEdits:
@@ -249,6 +237,10 @@ class RobotService(Protocol):
 
     def preview(self, draft: PreviewDraft) -> Preview:
         """Plan the path with and without a draft; nothing is applied."""
+
+    def preview_list(self, beware: BewareList) -> ListPreview:
+        """Compare another beware list with the one in force: cells, path and goals that would be
+        cut off; nothing is applied."""
 
     def poses(self) -> tuple[Pose2, ...]:
         """Return T_map_base by pose id, the poses from which the map was observed."""

@@ -1,11 +1,14 @@
 // The keys of the page, and the list of them. Space means stop and nothing else, whatever the focus.
 
 import { togglePanel } from "./access/admin_panel.js";
+import { close as closeEntry } from "./beware/entry.js";
 import { element, make } from "./core/dom.js";
 import { t } from "./core/language.js";
+import { post } from "./core/api.js";
 import { closeOverlay } from "./core/menus.js";
 import { stop } from "./core/stop.js";
 import { switchTheme } from "./core/theme.js";
+import { attempt, notify } from "./core/toasts.js";
 import { swap } from "./insight/swap.js";
 import { fit } from "./map/map.js";
 import { cancelPress } from "./map/pointer.js";
@@ -26,7 +29,6 @@ import {
   undo,
 } from "./zones/draft.js";
 import { finish, pendingStore } from "./zones/store_draft.js";
-import * as zones from "./zones/zones.js";
 
 const MOVE_M = 0.05;
 const SHIFT_FACTOR = 5;
@@ -44,7 +46,7 @@ const LISTED = [
   ["Backspace", t("undo the last corner")],
   ["Delete", t("remove the selected corner")],
   ["← ↑ → ↓", t("move the whole draft by 5 cm (Shift: 25 cm)")],
-  ["Ctrl Z", t("undo: in the draft, else the last edit of the zones")],
+  ["Ctrl Z", t("undo: in the draft, else the last edit of zones, beware list or map")],
   ["Ctrl Shift Z", t("redo")],
   ["M", t("map or 3D view")],
   ["C", t("camera image and map change places")],
@@ -76,13 +78,20 @@ export const switchViewBy = (act) => {
   switchView = act;
 };
 
+// The operators' last edit, whether of zones, beware list or map.
+const stepAny = (action, done) =>
+  attempt(async () => {
+    const { text } = await post(`/edits/${action}`);
+    notify(`${done}: ${text}`, { good: true });
+  });
+
 function undoAny() {
-  if (!isDrawing()) zones.step("undo");
+  if (!isDrawing()) stepAny("undo", t("Undone"));
   else if (canUndo()) undo();
 }
 
 function redoAny() {
-  if (!isDrawing()) zones.step("redo");
+  if (!isDrawing()) stepAny("redo", t("Redone"));
   else if (canRedo()) redo();
 }
 
@@ -97,6 +106,7 @@ const ALWAYS = {
   Escape: () => {
     cancelPress();
     if (draft.mode === "navigate") select(null);
+    closeEntry();
     setMode("navigate");
   },
   m: () => switchView(),

@@ -3,24 +3,40 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from pydantic import ConfigDict, Field, StrictBool
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr
 from typing_extensions import TypedDict
 
-from navcore.mission.beware_list import LARGEST_CLASS_ID, OPTIONAL, BewareClass, BewareList
+from navcore.mission.beware_list import (
+    LARGEST_CLASS_ID,
+    OPTIONAL,
+    BewareClass,
+    BewareList,
+    ColourRule,
+)
 from web.images import palette
-from web.interface.operations import BewareEdits
-from web.interface.wire import DOCUMENTED, documented_as, values_of
-from web.schemas.fields import Body, Changes, Closed, body_model
+from web.interface.beware import BewareEdits, ListPreview
+from web.interface.wire import DOCUMENTED, Points, Position, documented_as, rounded, values_of
+from web.schemas.drafts import PathPreviewOut, difference
+from web.schemas.fields import Body, Changes, Closed, Entry, body_model
 
 BewareEntry = Annotated[BewareClass, Body(ignored=("display", "found_by"))]
 BewareChanges = Annotated[
-    Mapping[str, object], Changes(body_model(BewareClass, omitted=("name", "class_id")), OPTIONAL)
+    Mapping[str, object], Changes(body_model(BewareClass, omitted=("class_id",)), OPTIONAL)
 ]
-"""Changed fields of one class; null removes an optional one."""
+"""Changed fields of one class; null removes an optional one. A new name keeps what is on the
+map."""
+NewEntry = Annotated[Mapping[str, object], Entry(body_model(BewareClass, omitted=("class_id",)))]
+"""Fields of a new class, without its id."""
+Rule = Annotated[ColourRule, Body()]
+
+
+MAX_CELLS = 5000
+"""Largest number of cells in an answer."""
 
 
 class BewareListIn(Closed):
@@ -31,6 +47,8 @@ class BewareListIn(Closed):
     version: int | None = None
     """Ignored; `If-Match` guards against lost edits."""
     can_undo: StrictBool | None = None
+    """Ignored."""
+    can_redo: StrictBool | None = None
     """Ignored."""
     limits: Mapping[str, object] | None = None
     """Ignored."""
@@ -77,6 +95,8 @@ class BewareOut:
     """Classes in the operator's order."""
     can_undo: bool
     """Whether `beware/undo` has an edit to undo."""
+    can_redo: bool
+    """Whether `beware/redo` has an edit to repeat."""
     limits: Mapping[str, Limits]
     """Smallest and largest value of each number of a class, by its key."""
 
@@ -91,6 +111,154 @@ class BewareOut:
             )
             for entry in beware.classes
         )
+        history = editor.history
         return BewareOut(
-            version=beware.version, classes=classes, can_undo=editor.can_undo, limits=LIMITS
+            version=beware.version,
+            classes=classes,
+            can_undo=history.undo is not None,
+            can_redo=history.redo is not None,
+            limits=LIMITS,
         )
+
+
+class OrderIn(Closed):
+    """Order of the classes."""
+
+    names: Annotated[list[StrictStr], Field(max_length=LARGEST_CLASS_ID)]
+    """Names of all classes, in the new order."""
+
+
+class BewareDraftIn(Closed):
+    """Edit of the list to preview."""
+
+    changes: Annotated[
+        dict[str, BewareChanges | None],
+        Field(max_length=LARGEST_CLASS_ID, default_factory=dict),
+    ]
+    """Changed fields of some classes, by name; null for a class to remove."""
+    add: NewEntry | None = None
+    """Class to add; null to add none."""
+
+
+class ListPreviewOut(BaseModel):
+    """Effect of an edit of the list; nothing is applied."""
+
+    model_config = DOCUMENTED
+
+    appear: list[Position]
+    """Middles in metres of the map frame of cells that would be occupied; thinned beyond
+    `MAX_CELLS`."""
+    appear_count: int
+    """Number of cells that would be occupied."""
+    go: list[Position]
+    """Middles in metres of the map frame of cells that would be free; thinned beyond
+    `MAX_CELLS`."""
+    go_count: int
+    """Number of cells that would be free."""
+    path: PathPreviewOut | None
+    """Path to the present goal with the edit; null without a goal."""
+    present: PathPreviewOut | None
+    """Path to the present goal without the edit; null without a goal."""
+    change_m: float | None
+    """Additional length of the path in metres; null when one of the paths is missing."""
+    change_s: float | None
+    """Additional travel time in seconds; null when one of the paths is missing."""
+    cut_off: tuple[str, ...]
+    """Titles of the waiting goals that have a path now and would have none."""
+
+    @staticmethod
+    def of(preview: ListPreview) -> ListPreviewOut:
+        """Return the answer for a preview."""
+        path, present = preview.path, preview.present
+        length_m, time_s = (
+            difference(getattr(path, key, None), getattr(present, key, None))
+            for key in ("length_m", "time_s")
+        )
+        return ListPreviewOut(
+            appear=_thinned(preview.appear),
+            appear_count=len(preview.appear),
+            go=_thinned(preview.go),
+            go_count=len(preview.go),
+            path=None if path is None else PathPreviewOut.of(path),
+            present=None if present is None else PathPreviewOut.of(present),
+            change_m=length_m,
+            change_s=time_s,
+            cut_off=preview.cut_off,
+        )
+
+
+class RuleOut(BaseModel):
+    """Proposed colour rule."""
+
+    model_config = DOCUMENTED
+
+    rule: ColourRule
+    """Rule, as an entry's `colour` takes it."""
+
+
+class LookOut(BaseModel):
+    """What a colour rule takes in one image."""
+
+    model_config = DOCUMENTED
+
+    age_s: float
+    """Age of the image in seconds."""
+    share: float
+    """Share of its pixels that the rule takes."""
+    mask: str
+    """PNG of the taken pixels as a data URL; all others are transparent."""
+    picture: str
+    """JPEG of the image as a data URL; empty for the newest one."""
+
+
+class LooksOut(BaseModel):
+    """What a colour rule takes in the newest image and in those of the last minutes."""
+
+    model_config = DOCUMENTED
+
+    looks: list[LookOut]
+    """Looks, newest first."""
+
+
+class VersionOut(BaseModel):
+    """Stored version of the list."""
+
+    model_config = DOCUMENTED
+
+    version: int
+    """Number of the version."""
+    unix_s: float | None
+    """When it was stored, seconds since 1970; null where that is not known."""
+    by: str
+    """Who made the edit; empty where that is not known."""
+    what: str
+    """Description of the edit; empty where that is not known."""
+    classes: int
+    """Number of classes."""
+
+
+class VersionsOut(BaseModel):
+    """Stored versions of the list."""
+
+    model_config = DOCUMENTED
+
+    versions: list[VersionOut]
+    """Versions, newest first."""
+
+
+class ComparisonOut(BaseModel):
+    """Stored version beside the list in force."""
+
+    model_config = DOCUMENTED
+
+    version: int
+    """Number of the version."""
+    classes: tuple[BewareClass, ...]
+    """Its classes."""
+    changes: tuple[str, ...]
+    """What would change if it was brought back."""
+
+
+def _thinned(points: Points) -> list[Position]:
+    step = max(1, math.ceil(len(points) / MAX_CELLS))
+    return rounded(points[::step])

@@ -7,8 +7,9 @@ from typing import Annotated
 from pydantic import BaseModel, Field, StrictStr
 
 from navcore.mission.zone import MAX_CORNERS
-from web.interface.drafts import PreviewDraft, ZoneDraft
-from web.interface.wire import DOCUMENTED, Position
+from navcore.planning.path import NoPath
+from web.interface.drafts import PathPreview, PreviewDraft, ZoneDraft
+from web.interface.wire import DOCUMENTED, Position, polyline
 from web.schemas.fields import MAX_NAME, Closed, Corner, Metres, Share
 from web.schemas.mission import GoalIn
 from web.schemas.zones import ZoneIn
@@ -71,6 +72,22 @@ class PathPreviewOut(BaseModel):
     """Length of the path over floor that was not seen yet, metres; null without a path."""
     path: list[Position]
     """Points (x, y) of the path in metres of the map frame."""
+
+    @staticmethod
+    def of(preview: PathPreview) -> PathPreviewOut:
+        """Return the answer for a path."""
+        return PathPreviewOut(
+            found=not isinstance(preview.outcome, NoPath),
+            length_m=preview.length_m,
+            time_s=preview.time_s,
+            unseen_m=preview.unseen_m,
+            path=polyline(preview.points),
+        )
+
+
+def difference(new: float | None, old: float | None) -> float | None:
+    """Return how much more one value is than another; None when one is missing."""
+    return None if new is None or old is None else round(new - old, 3)
 
 
 class PreviewOut(PathPreviewOut):

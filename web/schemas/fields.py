@@ -114,6 +114,24 @@ class Changes:
         return core_schema.no_info_after_validator_function(given, handler.generate_schema(model))
 
 
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """Annotation of a mapping: the given fields of a body, those that it requires among them."""
+
+    model: type[Closed]
+    """Body."""
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return a schema that validates a body and keeps the given fields."""
+
+        def given(body: BaseModel) -> Mapping[str, object]:
+            return body.model_dump(exclude_unset=True, exclude_none=True)
+
+        return core_schema.no_info_after_validator_function(
+            given, handler.generate_schema(self.model)
+        )
+
+
 def body_model(
     kind: type[Any], *, omitted: tuple[str, ...] = (), ignored: tuple[str, ...] = ()
 ) -> type[Closed]:

@@ -6,7 +6,7 @@ from pydantic import BaseModel, StrictBool
 
 from navcore.mapping.points.erasing import Erasable
 from web.interface.drafts import RejectedPlace
-from web.interface.operations import MapEdits
+from web.interface.operations import AllEdits, MapEdits
 from web.interface.wire import DOCUMENTED
 from web.schemas.fields import Closed
 from web.schemas.zones import Geometry
@@ -27,6 +27,32 @@ class RejectIn(Closed):
 
     all_of_class: StrictBool = False
     """Whether all present detections of its class are rejected with it."""
+
+
+class EditsOut(BaseModel):
+    """Edits of zones, beware list or map that can be undone and redone."""
+
+    model_config = DOCUMENTED
+
+    undo: str | None
+    """Description of the edit that undo would take back; null without one."""
+    redo: str | None
+    """Description of the edit that redo would repeat; null without one."""
+
+    @staticmethod
+    def of(edits: AllEdits) -> EditsOut:
+        """Return the answer for the present history."""
+        history = edits.history
+        return EditsOut(undo=history.undo, redo=history.redo)
+
+
+class EditDone(BaseModel):
+    """Edit that was undone or repeated."""
+
+    model_config = DOCUMENTED
+
+    text: str
+    """Description of the edit."""
 
 
 class MapEditsOut(BaseModel):

@@ -172,7 +172,8 @@ def load(path: Path) -> StoredMap:
 
 
 def check_classes(stored: StoredMap, beware: BewareList) -> None:
-    """Raise `BadConfiguration` if a class id of the map has another name in this beware list.
+    """Raise `BadConfiguration` if a class id of the map belongs to a name that never was that of
+    the class in this beware list.
 
     Points of a class that the list lacks stay free floor, as when it was removed; that is logged.
     """
@@ -188,7 +189,7 @@ def check_classes(stored: StoredMap, beware: BewareList) -> None:
                 then,
                 class_id,
             )
-        elif then != now:
+        elif then is not None and beware.ids.get(then) != class_id:
             raise BadConfiguration(
                 f"class {class_id} is {then!r} in the stored map and {now!r} in the beware list"
             )

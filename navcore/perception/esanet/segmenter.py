@@ -64,14 +64,14 @@ class NetworkSegmenter:
         """Return whether the network has a class for an entry."""
         return (
             LabelSource.NETWORK
-            if entry.name.casefold() in self._entry_names
+            if entry.detected_as.casefold() in self._entry_names
             else LabelSource.NOTHING
         )
 
     def _class_ids(self, beware: BewareList) -> npt.NDArray[np.uint8]:
         """Return the class ids (C,) of the beware list by network output; the first of two entries
         with one name counts."""
-        ids = {entry.name.casefold(): entry.class_id for entry in reversed(beware.classes)}
+        ids = {entry.detected_as.casefold(): entry.class_id for entry in reversed(beware.classes)}
         return np.array([ids.get(name, NOTHING) for name in self._entry_names], dtype=np.uint8)
 
 

@@ -162,7 +162,7 @@ class PeopleTracker:
         """Return the (H, W) pixels that are a person's with enough confidence, whether that class
         is enabled or not: people are avoided in any case."""
         for entry in beware.classes:
-            if entry.name == PERSON:
+            if entry.detected_as == PERSON:
                 masks = [
                     (one.class_ids == entry.class_id) & (one.confidence >= self._min_confidence)
                     for one in labels.all_hypotheses

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from app.runtime.operator_state import OperatorState
-from navcore.mission.beware_list import default_beware_list
+from app.console.beware_editor import BewareEditor, BewareStore
+from app.console.beware_map import BewareMap
+from app.console.colour_rules import LiveColourRules
+from app.console.recent_frames import RecentFrames
+from app.runtime.operator_state import OperatorState, StateHolder
+from navcore.config.navigator import NavigatorConfig
+from navcore.mapping.point_map import PointMap
+from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission
+from navcore.perception.colour_segmenter import ColourSegmenter
+from tests.navcore.scene import SPEC
 
 
 class PlainHolder:
@@ -19,3 +27,44 @@ class PlainHolder:
         """Replace the state."""
         self.intent = edit(self.intent)
         return self.intent
+
+
+class PlainMap:
+    """Satisfies `app.console.beware_map.MapHolder`: an edit is done at once."""
+
+    def __init__(self, point_map: PointMap) -> None:
+        self.point_map = point_map
+
+    def edit_map(self, edit: Callable[[PointMap], None]) -> None:
+        """Edit the map."""
+        edit(self.point_map)
+
+
+def beware_editor(
+    store: BewareStore,
+    beware: BewareList | None = None,
+    *,
+    holder: StateHolder | None = None,
+    defaults: BewareList | None = None,
+    point_map: PointMap | None = None,
+    recent: RecentFrames | None = None,
+) -> BewareEditor:
+    """Return an editor by colour rules of a list, by default the shipped one."""
+    config, recent, segmenter = NavigatorConfig(), recent or RecentFrames(), ColourSegmenter()
+    point_map = point_map or PointMap(SPEC, config.map)
+    listed = OperatorState(mission=Mission(), beware=beware or default_beware_list())
+    follower = BewareMap(
+        PlainMap(point_map),
+        point_map=point_map,
+        recent=recent,
+        segmenter=segmenter,
+        config=config,
+    )
+    return BewareEditor(
+        holder or PlainHolder(listed),
+        store=store,
+        segmenter=segmenter,
+        colours=LiveColourRules(recent),
+        follower=follower,
+        defaults=defaults,
+    )

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.console.beware_editor import BewareEditor
 from app.console.sites import LiveSites, last_place_of, mission_of
 from app.console.zone_editor import ZoneEditor
 from app.runtime.map_keeper import MapKeeper
@@ -30,6 +29,7 @@ from navcore.mission.mission import Mission, Phase
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.profile import HUSKY
+from tests.app.console.state import beware_editor
 from tests.navcore.scene import RED_LIST, SPEC, Paint, picture
 from web.interface.drafts import ZoneDraft
 from web.interface.sites import Tag
@@ -75,7 +75,7 @@ class Desk:
     def enter_site(self, site: SiteStore) -> None:
         """Edit another site."""
         self.zones = ZoneEditor(self.controller, store=site)
-        self.beware = BewareEditor(self.controller, store=site, segmenter=ColourSegmenter())
+        self.beware = beware_editor(site, holder=self.controller)
 
     def tick(self) -> None:
         """Run one tick as the think thread does."""

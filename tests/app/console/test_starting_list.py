@@ -11,17 +11,13 @@ import pytest
 from app.cli.drive import DriveSettings, drive
 from app.cli.evaluate import EvaluateSettings, evaluate
 from app.console import backend
-from app.console.beware_editor import BewareEditor
 from app.console.site_map import beware_of
-from app.runtime.operator_state import OperatorState
 from app.storage import Store
 from navcore.mission.beware_list import BewareList, default_beware_list
-from navcore.mission.mission import Mission
-from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.profile import HUSKY
 from sim.scenario.beware import starting_beware_list
 from sim.scenario.load import load_scenario
-from tests.app.console.state import PlainHolder
+from tests.app.console.state import beware_editor
 
 OFFICE = starting_beware_list(load_scenario("office"))
 
@@ -71,8 +67,7 @@ def test_the_console_starts_with_the_list_of_the_world(monkeypatch: pytest.Monke
 def test_the_edits_of_the_operator_win_over_the_world_at_the_next_start(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert beware_of(store.site, OFFICE) == OFFICE
-    holder = PlainHolder(OperatorState(mission=Mission(), beware=OFFICE))
-    editor = BewareEditor(holder, store=store.site, segmenter=ColourSegmenter(), defaults=OFFICE)
+    editor = beware_editor(store.site, OFFICE, defaults=OFFICE)
     editor.edit("landmine", {"enabled": True})
     store.close()
     again = Store(tmp_path)
@@ -82,8 +77,7 @@ def test_the_edits_of_the_operator_win_over_the_world_at_the_next_start(tmp_path
 
 def test_restored_defaults_are_those_of_the_world(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    holder = PlainHolder(OperatorState(mission=Mission(), beware=OFFICE))
-    editor = BewareEditor(holder, store=store.site, segmenter=ColourSegmenter(), defaults=OFFICE)
+    editor = beware_editor(store.site, OFFICE, defaults=OFFICE)
     editor.edit("landmine", {"enabled": True})
     editor.edit("cup", {"enabled": False})
     assert editor.restore_defaults().classes == OFFICE.classes

@@ -19,6 +19,8 @@ OPENED_BY = {
     "missions": "missions",
     "zone-sets": "zone-sets",
     "zone-files": "zone-files",
+    "beware-versions": "beware-versions-button",
+    "beware-files": "beware-files-button",
     "layers-map": "map-layers-menu",
     "help": "help-button",
     "admin": "admin-button",

@@ -221,7 +221,7 @@ def test_a_beware_list_without_a_class_gives_a_warning_and_defaults_and_undo_are
     expect(page.get_by_test_id("beware-class")).to_have_count(len(shipped))
     expect(warning).to_be_hidden()
     expect(page.get_by_test_id("beware-undo")).to_be_disabled()
-    operations.beware.replace(BewareList(classes=()))
+    operations.beware.replace(BewareList(classes=()), force=True)
     expect(warning).to_contain_text("keeps away from nothing")
     expect(page.get_by_test_id("beware-class")).to_have_count(0)
     page.get_by_test_id("beware-defaults").click()

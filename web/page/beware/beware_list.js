@@ -4,24 +4,31 @@ import { post, request } from "../core/api.js";
 import { element, make, reconcile, set, setText, setValue } from "../core/dom.js";
 import { decimal, sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
+import * as entryForm from "./entry.js";
+import * as files from "./files.js";
+import { handleOf } from "./order.js";
 import { swatchOf } from "./swatch.js";
+import * as versions from "./versions.js";
 
 let refresh = () => {};
 let limits = {};
+let version = null;
 
 // `onNewList` loads and shows the list again after a change.
 export function build(onNewList) {
   refresh = onNewList;
-  for (const action of ["undo", "defaults"]) {
+  for (const part of [entryForm, files, versions]) part.build(onNewList);
+  for (const action of ["undo", "redo", "defaults"]) {
     element(`beware-${action}`).onclick = async () => {
       await attempt(() => post(`/beware/${action}`));
       refresh();
     };
   }
+  element("beware-add").onclick = () => entryForm.open(null, null, limits);
 }
 
 export function show(beware) {
-  limits = beware.limits;
+  ({ limits, version } = beware);
   reconcile(
     element("beware"),
     beware.classes,
@@ -30,6 +37,7 @@ export function show(beware) {
     (child, entry) => {
       // A list that was sent before an edit of this row does not undo the edit on the page.
       if (child.isPending) return;
+      if (child.classList.contains("dragged")) return;
       const [check, margin, confidence] = child.querySelectorAll("input");
       check.checked = entry.enabled;
       set(margin, { min: String(limits.margin_m.low), max: String(limits.margin_m.high) });
@@ -53,6 +61,7 @@ export function show(beware) {
   );
   setText(element("beware-version"), t("version {version}", beware));
   element("beware-undo").disabled = !beware.can_undo;
+  element("beware-redo").disabled = !beware.can_redo;
 }
 
 function itemOf(entry) {
@@ -92,12 +101,24 @@ function itemOf(entry) {
   margin.onchange = () => send(margin, "margin_m", 1, "m");
   confidence.onchange = () => send(confidence, "min_confidence", 100, "%");
   const label = make(
-    "span",
-    { class: "label", title: entry.name },
+    "button",
+    {
+      class: "label",
+      type: "button",
+      title: t("Edit {name}", entry),
+      "data-testid": "beware-edit",
+      onclick: () => entryForm.open(item.item, version, limits),
+    },
     make("span"),
     make("small", { "data-testid": "found-by" }),
   );
+  const storeOrder = async () => {
+    const names = [...element("beware").children].map((row) => row.dataset.name);
+    await attempt(() => request("PUT", "/beware/order", { names }));
+    refresh();
+  };
   item.append(
+    handleOf(item, entry.name, storeOrder),
     check,
     swatchOf(entry),
     label,

@@ -3,11 +3,12 @@
 import { midpoints } from "../core/geometry.js";
 import { decimal } from "../core/language.js";
 import { isLight } from "../core/theme.js";
+import { listDraft } from "../beware/entry.js";
 import { draft, outline } from "../zones/draft.js";
 import { placeLabel } from "./labels.js";
 import { arrow, COLOURS, cross, dot, fill, flag, line, pen } from "./strokes.js";
 import { canvas, toPage, view } from "./view.js";
-import { sketch } from "./world.js";
+import { sketch, world } from "./world.js";
 
 const HEADING_M = 0.6;
 const SCALES_M = [1, 2, 5, 10, 20, 50, 100];
@@ -17,6 +18,25 @@ const SELECTED = "#ff7b00";
 function drawPreview(path) {
   line(path, "#00000080", 5, [8, 6]);
   line(path, COLOURS.draft, 3, [8, 6]);
+}
+
+// The effect of a draft of the beware list: cells that appear are filled, those that go are hollow.
+export function drawListDraft() {
+  const { appear, go, path } = listDraft;
+  if (!appear.length && !go.length && !path.length) return;
+  const size = world.map.resolution_m * view.scale;
+  pen.fillStyle = "#ff2ed1cc";
+  pen.strokeStyle = "#2ea043";
+  pen.lineWidth = 1.5;
+  for (const cell of appear) {
+    const [x, y] = toPage(cell);
+    pen.fillRect(x - size / 2, y - size / 2, size, size);
+  }
+  for (const cell of go) {
+    const [x, y] = toPage(cell);
+    pen.strokeRect(x - size / 2, y - size / 2, size, size);
+  }
+  drawPreview(path);
 }
 
 export function drawDraft() {

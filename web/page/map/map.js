@@ -1,11 +1,12 @@
 // The map from above, layer by layer. It needs no graphics card, and the operator can do every task
 // on it.
 
+import { onListDraft } from "../beware/entry.js";
 import { drawScheduler } from "../core/draw_scheduler.js";
 import { isLight, onTheme } from "../core/theme.js";
 import { onOffer } from "../mission/goals.js";
 import { draft, isDrawing, onDraft } from "../zones/draft.js";
-import { drawDraft, drawScale, drawSketch } from "./draw_input.js";
+import { drawDraft, drawListDraft, drawScale, drawSketch } from "./draw_input.js";
 import {
   drawCandidates,
   drawCommandedMotion,
@@ -115,6 +116,7 @@ function draw() {
   drawRobot();
   drawCandidatePlaces();
   drawProposal();
+  drawListDraft();
   if (isDrawing()) drawDraft();
   drawSketch();
   drawPicked();
@@ -162,6 +164,7 @@ onDraft(() => {
   canvas.classList.toggle("pick", draft.mode !== "navigate");
   redraw();
 });
+onListDraft(redraw);
 onLayers(repaint);
 onTheme(repaint);
 onView(redraw);

@@ -8,38 +8,41 @@ const DELAY_MS = 180;
 const MIN_UNSEEN_M = 0.5;
 const MIN_CHANGE_M = 0.05;
 const MIN_CHANGE_S = 0.5;
-let timer = 0;
-let newest = 0;
 
-// Ask once the draft has not changed for a moment; only the newest question is answered. `null`
-// cancels the question.
-export function askPreview(question, onAnswer) {
-  clearTimeout(timer);
-  newest += 1;
-  if (question === null) return;
-  const asked = newest;
-  timer = setTimeout(async () => {
-    try {
-      const answer = await post("/preview", question);
-      if (asked === newest)
-        onAnswer({
-          ...verdict(answer, question),
-          path: answer.path,
-          present: answer.present?.path ?? [],
-        });
-    } catch (error) {
-      // Without a goal or a map there is no path to preview; a draft that is no zone says why (422).
-      if (asked === newest && error.status === 422)
-        onAnswer({
-          text: error.message,
-          bad: true,
-          path: [],
-          present: [],
-          crossing: error.body?.crossing ?? null,
-        });
-    }
-  }, DELAY_MS);
+// Return what asks a route for the effect of a draft, once the draft has not changed for a moment;
+// only the newest question is answered, with what `read` makes of it. A question of `null` cancels.
+export function asker(route, read) {
+  let timer = 0;
+  let newest = 0;
+  return (question, onAnswer) => {
+    clearTimeout(timer);
+    newest += 1;
+    if (question === null) return;
+    const asked = newest;
+    timer = setTimeout(async () => {
+      try {
+        const answer = await post(route, question);
+        if (asked === newest) onAnswer(read(answer, question));
+      } catch (error) {
+        // Without a goal or a map there is nothing to preview; a draft that is wrong says why (422).
+        if (asked === newest && error.status === 422)
+          onAnswer({
+            text: error.message,
+            bad: true,
+            path: [],
+            present: [],
+            crossing: error.body?.crossing ?? null,
+          });
+      }
+    }, DELAY_MS);
+  };
 }
+
+export const askPreview = asker("/preview", (answer, question) => ({
+  ...verdict(answer, question),
+  path: answer.path,
+  present: answer.present?.path ?? [],
+}));
 
 function verdict(answer, question) {
   if (!answer.found) {
@@ -74,7 +77,7 @@ const unseen = ({ unseen_m: length }) =>
     : "";
 
 // Small differences of two smoothed paths mean nothing.
-function changeText({ change_m: metres, change_s: seconds }) {
+export function changeText({ change_m: metres, change_s: seconds }) {
   const parts = [
     Math.abs(metres) >= MIN_CHANGE_M ? formatSigned(metres, 1, "m") : "",
     Math.abs(seconds) >= MIN_CHANGE_S ? formatSigned(seconds, 0, "s") : "",

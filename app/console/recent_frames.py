@@ -1,0 +1,85 @@
+"""Camera frames of the last minutes, on which an edit of the beware list is tried and which show
+what the map would have held under it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.robot.frame import Frame
+
+MAX_FRAMES = 60
+"""Largest number of frames, about 0.7 MB each at 424 × 240."""
+MAX_AGE_S = 300.0
+"""Age from which a frame is forgotten, seconds."""
+STEP_M = 0.2
+"""Distance from the frame before that makes one worth keeping, metres."""
+STEP_RAD = 0.2
+"""Turn from the frame before that makes one worth keeping, radians."""
+STANDING_S = 10.0
+"""Time after which a frame is kept in any case, seconds: the world may have changed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecentFrame:
+    """Frame of the last minutes."""
+
+    frame: Frame
+    """The frame, placed in the map as of its capture."""
+    pose_id: int
+    """Pose ID of its points."""
+    T_id_base: Pose2
+    """Pose of the robot in the frame of the pose ID's pose, so that a correction moves it along."""
+
+    def placed(self, poses: Sequence[Pose2]) -> Frame:
+        """Return the frame at the present pose of its ID."""
+        pose = poses[self.pose_id] @ self.T_id_base
+        return dataclasses.replace(self.frame, pose=pose)
+
+
+class RecentFrames:
+    """Noted by the think thread; read by any."""
+
+    def __init__(self) -> None:
+        self._kept: deque[RecentFrame] = deque(maxlen=MAX_FRAMES)
+        self._newest: RecentFrame | None = None
+
+    def note(self, frame: Frame, pose_id: int, T_map_id: Pose2) -> None:
+        """Note a frame that is placed in the map, with the pose ID of its points."""
+        one = RecentFrame(frame=frame, pose_id=pose_id, T_id_base=T_map_id.inverse() @ frame.pose)
+        self._newest = one
+        while self._kept and self._age_s(self._kept[0], one) > MAX_AGE_S:
+            self._kept.popleft()
+        if not self._kept or self._is_new(self._kept[-1], one):
+            self._kept.append(one)
+
+    def forget(self) -> None:
+        """Forget all frames: the robot is at another site now."""
+        self._kept.clear()
+        self._newest = None
+
+    @property
+    def newest(self) -> RecentFrame | None:
+        """Newest frame; None before the first."""
+        return self._newest
+
+    @property
+    def all(self) -> tuple[RecentFrame, ...]:
+        """All frames, newest first."""
+        newest, kept = self._newest, tuple(self._kept)[::-1]
+        return kept if newest is None or newest is kept[0] else (newest, *kept)
+
+    @staticmethod
+    def _age_s(older: RecentFrame, newer: RecentFrame) -> float:
+        return (newer.frame.stamp_ns - older.frame.stamp_ns) / 1e9
+
+    def _is_new(self, last: RecentFrame, one: RecentFrame) -> bool:
+        before, now = last.frame.pose, one.frame.pose
+        return (
+            before.distance_to(now.x_m, now.y_m) >= STEP_M
+            or abs(wrap_angle(now.yaw_rad - before.yaw_rad)) >= STEP_RAD
+            or self._age_s(last, one) >= STANDING_S
+        )

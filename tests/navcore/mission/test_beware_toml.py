@@ -1,0 +1,43 @@
+"""A file of a beware list: what is wrong in it is named with its line and key."""
+
+from __future__ import annotations
+
+import pytest
+
+from navcore.errors import BadConfiguration
+from navcore.mission.beware_list import parse_beware_list
+
+GOOD = """\
+# a comment
+[[beware]]
+name = "cup"
+class_id = 3
+margin_m = 0.1
+
+[[beware]]
+name = "tape"
+class_id = 4
+colour = { hue_deg = [345, 15], min_saturation = 0.5 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("margin_m = 0.1", "margin_m = 9", r"f.toml: line 5: beware\[0\].margin_m: 9.0 is out of"),
+        ("margin_m = 0.1", "marge = 1", r"line 5: beware\[0\]: unknown key 'marge'"),
+        ("class_id = 4", "", r"line 7: beware\[1\]: key 'class_id' is missing"),
+        ("min_saturation = 0.5", "min_saturation = 5", r"line 10: beware\[1\].colour.min_sat"),
+        ("[345, 15]", '"red"', r"line 10: beware\[1\].colour.hue_deg: expected a list"),
+        ('"tape"', '"cup"', "line 8: name 'cup' occurs more than once"),
+        ("class_id = 4", "class_id = 3", "line 9: class_id 3 occurs more than once"),
+        ('"tape"', '""', "line 8: name ''"),
+        ('[[beware]]\nname = "tape"', "[[beware]\nname = 1", "not readable as TOML.*line 7"),
+        ("# a comment", "x = 1", "unknown key 'x'"),
+    ],
+)
+def test_a_wrong_entry_is_named_with_its_line(old: str, new: str, reason: str) -> None:
+    assert len(parse_beware_list(GOOD, "f.toml").classes) == 2  # control
+    assert old in GOOD
+    with pytest.raises(BadConfiguration, match=reason):
+        parse_beware_list(GOOD.replace(old, new), "f.toml")

@@ -1,0 +1,181 @@
+"""Routes of the beware list: edit it, preview an edit, make a colour rule, bring back versions."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+
+from tests.web.api.test_api import wrong, zone
+from tests.web.fake_operations import FakeOperations
+
+BEWARE = "/api/v1/beware"
+RED = {"right": 170 / 320, "down": 130 / 180}
+BLUE = {"hue_deg": [200.0, 250.0], "min_saturation": 0.5, "min_value": 0.2}
+
+
+def names(client: httpx.Client) -> list[str]:
+    """Return the names in the list, in order."""
+    return [entry["name"] for entry in client.get(BEWARE).json()["classes"]]
+
+
+def test_a_class_is_added_renamed_moved_and_removed(client: httpx.Client) -> None:
+    before = names(client)
+    added = client.post(BEWARE, json={"name": "blue tape", "colour": BLUE, "margin_m": 0.1})
+    assert added.status_code == 201 and added.headers["ETag"] == '"1"'
+    tape = added.json()["classes"][-1]
+    assert (tape["name"], tape["found_by"], tape["margin_m"]) == ("blue tape", "colour rule", 0.1)
+    renamed = client.patch(f"{BEWARE}/blue tape", json={"name": "tape"}).json()["classes"][-1]
+    assert (renamed["name"], renamed["class_id"]) == ("tape", tape["class_id"])
+    order = ["tape", *before]
+    assert client.put(f"{BEWARE}/order", json={"names": order}).status_code == 200
+    assert names(client) == order
+    assert client.delete(f"{BEWARE}/tape").status_code == 200
+    assert names(client) == before
+    assert client.post(f"{BEWARE}/undo").json()["can_redo"] and names(client) == order
+    client.post(f"{BEWARE}/redo")
+    assert names(client) == before
+    assert wrong(client.delete(f"{BEWARE}/tape"), 404)
+    stale = client.delete(f"{BEWARE}/cup", headers={"If-Match": '"1"'})
+    assert wrong(stale, 409)["code"] == "outdated"
+
+
+def test_versions_are_listed_compared_and_brought_back(client: httpx.Client) -> None:
+    client.patch(f"{BEWARE}/cup", json={"margin_m": 0.4})
+    client.patch(f"{BEWARE}/cup", json={"enabled": False})
+    versions = client.get(f"{BEWARE}/versions").json()["versions"]
+    assert [one["version"] for one in versions] == [2, 1, 0]
+    assert versions[0]["what"] == "“cup” switched off" and versions[0]["unix_s"] == 1e9
+    compared = client.get(f"{BEWARE}/versions/0").json()
+    assert compared["changes"] == ["“cup” switched on", "“cup”: margin 0.4 m → 0.05 m"]
+    back = client.post(f"{BEWARE}/versions/0/restore").json()
+    assert back["version"] == 3
+    assert client.get(f"{BEWARE}/versions/0").json()["changes"] == []
+    assert wrong(client.get(f"{BEWARE}/versions/9"), 404)
+    assert wrong(client.post(f"{BEWARE}/versions/9/restore"), 404)
+
+
+def test_the_file_of_the_list_is_exported_and_imported(client: httpx.Client) -> None:
+    text = client.get(f"{BEWARE}.toml").text
+    changed = text.replace('name = "cup"', 'name = "mug"')
+    assert client.put(f"{BEWARE}.toml", content=changed).status_code == 200
+    assert "mug" in names(client) and "cup" not in names(client)
+    wide = text.replace("min_size_m = 0.5", "min_size_m = 9")
+    line = next(i for i, said in enumerate(wide.splitlines(), 1) if said == "min_size_m = 9")
+    damaged = wrong(client.put(f"{BEWARE}.toml", content=wide), 422)
+    assert f"line {line}: beware[10].min_size_m: 9.0 is out of range" in damaged["message"]
+    assert "UTF-8" in wrong(client.put(f"{BEWARE}.toml", content=b"\xff"), 422)["message"]
+    assert "bewares of nothing" in wrong(client.put(f"{BEWARE}.toml", content=""), 409)["message"]
+    assert "mug" in names(client)
+    assert client.put(f"{BEWARE}.toml?force=true", content="").json()["classes"] == []
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "words"),
+    [
+        ({"name": "cup"}, 422, "there is a class 'cup' already"),
+        ({"name": "\n"}, 422, "name"),
+        ({}, 422, "name"),
+        ({"name": "x", "class_id": 4}, 422, "class_id"),
+        ({"name": "x", "margin_m": 3}, 422, "margin_m"),
+        ({"name": "x", "colour": {"hue_deg": [0, 999]}}, 422, "hue_deg"),
+        ({"name": "x", "colour": {"hue_deg": [0, 360], "min_saturation": 0, "min_value": 0,
+                                  "max_height_m": 3.0}},
+         422, "the colour rule of “x” takes"),
+    ],
+)  # fmt: skip
+def test_a_wrong_class_is_refused_by_name(
+    client: httpx.Client, body: dict[str, Any], status: int, words: str
+) -> None:
+    before = client.get(BEWARE).json()
+    for path, sent in ((BEWARE, body), (f"{BEWARE}/preview", {"add": body})):
+        error = wrong(client.post(path, json=sent), status)
+        assert words in error["message"] + str(error["where"])
+    assert client.get(BEWARE).json() == before
+
+
+def test_the_last_class_needs_force(client: httpx.Client) -> None:
+    for name in names(client)[1:]:
+        client.delete(f"{BEWARE}/{name}")
+    assert "nothing" in wrong(client.delete(f"{BEWARE}/red floor"), 409)["message"]
+    assert client.delete(f"{BEWARE}/red floor?force=true").json()["classes"] == []
+    client.post(f"{BEWARE}/undo")
+    assert names(client) == ["red floor"]
+
+
+def test_a_preview_says_which_cells_and_how_the_path_changes_and_applies_nothing(
+    client: httpx.Client,
+) -> None:
+    bare = client.post(f"{BEWARE}/preview", json={"changes": {"red floor": None}}).json()
+    assert bare["go_count"] == len(bare["go"]) > 300 and bare["appear"] == []
+    assert bare["path"] is None and bare["change_m"] is None
+    client.post("/api/v1/goals", json={"x_m": 3.0, "y_m": 0.0})
+    off = {"changes": {"red floor": {"enabled": False}}}
+    without = client.post(f"{BEWARE}/preview", json=off).json()
+    assert without["change_m"] < -0.3 and without["change_s"] < 0
+    assert without["go_count"] == bare["go_count"] and without["cut_off"] == []
+    wide = client.post(
+        f"{BEWARE}/preview", json={"changes": {"red floor": {"margin_m": 0.8}}}
+    ).json()
+    assert wide["change_m"] > 0.5 and wide["go"] == wide["appear"] == []
+    assert client.get(BEWARE).json()["version"] == 0
+    unknown = client.post(f"{BEWARE}/preview", json={"changes": {"forklift": None}})
+    assert "no class 'forklift'" in wrong(unknown, 422)["message"]
+
+
+def test_a_preview_names_the_goals_that_would_be_cut_off(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    operations.block_by_red()
+    client.patch(f"{BEWARE}/red floor", json={"enabled": False})
+    client.post("/api/v1/goals", json={"x_m": -4.0, "y_m": 0.0})
+    client.post("/api/v1/goals", json={"x_m": 3.0, "y_m": 0.0, "name": "door"})
+    on = {"changes": {"red floor": {"enabled": True}}}
+    answer = client.post(f"{BEWARE}/preview", json=on).json()
+    assert answer["cut_off"] == ["“door”"] and answer["path"]["found"]
+
+
+def test_a_click_into_the_picture_makes_a_colour_rule_that_takes_what_was_clicked(
+    client: httpx.Client,
+) -> None:
+    rule = client.post(f"{BEWARE}/colour", json=RED).json()["rule"]
+    first, last = rule["hue_deg"]
+    assert first > 340 and last < 20 and rule["max_height_m"] == 0.05
+    looks = client.post(f"{BEWARE}/colour/looks", json=rule).json()["looks"]
+    head, _, data = looks[0]["mask"].partition(",")
+    assert head == "data:image/png;base64" and looks[0]["picture"] == ""
+    mask = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert mask is not None and mask.shape == (180, 320, 4)
+    taken = mask[..., 3] > 0
+    assert taken[112:148, 122:218].all() and looks[0]["share"] == round(taken.mean(), 4) > 0.05
+    assert not taken[:90].any()
+    grey = client.post(f"{BEWARE}/colour", json={"right": 0.9, "down": 0.95})
+    assert "too grey" in wrong(grey, 409)["message"]
+    blue = client.post(f"{BEWARE}/colour/looks", json=BLUE).json()["looks"][0]
+    assert blue["share"] == 0
+    assert wrong(client.post(f"{BEWARE}/colour", json={"right": 7, "down": 0}), 422)
+
+
+def test_one_undo_takes_back_the_last_edit_whatever_it_was_of(client: httpx.Client) -> None:
+    square = {"type": "Polygon", "coordinates": [[[4, -1], [5, -1], [5, 1], [4, 1], [4, -1]]]}
+    assert wrong(client.post("/api/v1/edits/undo"), 409)["message"] == "there is no edit to undo"
+    client.post("/api/v1/zones", json=zone("wet"))
+    client.patch(f"{BEWARE}/cup", json={"enabled": False})
+    client.post("/api/v1/map/erase", json={"geometry": square})
+    client.patch(f"{BEWARE}/cup", json={"margin_m": 1.0})
+    undone = []
+    while client.get("/api/v1/edits").json()["undo"]:
+        undone.append(client.post("/api/v1/edits/undo").json()["text"].split()[0])
+    assert undone == ["“cup”:", "erasing", "“cup”", "new"]
+    assert client.get("/api/v1/zones").json()["features"] == []
+    for _ in range(3):
+        client.post("/api/v1/edits/redo")
+    cup = next(entry for entry in client.get(BEWARE).json()["classes"] if entry["name"] == "cup")
+    assert (cup["enabled"], cup["margin_m"]) == (False, 0.05)
+    client.patch(f"{BEWARE}/book", json={"enabled": False})
+    assert client.get("/api/v1/edits").json()["redo"] is None  # a newer edit was made
+    assert wrong(client.post("/api/v1/edits/redo"), 409)["message"] == "there is no edit to redo"

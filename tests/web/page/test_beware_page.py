@@ -1,0 +1,120 @@
+"""The beware list in the page: a class in its inspector, the order, versions and files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from playwright.sync_api import Locator, Page, expect
+
+from navcore.mission.beware_list import as_toml
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, middle_of
+
+
+def row(page: Page, name: str) -> Locator:
+    """Return the row of a class."""
+    return page.locator(f'[data-testid="beware-class"][data-name="{name}"]')
+
+
+def names(operations: FakeOperations) -> list[str]:
+    """Return the names in the list, in order."""
+    return [entry.name for entry in operations.beware.list.classes]
+
+
+def test_a_class_is_edited_with_a_preview_and_one_undo_takes_the_last_edit_back(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    operations.goals.add(3.0, 0.0)
+    row(page, "red floor").get_by_test_id("beware-edit").click()
+    note, apply = page.get_by_test_id("entry-note"), page.get_by_test_id("entry-apply")
+    expect(page.get_by_test_id("entry-eyes")).to_have_text("Detected by: colour rule")
+    expect(apply).to_be_disabled()
+    page.get_by_test_id("entry-margin").fill("9")
+    expect(note).to_have_text("Margin in metres: 0 to 2")
+    expect(apply).to_be_disabled()
+    page.get_by_test_id("entry-margin").fill("0.6")
+    expect(note).to_contain_text("the path would be")
+    page.get_by_test_id("entry-name").fill("cup")
+    expect(note).to_contain_text("there is a class 'cup' already")
+    page.get_by_test_id("entry-name").fill("red paint")
+    expect(note).to_contain_text("the path would be")
+    assert operations.beware.list.version == 0
+    assert apply.evaluate(IS_WITHIN_VIEWPORT)
+    apply.click()
+    expect(row(page, "red paint")).to_be_visible()
+    expect(page.get_by_test_id("entry")).to_be_hidden()
+    assert operations.beware.list.named("red paint").margin_m == 0.6
+    page.get_by_test_id("map-canvas").focus()
+    page.keyboard.press("Control+z")
+    expect(row(page, "red floor")).to_be_visible()
+    page.keyboard.press("Control+Shift+z")
+    expect(row(page, "red paint")).to_be_visible()
+    row(page, "bottle").get_by_test_id("beware-edit").click()
+    expect(page.get_by_test_id("entry-eyes")).to_contain_text("Nothing can see it yet")
+    page.get_by_test_id("entry-remove").click()
+    expect(row(page, "bottle")).to_have_count(0)
+
+
+def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.get_by_test_id("beware-add").click()
+    page.get_by_test_id("entry-name").fill("tape")
+    page.get_by_test_id("entry-pick").click()
+    box = page.get_by_test_id("camera").bounding_box()
+    assert box is not None
+    at = (box["x"] + 0.53 * box["width"], box["y"] + 0.72 * box["height"])
+    page.mouse.click(*at)
+    expect(page.get_by_test_id("entry-share")).to_contain_text("6.9 %")
+    expect(page.get_by_test_id("camera-mask")).to_be_visible()
+    expect(page.get_by_test_id("draft")).to_be_hidden()
+    page.get_by_test_id("entry-saturation").fill("99")
+    expect(page.get_by_test_id("entry-share")).to_contain_text("0.0 %")
+    page.get_by_test_id("entry-apply").click()
+    expect(row(page, "tape")).to_be_visible()
+    expect(page.get_by_test_id("camera-mask")).to_be_hidden()
+    rule = operations.beware.list.named("tape").colour
+    assert rule is not None and rule.min_saturation == 0.99
+    page.mouse.click(*at)  # control: now the same click drafts a zone
+    expect(page.get_by_test_id("draft")).to_be_visible()
+
+
+def test_rows_are_moved_by_keys_and_mouse(page: Page, operations: FakeOperations) -> None:
+    await_map(page)
+    first, second, third = names(operations)[:3]
+    handle = row(page, first).get_by_test_id("beware-handle")
+    handle.focus()
+    page.keyboard.press("ArrowDown")
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 1")
+    assert names(operations)[:3] == [second, first, third]
+    page.mouse.move(*middle_of(row(page, third).get_by_test_id("beware-handle")))
+    page.mouse.down()
+    page.mouse.move(*middle_of(row(page, second)), steps=4)
+    page.mouse.up()
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 2")
+    assert names(operations)[:3] == [third, second, first]
+
+
+def test_versions_come_back_and_a_damaged_file_is_refused_by_line(
+    page: Page, operations: FakeOperations, tmp_path: Path
+) -> None:
+    await_map(page)
+    operations.beware.edit("cup", {"margin_m": 0.7})
+    operations.beware.remove("book")
+    expect(row(page, "book")).to_have_count(0)
+    page.locator("[popovertarget=beware-versions]").click()
+    oldest = page.get_by_test_id("beware-version-row").last
+    oldest.get_by_test_id("beware-compare").click()
+    expect(oldest).to_contain_text("“book” added; “cup”: margin 0.7 m → 0.05 m")
+    oldest.get_by_test_id("beware-restore").click()
+    expect(row(page, "book")).to_be_visible()
+    damaged = tmp_path / "list.toml"
+    text = as_toml(operations.beware.list).replace("margin_m = 0.5", "margin_m = 50")
+    damaged.write_text(text, encoding="utf-8")
+    page.locator("[popovertarget=beware-files]").click()
+    page.get_by_test_id("beware-file").set_input_files(damaged)
+    expect(page.get_by_test_id("toasts")).to_contain_text("margin_m: 50.0 is out of range")
+    expect(page.get_by_test_id("toasts")).to_contain_text("line ")
+    assert operations.beware.list.version == 3

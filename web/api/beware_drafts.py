@@ -1,0 +1,124 @@
+"""Routes that help to edit the beware list: preview of an edit, colour rules from a click, stored
+versions."""
+
+from __future__ import annotations
+
+import base64
+from typing import Annotated
+
+import numpy as np
+from fastapi import APIRouter, Path, Response
+
+from navcore.errors import NotKnown
+from navcore.mission.beware_changes import changes_between
+from web.api.beware import Force
+from web.auth.roles import CurrentVisitor
+from web.gateway.etag import etag
+from web.gateway.problems import JsonResponse, refusals
+from web.images.camera import camera_jpg, mask_png, narrowed
+from web.interface.beware import BewareVersion, ColourLook
+from web.interface.operations import RobotService
+from web.schemas.beware import (
+    BewareDraftIn,
+    BewareOut,
+    ComparisonOut,
+    ListPreviewOut,
+    LookOut,
+    LooksOut,
+    Rule,
+    RuleOut,
+    VersionOut,
+    VersionsOut,
+)
+from web.schemas.drafts import PixelIn
+
+MAX_LOOKS = 7
+"""Number of images on which a colour rule is shown, the newest among them."""
+THUMBNAIL_PX = 160
+"""Largest width of the older images in pixels."""
+Version = Annotated[int, Path(ge=0, le=1_000_000_000)]
+
+
+def beware_drafts_router(operations: RobotService) -> APIRouter:
+    """Return the routes below `/api/v1`."""
+    router = APIRouter(tags=["beware list"], default_response_class=JsonResponse)
+
+    @router.post("/beware/preview", response_model=ListPreviewOut, responses=refusals(409, 422))
+    def preview(draft: BewareDraftIn) -> ListPreviewOut:
+        """Return what an edit of the list would change on the map and on the path; nothing is
+        applied. A colour rule is tried on the images of the last minutes."""
+        beware = operations.beware.drafted(draft.changes, draft.add)
+        return ListPreviewOut.of(operations.preview_list(beware))
+
+    @router.post("/beware/colour", response_model=RuleOut, responses=refusals(409, 422))
+    def propose_rule(pixel: PixelIn) -> RuleOut:
+        """Return a colour rule for what is at a position in the camera image: the range of the
+        connected region of nearly its colour. Nothing is applied."""
+        return RuleOut(rule=operations.beware.colours.proposed(pixel.right, pixel.down))
+
+    @router.post("/beware/colour/looks", response_model=LooksOut, responses=refusals(422))
+    def try_rule(rule: Rule) -> LooksOut:
+        """Return what a colour rule takes in the newest image, and in some of the last minutes.
+        Nothing is applied."""
+        looks = operations.beware.colours.looks(rule, MAX_LOOKS)
+        return LooksOut(looks=[_look_of(look, is_newest=i == 0) for i, look in enumerate(looks)])
+
+    @router.get("/beware/versions", response_model=VersionsOut)
+    def list_versions() -> VersionsOut:
+        """Return the stored versions of the list: when, who and what."""
+        return VersionsOut(versions=[_version_of(one) for one in operations.beware.versions()])
+
+    @router.get("/beware/versions/{version}", response_model=ComparisonOut, responses=refusals(404))
+    def get_version(version: Version) -> ComparisonOut:
+        """Return a stored version and how it differs from the list in force."""
+        for stored in operations.beware.versions():
+            if stored.list.version == version:
+                return ComparisonOut(
+                    version=version,
+                    classes=stored.list.classes,
+                    changes=changes_between(operations.beware.list, stored.list),
+                )
+        raise NotKnown(f"the beware list has no version {version}")
+
+    @router.post(
+        "/beware/versions/{version}/restore",
+        response_model=BewareOut,
+        responses=refusals(404, 409, 422, 503),
+    )
+    def restore_version(
+        version: Version, response: Response, visitor: CurrentVisitor, force: Force = False
+    ) -> BewareOut:
+        """Bring back a stored version as one edit, which can be undone."""
+        beware = operations.beware.restore(version, force=force, by=visitor.signature)
+        response.headers.update(etag(beware.version))
+        return BewareOut.of(beware, operations.beware)
+
+    return router
+
+
+def _version_of(stored: BewareVersion) -> VersionOut:
+    return VersionOut(
+        version=stored.list.version,
+        unix_s=stored.unix_s,
+        by=stored.by,
+        what=stored.what,
+        classes=len(stored.list.classes),
+    )
+
+
+def _look_of(look: ColourLook, *, is_newest: bool) -> LookOut:
+    """Return a look; older images are sent small with their mask, the newest one has a route of its
+    own."""
+    width = look.mask.shape[1] if is_newest else THUMBNAIL_PX
+    mask = narrowed(look.mask.astype(np.uint8), width) > 0
+    picture = "" if is_newest else _data_url("jpeg", camera_jpg(narrowed(look.rgb, width)))
+    return LookOut(
+        age_s=round(look.age_s, 1),
+        share=round(float(look.mask.mean()), 4),
+        mask=_data_url("png", mask_png(mask)),
+        picture=picture,
+    )
+
+
+def _data_url(kind: str, data: bytes) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"

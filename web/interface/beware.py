@@ -1,0 +1,163 @@
+"""Beware list in the console: its versions, previews of an edit, and looks at a colour rule."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
+from navcore.perception.labels import LabelSource
+from web.interface.drafts import EditHistory, PathPreview
+
+OPERATOR = "The operator"
+"""Who makes an edit on a console without users."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BewareVersion:
+    """Stored version of the beware list, and the edit that led to it."""
+
+    list: BewareList
+    """The list."""
+    unix_s: float | None = None
+    """When it was stored, seconds since 1970; None where that is not known."""
+    by: str = ""
+    """Who made the edit; empty where that is not known."""
+    what: str = ""
+    """Description of the edit; empty where that is not known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ListPreview:
+    """Effect of another beware list; nothing is applied."""
+
+    appear: npt.NDArray[np.float64]
+    """(N, 2) middles in metres of the map frame of cells that would be occupied and are not."""
+    go: npt.NDArray[np.float64]
+    """(N, 2) middles in metres of the map frame of cells that are occupied and would not be."""
+    path: PathPreview | None = None
+    """Path to the present goal with the other list; None without a goal."""
+    present: PathPreview | None = None
+    """Path to the present goal with the list in force; None without a goal."""
+    cut_off: tuple[str, ...] = ()
+    """Titles of the waiting goals that have a path now and would have none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ColourLook:
+    """What a colour rule takes in one image."""
+
+    rgb: npt.NDArray[np.uint8]
+    """(H, W, 3) the image."""
+    mask: npt.NDArray[np.bool_]
+    """(H, W) pixels that the rule takes."""
+    age_s: float
+    """Age of the image in seconds."""
+
+
+class ColourRules(Protocol):
+    """Colour rules from clicks, tried on the newest image and on those of the last minutes."""
+
+    def proposed(self, right: float, down: float) -> ColourRule:
+        """Return the rule for what is at a position in the newest image, given as shares of width
+        and height; raises `Refused` for a grey pixel, and without an image."""
+
+    def looks(self, rule: ColourRule, at_most: int) -> Sequence[ColourLook]:
+        """Return what a rule takes in the newest image and in some older ones, newest first."""
+
+
+class BewareEdits(Protocol):
+    """Beware list and its edits. `by` names the user in the list of versions.
+
+    An edit raises `BadConfiguration` for a wrong value, a name that exists, and a colour rule that
+    takes half of all pixels; `Refused` for an empty list unless it is forced.
+    """
+
+    @property
+    def list(self) -> BewareList:
+        """List in force."""
+
+    @property
+    def history(self) -> EditHistory:
+        """Edits that can be undone and redone."""
+
+    @property
+    def colours(self) -> ColourRules:
+        """Colour rules from clicks."""
+
+    def finder(self, entry: BewareClass) -> LabelSource:
+        """Return which part of the segmenter detects an entry of the list."""
+
+    def edit(
+        self,
+        name: str,
+        changes: Mapping[str, object],
+        *,
+        expected_version: int | None = None,
+        by: str = OPERATOR,
+    ) -> BewareList:
+        """Change fields of one class, e.g. `enabled`, `margin_m`, `min_confidence`, `colour` (a
+        table), or `name`, which keeps what is on the map; None removes an optional one. `Outdated`
+        when the list's version is not the expected one."""
+
+    def add(self, entry: Mapping[str, object], *, by: str = OPERATOR) -> BewareList:
+        """Add a class, given as plain values without its id."""
+
+    def remove(
+        self,
+        name: str,
+        *,
+        expected_version: int | None = None,
+        force: bool = False,
+        by: str = OPERATOR,
+    ) -> BewareList:
+        """Remove a class; `force` allows to remove the last one."""
+
+    def order(self, names: Sequence[str], *, by: str = OPERATOR) -> BewareList:
+        """Change the order of the classes."""
+
+    def replace(
+        self,
+        beware: BewareList,
+        *,
+        expected_version: int | None = None,
+        force: bool = False,
+        by: str = OPERATOR,
+    ) -> BewareList:
+        """Replace the list; the new one gets the next version."""
+
+    def import_toml(
+        self,
+        text: str,
+        *,
+        expected_version: int | None = None,
+        force: bool = False,
+        by: str = OPERATOR,
+    ) -> BewareList:
+        """Replace the list by that of a TOML document, whose known names keep their ids here;
+        raises `BadConfiguration` with the line and the field of what is wrong."""
+
+    def restore_defaults(self, *, by: str = OPERATOR) -> BewareList:
+        """Restore the list of a new site, as the next version."""
+
+    def versions(self) -> tuple[BewareVersion, ...]:
+        """Return all stored versions, newest first."""
+
+    def restore(self, version: int, *, force: bool = False, by: str = OPERATOR) -> BewareList:
+        """Bring back a stored version, as the next one; raises `NotKnown`."""
+
+    def drafted(
+        self, changes: Mapping[str, Mapping[str, object] | None], added: Mapping[str, object] | None
+    ) -> BewareList:
+        """Return the list after changes of some classes, by name, None for a removal, and with a
+        class added; nothing is applied."""
+
+    def undo(self, *, by: str = OPERATOR) -> str:
+        """Undo the newest edit and return its description; `Refused` without one."""
+
+    def redo(self, *, by: str = OPERATOR) -> str:
+        """Repeat the edit that was undone last and return its description."""

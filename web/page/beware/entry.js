@@ -1,0 +1,194 @@
+// The inspector of a class of the beware list: a draft, whose effect is shown on the map before it
+// applies.
+
+import { post, request } from "../core/api.js";
+import { element, set, setText } from "../core/dom.js";
+import { number, sentence, t } from "../core/language.js";
+import { attempt } from "../core/toasts.js";
+import { isDrawing, onDraft, setMode } from "../zones/draft.js";
+import { asker, changeText } from "../zones/preview.js";
+import { onRule, ruleOf, showRule } from "./colour_picker.js";
+
+const form = element("entry");
+const field = (name) => element(`entry-${name}`);
+const NUMBERS = {
+  margin: ["margin_m", 1],
+  confidence: ["min_confidence", 100],
+  lowest: ["min_height_m", 1],
+  highest: ["max_height_m", 1],
+  size: ["min_size_m", 1],
+};
+const REQUIRED = ["margin", "confidence"];
+
+// What the map shows of the draft.
+export const listDraft = { appear: [], go: [], path: [] };
+const listeners = [];
+export const onListDraft = (listener) => listeners.push(listener);
+
+let stored = null;
+let version = null;
+let refresh = () => {};
+const ask = asker("/beware/preview", verdict);
+
+export function build(onNewList) {
+  refresh = onNewList;
+}
+
+export const openName = () => (form.hidden ? null : (stored?.name ?? ""));
+
+// Edit an entry, or a new one for null.
+export function open(entry, listVersion, limits) {
+  if (isDrawing()) setMode("navigate");
+  stored = entry;
+  version = listVersion;
+  form.hidden = false;
+  setText(element("entry-title"), entry ? (entry.label ?? entry.name) : t("New class"));
+  field("name").value = entry?.name ?? "";
+  field("network").value = entry?.network_class ?? "";
+  for (const [name, [key, factor]] of Object.entries(NUMBERS)) {
+    const value = entry ? entry[key] : { margin_m: 0, min_confidence: 0.5 }[key];
+    const { low, high } = limits[key];
+    set(field(name), {
+      min: String(factor * low),
+      max: String(factor * high),
+      value: value === null || value === undefined ? "" : String(Math.round(1000 * factor * value) / 1000),
+    });
+  }
+  element("entry-remove").hidden = !entry;
+  showRule(entry?.colour ?? null);
+  describe();
+  if (!entry) field("name").focus();
+}
+
+export function close() {
+  if (form.hidden) return;
+  form.hidden = true;
+  stored = null;
+  showRule(null, false);
+  ask(null);
+  showOnMap({ appear: [], go: [], path: [] });
+}
+
+// Fields of the entry that differ from the stored one; null for a value that is none.
+function changes() {
+  const drafted = {
+    name: field("name").value.trim(),
+    network_class: field("network").value.trim() || null,
+    colour: ruleOf(),
+  };
+  for (const [name, [key, factor]] of Object.entries(NUMBERS)) {
+    const { value } = field(name);
+    drafted[key] = value === "" ? null : Number(value) / factor;
+  }
+  const same = (key) => JSON.stringify(drafted[key]) === JSON.stringify(stored?.[key] ?? null);
+  return Object.fromEntries(Object.entries(drafted).filter(([key]) => !same(key)));
+}
+
+const missing = () => {
+  if (!field("name").value.trim()) return t("Give it a name.");
+  const empty = REQUIRED.find((name) => field(name).value === "");
+  const wrong = empty ?? Object.keys(NUMBERS).find((name) => !field(name).validity.valid);
+  if (!wrong) return "";
+  const { min, max } = field(wrong);
+  return `${field(wrong).title}: ${t("{low} to {high}", { low: min, high: max })}`;
+};
+
+// What the draft would be detected by; what runs now is only known for the stored entry.
+function eyes() {
+  if (ruleOf()) return stored?.found_by === "network and colour rule" ? sentence(stored.found_by) : t("colour rule");
+  const isSeen = stored && stored.found_by !== "nothing" && stored.found_by !== "colour rule";
+  return isSeen && field("name").value.trim() === stored.name
+    ? sentence(stored.found_by)
+    : null;
+}
+
+function describe() {
+  const by = eyes();
+  const note = element("entry-eyes");
+  setText(
+    note,
+    by
+      ? t("Detected by: {by}", { by })
+      : stored && stored.found_by.startsWith("network")
+        ? t("Detected by: {by}", { by: sentence("network") })
+        : t("▲ Nothing can see it yet: the network does not know it, and it has no colour rule."),
+  );
+  note.classList.toggle("lost", note.textContent.startsWith("▲"));
+  const lacking = missing();
+  const changed = changes();
+  const isChanged = Object.keys(changed).length > 0;
+  set(element("entry-apply"), { disabled: lacking !== "" || !isChanged, title: lacking });
+  say(lacking, false);
+  if (lacking || !isChanged) {
+    ask(null);
+    showOnMap({ appear: [], go: [], path: [] });
+    return;
+  }
+  ask(stored ? { changes: { [stored.name]: changed } } : { add: given(changed) }, (answer) => {
+    say(answer.text, answer.bad);
+    showOnMap(answer);
+  });
+}
+
+const given = (values) =>
+  Object.fromEntries(Object.entries(values).filter(([, value]) => value !== null));
+
+function say(text, bad) {
+  const note = element("entry-note");
+  setText(note, text);
+  note.classList.toggle("bad", Boolean(bad));
+}
+
+function showOnMap({ appear = [], go = [], path = [] }) {
+  Object.assign(listDraft, { appear, go, path });
+  for (const listener of listeners) listener();
+}
+
+// The effect of another list in words.
+export function verdict(answer) {
+  const parts = [];
+  if (answer.appear_count) parts.push(t("{n} cells appear", { n: answer.appear_count }));
+  if (answer.go_count) parts.push(t("{n} cells go", { n: answer.go_count }));
+  if (!parts.length) parts.push(t("no cell of the map changes"));
+  if (answer.cut_off.length)
+    parts.push(t("{goals} would be cut off", { goals: answer.cut_off.join(", ") }));
+  else if (answer.path?.found && answer.change_m !== null)
+    parts.push(
+      t("the path would be {length} m ({change})", {
+        length: number(answer.path.length_m, 1),
+        change: changeText(answer),
+      }),
+    );
+  return {
+    text: parts.join("; "),
+    bad: answer.cut_off.length > 0,
+    path: answer.path?.path ?? [],
+    appear: answer.appear,
+    go: answer.go,
+  };
+}
+
+async function send(method, path, body) {
+  await request(method, path, body, version === null ? {} : { "If-Match": `"${version}"` });
+  close();
+  refresh();
+}
+
+const address = () => `/beware/${encodeURIComponent(stored.name)}`;
+form.onsubmit = (event) => {
+  event.preventDefault();
+  if (element("entry-apply").disabled) return;
+  attempt(async () => {
+    if (stored) await send("PATCH", address(), changes());
+    else {
+      await post("/beware", given(changes()));
+      close();
+      refresh();
+    }
+  });
+};
+element("entry-remove").onclick = () => attempt(() => send("DELETE", address()));
+element("entry-cancel").onclick = close;
+form.addEventListener("input", describe);
+onRule(describe);
+onDraft(() => isDrawing() && close());

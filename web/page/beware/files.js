@@ -1,0 +1,37 @@
+// The beware list as a TOML file: written, and read with what is wrong in it named by line.
+
+import { abortableFetch } from "../core/api.js";
+import { download, element } from "../core/dom.js";
+import { t } from "../core/language.js";
+import { attempt, notify } from "../core/toasts.js";
+
+const PATH = "/api/v1/beware.toml";
+let refresh = () => {};
+
+// `onNewList` loads and shows the list again.
+export function build(onNewList) {
+  refresh = onNewList;
+}
+
+async function importText(text) {
+  const headers = { "Content-Type": "application/toml" };
+  const response = await abortableFetch(PATH, { method: "PUT", headers, body: text });
+  if (!response.ok) throw new Error((await response.json()).error.message);
+  element("beware-files").hidePopover();
+  notify(t("The list of the file is in force."), { good: true });
+  refresh();
+}
+
+element("beware-file").onchange = (event) =>
+  attempt(async () => {
+    const [file] = event.target.files;
+    const text = await file.text();
+    event.target.value = "";
+    await importText(text);
+  });
+element("beware-export").onclick = () =>
+  attempt(async () => {
+    const response = await abortableFetch(PATH);
+    if (!response.ok) throw new Error(t("the console did not deliver the file"));
+    download("beware.toml", new Blob([await response.text()], { type: "application/toml" }));
+  });
