@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, inlined
 from navcore.config.perception import DEFAULT_PERCEPTION, PersonDetectorConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
 from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
@@ -305,39 +305,90 @@ def _bin(
     """Count the pixels of bodies, of people and of floor in each cell, add up x and y and find the
     greatest height; every second column is evaluated."""
     height, width = depth_m.shape
-    cell_m = limits.cell_m
-    for j in range(0, width, 2):
-        a = column_slope(j, lens)
-        floor_before, before_x, before_y = False, 0.0, 0.0
-        for i in range(height - 1, -1, -1):
-            depth = depth_m[i, j]
-            if not 0 < depth <= limits.max_range_m:
-                floor_before = False
-                continue
-            x, y, z_m = point_on_ray(t, a, row_slope(i, lens), depth)
-            z = z_m - ground_m[i, j]
-            if abs(z) < limits.floor_m and depth <= limits.floor_range_m:
-                steps = 1
-                if floor_before:
-                    gap = math.hypot(x - before_x, y - before_y)
-                    steps = max(math.ceil(2 * gap / cell_m), 1) if gap < limits.fill_m else 1
-                for step in range(steps):
+    # A column of the image lies in as many cache lines as it has rows: some are copied together.
+    depths = np.empty((_TOGETHER, height), dtype=np.float32)
+    grounds = np.empty((_TOGETHER, height), dtype=np.float32)
+    points, cells = np.zeros((3, height + 1)), np.empty((2, height), dtype=np.int64)
+    for first in range(0, width, 2 * _TOGETHER):
+        columns = min(_TOGETHER, (width - first + 1) // 2)
+        for i in range(height):
+            for n in range(columns):
+                depths[n, i] = depth_m[i, first + 2 * n]
+                grounds[n, i] = ground_m[i, first + 2 * n]
+        for n in range(columns):
+            j = first + 2 * n
+            _column(depths[n], grounds[n], column_slope(j, lens), t, lens, limits, points, cells)
+            _bin_column(depths[n], points, cells, is_person[:, j], limits, origin, counts, sums)
+
+
+_TOGETHER = 16
+"""Number of columns of the image that are copied together."""
+
+
+@inlined
+def _column(
+    depths: Floats,
+    grounds: Floats,
+    a: float,
+    t: Floats,
+    lens: Pinhole,
+    limits: _Limits,
+    points: Floats,
+    cells: Indices,
+) -> None:
+    """Write (3, H) x, y and height above the ground of the pixels of a column, and (2, H) the
+    columns and rows of their cells; free of branches, so that the compiler vectorises it."""
+    for i in range(len(depths)):
+        x, y, z = point_on_ray(t, a, row_slope(i, lens), depths[i])
+        points[0, i], points[1, i], points[2, i] = x, y, z - grounds[i]
+        cells[0, i] = np.int64(math.floor(x / limits.cell_m))
+        cells[1, i] = np.int64(math.floor(y / limits.cell_m))
+
+
+@inlined
+def _bin_column(
+    depths: Floats,
+    points: Floats,
+    cells: Indices,
+    is_person: Bools,
+    limits: _Limits,
+    origin: Indices,
+    counts: Counts,
+    sums: Floats,
+) -> None:
+    """Add the pixels of one column, from below upwards; between floor pixels that are near to each
+    other the floor continues."""
+    cell_m, floor_before = limits.cell_m, False
+    half_cell, fill = (cell_m / 2) ** 2, limits.fill_m**2
+    for i in range(len(depths) - 1, -1, -1):
+        if not 0 < depths[i] <= limits.max_range_m:
+            floor_before = False
+            continue
+        x, y, z = points[0, i], points[1, i], points[2, i]
+        col, row = cells[0, i] - origin[0], cells[1, i] - origin[1]
+        in_grid = 0 <= row < SIDE and 0 <= col < SIDE
+        if abs(z) < limits.floor_m and depths[i] <= limits.floor_range_m:
+            if in_grid:
+                counts[row, col, 2] += 1
+            to_x, to_y = points[0, i + 1] - x, points[1, i + 1] - y
+            squared = to_x * to_x + to_y * to_y
+            if floor_before and half_cell < squared < fill:
+                steps = math.ceil(2 * math.sqrt(squared) / cell_m)
+                for step in range(1, steps):
                     share = step / steps
-                    col = math.floor((x + share * (before_x - x)) / cell_m) - origin[0]
-                    row = math.floor((y + share * (before_y - y)) / cell_m) - origin[1]
+                    col = math.floor((x + share * to_x) / cell_m) - origin[0]
+                    row = math.floor((y + share * to_y) / cell_m) - origin[1]
                     if 0 <= row < SIDE and 0 <= col < SIDE:
                         counts[row, col, 2] += 1
-                floor_before, before_x, before_y = True, x, y
-                continue
-            floor_before = False
-            col, row = math.floor(x / cell_m) - origin[0], math.floor(y / cell_m) - origin[1]
-            in_grid = 0 <= row < SIDE and 0 <= col < SIDE
-            if limits.body_low_m < z < limits.body_high_m and in_grid:
-                counts[row, col, 0] += 1
-                counts[row, col, 1] += is_person[i, j]
-                sums[row, col, 0] += x
-                sums[row, col, 1] += y
-                sums[row, col, 2] = max(sums[row, col, 2], z)
+            floor_before = True
+            continue
+        floor_before = False
+        if limits.body_low_m < z < limits.body_high_m and in_grid:
+            counts[row, col, 0] += 1
+            counts[row, col, 1] += is_person[i]
+            sums[row, col, 0] += x
+            sums[row, col, 1] += y
+            sums[row, col, 2] = max(sums[row, col, 2], z)
 
 
 @compiled
