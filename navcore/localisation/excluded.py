@@ -49,5 +49,6 @@ def _exclude_depths(
     the second."""
     middle, reach = around_m
     for i in range(depth_m.shape[0]):
-        for j in range(columns[0], columns[1]):
-            excluded[i, j] |= abs(depth_m[i, j] - middle) < reach
+        depths, marks = depth_m[i, columns[0] : columns[1]], excluded[i, columns[0] : columns[1]]
+        for j in range(len(depths)):
+            marks[j] |= abs(depths[j] - middle) < reach
