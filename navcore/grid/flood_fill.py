@@ -10,6 +10,7 @@ import numpy as np
 
 from navcore.compiled import compiled, inlined
 from navcore.grid.bitplane import ONE, PAD, BitPlane, mirrored
+from navcore.grid.grid import Cell
 
 TOP = np.uint64(63)
 """Number of the highest bit of a word."""
@@ -46,6 +47,15 @@ def flood(free: BitPlane, reached: BitPlane, begin: BitPlane) -> tuple[int, int]
                 low, high = min(low, line), max(high, line)
             due[line] = False
     return low, high
+
+
+@compiled
+def are_connected(free: BitPlane, first: Cell, second: Cell) -> bool:
+    """Return whether free cells connect two cells, (line, column) of the plane."""
+    reached, begin = np.zeros_like(free), np.zeros_like(free)
+    begin[first[0], first[1] >> 6] = ONE << np.uint64(first[1] & 63)
+    flood(free, reached, begin)
+    return bool(reached[second[0], second[1] >> 6] >> np.uint64(second[1] & 63) & ONE != 0)
 
 
 @compiled
@@ -127,21 +137,23 @@ def _spread(free: BitPlane, reached: BitPlane, line: int) -> bool:
     grown, carried = False, np.uint64(0)
     for word in range(1, free.shape[1] - 1):
         open_, known = free[line, word], reached[line, word]
-        above, below = (
-            reached[line - 1, word] & free[line - 1, word],
-            reached[line + 1, word] & free[line + 1, word],
-        )
-        found = _up(open_, (known | above | below | carried) & open_)
-        reached[line, word] = known | found
-        grown |= found & ~known != 0
-        carried = found >> TOP
+        missing = open_ & ~known
+        if missing != 0:
+            above = reached[line - 1, word] & free[line - 1, word]
+            below = reached[line + 1, word] & free[line + 1, word]
+            found = _up(open_, (known | above | below | carried) & open_)
+            reached[line, word] = known | found
+            grown |= found & missing != 0
+        carried = (reached[line, word] & open_) >> TOP
     carried = np.uint64(0)
     for word in range(free.shape[1] - 2, 0, -1):
         open_, known = free[line, word], reached[line, word]
-        found = mirrored(_up(mirrored(open_), mirrored((known | carried << TOP) & open_)))
-        reached[line, word] = known | found
-        grown |= found & ~known != 0
-        carried = found & ONE
+        missing, near = open_ & ~known, (known | carried << TOP) & open_
+        if missing != 0 and near != 0:
+            found = mirrored(_up(mirrored(open_), mirrored(near)))
+            reached[line, word] = known | found
+            grown |= found & missing != 0
+        carried = reached[line, word] & open_ & ONE
     return grown
 
 

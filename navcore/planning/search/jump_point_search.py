@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined, lean
 from navcore.grid.bitplane import ONE, PAD, BitPlanes, highest, lowest
+from navcore.grid.flood_fill import are_connected
 from navcore.grid.free_space import (
     AHEAD,
     BACK,
@@ -124,7 +125,7 @@ def search(
     floor: int,
 ) -> tuple[int, npt.NDArray[np.int64], int]:
     """Search for a path shorter than `bound` on memory that the caller owns; no path is shorter
-    than `floor`.
+    than `floor`. Where there is no path however long, `memory[BOUND]` becomes `FAR`.
 
     The ends are single numbers, since a tuple costs a microsecond to pass.
     """
@@ -142,8 +143,18 @@ def search(
     settle(across, along)
     saved = mark_goal(across, along, goal)
     want(memory, at, ANYWHERE)
-    status = run(across, along, diagonal_ends, memory, budget)
+    first = min(budget, across.shape[1] * across.shape[2] // 2)
+    status = run(across, along, diagonal_ends, memory, first)
     unmark_goal(across, along, goal, saved)
+    if status == TIMEOUT and budget > first:
+        # Without a path a search visits all that it can reach; a flood tells in less time than it
+        # has taken so far.
+        if are_connected(across[FREE], (goal >> 16, goal & 0xFFFF), (start >> 16, start & 0xFFFF)):
+            saved = mark_goal(across, along, goal)
+            status = run(across, along, diagonal_ends, memory, budget - first)
+            unmark_goal(across, along, goal, saved)
+        else:
+            status, memory[BOUND] = UNREACHABLE, FAR
     while memory[WAITING] > 0:
         pop(memory)
     if status == FOUND:
