@@ -245,7 +245,7 @@ def _clusters(
     too large; `area_px` is the number of evaluated pixels of 1 m × 1 m at 1 m."""
     total, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     found, crowded = [], np.zeros(mask.shape, dtype=np.bool_)
-    totals = _totals(names, total, grid.kinds, grid.counts, grid.sums)
+    totals = _totals(np.asarray(names, dtype=np.int32), total, grid.kinds, grid.counts, grid.sums)
     for name in range(1, total):
         left, top, width, height, size = boxes[name]
         if size < _MIN_CELLS:
