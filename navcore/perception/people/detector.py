@@ -11,23 +11,28 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from navcore.compiled import compiled, inlined
 from navcore.config.perception import DEFAULT_PERCEPTION, PersonDetectorConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
-from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
 from navcore.perception.ground import flat_ground
+from navcore.perception.people.detection_grid import (
+    MOVABLE,
+    NEW,
+    SIDE,
+    CellMemory,
+    Counts,
+    GridLimits,
+    Mask,
+    bin_pixels,
+    component_totals,
+    recall_cells,
+)
 from navcore.robot.frame import Frame
 
 _DEFAULT = DEFAULT_PERCEPTION.people.detector
-SIDE = 128
-"""Number of cells along each side of the grid; beyond, its memory repeats itself."""
-_FIXED, _MOVABLE, _NEW = range(1, 4)
 _BODY_M = 0.5
 """Height in metres at which a person must be in view."""
 _MIN_RANGE_M = 0.2
@@ -39,8 +44,6 @@ _MIN_CELLS = 3
 
 Cells = Indices
 """(K, 2) row and column of cells, counted from the origin of the map."""
-Counts = npt.NDArray[np.int32]
-Mask = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,36 +68,13 @@ class Cluster:
     """Whether it reaches the border of the image, so that a part of it may be beyond."""
 
 
-class _Limits(NamedTuple):
-    """Ranges and heights in metres, as compiled kernels take them."""
-
-    cell_m: float
-    max_range_m: float
-    floor_range_m: float
-    body_low_m: float
-    body_high_m: float
-    floor_m: float
-    fill_m: float
-
-
-class _Memory(NamedTuple):
-    """What the cells around the camera showed, by row and column modulo `SIDE`."""
-
-    owner: Indices
-    """Cell of the map that an entry is about."""
-    free_s: Floats
-    """Time at which it showed floor last; −∞ for never."""
-    occupied_s: Floats
-    """Time since which it has been occupied; ∞ when it is not."""
-
-
 class PersonDetector:
     """Grid around the camera that remembers, cell by cell, when floor was seen and since when the
     cell has been occupied."""
 
     def __init__(self, config: PersonDetectorConfig = _DEFAULT) -> None:
         self._config = config
-        self._memory = _Memory(
+        self._memory = CellMemory(
             owner=np.full((SIDE, SIDE), -1, dtype=np.int64),
             free_s=np.full((SIDE, SIDE), -np.inf),
             occupied_s=np.full((SIDE, SIDE), np.inf),
@@ -115,14 +95,16 @@ class PersonDetector:
         origin = np.floor(t[:2, 3] / config.cell_m).astype(np.int64) - SIDE // 2  # column, row
         counts, sums = np.zeros((SIDE, SIDE, 3), dtype=np.int32), np.zeros((SIDE, SIDE, 3))
         limits = _limits(config)
-        _bin(frame.depth_m, ground_m, is_person, t, lens.pinhole, limits, origin, counts, sums)
+        bin_pixels(
+            frame.depth_m, ground_m, is_person, t, lens.pinhole, limits, origin, counts, sums
+        )
         kinds = np.zeros((SIDE, SIDE), dtype=np.uint8)
         # Floor beside an object may be its foot, scattered: only what is surrounded by floor is
         # certainly free.
         floor = ((counts[..., 2] > 0) & (counts[..., 0] == 0)).view(np.uint8)
         inner = np.asarray(cv2.erode(floor, np.ones((3, 3), dtype=np.uint8)), dtype=np.uint8)
         self._now_s = now_s
-        _recall(
+        recall_cells(
             counts,
             floor,
             inner,
@@ -134,9 +116,9 @@ class PersonDetector:
         )
         grid = _Grid(kinds=kinds, counts=counts, sums=sums, origin=origin, eye=t[:2, 3])
         area_px = lens.fx * lens.fy / 2
-        movable = ((kinds == _MOVABLE) | (kinds == _NEW)).view(np.uint8)
+        movable = ((kinds == MOVABLE) | (kinds == NEW)).view(np.uint8)
         found, crowded = _clusters(movable, grid, area_px, config)
-        parts, _ = _clusters((crowded & (kinds == _NEW)).view(np.uint8), grid, area_px, config)
+        parts, _ = _clusters((crowded & (kinds == NEW)).view(np.uint8), grid, area_px, config)
         return [
             dataclasses.replace(
                 one, is_cut=not self.looks_at(frame, one.x_m, one.y_m, self._half_width_m(one))
@@ -226,8 +208,8 @@ class _Grid:
     """(2,) position of the camera in metres of the map frame."""
 
 
-def _limits(config: PersonDetectorConfig) -> _Limits:
-    return _Limits(
+def _limits(config: PersonDetectorConfig) -> GridLimits:
+    return GridLimits(
         cell_m=config.cell_m,
         max_range_m=config.max_range_m,
         floor_range_m=config.floor_range_m,
@@ -245,7 +227,9 @@ def _clusters(
     too large; `area_px` is the number of evaluated pixels of 1 m × 1 m at 1 m."""
     total, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     found, crowded = [], np.zeros(mask.shape, dtype=np.bool_)
-    totals = _totals(np.asarray(names, dtype=np.int32), total, grid.kinds, grid.counts, grid.sums)
+    totals = component_totals(
+        np.asarray(names, dtype=np.int32), total, grid.kinds, grid.counts, grid.sums
+    )
     for name in range(1, total):
         left, top, width, height, size = boxes[name]
         if size < _MIN_CELLS:
@@ -278,27 +262,6 @@ def _clusters(
     return found, crowded
 
 
-@compiled
-def _totals(
-    names: npt.NDArray[np.int32], total: int, kinds: Mask, counts: Counts, sums: Floats
-) -> Floats:
-    """Return (total, 6) for each component: pixels of bodies and of people, newly occupied cells,
-    sums of x and y, and the greatest height in metres."""
-    totals = np.zeros((total, 6))
-    for row in range(names.shape[0]):
-        for col in range(names.shape[1]):
-            name = names[row, col]
-            if name == 0:
-                continue
-            totals[name, 0] += counts[row, col, 0]
-            totals[name, 1] += counts[row, col, 1]
-            totals[name, 2] += kinds[row, col] == _NEW
-            totals[name, 3] += sums[row, col, 0]
-            totals[name, 4] += sums[row, col, 1]
-            totals[name, 5] = max(totals[name, 5], sums[row, col, 2])
-    return totals
-
-
 def _middle_offset_m(radius_m: float, config: PersonDetectorConfig) -> float:
     """Return the distance in metres from the visible side to the middle: a cluster no wider than a
     person is as deep as one, a wider one is taken to be round."""
@@ -314,142 +277,3 @@ def _radius_m(cells: Cells, ahead_x: float, ahead_y: float, config: PersonDetect
     across = cells[:, 0] * ahead_x - cells[:, 1] * ahead_y
     half_m = (float(np.ptp(across)) + config.edge_cells) * config.cell_m / 2
     return min(max(half_m, config.radius_m), config.max_width_m / 2)
-
-
-@compiled
-def _bin(
-    depth_m: FloatImage,
-    ground_m: FloatImage,
-    is_person: Bools,
-    t: Floats,
-    lens: Pinhole,
-    limits: _Limits,
-    origin: Indices,
-    counts: Counts,
-    sums: Floats,
-) -> None:
-    """Count the pixels of bodies, of people and of floor in each cell, add up x and y and find the
-    greatest height; every second column is evaluated."""
-    height, width = depth_m.shape
-    # A column of the image lies in as many cache lines as it has rows: some are copied together.
-    depths = np.empty((_TOGETHER, height), dtype=np.float32)
-    grounds = np.empty((_TOGETHER, height), dtype=np.float32)
-    points, cells = np.zeros((3, height + 1)), np.empty((2, height), dtype=np.int64)
-    for first in range(0, width, 2 * _TOGETHER):
-        columns = min(_TOGETHER, (width - first + 1) // 2)
-        for i in range(height):
-            for n in range(columns):
-                depths[n, i] = depth_m[i, first + 2 * n]
-                grounds[n, i] = ground_m[i, first + 2 * n]
-        for n in range(columns):
-            j = first + 2 * n
-            _column(depths[n], grounds[n], column_slope(j, lens), t, lens, limits, points, cells)
-            _bin_column(depths[n], points, cells, is_person[:, j], limits, origin, counts, sums)
-
-
-_TOGETHER = 16
-"""Number of columns of the image that are copied together."""
-
-
-@inlined
-def _column(
-    depths: Floats,
-    grounds: Floats,
-    a: float,
-    t: Floats,
-    lens: Pinhole,
-    limits: _Limits,
-    points: Floats,
-    cells: Indices,
-) -> None:
-    """Write (3, H) x, y and height above the ground of the pixels of a column, and (2, H) the
-    columns and rows of their cells; free of branches, so that the compiler vectorises it."""
-    for i in range(len(depths)):
-        x, y, z = point_on_ray(t, a, row_slope(i, lens), depths[i])
-        points[0, i], points[1, i], points[2, i] = x, y, z - grounds[i]
-        cells[0, i] = np.int64(math.floor(x / limits.cell_m))
-        cells[1, i] = np.int64(math.floor(y / limits.cell_m))
-
-
-@inlined
-def _bin_column(
-    depths: Floats,
-    points: Floats,
-    cells: Indices,
-    is_person: Bools,
-    limits: _Limits,
-    origin: Indices,
-    counts: Counts,
-    sums: Floats,
-) -> None:
-    """Add the pixels of one column, from below upwards; between floor pixels that are near to each
-    other the floor continues."""
-    cell_m, floor_before = limits.cell_m, False
-    half_cell, fill = (cell_m / 2) ** 2, limits.fill_m**2
-    for i in range(len(depths) - 1, -1, -1):
-        if not 0 < depths[i] <= limits.max_range_m:
-            floor_before = False
-            continue
-        x, y, z = points[0, i], points[1, i], points[2, i]
-        col, row = cells[0, i] - origin[0], cells[1, i] - origin[1]
-        in_grid = 0 <= row < SIDE and 0 <= col < SIDE
-        if abs(z) < limits.floor_m and depths[i] <= limits.floor_range_m:
-            if in_grid:
-                counts[row, col, 2] += 1
-            to_x, to_y = points[0, i + 1] - x, points[1, i + 1] - y
-            squared = to_x * to_x + to_y * to_y
-            if floor_before and half_cell < squared < fill:
-                steps = math.ceil(2 * math.sqrt(squared) / cell_m)
-                for step in range(1, steps):
-                    share = step / steps
-                    col = math.floor((x + share * to_x) / cell_m) - origin[0]
-                    row = math.floor((y + share * to_y) / cell_m) - origin[1]
-                    if 0 <= row < SIDE and 0 <= col < SIDE:
-                        counts[row, col, 2] += 1
-            floor_before = True
-            continue
-        floor_before = False
-        if limits.body_low_m < z < limits.body_high_m and in_grid:
-            counts[row, col, 0] += 1
-            counts[row, col, 1] += is_person[i]
-            sums[row, col, 0] += x
-            sums[row, col, 1] += y
-            sums[row, col, 2] = max(sums[row, col, 2], z)
-
-
-@compiled
-def _recall(
-    counts: Counts,
-    floor: Mask,
-    inner: Mask,
-    origin: Indices,
-    now_s: float,
-    limits: tuple[int, float, float],
-    memory: _Memory,
-    kinds: Mask,
-) -> None:
-    """Remember what each cell shows now, and classify it.
-
-    `floor` and `inner` are the cells that show floor and those surrounded by floor; `limits` are
-    the fewest pixels of an occupied cell, and the times in seconds after which it counts as fixed
-    and up to which as newly occupied.
-    """
-    min_pixels, fixed_s, fresh_s = limits
-    owner, free_s, occupied_s = memory.owner, memory.free_s, memory.occupied_s
-    for r in range(SIDE):
-        for c in range(SIDE):
-            row, col = r + origin[1], c + origin[0]
-            at, on, cell = row % SIDE, col % SIDE, row * 1_000_003 + col
-            if owner[at, on] != cell:
-                owner[at, on], free_s[at, on], occupied_s[at, on] = cell, -np.inf, np.inf
-            if counts[r, c, 0] >= min_pixels:
-                occupied_s[at, on] = min(occupied_s[at, on], now_s)
-                if now_s - occupied_s[at, on] >= fixed_s:
-                    kinds[r, c] = _FIXED
-                else:
-                    is_new = occupied_s[at, on] - free_s[at, on] < fresh_s
-                    kinds[r, c] = _NEW if is_new else _MOVABLE
-            elif floor[r, c]:
-                occupied_s[at, on] = np.inf
-                if inner[r, c]:
-                    free_s[at, on] = now_s

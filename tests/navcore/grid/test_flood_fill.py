@@ -7,7 +7,16 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid.bitplane import PAD, BitPlane, cells_of, contains, empty_plane, pack, plane_of, unpack
+from navcore.grid.bitplane import (
+    PAD,
+    BitPlane,
+    cells_of,
+    contains,
+    empty_plane,
+    pack,
+    plane_of,
+    unpack,
+)
 from navcore.grid.flood_fill import are_connected, beside, flood
 from navcore.grid.grid import BoolGrid
 from tests.navcore.grid.random_grids import grids
