@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined, lean
 from navcore.grid.bitplane import ONE, PAD, BitPlanes, highest, lowest
-from navcore.grid.flood_fill import are_connected
+from navcore.grid.flood_fill import are_separate
 from navcore.grid.free_space import (
     AHEAD,
     BACK,
@@ -83,6 +83,10 @@ ON_FOOT, FARTHER = 2, 32
 """Steps of a diagonal taken cell by cell: at its start, since there are seldom more among many
 obstacles; and where it is not surveyed."""
 
+BEFORE_FLOOD, SWEEPS = 1 << 17, 3
+"""Number of straight walks and diagonal steps after which a flood from the goal may tell that there
+is no path, and the number of sweeps that it may take."""
+
 
 def find(
     space: FreeSpace, workspace: SearchWorkspace, start: Cell, goal: Cell, budget: int
@@ -143,18 +147,19 @@ def search(
     settle(across, along)
     saved = mark_goal(across, along, goal)
     want(memory, at, ANYWHERE)
-    first = min(budget, across.shape[1] * across.shape[2] // 2)
+    first = min(budget, BEFORE_FLOOD)
     status = run(across, along, diagonal_ends, memory, first)
     unmark_goal(across, along, goal, saved)
     if status == TIMEOUT and budget > first:
-        # Without a path a search visits all that it can reach; a flood tells in less time than it
-        # has taken so far.
-        if are_connected(across[FREE], (goal >> 16, goal & 0xFFFF), (start >> 16, start & 0xFFFF)):
+        # Without a path a search visits all that it can reach; a flood mostly tells in less time
+        # than the search has taken so far.
+        ends = (goal >> 16, goal & 0xFFFF), (start >> 16, start & 0xFFFF)
+        if are_separate(across[FREE], ends[0], ends[1], SWEEPS):
+            status, memory[BOUND] = UNREACHABLE, FAR
+        else:
             saved = mark_goal(across, along, goal)
             status = run(across, along, diagonal_ends, memory, budget - first)
             unmark_goal(across, along, goal, saved)
-        else:
-            status, memory[BOUND] = UNREACHABLE, FAR
     while memory[WAITING] > 0:
         pop(memory)
     if status == FOUND:
