@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test test-fleet check lint kernels bench reliability campaign screenshots screenshots-check setup debian clean
+.PHONY: run test test-fleet check lint kernels bench bench-compare reliability campaign screenshots screenshots-check setup debian clean
 
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
@@ -34,6 +34,10 @@ kernels: setup
 
 bench: setup
 	$(BIN)/bewarenav bench $(ARGS)
+
+# Two revisions measured in turn: `make bench-compare REV=main~5 ARGS=tick`. Minutes.
+bench-compare: setup
+	$(BIN)/bewarenav bench $(or $(ARGS),tick) --against $(REV)
 
 # What holds when something goes wrong, measured: faults are injected and the promises about stopping judged. Minutes.
 reliability: setup

@@ -17,6 +17,7 @@ from navcore.geometry.camera import Intrinsics, pixel_rays
 from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
+from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.relocalisation.place_map import place_map_of
 from navcore.localisation.relocalisation.place_search import search_places
 from navcore.localisation.relocalisation.submap import Submap
@@ -33,14 +34,19 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor
 from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.perception.overhang_filter import overhung_regions
+from navcore.perception.people.track import Track
 from navcore.planning.gap_viewpoint import viewpoint_before_gap
 from navcore.planning.weighted_planner import plan_weighted
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.collision_monitor import near_points, time_to_contact
+from navcore.safety.collision_monitor import RecentObstacles, time_to_contact
 
 WALL_M = 2.0
 """Distance in metres from the first pose to the wall, which has a low object at its foot."""
+
+_PERSON = Track(
+    id=1, x_m=2.0, y_m=0.0, vx_mps=0.0, vy_mps=0.0, radius_m=0.3, age_s=0.0, last_seen_ns=0
+)
 
 
 def warm_up(segmenter: Segmenter | None = None) -> None:
@@ -97,8 +103,11 @@ def _warm_kernels() -> None:
         clearance_m=0.06,
     )
     manoeuvre_along(np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]]), tight, frame.pose)
-    near_points(_image(stamp_ns=9, x_m=-WALL_M, floor_z_m=0.04))  # rising ground
-    time_to_contact(near_points(frame), Twist(v_mps=0.5, w_radps=0.1), HUSKY)
+    # On rising ground, and then without it.
+    contacts = RecentObstacles().after(_image(stamp_ns=0, x_m=-WALL_M, floor_z_m=0.04))
+    contacts = contacts.after(frame).after(frame)
+    time_to_contact(contacts.points, Twist(v_mps=0.5, w_radps=0.1), HUSKY)
+    excluded_pixels(frame, decision.labels, (_PERSON,))
     arc_position(0.5, 0.1, 0.2)
     overhung_regions(
         _UnsureSegmenter().segment(frame, beware).class_ids,

@@ -13,6 +13,7 @@ from pathlib import Path
 from rich.console import Console as Terminal
 from rich.table import Table
 
+from app.bench.compare import comparison_table
 from app.bench.console import console_table
 from app.bench.correction import correction_table
 from app.bench.latency import latency_table
@@ -35,6 +36,7 @@ DESCRIPTIONS = {
     "segment": "segmentation",
     "estimate_ground": "ground heights",
     "track": "people",
+    "localise": "scan, pose in the map",
     "update_map": "points, map",
     "update_costmap": "layers, inflation",
     "plan": "path and waypoints, cached or planned",
@@ -79,6 +81,11 @@ def run_bench(
             terminal.print(str(missing))
     if BenchPart.LATENCY in parts:
         terminal.print(latency_table(scenario, seconds, ticks=ticks))
+
+
+def print_comparison(revision: str, arguments: Sequence[str]) -> None:
+    """Print the ratios of the figures of this benchmark in the present files and in a revision."""
+    Terminal().print(comparison_table(revision, arguments))
 
 
 def _engines() -> Table:

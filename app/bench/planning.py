@@ -1,15 +1,12 @@
 """Benchmark of the planner beside other planners in the same run, each on one core.
 
 Published maps are read from a folder with `movingai/*/*.map` (and their `.scen`), `ros/*.npz` and
-`synthetic/*.npz`; without it two forests are made. The peers pyastar2d and scikit-image are
-measured if they are installed (`pip install pyastar2d scikit-image`); the project does not need
-them.
+`synthetic/*.npz`; without it two forests are made. Each duration, of this planner and of its peers
+(`app.bench.peers`), is the fastest of as many runs as it takes for two to agree.
 """
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -24,7 +21,9 @@ import numpy.typing as npt
 from rich.console import Console as Terminal
 from rich.table import Table
 
+from app.bench.peers import peers
 from app.bench.plain_astar import length_by_astar
+from app.bench.quiet import QuietGuard
 from navcore.errors import BadConfiguration
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import BoolGrid, Cell, inflate
@@ -150,37 +149,6 @@ def forest(side: int, trees_per_m2: float) -> Problem:
     )
 
 
-def peers() -> dict[str, Callable[[BoolGrid], Callable[[Cell, Cell], object]]]:
-    """Return each peer as a function from a grid to a function that answers a query."""
-    found: dict[str, Callable[[BoolGrid], Callable[[Cell, Cell], object]]] = {
-        "numba A*": lambda blocked: lambda start, goal: length_by_astar(blocked, start, goal)
-    }
-    if importlib.util.find_spec("pyastar2d"):
-        found["pyastar2d"] = _pyastar
-    if importlib.util.find_spec("skimage"):
-        found["MCP_Geometric"] = _mcp
-    return found
-
-
-def _pyastar(blocked: BoolGrid) -> Callable[[Cell, Cell], object]:
-    module, weights = (
-        importlib.import_module("pyastar2d"),
-        np.where(blocked, np.inf, 1.0).astype(np.float32),
-    )
-    return lambda start, goal: module.astar_path(weights, start, goal, allow_diagonal=True)
-
-
-def _mcp(blocked: BoolGrid) -> Callable[[Cell, Cell], object]:
-    module, weights = importlib.import_module("skimage.graph"), np.where(blocked, -1.0, 1.0)
-
-    def query(start: Cell, goal: Cell) -> object:
-        search = module.MCP_Geometric(weights)
-        search.find_costs([start], [goal])
-        return search.traceback(goal)
-
-    return query
-
-
 def compare(problems: list[Problem]) -> Table:
     """Measure all queries of all maps, and a sample of them with every peer."""
     planners = peers()
@@ -193,17 +161,16 @@ def compare(problems: list[Problem]) -> Table:
         "plan() µs",
         *(f"{name} ÷" for name in planners),
     )
-    table.title = (
-        "Queries: packed map and memory kept, plan() from the bool grid, "
-        "and how many times longer peers take"
-    )
+    guard = QuietGuard()
     ratios: dict[str, list[float]] = {name: [] for name in planners}
     for problem in problems:
         space = FreeSpace.of(problem.blocked)
         arena = SearchWorkspace(space)
-        own, wrong = _all_queries(problem, space, arena)
+        own, wrong = _all_queries(problem, space, arena, guard)
         sample = np.linspace(0, len(own) - 1, min(PEER_QUERIES, len(own))).astype(int)
-        whole = [_best(partial(plan, problem.blocked, *problem.queries[i][:2])) for i in sample]
+        whole = [
+            _best(partial(plan, problem.blocked, *problem.queries[i][:2]), guard) for i in sample
+        ]
         row = [
             problem.name,
             str(len(own)),
@@ -214,18 +181,21 @@ def compare(problems: list[Problem]) -> Table:
         row.append(f"{np.mean(whole):.0f}")
         for name, planner in planners.items():
             query = planner(problem.blocked)
-            query(*problem.queries[sample[0]][:2])
-            took = [_best(partial(query, *problem.queries[i][:2]), times=1) for i in sample]
+            took = [_best(partial(query, *problem.queries[i][:2]), guard) for i in sample]
             ratios[name].append(float(np.mean(took) / np.mean(own[sample])))
             row.append(f"{ratios[name][-1]:.0f}")
         table.add_row(*row)
     means = (f"{np.exp(np.mean(np.log(values))):.0f}" for values in ratios.values())
     table.add_row("geometric mean", "", "", "", "", "", *means, style="bold")
+    table.title = (
+        "Queries: packed map and memory kept, plan() from the bool grid, "
+        f"and how many times longer peers take; {guard.verdict}"
+    )
     return table
 
 
 def _all_queries(
-    problem: Problem, space: FreeSpace, arena: SearchWorkspace
+    problem: Problem, space: FreeSpace, arena: SearchWorkspace, guard: QuietGuard
 ) -> tuple[npt.NDArray[np.float64], int]:
     took, wrong = np.empty(len(problem.queries)), 0
     for index, (start, goal, length) in enumerate(problem.queries):
@@ -233,18 +203,20 @@ def _all_queries(
         wrong += isinstance(outcome, NoPath) or abs(outcome.length - length) > problem.tolerance(
             length
         )
-        took[index] = _best(partial(plan_in, space, arena, start, goal))
+        took[index] = _best(partial(plan_in, space, arena, start, goal), guard)
     return took, wrong
 
 
-def _best(action: Callable[[], object], times: int = 2) -> float:
+def _best(action: Callable[[], object], guard: QuietGuard) -> float:
     """Return the microseconds of the fastest of several runs: the cost on an idle machine."""
-    best = float("inf")
-    for _ in range(times):
-        before = time.perf_counter()
-        action()
-        best = min(best, time.perf_counter() - before)
-    return 1e6 * best
+    return guard.fastest(lambda: _us(action))
+
+
+def _us(action: Callable[[], object]) -> float:
+    """Return the microseconds of one run."""
+    before = time.perf_counter()
+    action()
+    return 1e6 * (time.perf_counter() - before)
 
 
 def replanning(problems: list[Problem], maps: FilePath | None) -> Table:
@@ -384,9 +356,9 @@ def from_raw(problems: list[Problem]) -> Table:
         arena, steps = SearchWorkspace(grid.space), list[tuple[float, float]]()
         for _ in range(6):
             grid.update({problem.radius: empty})
-            made = _best(partial(grid.update, {problem.radius: problem.occupied}), times=1)
-            steps.append((made, _best(partial(plan_in, grid.space, arena, start, goal), times=1)))
-        plain = _best(partial(_inflate_and_search, problem, start, goal), times=1)
+            made = _us(partial(grid.update, {problem.radius: problem.occupied}))
+            steps.append((made, _us(partial(plan_in, grid.space, arena, start, goal))))
+        plain = _us(partial(_inflate_and_search, problem, start, goal))
         made, searched = min(steps, key=sum)
         table.add_row(
             problem.name,

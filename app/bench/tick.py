@@ -1,8 +1,10 @@
 """Benchmark of a tick without segmentation: a map of 150 m × 150 m in cells of 5 cm, images of
-640 × 480.
+640 × 480, people in view.
 
 The world is an open forest of 2,500 upright trunks, seen by a D455 without the simulator: each ray
-is intersected with each near trunk.
+is intersected with each near trunk. Three people walk to and fro before the robot. The stages are
+those that drive, but for the labels, which show nothing. Durations are processor time of the tick's
+only thread, and of each tick the least of several equal drives.
 """
 
 from __future__ import annotations
@@ -16,9 +18,11 @@ import numpy as np
 import numpy.typing as npt
 from rich.table import Table
 
+from app.bench.quiet import QuietGuard
 from app.runtime.stage_timer import TICK, StageTimer
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception import ObservationConfig
+from navcore.geometry.arrays import Floats
 from navcore.geometry.camera import Pinhole, column_slope, ray_direction, row_slope
 from navcore.geometry.transform import STANDSTILL, Pose2, wrap_angle
 from navcore.grid.grid import GridSpec
@@ -30,6 +34,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels, Segmenter, with_full_confidence
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
+from navcore.safety.collision_monitor import RecentObstacles
 from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 
 SIDE_M, CELL_M, TRUNKS = 150.0, 0.05, 2500
@@ -38,40 +43,48 @@ SIZE = (640, 480)
 """Columns and rows of the images."""
 STEP_M, STEP_RAD = 0.1, 0.15
 """Motion of the robot between images: at 10 Hz, 1 m/s and 1.5 rad/s."""
+PEOPLE, PERSON_RADIUS_M, PERSON_STEP_M = 3, 0.25, 0.14
+"""Number of people, radius of a body, and largest step between images: at 10 Hz, 1.4 m/s."""
 WARM_UP = 12
 """Number of first ticks that are not measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stage:
-    """Durations of one stage of the tick."""
+class Drive:
+    """Durations of one drive through the forest."""
 
-    what: str
-    """Name of the stage in the table."""
-    ms: list[float]
-    """Duration of the stage in each tick, milliseconds."""
+    ms: dict[str, Floats]
+    """Durations in milliseconds of each stage, in the order of the ticks."""
+    people: float
+    """Mean number of people that the robot followed."""
 
 
 def tick_table(ticks: int) -> Table:
-    """Drive through the forest for `ticks` images; return a table of the durations per stage."""
-    table = Table(
-        "stage",
-        "mean ms",
-        "p50",
-        "p95",
-        "p99",
-        "max",
-        title=f"tick without segmentation, 640×480, {SIDE_M:g} m map",
+    """Drive through the forest for `ticks` images, several times; return a table of the durations
+    per stage."""
+    drives, guard = list[Drive](), QuietGuard()
+
+    def drive() -> float:
+        drives.append(_drive(ticks))
+        return float(np.median(drives[-1].ms[TICK]))
+
+    _drive(1)  # loads the compiled code
+    guard.fastest(drive)
+    table = Table("stage", "n", "mean ms", "p50", "p95", "p99", "max")
+    table.title = (
+        f"tick without segmentation, 640×480, {SIDE_M:g} m map, {drives[0].people:.1f} people "
+        f"followed; least of {len(drives)} drives, {guard.verdict}"
     )
-    for stage in _measured(ticks):
-        durations = np.array(stage.ms)
-        statistics = [durations.mean(), *np.percentile(durations, [50, 95, 99]), durations.max()]
-        table.add_row(stage.what, *(f"{value:.2f}" for value in statistics))
+    for stage in drives[0].ms:
+        least = np.min([drive.ms[stage] for drive in drives], axis=0)
+        statistics = [least.mean(), *np.percentile(least, [50, 95, 99]), least.max()]
+        table.add_row(stage, str(len(least)), *(f"{value:.3f}" for value in statistics))
     return table
 
 
-def _measured(ticks: int) -> list[Stage]:
-    spec, timer = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M), StageTimer()
+def _drive(ticks: int) -> Drive:
+    spec = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M)
+    timer = StageTimer(time.thread_time)
     navigator = Navigator(
         spec=spec,
         profile=HUSKY,
@@ -82,19 +95,33 @@ def _measured(ticks: int) -> list[Stage]:
     tick = timer.timed(TICK, navigator.tick)
     order = NavigationRequest(goal=(60.0, 60.0), beware=default_beware_list(), zones=())
     forest, pose = Forest(np.random.default_rng(0)), Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
-    cells_ms = []
+    beside = {_CELLS: list[float](), _CONTACT: list[float]()}
+    people, obstacles = 0, RecentObstacles()
     for number in range(ticks + WARM_UP):
         if number == WARM_UP:
-            for durations in timer.ms.values():
+            for durations in (*timer.ms.values(), *beside.values()):
                 durations.clear()
+        forest.walk(pose, number)
         frame = forest.frame(pose, number)
-        route = tick(frame, order).route
-        cells_ms.append(_depth_to_cells_s(frame, spec) * 1e3)
-        if route is None or len(route.track) < 2:
+        result = tick(frame, order)
+        start = time.thread_time()
+        _depth_to_cells(frame, spec)
+        between = time.thread_time()
+        obstacles = obstacles.after(frame)
+        beside[_CELLS].append((between - start) * 1e3)
+        beside[_CONTACT].append((time.thread_time() - between) * 1e3)
+        if result.route is None or len(result.route.track) < 2:
             raise RuntimeError("the forest has no path; choose another seed")
-        pose = _ahead(pose, route.track)
-    stages = [Stage(what=name, ms=list(durations)) for name, durations in timer.ms.items()]
-    return [Stage(what="depth → cells, by itself", ms=cells_ms[WARM_UP:]), *stages]
+        people += len(result.people) if number >= WARM_UP else 0
+        pose = _ahead(pose, result.route.track)
+    stages = {stage: np.array(durations) for stage, durations in (timer.ms | beside).items()}
+    return Drive(
+        ms={stage: durations for stage, durations in stages.items() if len(durations)},
+        people=people / ticks,
+    )
+
+
+_CELLS, _CONTACT = "depth → cells, by itself", "collision monitor, beside the tick"
 
 
 def _unlabelled(_segmenter: Segmenter, frame: Frame, _beware: BewareList) -> Labels:
@@ -103,7 +130,7 @@ def _unlabelled(_segmenter: Segmenter, frame: Frame, _beware: BewareList) -> Lab
 
 
 class Forest:
-    """Trunks on a plain, and the images that a D455 takes of them."""
+    """Trunks and people on a plain, and the images that a D455 takes of them."""
 
     def __init__(self, rng: np.random.Generator, trunks: int = TRUNKS) -> None:
         self._rng, self._lens = rng, d455_intrinsics(SIZE)
@@ -114,11 +141,25 @@ class Forest:
         ends = np.array([[-60.0, -60.0], [60.0, 60.0]])
         clear = np.hypot(*(self._trunks[:, None, :2] - ends).transpose(2, 0, 1)).min(axis=1) > 3.0
         self._trunks = self._trunks[clear]
+        self._people = np.zeros((0, 3))
+
+    def walk(self, pose: Pose2, number: int) -> None:
+        """Let each person take a step towards a point before the robot that sways from side to
+        side."""
+        turns = 0.08 * number + np.arange(PEOPLE)
+        ahead = np.column_stack([2.5 + np.arange(PEOPLE), 1.2 * np.sin(turns)])
+        aims = pose.to_parent(ahead)
+        if not len(self._people):
+            self._people = np.column_stack([aims, np.full(PEOPLE, PERSON_RADIUS_M)])
+        steps = aims - self._people[:, :2]
+        distance = np.linalg.norm(steps, axis=1, keepdims=True)
+        self._people[:, :2] += steps * np.minimum(1.0, PERSON_STEP_M / np.maximum(distance, 1e-9))
 
     def frame(self, pose: Pose2, number: int) -> Frame:
         """Return the frame from a pose, with depth noise that grows with the squared distance."""
         eye = pose.matrix() @ T_BASE_CAMERA
-        near = self._trunks[np.hypot(*(self._trunks[:, :2] - eye[:2, 3]).T) < 9.0]
+        upright = np.vstack([self._trunks, self._people])
+        near = upright[np.hypot(*(upright[:, :2] - eye[:2, 3]).T) < 9.0]
         lens = self._lens
         depth = _trace(near, eye, lens.pinhole, lens.height, lens.width)
         depth += 0.002 * depth**2 * self._rng.standard_normal(depth.shape, dtype=np.float32)
@@ -165,14 +206,12 @@ def _trace(
     return depth
 
 
-def _depth_to_cells_s(frame: Frame, spec: GridSpec) -> float:
+def _depth_to_cells(frame: Frame, spec: GridSpec) -> None:
     rules = ObservationConfig()
-    start = time.perf_counter()
     view = depth_view(frame, spec, rules.max_range_m)
     measured_voxels(
         view, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support
     )
-    return time.perf_counter() - start
 
 
 def _ahead(pose: Pose2, track: npt.NDArray[np.float64]) -> Pose2:

@@ -85,8 +85,13 @@ class ConsoleSettings:
 def console(settings: ConsoleSettings) -> None:
     """Start the operator console with the simulated robot, or with a recording."""
     from web.port import reserve
+    from web.starting import StartingPage
 
-    with reserve(settings.host, settings.port) as listener:  # before the slow imports
+    # Before the slow imports: the page is there within a second.
+    with (
+        reserve(settings.host, settings.port) as listener,
+        StartingPage(listener) as starting,
+    ):
         _check(settings)
         from app.console.application import ConsoleOptions, run_console
         from navcore.mission.beware_list import load_beware_list
@@ -110,7 +115,7 @@ def console(settings: ConsoleSettings) -> None:
             login=settings.login,
             unattended=settings.unattended,
         )
-        run_console(options, listener=listener)
+        run_console(options, listener=listener, starting=starting)
 
 
 def _check(settings: ConsoleSettings) -> None:

@@ -79,12 +79,35 @@ def bench(
         Path | None,
         typer.Option(metavar="FILE.json", help="Keep the times of the part `latency` here."),
     ] = None,
+    peers: Annotated[
+        bool,
+        typer.Option(
+            "--peers",
+            help="Install pyastar2d and scikit-image into build/bench-peers, and plan with them.",
+        ),
+    ] = False,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="REVISION",
+            help="Run this benchmark in turn in another revision, and print the ratios.",
+        ),
+    ] = None,
 ) -> None:
     """Measure this machine: a drive, a tick on a large map, segmentation by engine, planners, a
     live map, a page, training, the ticks of the console."""
-    from app.bench.main import run_bench
+    from app.bench.main import print_comparison, run_bench
+    from app.bench.peers import install_peers
 
-    run_bench(part or list(BenchPart), scenario, seconds, maps=maps, ticks=ticks)
+    parts = part or list(BenchPart)
+    if against is not None:
+        options = ["--scenario", scenario, "--seconds", str(seconds)]
+        options += [] if maps is None else ["--maps", str(maps.resolve())]
+        print_comparison(against, [*parts, *options])
+        return
+    if peers:
+        install_peers()
+    run_bench(parts, scenario, seconds, maps=maps, ticks=ticks)
 
 
 @cli.command()

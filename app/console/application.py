@@ -27,7 +27,7 @@ from app.runtime.loop import ControlLoop, PeriodicThread, lower_other_priorities
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.map_persistence import load_map, names_in
 from app.runtime.operator_state import OperatorState
-from app.runtime.progress_lines import announced
+from app.runtime.progress_lines import announced, on_stderr
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
 from app.runtime.segmentation import Perception, compose
@@ -50,6 +50,7 @@ from web.auth.roles import Role
 from web.auth.users import new_user
 from web.port import reserve
 from web.server import ConsoleServer
+from web.starting import StartingPage
 
 EXPIRY_S = 1.0
 """Time between two checks of the zones' expiry, seconds."""
@@ -113,10 +114,20 @@ class ConsoleOptions:
 
 @contextmanager
 def console(
-    options: ConsoleOptions, *, listener: socket.socket | None = None
+    options: ConsoleOptions,
+    *,
+    listener: socket.socket | None = None,
+    starting: StartingPage | None = None,
 ) -> Iterator[RunningConsole]:
     """Start robot, control loop and server; at the end, the loop stops first, so that the robot
-    stands before anything else ends."""
+    stands before anything else ends. `starting` is told each step, and ended before the server
+    takes over its port."""
+
+    def say(line: str) -> None:
+        on_stderr(line)
+        if starting is not None:
+            starting.say(line)
+
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
     with ExitStack() as stack:
@@ -126,13 +137,15 @@ def console(
         )
         store = Store(options.data)
         stack.callback(store.close)
-        with announced("Loading the network (first time: trying its engines, about a minute)"):
+        with announced(
+            "Loading the network (first time: trying its engines, about a minute)", say=say
+        ):
             perception = compose(
                 options.choice, config=config.perception, memory=EngineMemory.of_user()
             )
-        with announced("Warming up (first time: compiling, some minutes)"):
+        with announced("Warming up (first time: compiling, some minutes)", say=say):
             warm_up(perception.segmenter)
-        with announced("Starting the robot"):
+        with announced("Starting the robot", say=say):
             back_end = _back_end(options, config)
         robot = back_end.robot
         stack.callback(robot.close)
@@ -207,6 +220,8 @@ def console(
             access=access,
             unattended=options.unattended,
         )
+        if starting is not None:
+            starting.end()
         server.start()
         stack.callback(server.stop)
         lower_other_priorities()
@@ -283,12 +298,17 @@ def _controller_of(
     )
 
 
-def run_console(options: ConsoleOptions, *, listener: socket.socket | None = None) -> None:
+def run_console(
+    options: ConsoleOptions,
+    *,
+    listener: socket.socket | None = None,
+    starting: StartingPage | None = None,
+) -> None:
     """Serve until the process is told to end."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    with console(options, listener=listener) as running:
+    with console(options, listener=listener, starting=starting) as running:
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
         if running.password is not None:
             print(

@@ -11,14 +11,15 @@ PERIOD_S = 10.0
 """Time between two lines of a step that goes on, seconds."""
 
 
-def _on_stderr(line: str) -> None:
+def on_stderr(line: str) -> None:
+    """Write a line to the standard error stream."""
     sys.stderr.write(f"{line}\n")
     sys.stderr.flush()
 
 
 @contextmanager
 def announced(
-    step: str, *, period_s: float = PERIOD_S, say: Callable[[str], None] = _on_stderr
+    step: str, *, period_s: float = PERIOD_S, say: Callable[[str], None] = on_stderr
 ) -> Iterator[None]:
     """Say that a step begins, and every so often that it goes on and for how long."""
     say(f"{step} …")

@@ -9,7 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from navcore.compiled import compiled, inlined
+from navcore.geometry.arrays import Bools
 from navcore.grid.bitplane import ONE, PAD, BitPlane, mirrored
+from navcore.grid.grid import Cell
 
 TOP = np.uint64(63)
 """Number of the highest bit of a word."""
@@ -23,7 +25,6 @@ def flood(free: BitPlane, reached: BitPlane, begin: BitPlane) -> tuple[int, int]
     Returns the first and the last line with an added cell.
     """
     last = free.shape[0] - PAD - 1
-    # Lines in which, or beside which, cells were reached that have not spread along the line yet.
     due = np.zeros(free.shape[0], dtype=np.bool_)
     waiting, low, high = False, free.shape[0], 0
     for line in range(PAD, last + 1):
@@ -33,19 +34,47 @@ def flood(free: BitPlane, reached: BitPlane, begin: BitPlane) -> tuple[int, int]
                 due[line - 1] = due[line] = due[line + 1] = waiting = True
                 low, high = min(low, line), line
     while waiting:
-        waiting = False
-        # Downwards and upwards in turn, so that a long straight corridor takes one sweep.
-        for line in range(PAD, last + 1):
-            if due[line] and _spread(free, reached, line):
-                due[line - 1] = due[line + 1] = True
-                low, high = min(low, line), max(high, line)
-            due[line] = False
-        for line in range(last, PAD - 1, -1):
-            if due[line] and _spread(free, reached, line):
-                due[line - 1] = due[line + 1] = waiting = True
-                low, high = min(low, line), max(high, line)
-            due[line] = False
+        waiting, top, bottom = _sweep(free, reached, due)
+        low, high = min(low, top), max(high, bottom)
     return low, high
+
+
+@compiled
+def _sweep(free: BitPlane, reached: BitPlane, due: Bools) -> tuple[bool, int, int]:
+    """Spread downwards and then upwards, so that a long straight corridor takes one sweep.
+
+    `due` are the lines in which, or beside which, cells were reached that have not spread along the
+    line yet. Returns whether there are any left, and the first and the last line with an added
+    cell.
+    """
+    last, waiting, low, high = free.shape[0] - PAD - 1, False, free.shape[0], 0
+    for line in range(PAD, last + 1):
+        if due[line] and _spread(free, reached, line):
+            due[line - 1] = due[line + 1] = True
+            low, high = min(low, line), max(high, line)
+        due[line] = False
+    for line in range(last, PAD - 1, -1):
+        if due[line] and _spread(free, reached, line):
+            due[line - 1] = due[line + 1] = waiting = True
+            low, high = min(low, line), max(high, line)
+        due[line] = False
+    return waiting, low, high
+
+
+@compiled
+def are_separate(free: BitPlane, first: Cell, second: Cell, sweeps: int) -> bool:
+    """Return whether free cells, (line, column) of the plane, are found not to be connected within
+    a number of sweeps: open ground takes a few, a maze as many as it has turns."""
+    reached, due = np.zeros_like(free), np.zeros(free.shape[0], dtype=np.bool_)
+    reached[first[0], first[1] >> 6] = ONE << np.uint64(first[1] & 63)
+    due[first[0] - 1] = due[first[0]] = due[first[0] + 1] = True
+    for _ in range(sweeps):
+        waiting, _, _ = _sweep(free, reached, due)
+        if reached[second[0], second[1] >> 6] >> np.uint64(second[1] & 63) & ONE:
+            return False
+        if not waiting:
+            return True
+    return False
 
 
 @compiled
@@ -127,21 +156,23 @@ def _spread(free: BitPlane, reached: BitPlane, line: int) -> bool:
     grown, carried = False, np.uint64(0)
     for word in range(1, free.shape[1] - 1):
         open_, known = free[line, word], reached[line, word]
-        above, below = (
-            reached[line - 1, word] & free[line - 1, word],
-            reached[line + 1, word] & free[line + 1, word],
-        )
-        found = _up(open_, (known | above | below | carried) & open_)
-        reached[line, word] = known | found
-        grown |= found & ~known != 0
-        carried = found >> TOP
+        missing = open_ & ~known
+        if missing != 0:
+            above = reached[line - 1, word] & free[line - 1, word]
+            below = reached[line + 1, word] & free[line + 1, word]
+            found = _up(open_, (known | above | below | carried) & open_)
+            reached[line, word] = known | found
+            grown |= found & missing != 0
+        carried = (reached[line, word] & open_) >> TOP
     carried = np.uint64(0)
     for word in range(free.shape[1] - 2, 0, -1):
         open_, known = free[line, word], reached[line, word]
-        found = mirrored(_up(mirrored(open_), mirrored((known | carried << TOP) & open_)))
-        reached[line, word] = known | found
-        grown |= found & ~known != 0
-        carried = found & ONE
+        missing, near = open_ & ~known, (known | carried << TOP) & open_
+        if missing != 0 and near != 0:
+            found = mirrored(_up(mirrored(open_), mirrored(near)))
+            reached[line, word] = known | found
+            grown |= found & missing != 0
+        carried = reached[line, word] & open_ & ONE
     return grown
 
 

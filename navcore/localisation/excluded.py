@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from navcore.geometry.arrays import Bools
+from navcore.compiled import compiled
+from navcore.geometry.arrays import Bools, FloatImage
 from navcore.geometry.transform import invert
 from navcore.mission.beware_list import NOTHING
 from navcore.perception.labels import Labels
@@ -22,7 +23,10 @@ def excluded_pixels(frame: Frame, labels: Labels, people: tuple[Track, ...]) -> 
 
     `people` are in the frame of the frame's pose.
     """
-    excluded = np.logical_or.reduce([one.class_ids != NOTHING for one in labels.all_hypotheses])
+    first, *others = labels.all_hypotheses
+    excluded = first.class_ids != NOTHING
+    for other in others:
+        excluded |= other.class_ids != NOTHING
     lens, to_camera = frame.intrinsics, invert(frame.T_map_camera)
     for person in people:
         x, _, depth = to_camera[:3, :3] @ (person.x_m, person.y_m, 0.9) + to_camera[:3, 3]
@@ -32,6 +36,19 @@ def excluded_pixels(frame: Frame, labels: Labels, people: tuple[Track, ...]) -> 
         nearest = max(depth - reach, 0.1)
         left = math.floor((x - reach) / nearest * lens.fx + lens.cx)
         right = math.ceil((x + reach) / nearest * lens.fx + lens.cx) + 1
-        columns = slice(max(left, 0), max(min(right, lens.width), 0))
-        excluded[:, columns] |= np.abs(frame.depth_m[:, columns] - depth) < reach
+        columns = max(left, 0), max(min(right, lens.width), 0)
+        _exclude_depths(frame.depth_m, columns, (float(depth), reach), excluded)
     return np.asarray(excluded)
+
+
+@compiled
+def _exclude_depths(
+    depth_m: FloatImage, columns: tuple[int, int], around_m: tuple[float, float], excluded: Bools
+) -> None:
+    """Mark the pixels of some columns whose depth differs from the first of `around_m` by less than
+    the second."""
+    middle, reach = around_m
+    for i in range(depth_m.shape[0]):
+        depths, marks = depth_m[i, columns[0] : columns[1]], excluded[i, columns[0] : columns[1]]
+        for j in range(len(depths)):
+            marks[j] |= abs(depths[j] - middle) < reach

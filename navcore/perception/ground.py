@@ -125,24 +125,28 @@ def _lowest_heights(
     least, most = np.full(shape, np.inf), np.full(shape, -np.inf)
     rows, columns = max(height // sampled_rows, 1), max(width // sampled_columns, 1)
     total, count = np.zeros(shape), np.zeros(shape)
-    for turn in range(2):
-        for i in range(0, height, rows):
-            b = row_slope(i, lens)
-            for j in range(0, width, columns):
-                depth = depth_m[i, j]
-                if not 0 < depth <= grid.max_range_m:
-                    continue
-                x, y, z = point_on_ray(t, column_slope(j, lens), b, depth)
-                row = math.floor(x / grid.cell_m) + 1
-                col = math.floor(y / grid.cell_m) + grid.aside
-                if not (0 <= row < grid.ahead and 0 <= col < 2 * grid.aside):
-                    continue
-                if turn == 0:
-                    least[row, col] = min(least[row, col], z)
-                    most[row, col] = max(most[row, col], z)
-                elif z < least[row, col] + band_m:
-                    total[row, col] += z
-                    count[row, col] += 1
+    samples = (height // rows + 1) * (width // columns + 1)
+    cells, levels, sampled = np.empty((samples, 2), dtype=np.int32), np.empty(samples), 0
+    for i in range(0, height, rows):
+        b = row_slope(i, lens)
+        for j in range(0, width, columns):
+            depth = depth_m[i, j]
+            if not 0 < depth <= grid.max_range_m:
+                continue
+            x, y, z = point_on_ray(t, column_slope(j, lens), b, depth)
+            row = math.floor(x / grid.cell_m) + 1
+            col = math.floor(y / grid.cell_m) + grid.aside
+            if not (0 <= row < grid.ahead and 0 <= col < 2 * grid.aside):
+                continue
+            least[row, col] = min(least[row, col], z)
+            most[row, col] = max(most[row, col], z)
+            cells[sampled, 0], cells[sampled, 1], levels[sampled] = row, col, z
+            sampled += 1
+    for sample in range(sampled):
+        row, col, z = cells[sample, 0], cells[sample, 1], levels[sample]
+        if z < least[row, col] + band_m:
+            total[row, col] += z
+            count[row, col] += 1
     measured = (count >= min_pixels) & (most - least < object_height_m)
     return np.where(measured, total / np.maximum(count, 1), np.nan)
 

@@ -16,7 +16,15 @@ from navcore.grid.growth import Growth
 from navcore.planning.path import REASONS, NoPath, Path, Reason
 from navcore.planning.planner import ENDLESS, SQRT2
 from navcore.planning.search.jump_point_search import FOUND, FULL, TIMEOUT, UNREACHABLE, search
-from navcore.planning.search.open_list import FAR, ROOT, UNIT, Memory, SearchWorkspace, octile
+from navcore.planning.search.open_list import (
+    BOUND,
+    FAR,
+    ROOT,
+    UNIT,
+    Memory,
+    SearchWorkspace,
+    octile,
+)
 from navcore.planning.search.path_reconstruction import expand_leg, is_clear
 
 NOWHERE: Indices = np.empty((0, 2), dtype=np.int64)
@@ -221,7 +229,7 @@ def searched(
     status, fresh, diagonal = search(
         across, along, diagonal_ends, memory, *ends, budget, guess, floor
     )
-    if status == UNREACHABLE and guess < FAR:
+    if status == UNREACHABLE and memory[BOUND] < FAR:
         status, fresh, diagonal = search(
             across, along, diagonal_ends, memory, *ends, budget, FAR, floor
         )

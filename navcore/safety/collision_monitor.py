@@ -19,7 +19,7 @@ import numpy.typing as npt
 from navcore.compiled import compiled
 from navcore.config.safety import DEFAULT_SAFETY, CollisionMonitorConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
-from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, project, row_slope
+from navcore.geometry.camera import NEAREST_M, Pinhole, column_slope, point_on_ray, row_slope
 from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import Pose2, Twist, invert
 from navcore.perception.ground import ground_heights
@@ -96,32 +96,20 @@ class RecentObstacles:
         if self.pose is None or not len(self.points):
             return RecentObstacles(points=shown, seen_ns=stamps, pose=frame.pose)
         moved = frame.pose.from_parent(self.pose.to_parent(self.points.astype(np.float64)))
-        age_ns = frame.stamp_ns - self.seen_ns
-        kept = (
-            ~_in_sight(moved, frame, config.obstacle_height_m)
-            & (np.hypot(*moved.T) < config.range_m)
-            & (age_ns >= 0)
-            & (age_ns < config.memory_ns)
+        kept = _remembered(
+            moved,
+            frame.stamp_ns - self.seen_ns,
+            invert(frame.T_base_camera),
+            frame.intrinsics.pinhole,
+            frame.depth_m.shape,
+            (config.obstacle_height_m, config.range_m),
+            config.memory_ns,
         )
         return RecentObstacles(
             points=np.vstack([shown, moved[kept].astype(np.float32)]),
             seen_ns=np.concatenate([stamps, self.seen_ns[kept]]),
             pose=frame.pose,
         )
-
-
-def _in_sight(points: Floats, frame: Frame, height_m: float) -> Bools:
-    """Return (N,) whether the image shows the height at each of (N, 2) positions in metres of the
-    base frame."""
-    lens, T_camera_base = frame.intrinsics, invert(frame.T_base_camera)
-    points_camera = (
-        T_camera_base[:3, :3] @ np.vstack([points.T, np.full(len(points), height_m)])
-        + T_camera_base[:3, 3:]
-    )
-    cols, rows = project(points_camera.T, lens).T
-    return np.asarray(
-        (cols >= 0) & (cols <= lens.width - 1) & (rows >= 0) & (rows <= lens.height - 1)
-    )
 
 
 def time_to_contact(
@@ -180,6 +168,37 @@ def allowed_share(
         return 1.0
     # f² · half_braking_s + f · late_s = contact_s
     return 2 * contact_s / (late_s + math.sqrt(late_s**2 + 4 * half_braking_s * contact_s))
+
+
+@compiled
+def _remembered(
+    points: Floats,
+    age_ns: Indices,
+    t: Floats,
+    lens: Pinhole,
+    shape: tuple[int, int],
+    limits_m: tuple[float, float],
+    memory_ns: int,
+) -> Bools:
+    """Return (N,) which of (N, 2) points in metres of the base frame stay known: those that are
+    near and not too old, and out of sight at the height of an obstacle.
+
+    `t` is T_camera_base, `shape` that of the image, and `limits_m` the height and the range.
+    """
+    (height, width), (height_m, range_m) = shape, limits_m
+    kept = np.empty(len(points), dtype=np.bool_)
+    for n in range(len(points)):
+        x, y = points[n, 0], points[n, 1]
+        kept[n] = 0 <= age_ns[n] < memory_ns and math.hypot(x, y) < range_m
+        depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * height_m + t[2, 3]
+        if not kept[n] or depth <= 0:
+            continue
+        depth = max(depth, NEAREST_M)
+        right = t[0, 0] * x + t[0, 1] * y + t[0, 2] * height_m + t[0, 3]
+        down = t[1, 0] * x + t[1, 1] * y + t[1, 2] * height_m + t[1, 3]
+        col, row = lens.fx * right / depth + lens.cx, lens.fy * down / depth + lens.cy
+        kept[n] = not (0 <= col <= width - 1 and 0 <= row <= height - 1)
+    return kept
 
 
 @compiled

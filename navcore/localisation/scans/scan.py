@@ -16,7 +16,7 @@ import numpy as np
 from navcore.compiled import compiled
 from navcore.config.localisation import ScanConfig, ScanRules
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Points
-from navcore.geometry.camera import Pinhole
+from navcore.geometry.camera import Pinhole, column_slope, row_slope
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.perception.ground import flat_ground
 from navcore.robot.frame import Frame
@@ -141,6 +141,11 @@ def _surfaces(
     points = np.empty((directions * _MOST_SURFACES, 2))
     variance = np.empty(directions * _MOST_SURFACES)
     count = 0
+    across, down = np.empty(cols), np.empty(rows)
+    for j in range(cols):
+        across[j] = column_slope(j, lens)
+    for i in range(rows):
+        down[i] = row_slope(i, lens)
     for direction in range(directions):
         first = direction * rules.column_step
         found = 0
@@ -154,13 +159,13 @@ def _surfaces(
                     depth = float(depth_m[i, j])
                     if depth < rules.min_range_m or depth > rules.max_range_m:
                         continue
-                    if excluded.shape[0] > 0 and excluded[i, j]:
-                        continue
-                    a, b = (j - lens.cx) / lens.fx, (i - lens.cy) / lens.fy
+                    a, b = across[j], down[i]
                     ground = ground_m[i, j]
                     height = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3] - ground
                     most = rules.high_m if abs(ground) < _LEVEL_M else rules.high_on_slopes_m
                     if height < rules.low_m or height > most:
+                        continue
+                    if excluded.shape[0] > 0 and excluded[i, j]:
                         continue
                     px = (level[0, 0] * a + level[0, 1] * b + level[0, 2]) * depth + level[0, 3]
                     py = (level[1, 0] * a + level[1, 1] * b + level[1, 2]) * depth + level[1, 3]

@@ -72,7 +72,8 @@ def frustum_cells(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
     a = np.array([-lens.cx, lens.width - 1 - lens.cx]) / lens.fx
     b = np.array([-lens.cy, lens.height - 1 - lens.cy]) / lens.fy
     corners = max_range_m * np.array([[0, 0, 0], *([x, y, 1] for x in a for y in b)])
-    points = corners @ frame.T_map_camera[:3, :3].T + frame.T_map_camera[:3, 3]
+    camera = frame.T_map_camera
+    points = corners @ camera[:3, :3].T + camera[:3, 3]
     (top, left), (bottom, right) = (
         spec.cell(*points[:, :2].min(axis=0)),
         spec.cell(*points[:, :2].max(axis=0)),

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined, lean
 from navcore.grid.bitplane import ONE, PAD, BitPlanes, highest, lowest
+from navcore.grid.flood_fill import are_separate
 from navcore.grid.free_space import (
     AHEAD,
     BACK,
@@ -82,6 +83,10 @@ ON_FOOT, FARTHER = 2, 32
 """Steps of a diagonal taken cell by cell: at its start, since there are seldom more among many
 obstacles; and where it is not surveyed."""
 
+BEFORE_FLOOD, SWEEPS = 1 << 17, 3
+"""Number of straight walks and diagonal steps after which a flood from the goal may tell that there
+is no path, and the number of sweeps that it may take."""
+
 
 def find(
     space: FreeSpace, workspace: SearchWorkspace, start: Cell, goal: Cell, budget: int
@@ -124,7 +129,7 @@ def search(
     floor: int,
 ) -> tuple[int, npt.NDArray[np.int64], int]:
     """Search for a path shorter than `bound` on memory that the caller owns; no path is shorter
-    than `floor`.
+    than `floor`. Where there is no path however long, `memory[BOUND]` becomes `FAR`.
 
     The ends are single numbers, since a tuple costs a microsecond to pass.
     """
@@ -142,8 +147,19 @@ def search(
     settle(across, along)
     saved = mark_goal(across, along, goal)
     want(memory, at, ANYWHERE)
-    status = run(across, along, diagonal_ends, memory, budget)
+    first = min(budget, BEFORE_FLOOD)
+    status = run(across, along, diagonal_ends, memory, first)
     unmark_goal(across, along, goal, saved)
+    if status == TIMEOUT and budget > first:
+        # Without a path a search visits all that it can reach; a flood mostly tells in less time
+        # than the search has taken so far.
+        ends = (goal >> 16, goal & 0xFFFF), (start >> 16, start & 0xFFFF)
+        if are_separate(across[FREE], ends[0], ends[1], SWEEPS):
+            status, memory[BOUND] = UNREACHABLE, FAR
+        else:
+            saved = mark_goal(across, along, goal)
+            status = run(across, along, diagonal_ends, memory, budget - first)
+            unmark_goal(across, along, goal, saved)
     while memory[WAITING] > 0:
         pop(memory)
     if status == FOUND:

@@ -7,8 +7,17 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.grid.bitplane import BitPlane, cells_of, contains, empty_plane, pack, plane_of, unpack
-from navcore.grid.flood_fill import beside, flood
+from navcore.grid.bitplane import (
+    PAD,
+    BitPlane,
+    cells_of,
+    contains,
+    empty_plane,
+    pack,
+    plane_of,
+    unpack,
+)
+from navcore.grid.flood_fill import are_separate, beside, flood
 from navcore.grid.grid import BoolGrid
 from tests.navcore.grid.random_grids import grids
 from tests.navcore.laws import law
@@ -36,6 +45,21 @@ def test_a_flood_reaches_what_is_connected_with_where_it_begins(free: BoolGrid, 
     flood(packed(free), reached, packed(more))
     wanted |= np.isin(regions, np.unique(regions[more & free])) & free
     np.testing.assert_array_equal(unpack(reached, *free.shape), wanted | begin | more)
+
+
+@law(50)
+@given(grids(), SEEDS)
+def test_two_cells_are_separate_if_they_lie_in_two_regions(free: BoolGrid, seed: int) -> None:
+    cells = np.argwhere(free)
+    if not len(cells):
+        return
+    one, other = np.random.default_rng(seed).choice(cells, 2)
+    ends = (int(one[0]) + PAD, int(one[1]) + PAD), (int(other[0]) + PAD, int(other[1]) + PAD)
+    _, regions = cv2.connectedComponents(free.view(np.uint8), connectivity=4)
+    apart = bool(regions[tuple(one)] != regions[tuple(other)])
+    assert are_separate(packed(free), *ends, free.size) == apart
+    # What a few sweeps do not tell may be connected.
+    assert apart or not are_separate(packed(free), *ends, 1)
 
 
 def test_a_long_winding_corridor_is_flooded_to_its_end() -> None:

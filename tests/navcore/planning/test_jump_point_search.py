@@ -11,7 +11,14 @@ from navcore.grid.free_space import DEAD_END_AHEAD, FreeSpace
 from navcore.grid.grid import BoolGrid
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan, plan_in
-from navcore.planning.search.jump_point_search import FOUND, UNREACHABLE, find, search
+from navcore.planning.replanner import Replanner
+from navcore.planning.search.jump_point_search import (
+    BEFORE_FLOOD,
+    FOUND,
+    UNREACHABLE,
+    find,
+    search,
+)
 from navcore.planning.search.open_list import FAR, ROOT, UNIT, SearchWorkspace
 from tests.navcore.grid.random_grids import free_cell, grids
 from tests.navcore.laws import law
@@ -143,3 +150,33 @@ def test_lengths_in_units_order_as_the_real_ones() -> None:
     while q < 400_000:
         assert (p * UNIT < q * ROOT) == (p * p < 2 * q * q)
         p, q = p + 2 * q, p + q
+
+
+def scattered(share: float) -> BoolGrid:
+    """Return 700 × 700 cells, a share of them blocked, with free corners."""
+    blocked = np.random.default_rng(3).random((700, 700)) < share
+    blocked[:3, :3] = blocked[-3:, -3:] = False
+    return np.asarray(blocked)
+
+
+def test_a_flood_ends_a_long_search_for_a_goal_that_is_walled_in() -> None:
+    blocked, goal = scattered(0.1), (696, 696)
+    blocked[690, 690:] = blocked[690:, 690] = True
+    space = FreeSpace.of(blocked)
+    workspace = SearchWorkspace(space)
+    # The control: the search itself has not ended by then.
+    short = plan_in(space, workspace, (0, 0), goal, max_expansions=BEFORE_FLOOD)
+    assert short == NoPath(reason=Reason.TIMEOUT)
+    told = plan_in(space, workspace, (0, 0), goal, max_expansions=BEFORE_FLOOD + 1)
+    assert told == NoPath(reason=Reason.UNREACHABLE)
+    assert Replanner(space).plan((0, 0), goal) == told
+
+
+def test_a_search_goes_on_after_the_flood_to_the_shortest_path() -> None:
+    blocked, goal = scattered(0.32), (699, 699)
+    short = plan(blocked, (0, 0), goal, max_expansions=BEFORE_FLOOD)
+    assert short == NoPath(reason=Reason.TIMEOUT)
+    path = plan(blocked, (0, 0), goal)
+    assert isinstance(path, Path)
+    assert path.length == pytest.approx(optimum(blocked, (0, 0), goal), rel=1e-12)
+    assert_is_a_path(path, blocked, (0, 0), goal)

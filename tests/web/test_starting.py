@@ -1,0 +1,74 @@
+"""While the console starts, its port answers with what the start waits for."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+
+import httpx
+import pytest
+import uvicorn
+from fastapi import FastAPI
+
+from web.port import reserve
+from web.starting import StartingPage
+
+
+@pytest.fixture
+def listener() -> Iterator[socket.socket]:
+    with reserve("127.0.0.1", 0) as listener:
+        yield listener
+
+
+def url_of(listener: socket.socket) -> str:
+    return f"http://127.0.0.1:{listener.getsockname()[1]}/"
+
+
+def get(url: str, timeout_s: float = 5.0) -> httpx.Response:
+    return httpx.get(url, trust_env=False, timeout=timeout_s)
+
+
+def test_the_page_shows_the_step_and_loads_itself_again(listener: socket.socket) -> None:
+    with StartingPage(listener) as page:
+        page.say("Warming up <first time> … 20 s")
+        for path in ("", "api/v1/state"):
+            answer = get(url_of(listener) + path)
+            assert answer.status_code == 503
+            assert answer.headers["Refresh"] == answer.headers["Retry-After"] == "1"
+            assert "Warming up &lt;first time&gt; … 20 s" in answer.text
+    # The control: without the page a browser waits.
+    with pytest.raises(httpx.ReadTimeout):
+        get(url_of(listener), 0.2)
+
+
+def test_what_connects_after_the_end_is_answered_by_the_console(listener: socket.socket) -> None:
+    console = FastAPI()
+    console.add_api_route("/", lambda: "ready")
+    with StartingPage(listener) as page:
+        assert get(url_of(listener)).status_code == 503
+        page.end()
+        with socket.create_connection(listener.getsockname()) as early:
+            early.sendall(b"GET / HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n")
+            server = uvicorn.Server(uvicorn.Config(console, log_level="error", lifespan="off"))
+            answered = _serve_one(server, listener, early)
+    assert answered.startswith(b"HTTP/1.1 200")
+
+
+def _serve_one(server: uvicorn.Server, listener: socket.socket, early: socket.socket) -> bytes:
+    thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
+    thread.start()
+    early.settimeout(10.0)
+    answered = early.recv(4096)
+    server.should_exit = True
+    thread.join()
+    return answered
+
+
+def test_clients_that_go_away_or_send_nothing_do_not_keep_the_page_from_others(
+    listener: socket.socket,
+) -> None:
+    with StartingPage(listener):
+        socket.create_connection(listener.getsockname()).close()
+        with socket.create_connection(listener.getsockname()):
+            assert get(url_of(listener)).status_code == 503
