@@ -7,6 +7,7 @@ import html
 import select
 import socket
 import threading
+import time
 from contextlib import suppress
 from types import TracebackType
 
@@ -76,9 +77,11 @@ class StartingPage:
 
     def _answer(self, connection: socket.socket) -> None:
         with connection:
-            connection.settimeout(_READ_S)
+            until_s = time.monotonic() + _READ_S
             request = b""
             while b"\r\n\r\n" not in request and len(request) < _REQUEST_BYTES:
+                # For the whole request: a client that sends a byte now and then holds up no start.
+                connection.settimeout(max(until_s - time.monotonic(), 0.001))
                 more = connection.recv(_REQUEST_BYTES)
                 if not more:
                     return

@@ -72,3 +72,25 @@ def test_clients_that_go_away_or_send_nothing_do_not_keep_the_page_from_others(
         socket.create_connection(listener.getsockname()).close()
         with socket.create_connection(listener.getsockname()):
             assert get(url_of(listener)).status_code == 503
+
+
+def test_a_client_that_sends_a_byte_now_and_then_keeps_the_page_for_a_second_at_most(
+    listener: socket.socket,
+) -> None:
+    stop = threading.Event()
+
+    def drip(client: socket.socket) -> None:
+        while not stop.wait(0.05):
+            try:
+                client.sendall(b"x")
+            except OSError:
+                return
+
+    with StartingPage(listener), socket.create_connection(listener.getsockname()) as client:
+        thread = threading.Thread(target=drip, args=(client,), daemon=True)
+        thread.start()
+        try:
+            assert get(url_of(listener)).status_code == 503
+        finally:
+            stop.set()
+            thread.join()
