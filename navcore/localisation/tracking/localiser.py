@@ -143,8 +143,7 @@ class Localiser:
         self._odometry = (frame.pose, frame.stamp_ns)
         self._flow.jump(T_map_base, frame.pose)
         self._chain.restart()
-        self._recent.clear()
-        self._refused.clear()
+        self._begin_again()
         self._doubt_s = self._doubt_m = 0.0
         self._unmatched = (math.inf, math.inf)
         self._since_m = 0.0
@@ -178,8 +177,13 @@ class Localiser:
         there = Pose2(x_m=measured.x_m, y_m=measured.y_m, yaw_rad=yaw_rad)
         self._require_filter().place(there, spread)
         self._chain.restart()
+        self._begin_again()
+
+    def _begin_again(self) -> None:
+        """Forget what was seen and measured where the robot is not any more."""
         self._recent.clear()
         self._refused.clear()
+        self._continues = True
 
     @property
     def _pose(self) -> Pose2:

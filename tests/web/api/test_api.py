@@ -83,7 +83,7 @@ def test_the_stop_holds_until_it_is_reset_and_then_the_mission_waits(
     client.post("/api/v1/mission/start")
     stopped = client.post("/api/v1/stop").json()
     assert stopped["stop_latched"] and not stopped["moving"]
-    assert "emergency stop" in stopped["reasons"][0]["text"] and operations.stops == ["REST"]
+    assert "Emergency stop" in stopped["reasons"][0]["text"] and operations.stops == ["REST"]
     assert client.get("/api/v1/state").json()["stop_latched"]
     released = client.post("/api/v1/stop/reset").json()
     assert not released["stop_latched"] and released["phase"] == "paused"

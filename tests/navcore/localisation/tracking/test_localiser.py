@@ -165,26 +165,38 @@ def test_a_robot_that_was_carried_off_is_lost_until_it_is_placed() -> None:
     assert abs(back[-1][0].T_map_base.y_m - ROUTE[79].y_m) < 0.05
 
 
-def carried_off_in_a_new_map() -> list[bool]:
+THERE = [Pose2(x_m=8.0 + 0.1 * k, y_m=3.0, yaw_rad=wrap_angle(2.5)) for k in range(30)]
+"""A way through a room that the robot does not know."""
+
+
+def carried_off_in_a_new_map(trip: Trip) -> list[bool]:
     """Whether the robot is lost in each frame after it was carried into a room, where its own map
     knows nothing, while odometry goes on."""
-    trip = new_trip()
     for _ in trip.go(ROUTE[:60], ROUTE[:60]):
         pass
-    there = [Pose2(x_m=8.0 + 0.1 * k, y_m=3.0, yaw_rad=wrap_angle(2.5)) for k in range(30)]
     odometry = [ROUTE[60] @ Pose2(x_m=0.1 * k, y_m=0.0, yaw_rad=0.0) for k in range(30)]
-    return [e.state is LocalisationState.LOST for e, _ in trip.go(there, odometry)]
+    return [e.state is LocalisationState.LOST for e, _ in trip.go(THERE, odometry)]
 
 
 def test_a_robot_that_was_carried_off_in_its_new_map_is_lost() -> None:
-    lost = carried_off_in_a_new_map()
+    trip = new_trip()
+    lost = carried_off_in_a_new_map(trip)
     assert any(lost[:21])  # within 2 m
     assert all(lost[21:])
+
+    # Once it is told where it is, it goes on with its map.
+    steps = [Pose2(x_m=0.03 * k, y_m=0.0, yaw_rad=0.0) for k in range(30)]
+    onward = [ROUTE[60] @ Pose2(x_m=2.9, y_m=0.0, yaw_rad=0.0) @ step for step in steps]
+    way = [THERE[-1] @ step for step in steps]
+    keyframes = len(trip.localiser.keyframes)
+    trip.localiser.place(way[0], None, frame_at(onward[0], trip.k))
+    assert not any(e.state is LocalisationState.LOST for e, _ in trip.go(way, onward))
+    assert len(trip.localiser.keyframes) > keyframes
 
 
 def test_by_its_own_map_alone_it_would_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(RecentScans, "are_continued", lambda *_: None)
-    assert not any(carried_off_in_a_new_map())
+    assert not any(carried_off_in_a_new_map(new_trip()))
 
 
 def test_without_enough_points_the_robot_reckons_and_its_uncertainty_grows() -> None:
