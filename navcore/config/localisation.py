@@ -216,9 +216,13 @@ class TrackingConfig:
     discontinuous_share: float = ranged(0.0, 1.0, default=0.35)
     """Share of points that fit the surfaces of the last metres below which the robot was moved by
     other means than its wheels."""
-    step_m: float = ranged(0.01, 5.0, default=0.5)
+    judged_points: int = ranged(1, 1000, default=40)
+    """Least number of points by which that is judged: few far points scatter too much."""
+    breaks: int = ranged(1, 100, default=5)
+    """Number of such frames after which those that cannot tell count as such, too."""
+    step_m: float = ranged(0.01, 5.0, default=0.3)
     """Motion in metres between two frames beyond which those surfaces tell nothing."""
-    step_rad: float = ranged(0.01, math.pi, default=0.5)
+    step_rad: float = ranged(0.01, math.pi, default=0.25)
     """The same for a turn in radians."""
     lost_s: float = ranged(0.1, 60.0, default=2.5)
     """Time in seconds of contradicting frames after which the robot is lost."""

@@ -62,7 +62,7 @@ class Localiser:
         self._since_ns, self._since_m = 0, 0.0
         self._doubt_s, self._doubt_m = 0.0, 0.0
         self._unmatched = (math.inf, math.inf)
-        self._continues = True
+        self._continues, self._breaks = True, 0
         self.scan: Scan | None = None
         """Scan of the newest frame; None before the first."""
 
@@ -183,7 +183,7 @@ class Localiser:
         """Forget what was seen and measured where the robot is not any more."""
         self._recent.clear()
         self._refused.clear()
-        self._continues = True
+        self._continues, self._breaks = True, 0
 
     @property
     def _pose(self) -> Pose2:
@@ -222,13 +222,12 @@ class Localiser:
         """Match the scan and fuse it; returns the share of points that fit, None if too few points
         can say."""
         least = self._config.match.min_points
-        was_continued, self._continues = self._continues, True
         if len(scan) < least:
-            self._continues = was_continued
             self._reckon(stamp_ns)
             return None
         continues = self._recent.are_continued(scan, self._odometry[0], step)
-        if continues is None and not was_continued:
+        self._breaks = 0 if continues else self._breaks + (continues is False)
+        if continues is None and self._breaks >= self._config.tracking.breaks:
             continues = False  # until the surfaces of before are seen again
         found: Match | None = None
         contradicted = False

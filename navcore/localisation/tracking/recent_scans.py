@@ -63,13 +63,13 @@ class RecentScans:
         """
         rules = self._config.tracking
         moves_far = step.distance_m > rules.step_m or abs(step.turn_rad) > rules.step_rad
-        if self._newest is None or moves_far or len(scan) < self._config.match.min_points:
+        if self._newest is None or moves_far or len(scan) < rules.judged_points:
             return None
         if self._share(scan, self._map, T_odom_base) >= rules.discontinuous_share:
             return True
         before, pose = self._newest
         expected = self._in_view(before.seen_from(T_odom_base.inverse() @ pose), scan)
-        if len(expected) < self._config.match.min_points:
+        if len(expected) < rules.judged_points:
             return None
         now = ScanMap(self._config.match)
         now.put(Keyframe(pose_id=0, T_map_base=IDENTITY, scan=scan))
