@@ -121,13 +121,7 @@ class BewareEditor:
     @property
     def history(self) -> EditHistory:
         """Edits that can be undone and redone."""
-        done, undone = self._done, self._undone
-        return EditHistory(
-            undo=done[-1].text if done else None,
-            redo=undone[-1].text if undone else None,
-            undo_number=done[-1].number if done else 0,
-            redo_number=undone[-1].number if undone else 0,
-        )
+        return EditHistory.of(self._done, self._undone)
 
     @property
     def colours(self) -> ColourRules:

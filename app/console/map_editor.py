@@ -202,13 +202,7 @@ class MapEditor:
     @property
     def history(self) -> EditHistory:
         """Descriptions of the next undo and redo."""
-        done, undone = self._done, self._undone
-        return EditHistory(
-            undo=done[-1].text if done else None,
-            redo=undone[-1].text if undone else None,
-            undo_number=done[-1].number if done else 0,
-            redo_number=undone[-1].number if undone else 0,
-        )
+        return EditHistory.of(self._done, self._undone)
 
     def erase(self, corners: Corners, what: Erasable, *, by: str) -> None:
         """Erase what is in a polygon; raises `BadGeometry` with what is wrong with it."""

@@ -110,13 +110,7 @@ class ZoneEditor:
     @property
     def history(self) -> EditHistory:
         """Descriptions of the next undo and redo."""
-        done, undone = self._done, self._undone
-        return EditHistory(
-            undo=done[-1].text if done else None,
-            redo=undone[-1].text if undone else None,
-            undo_number=done[-1].number if done else 0,
-            redo_number=undone[-1].number if undone else 0,
-        )
+        return EditHistory.of(self._done, self._undone)
 
     def checked(self, draft: ZoneDraft, *, zone_id: str, version: int) -> Zone:
         """Return the zone of a draft; raises `BadGeometry` with what is wrong."""

@@ -96,12 +96,13 @@ def permitted_share(
     keep_outs = _near_cells(keep_outs, start, reach_m)
     if not areas and not len(keep_outs.cells):
         return 1.0, ""
-    blocking = ""
-    for share in config.shares:
+    blocking, slow = "", config.uncertain_mps / _fastest_mps(twist, profile)
+    shares = config.shares if slow >= min(config.shares) else (*config.shares, slow)
+    for share in shares:
         part = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
         poses = list(_stopping_poses(start, part, profile, late_s, config))
         entered = _entered(areas, keep_outs, start, poses, profile, config.spacing_m)
-        if _fastest_mps(part, profile) > config.uncertain_mps:
+        if share > slow:
             entered = entered or _slowed(areas, [start, *poses], profile)
         if entered is None:
             return share, blocking
@@ -154,8 +155,8 @@ def _near_cells(keep_outs: KeepOuts, pose: Pose2, reach_m: float) -> KeepOuts:
     """Return the areas with the cells that the robot may reach until it stands."""
     cells, growth_m = keep_outs.cells, _growth_of(keep_outs)
     if len(cells):
-        distance_m = np.hypot(cells[:, 0] - pose.x_m, cells[:, 1] - pose.y_m)
-        near = distance_m <= reach_m + growth_m
+        away_m = np.hypot(cells[:, 0] - pose.x_m, cells[:, 1] - pose.y_m)
+        near = away_m <= reach_m + growth_m
         cells, growth_m = cells[near], growth_m[near]
     return dataclasses.replace(keep_outs, cells=cells, cell_growth_m=growth_m)
 

@@ -3,8 +3,9 @@ effect, and saved missions."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, TypedDict
+from typing import ClassVar, Protocol, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,20 @@ class ZoneDraft(ZoneSpec):
     `expires_at_s`."""
 
 
+class NumberedEdit(Protocol):
+    """One step of an editor."""
+
+    @property
+    def text(self) -> str:
+        """Its description."""
+        ...
+
+    @property
+    def number(self) -> int:
+        """Its number among all edits."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EditHistory:
     """Edits that can be undone and redone."""
@@ -39,6 +54,17 @@ class EditHistory:
     since the start of the console; 0 without one, and for one from before the start."""
     redo_number: int = field(default=0, compare=False)
     """Number of the edit that redo would repeat; 0 without one."""
+
+    @classmethod
+    def of(cls, done: Sequence[NumberedEdit], undone: Sequence[NumberedEdit]) -> EditHistory:
+        """Return what comes next, of the edits that were done and undone, newest last."""
+        undo, redo = done[-1] if done else None, undone[-1] if undone else None
+        return cls(
+            undo=undo.text if undo else None,
+            redo=redo.text if redo else None,
+            undo_number=undo.number if undo else 0,
+            redo_number=redo.number if redo else 0,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

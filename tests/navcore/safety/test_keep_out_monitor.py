@@ -217,6 +217,10 @@ def test_beside_a_zone_too_uncertain_a_position_permits_little_speed_and_says_so
     assert "uncertain by 0.4 m" in reason
     # Away from the zone the speed is the same, and so it is on the way out of the clearance.
     assert 0.0 < share(beside, BACK) <= DEFAULT_SAFETY.keep_out.uncertain_mps / 0.3
+    # Nor does the fastest turn, of which the least usual share is still too fast, end in a stop.
+    fastest = Twist(v_mps=-HUSKY.max_speed_mps, w_radps=HUSKY.max_yaw_rate_radps)
+    nearer = dataclasses.replace(beside, zones=(zone(FRONT_M + 0.6, FRONT_M + 2.0),))
+    assert 0.0 < share(nearer, fastest) < min(DEFAULT_SAFETY.keep_out.shares)
     far = dataclasses.replace(beside, zones=(zone(FRONT_M + 2.0, FRONT_M + 4.0),))
     assert share(far) == 1.0
 
