@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from navcore.mission.beware_list import as_toml
+from navcore.perception.labels import LabelSource
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, middle_of
 
@@ -54,6 +56,16 @@ def test_a_class_is_edited_with_a_preview_and_one_undo_takes_the_last_edit_back(
     expect(page.get_by_test_id("entry-eyes")).to_contain_text("Nothing can see it yet")
     page.get_by_test_id("entry-remove").click()
     expect(row(page, "bottle")).to_have_count(0)
+
+
+def test_what_the_network_detects_is_not_said_to_be_detected_by_its_colour_rule(
+    page: Page, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(operations.beware, "finder", lambda _: LabelSource.NETWORK)
+    page.reload()
+    await_map(page)
+    row(page, "red floor").get_by_test_id("beware-edit").click()
+    expect(page.get_by_test_id("entry-eyes")).to_have_text("Detected by: network")
 
 
 def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(

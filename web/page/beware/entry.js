@@ -95,11 +95,9 @@ const missing = () => {
 
 // What the draft would be detected by; what runs now is only known for the stored entry.
 function eyes() {
-  if (ruleOf()) return stored?.found_by === "network and colour rule" ? sentence(stored.found_by) : t("colour rule");
-  const isSeen = stored && stored.found_by !== "nothing" && stored.found_by !== "colour rule";
-  return isSeen && field("name").value.trim() === stored.name
-    ? sentence(stored.found_by)
-    : null;
+  // The network goes on to know a class that is renamed.
+  if (stored?.found_by.startsWith("network")) return sentence(ruleOf() ? stored.found_by : "network");
+  return ruleOf() ? t("colour rule") : null;
 }
 
 function describe() {
@@ -109,9 +107,7 @@ function describe() {
     note,
     by
       ? t("Detected by: {by}", { by })
-      : stored && stored.found_by.startsWith("network")
-        ? t("Detected by: {by}", { by: sentence("network") })
-        : t("▲ Nothing can see it yet: the network does not know it, and it has no colour rule."),
+      : t("▲ Nothing can see it yet: the network does not know it, and it has no colour rule."),
   );
   note.classList.toggle("lost", note.textContent.startsWith("▲"));
   const lacking = missing();
