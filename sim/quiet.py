@@ -1,5 +1,4 @@
-"""Suppresses the messages that PyBullet and its EGL plugin print from C, amid what a program prints
-there itself."""
+"""Suppresses the messages that PyBullet prints from C, amid what a program prints there itself."""
 
 from __future__ import annotations
 

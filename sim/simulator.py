@@ -8,7 +8,6 @@ there.
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +18,10 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
 from sim.bullet import pybullet
 from sim.models.ground import Ground
-from sim.physics.bodies import newest_bodies
 from sim.physics.build import Crowd, build_world
 from sim.quiet import quiet_output
 from sim.referee.referee import Referee
+from sim.rendering.visible_world import Image
 from sim.robot.chassis import chassis_for
 from sim.robot.odometry import Gyro, Odometry
 from sim.robot.odometry_grade import ODOMETRY_ERRORS, OdometryGrade, odometry_grade
@@ -30,13 +29,12 @@ from sim.robot.skid_steer import GRAVITY_MPS2, Driver, SkidSteer, pose_of
 from sim.scenario.schema import Scenario
 from sim.scenario.validation import check_standing, started_at
 from sim.scenario.variation import Source, generator, randomise
-from sim.sensors.camera import Camera, Renderer
+from sim.sensors.camera import Camera
 from sim.sensors.faults import Fault, FaultSchedule
 from sim.sensors.gnss import GnssReceiver
 from sim.sensors.gnss_settings import GnssKind, carried
 from sim.sensors.imu import Accelerometer
 from sim.sensors.stereo_noise import StereoErrors
-from sim.truth.true_objects import class_of_bodies
 
 STEPS_PER_S = 240
 PERIOD_S = 1 / STEPS_PER_S
@@ -53,7 +51,6 @@ class Simulator:
         scenario: Scenario,
         *,
         seed: int,
-        renderer: Literal["auto", "tiny", "egl"] = "auto",
         camera_size: tuple[int, int] = (424, 240),
         camera_rate_hz: float = 10.0,
         errors: StereoErrors | None = None,
@@ -89,17 +86,11 @@ class Simulator:
         if start is not None:
             self.scenario = started_at(self.scenario, start, robot)
         with quiet_output():
-            self.client: int = pybullet.connect(
-                pybullet.DIRECT, options="--width={} --height={}".format(*camera_size)
-            )
+            self.client: int = pybullet.connect(pybullet.DIRECT)
             """Number of the physics client, negative once closed."""
             try:
-                self.camera = self._make_camera(
-                    renderer, camera_size, errors or StereoErrors(), seed
-                )
                 self._build(seed, odometry_origin)
-                for _ in range(2):  # EGL prints messages during its first images
-                    self.camera.render_ideal(self.true_pose())
+                self.camera = self._make_camera(camera_size, errors or StereoErrors(), seed)
             except BaseException:
                 pybullet.disconnect(physicsClientId=self.client)
                 raise
@@ -109,11 +100,6 @@ class Simulator:
         self._frame: Frame | None = None
         self.referee = Referee(self.scenario, robot)
         """The judge of this run by the ground truth."""
-
-    @property
-    def renderer(self) -> Renderer:
-        """The renderer of the camera."""
-        return self.camera.renderer
 
     def now_ns(self) -> int:
         """Return the simulated time since the start, in nanoseconds."""
@@ -143,7 +129,7 @@ class Simulator:
             pose=pose,
             rolling=self._robot.rolling(),
             people=self.moving_poses(),
-            items=[pose_of(self.client, body) for body in self.item_bodies],
+            items=[pose_of(self.client, body) for body in self.world.item_bodies],
             period_s=PERIOD_S,
             odometry=self._T_map_odom @ self.odometry(),
         )
@@ -158,6 +144,7 @@ class Simulator:
     def capture(self) -> Frame:
         """Return a frame taken now."""
         pose = self.true_pose()
+        self.world.update_visible()
         rgb, depth_m = self.camera.capture(pose)
         roll, pitch, _ = self.ground.attitude(pose)
         roll_rad, pitch_rad = self._accelerometer.measure(roll, pitch)
@@ -178,12 +165,17 @@ class Simulator:
     def true_labels(self) -> dict[str, npt.NDArray[np.bool_]]:
         """Return class → (H, W) mask of the pixels of a frame taken now that show beware objects
         and people: for oracles and tests."""
-        body_ids = self.camera.body_ids(self.true_pose())
+        objects = self.image().objects
         shown: dict[str, npt.NDArray[np.bool_]] = {}
-        for body, name in self._class_of.items():
-            pixels = body_ids == body
+        for number, name in self.world.class_of.items():
+            pixels = objects == number
             shown[name] = shown[name] | pixels if name in shown else pixels
         return shown
+
+    def image(self) -> Image:
+        """Return an image taken now, without camera errors."""
+        self.world.update_visible()
+        return self.camera.image(self.true_pose())
 
     def send(self, twist: Twist) -> None:
         """Command a velocity; it is clipped to the platform limits and expires after 0.25 s."""
@@ -204,6 +196,11 @@ class Simulator:
     def moving_poses(self) -> tuple[Pose2, ...]:
         """Return the true T_map_body of people, then movers: for referee and tests."""
         return tuple(self._crowd.poses())
+
+    @property
+    def body(self) -> int:
+        """Number of the robot's body in the physics client: for tests."""
+        return self._robot.body
 
     @property
     def faults(self) -> tuple[Fault, ...]:
@@ -231,7 +228,6 @@ class Simulator:
         """Release the physics client; the simulator cannot be used afterwards."""
         if self.client >= 0:
             with quiet_output():
-                self.camera.close()
                 pybullet.disconnect(physicsClientId=self.client)
             self.client = -1
 
@@ -246,20 +242,12 @@ class Simulator:
     ) -> None:
         self.close()
 
-    def _make_camera(
-        self,
-        renderer: Literal["auto", "tiny", "egl"],
-        size: tuple[int, int],
-        errors: StereoErrors,
-        seed: int,
-    ) -> Camera:
-        rng = generator(seed, Source.CAMERA)
+    def _make_camera(self, size: tuple[int, int], errors: StereoErrors, seed: int) -> Camera:
         return Camera(
-            self.client,
+            self.world.seen,
             size=size,
-            renderer=renderer,
             errors=errors,
-            rng=rng,
+            rng=generator(seed, Source.CAMERA),
             mount=self.profile.camera.T_base_camera,
             ground=Ground(self.scenario.relief),
         )
@@ -267,16 +255,10 @@ class Simulator:
     def _build(self, seed: int, odometry_origin: Pose2 | None) -> None:
         pybullet.setGravity(0, 0, -GRAVITY_MPS2, physicsClientId=self.client)
         pybullet.setTimeStep(PERIOD_S, physicsClientId=self.client)
-        build_world(self.client, self.scenario)
-        # The items are the last bodies that `build_world` makes.
-        self.item_bodies = newest_bodies(self.client, len(self.scenario.items))
-        """Physics bodies of the items of the scenario, in its order."""
-        first = pybullet.getNumBodies(physicsClientId=self.client)
+        self.world = build_world(self.client, self.scenario)
+        """The bodies of the world, and what the camera sees of them."""
         self._crowd = Crowd(
-            self.client, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile
-        )
-        self._class_of = class_of_bodies(
-            self.scenario, item_bodies=self.item_bodies, first_person=first
+            self.world, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile
         )
         self.ground = Ground(self.scenario.relief)
         """The ground of the world."""

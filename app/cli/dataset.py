@@ -6,7 +6,7 @@ from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console as Terminal
@@ -22,10 +22,9 @@ if TYPE_CHECKING:  # at run time these would make every command wait for torch a
 
 POSES_PER_WORLD = 8
 WORLDS_PER_JOB = 25
-"""Number of worlds that one process renders before it ends, because the renderers leak memory."""
+"""Number of worlds of a job."""
 AHEAD = 32
 """Number of jobs that may be ahead of the first one that is not written yet, about 120 MB each."""
-RendererName = Literal["auto", "tiny", "egl"]
 
 OutArgument = Annotated[
     Path, typer.Argument(metavar="OUT", help="Folder to create; it must be empty if it exists.")
@@ -64,8 +63,6 @@ class Job:
     """Number of images."""
     size: tuple[int, int]
     """Columns and rows of the images."""
-    renderer: RendererName
-    """Renderer of the images."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,9 +94,6 @@ class RenderSettings:
             help="Columns and rows of an image; several sizes take turns. 424x240 if left out.",
         ),
     ] = None
-    renderer: Annotated[
-        RendererName, typer.Option(help="auto: EGL for two thirds of the worlds where it works.")
-    ] = "auto"
     where: EngineOptions = field(default_factory=EngineOptions)
 
 
@@ -116,11 +110,10 @@ def render(settings: RenderSettings) -> None:
         "test": settings.test,
     }
     sizes = [_size(text) for text in settings.size or ["424x240"]]
-    jobs = _jobs(counts, settings.seed, sizes, settings.renderer)
+    jobs = _jobs(counts, settings.seed, sizes)
     source = {
         "made_by": "bewarenav dataset render",
         "seed": settings.seed,
-        "renderer": settings.renderer,
         "poses_per_world": POSES_PER_WORLD,
     }
     writer = DatasetWriter(
@@ -259,9 +252,7 @@ def _summary(out: Path, train: int, valid: int, test: int) -> str:
     return f"{out}: {train} images to train, {valid} to validate and {test} to test with"
 
 
-def _jobs(
-    counts: Mapping[Split, int], seed: int, sizes: Sequence[tuple[int, int]], renderer: RendererName
-) -> list[Job]:
+def _jobs(counts: Mapping[Split, int], seed: int, sizes: Sequence[tuple[int, int]]) -> list[Job]:
     """Return the shards of every split; several sizes take turns over the shards, so that every
     split has a share of each."""
     from sim.dataset.generate import SHARDS_PER_SPLIT, shard_seed
@@ -277,7 +268,6 @@ def _jobs(
             seed=shard_seed(seed, split, shard),
             count=min(most, count - shard * most),
             size=sizes[shard % len(sizes)],
-            renderer=renderer,
         )
         for split, count in counts.items()
         for shard in range(-(-count // most))
@@ -290,8 +280,7 @@ def _rendered(
     """Yield the images of each job, in the order of the jobs."""
     from app.fleet.engine import TRIES, Lost, in_order
 
-    engine = where.chosen(tasks_each=1)  # the renderers leak memory
-    with closing(in_order(engine, _render, jobs, ahead=AHEAD)) as results:
+    with closing(in_order(where.chosen(), _render, jobs, ahead=AHEAD)) as results:
         for rendered in results:
             if isinstance(rendered, Lost):
                 raise BadConfiguration(
@@ -312,7 +301,6 @@ def _render(job: Job) -> tuple[Split, list[LabelledImage]]:
         worlds=-(-job.count // POSES_PER_WORLD),
         poses_per_world=POSES_PER_WORLD,
         size=job.size,
-        renderer=job.renderer,
     )
     return job.split, list(images)[: job.count]
 

@@ -40,7 +40,6 @@ def examine() -> int:
         except importlib.metadata.PackageNotFoundError:
             missing += 1
             _say(False, f"{package} is missing: run `make setup`")
-    _say(*_renderer())
     for line in _segmentation():
         _say(*line)
     found = shutil.which("chromium")
@@ -51,20 +50,6 @@ def examine() -> int:
         else "chromium is missing, needed for browser tests: apt-get install chromium",
     )
     return 1 if missing else 0
-
-
-def _renderer() -> tuple[bool, str]:
-    from sim.scenario.load import load_scenario
-    from sim.simulator import Simulator
-
-    with Simulator(load_scenario("empty_room"), seed=0) as simulator:
-        if simulator.renderer == "egl":
-            return True, "camera renderer: EGL"
-    return (
-        False,
-        "camera renderer: TINY, slower; for EGL: "
-        "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri",
-    )
 
 
 def _segmentation() -> Iterator[tuple[bool, str]]:

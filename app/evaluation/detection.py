@@ -117,12 +117,12 @@ def measure_detection(
     """Drive once through each of `walks` worlds of the test split that `seed` makes."""
     counts = DetectionCounts()
     shard = shard_seed(seed, "test", TEST_SHARD)
-    with SceneRenderer(seed=shard, size=(424, 240), renderer="auto") as renderer:
-        for number in track(range(walks), description="driving"):
-            rng = np.random.default_rng((WORLDS_PER_SHARD * shard + number, 2))
-            scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
-            renderer.build(scene)
-            _walk(renderer, scene, rng, segmenter, beware, counts)
+    renderer = SceneRenderer(seed=shard, size=(424, 240))
+    for number in track(range(walks), description="driving"):
+        rng = np.random.default_rng((WORLDS_PER_SHARD * shard + number, 2))
+        scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
+        renderer.build(scene)
+        _walk(renderer, scene, rng, segmenter, beware, counts)
     return counts
 
 

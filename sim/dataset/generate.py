@@ -21,7 +21,6 @@ from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.renderer import PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import Scene
-from sim.sensors.egl import egl_works
 from sim.sensors.stereo_noise import Rgb
 
 Split = Literal["train", "valid", "test"]
@@ -62,24 +61,18 @@ def render_images(
     worlds: int,
     poses_per_world: int,
     size: tuple[int, int] = (424, 240),
-    renderer: Literal["auto", "tiny", "egl"] = "auto",
 ) -> Iterator[LabelledImage]:
-    """Yield images of random worlds, from `poses_per_world` poses each; the same seed and renderer
-    give the same bits.
-
-    "auto" takes EGL for two seeds of three where it works, else TINY. Raises `BadConfiguration`.
+    """Yield images of random worlds, from `poses_per_world` poses each; the same seed
+    gives the same bits. Raises `BadConfiguration`.
     """
     if seed < 0 or not 0 <= worlds <= WORLDS_PER_SHARD or poses_per_world < 1:
         raise BadConfiguration(
             f"seed {seed}, {worlds} worlds, {poses_per_world} poses: "
             f"expected 0 or more, 0 to {WORLDS_PER_SHARD}, 1 or more"
         )
-    chosen = (
-        renderer if renderer != "auto" else ("egl" if seed % 3 != 2 and egl_works() else "tiny")
-    )
-    with SceneRenderer(seed=seed, size=size, renderer=chosen) as scene_renderer:
-        for i in range(worlds):
-            yield from _render_world(scene_renderer, WORLDS_PER_SHARD * seed + i, poses_per_world)
+    scene_renderer = SceneRenderer(seed=seed, size=size)
+    for i in range(worlds):
+        yield from _render_world(scene_renderer, WORLDS_PER_SHARD * seed + i, poses_per_world)
 
 
 def _render_world(

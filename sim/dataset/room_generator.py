@@ -11,8 +11,8 @@ from sim.dataset.item_placement import ItemPlacer
 from sim.dataset.scene import BACKGROUND, Decal, Rng, Scene, ScenePlan, SolidObject, Spot
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.models.solids import Colour, Solid, box
+from sim.rendering.light import DAYLIGHT, Light
 from sim.scenario.schema import FLOOR_COLOUR, WALL_COLOUR, WALL_HEIGHT_M
-from sim.sensors.camera import DAYLIGHT, Light
 
 LIKE_SIMULATOR = 0.3
 """Share of worlds that are coloured, lit and rendered exactly like scenarios."""

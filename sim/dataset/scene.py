@@ -9,7 +9,7 @@ import numpy as np
 
 from navcore.geometry.transform import Pose2
 from sim.models.solids import Colour, Solid
-from sim.sensors.camera import DAYLIGHT, Light
+from sim.rendering.light import DAYLIGHT, Light
 
 Rng = np.random.Generator
 BACKGROUND = "background"

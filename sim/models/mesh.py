@@ -1,10 +1,10 @@
-"""Triangle meshes in Wavefront's OBJ format: many solids as one mesh, and the ground. One mesh is
-drawn far faster than its parts."""
+"""Triangle meshes: solids as one mesh, and the ground; in Wavefront's OBJ format for the physics
+engine."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -37,23 +37,20 @@ class Mesh:
     normals: Floats
     """(3 N, 3) unit normals of the corners."""
 
-    def text(self, period_m: float = 0.0) -> str:
-        """Return the mesh in OBJ format; a texture on it repeats after `period_m`, 0 for none,
-        projected along the nearest axis."""
-        count, lines = (
-            len(self.corners),
-            [_rows("v %.4f %.4f %.4f", self.corners), _rows("vn %.4f %.4f %.4f", self.normals)],
-        )
-        if period_m:
-            lines.append(_rows("vt %.4f %.4f", self._texture_coordinates(period_m)))
-        corner = "{0}/{0}/{0}" if period_m else "{0}//{0}"
-        numbers = [corner.format(i) for i in range(1, count + 1)]
+    def text(self) -> str:
+        """Return the mesh in OBJ format, for the physics engine."""
+        lines = [_rows("v %.4f %.4f %.4f", self.corners), _rows("vn %.4f %.4f %.4f", self.normals)]
+        numbers = [f"{i}//{i}" for i in range(1, len(self.corners) + 1)]
         faces = zip(numbers[::3], numbers[1::3], numbers[2::3], strict=True)
         return "\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in faces), ""])
 
-    def _texture_coordinates(self, period_m: float) -> Floats:
-        """Return (3 N, 2) texture coordinates of each corner, across the axis that its triangle
-        faces most."""
+    def lowered(self, by_m: float) -> Mesh:
+        """Return the mesh, shifted downwards."""
+        return replace(self, corners=self.corners - (0.0, 0.0, by_m)) if by_m else self
+
+    def texture_coordinates(self, period_m: float) -> Floats:
+        """Return (3 N, 2) texture coordinates of each corner for a texture that repeats after
+        `period_m`, across the axis that its triangle faces most."""
         faces = np.abs(self.normals.reshape(-1, 3, 3).mean(axis=1)).argmax(axis=1)
         across = np.array([[1, 2], [0, 2], [0, 1]])[np.repeat(faces, 3)]
         return np.take_along_axis(self.corners, across, axis=1) / period_m

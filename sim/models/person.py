@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from sim.models.solids import Colour, Solid, box, cylinder
 
+PERSON = "person"
+"""Class of people in a beware list."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Appearance:

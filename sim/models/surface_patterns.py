@@ -4,6 +4,7 @@ changes."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -16,10 +17,13 @@ Grey = npt.NDArray[np.float64]
 """(SIDE_PX, SIDE_PX) grey levels, 0 to 1, periodic at the edges."""
 
 
+@cache
 def surface_texture(pattern: Pattern) -> Texture:
-    """Return the (SIDE_PX, SIDE_PX, 3) texture of a pattern, the same each time."""
+    """Return the (SIDE_PX, SIDE_PX, 3) texture of a pattern, the same each time; read only."""
     grey = _PATTERNS[pattern][0](np.random.default_rng(len(pattern)))
-    return np.repeat(np.clip(255 * grey, 0, 255).astype(np.uint8)[:, :, None], 3, axis=2)
+    texture = np.repeat(np.clip(255 * grey, 0, 255).astype(np.uint8)[:, :, None], 3, axis=2)
+    texture.flags.writeable = False
+    return texture
 
 
 def pattern_period_m(pattern: Pattern) -> float:

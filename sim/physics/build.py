@@ -1,6 +1,8 @@
-"""Builds a scenario in a physics client: floor, walls, furniture, markings, items and people."""
+"""Builds a scenario: its bodies in a physics client, and what a camera sees of it."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,8 +12,8 @@ from sim.bullet import pybullet
 from sim.models.ground import Ground
 from sim.models.items import ITEM_MASSES_KG
 from sim.models.mesh import merge_solids
-from sim.models.person import DEFAULT_APPEARANCE, person_solids
-from sim.models.solids import Colour, box, cylinder, quaternion
+from sim.models.person import DEFAULT_APPEARANCE, PERSON, person_solids
+from sim.models.solids import box, cylinder, quaternion
 from sim.models.surface_patterns import pattern_period_m, surface_texture
 from sim.models.textures import (
     GLOSS,
@@ -21,20 +23,13 @@ from sim.models.textures import (
     spill_texture,
     tag_texture,
 )
-from sim.physics.bodies import (
-    NO_SHAPE,
-    apply_texture,
-    load_texture,
-    mesh_collision,
-    mesh_visual,
-    polygon_visual,
-    solids_visual,
-    square_visual,
-)
+from sim.physics.bodies import NO_SHAPE, body_pose, mesh_collision, pose_matrix
 from sim.physics.movers import TimedMover
 from sim.physics.pedestrians import BODY_DIAMETER_M, Walker
 from sim.physics.static_scene import build_static
 from sim.physics.terrain_mesh import drape, terrain_mesh
+from sim.rendering.visible_world import VisibleWorld
+from sim.rendering.visual import WHITE, flat_polygon, patterned, rectangle, solid_visuals
 from sim.scenario.layout import PlacedObject, items, obstacles
 from sim.scenario.schema import Item, Marking, Print, Scenario
 from sim.scenario.tags import Tag
@@ -44,24 +39,49 @@ PAINT_M = 0.003
 """
 PRINT_M = 0.0015
 """Height of a print on the floor, lower than paint."""
-WHITE: Colour = (255, 255, 255)
 BodyPose = tuple[list[float], list[float]]
 """Position x, y, z and quaternion x, y, z, w in the map frame."""
 
 
-def build_world(client: int, scenario: Scenario) -> None:
-    """Build the floor first, then markings, prints, static objects, and items last."""
-    ground = Ground(scenario.relief)
-    _build_floor(client, scenario, ground)
+@dataclass(slots=True)
+class World:
+    """A scenario in a physics client, and what a camera sees of it."""
+
+    client: int
+    """Number of the physics client."""
+    seen: VisibleWorld = field(default_factory=VisibleWorld)
+    """What a camera sees."""
+    class_of: dict[int, str] = field(default_factory=dict)
+    """Visible object → class, of beware objects and people."""
+    item_bodies: list[int] = field(default_factory=list)
+    """Physics bodies of the items of the scenario, in its order."""
+    _moving: dict[int, int] = field(default_factory=dict)
+    """Visible object → physics body, of what can move."""
+
+    def follow(self, number: int, body: int) -> None:
+        """Let a visible object move with a physics body."""
+        self._moving[number] = body
+
+    def update_visible(self) -> None:
+        """Put every visible object where its body is now."""
+        for number, body in self._moving.items():
+            self.seen.place(number, body_pose(self.client, body))
+
+
+def build_world(client: int, scenario: Scenario) -> World:
+    """Build floor, markings, prints, static objects and items; people come with `Crowd`."""
+    ground, world = Ground(scenario.relief), World(client)
+    _build_floor(world, scenario, ground)
     for i, marking in enumerate(scenario.markings):
-        _build_marking(client, marking, scenario.floor_colour, i, ground)
+        _build_marking(world, marking, scenario, i, ground)
     for sheet in scenario.prints:
-        _build_print(client, sheet, ground)
+        _build_print(world, sheet, ground)
     for tag in scenario.tags:
-        _build_tag(client, tag, ground)
-    build_static(client, obstacles(scenario), ground)
+        _build_tag(world, tag, ground)
+    world.seen.add(build_static(client, obstacles(scenario), ground))
     for entry, item in zip(items(scenario), scenario.items, strict=True):
-        _build_item(client, entry, item, ground)
+        _build_item(world, entry, item, ground)
+    return world
 
 
 class Crowd:
@@ -69,17 +89,17 @@ class Crowd:
 
     def __init__(
         self,
-        client: int,
+        world: World,
         scenario: Scenario,
         rng: np.random.Generator,
         period_s: float,
         robot: RobotProfile = HUSKY,
     ) -> None:
-        self._client, self._ground = client, Ground(scenario.relief)
+        self._client, self._ground = world.client, Ground(scenario.relief)
         self.walkers = [Walker(person, rng, period_s, robot) for person in scenario.people]
-        self._bodies = [_build_person(client, walker, self._ground) for walker in self.walkers]
+        self._bodies = [_build_person(world, walker, self._ground) for walker in self.walkers]
         self._movers = [TimedMover(mover, period_s) for mover in scenario.movers]
-        self._mover_bodies = [_build_mover(client, mover, self._ground) for mover in self._movers]
+        self._mover_bodies = [_build_mover(world, mover, self._ground) for mover in self._movers]
 
     def step(self, robot: Pose2) -> None:
         """Move every person and mover by one physics step."""
@@ -96,127 +116,113 @@ class Crowd:
         return [*(walker.pose for walker in self.walkers), *(mover.pose for mover in self._movers)]
 
 
-def _build_floor(client: int, scenario: Scenario, ground: Ground) -> None:
+def _build_floor(world: World, scenario: Scenario, ground: Ground) -> None:
     x_m, y_m = scenario.size_m[0] + 2.0, scenario.size_m[1] + 2.0
     side_m, colour = pattern_period_m(scenario.floor_pattern), scenario.floor_colour
     if ground.is_flat:
-        shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
-        slab = box((x_m, y_m, 0.1), (0.0, 0.0), colour, bottom_m=-0.1)
-        seen = (
-            mesh_visual(client, merge_solids([slab]), colour, period_m=side_m)
-            if side_m
-            else solids_visual(client, [slab])
-        )
+        shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=world.client)
+        mesh = merge_solids([box((x_m, y_m, 0.1), (0.0, 0.0), colour, bottom_m=-0.1)])
     else:
         mesh = terrain_mesh(ground, (x_m, y_m))
-        shape, seen = (
-            mesh_collision(client, mesh),
-            mesh_visual(client, mesh, colour, period_m=side_m),
-        )
-    # The plane needs a visual shape: without one, the EGL renderer draws it by itself and
-    # crashes.
-    floor = pybullet.createMultiBody(0, shape, seen, physicsClientId=client)
-    pybullet.changeDynamics(floor, -1, lateralFriction=1.0, physicsClientId=client)
-    if side_m:
-        apply_texture(client, floor, load_texture(client, surface_texture(scenario.floor_pattern)))
+        shape = mesh_collision(world.client, mesh)
+    floor = pybullet.createMultiBody(0, shape, NO_SHAPE, physicsClientId=world.client)
+    pybullet.changeDynamics(floor, -1, lateralFriction=1.0, physicsClientId=world.client)
+    texture = surface_texture(scenario.floor_pattern) if side_m else None
+    world.seen.add([patterned(mesh, colour, texture, side_m)])
 
 
-def _build_marking(client: int, marking: Marking, floor: Colour, seed: int, ground: Ground) -> None:
+def _build_marking(
+    world: World, marking: Marking, scenario: Scenario, seed: int, ground: Ground
+) -> None:
     """Build paint, or a spill, which shines and shows part of the floor colour."""
-    spilt = marking.surface != "paint"
-    colour, side_m = (WHITE, SPILL_SIDE_M) if spilt else (marking.paint(), 1.0)
+    colour, texture, side_m = marking.paint(), None, 1.0
+    if marking.surface != "paint":
+        seen = marking.seen_on(scenario.floor_colour)
+        texture = spill_texture(seen, GLOSS[marking.surface], seed)
+        colour, side_m = WHITE, SPILL_SIDE_M
     if ground.is_flat:
-        patch, up_m = polygon_visual(client, marking.polygon, colour, side_m=side_m), PAINT_M
+        patch = flat_polygon(marking.polygon, colour, texture, side_m=side_m)
+        pose = pose_matrix([0.0, 0.0, PAINT_M], quaternion(0.0))
     else:
-        patch, up_m = (
-            mesh_visual(client, drape(ground, marking.polygon, PAINT_M), colour, period_m=side_m),
-            0.0,
-        )
-    body = pybullet.createMultiBody(0, NO_SHAPE, patch, [0, 0, up_m], physicsClientId=client)
-    if spilt:
-        apply_texture(
-            client,
-            body,
-            load_texture(
-                client, spill_texture(marking.seen_on(floor), GLOSS[marking.surface], seed)
-            ),
-        )
+        patch = patterned(drape(ground, marking.polygon, PAINT_M), colour, texture, side_m)
+        pose = np.eye(4)
+    number = world.seen.add([patch], pose)
+    if marking.beware:
+        world.class_of[number] = marking.beware_class
 
 
-def _build_print(client: int, sheet: Print, ground: Ground) -> None:
+def _build_print(world: World, sheet: Print, ground: Ground) -> None:
     """Build a print without thickness on the floor or just in front of a wall."""
     height_m = PRINT_M if sheet.on == "floor" else sheet.height_m
-    body = pybullet.createMultiBody(
-        0,
-        NO_SHAPE,
-        square_visual(client, sheet.size_m),
-        [*sheet.at, ground.height_m(*sheet.at) + height_m],
-        sheet.turn(),
-        physicsClientId=client,
+    world.seen.add(
+        [rectangle(sheet.size_m, print_texture(sheet.shows))],
+        pose_matrix([*sheet.at, ground.height_m(*sheet.at) + height_m], sheet.turn()),
     )
-    apply_texture(client, body, load_texture(client, print_texture(sheet.shows)))
 
 
-def _build_tag(client: int, tag: Tag, ground: Ground) -> None:
+def _build_tag(world: World, tag: Tag, ground: Ground) -> None:
     """Build a plate without thickness, seen from the front."""
     side_m = tag.size_m * PLATE_SHARE
-    body = pybullet.createMultiBody(
-        0,
-        NO_SHAPE,
-        square_visual(client, (side_m, side_m)),
-        [*tag.at, ground.height_m(*tag.at) + tag.height_m],
-        tag.turn(),
-        physicsClientId=client,
+    world.seen.add(
+        [rectangle((side_m, side_m), tag_texture(tag.id))],
+        pose_matrix([*tag.at, ground.height_m(*tag.at) + tag.height_m], tag.turn()),
     )
-    apply_texture(client, body, load_texture(client, tag_texture(tag.id)))
 
 
-def _build_item(client: int, entry: PlacedObject, item: Item, ground: Ground) -> None:
+def _build_item(world: World, entry: PlacedObject, item: Item, ground: Ground) -> None:
     """Build an item as a loose body that the robot can push; on hills nothing would stay, so there
     it is fixed. Its collision shape is one box."""
     size = item.extent_m()
     middle = size[2] / 2
     collision = pybullet.createCollisionShape(
-        pybullet.GEOM_BOX, halfExtents=[side / 2 for side in size], physicsClientId=client
+        pybullet.GEOM_BOX, halfExtents=[side / 2 for side in size], physicsClientId=world.client
     )
-    visual = solids_visual(client, entry.solids, lower_m=middle)
     mass_kg = ITEM_MASSES_KG[item.kind] if ground.is_flat else 0.0
     pose = _pose_on(ground, entry.pose, middle, tilted=True)
-    body = _create(client, collision, visual, pose, mass_kg=mass_kg)
+    body = _create(world.client, collision, pose, mass_kg=mass_kg)
     pybullet.changeDynamics(
-        body, -1, lateralFriction=0.6, rollingFriction=0.01, physicsClientId=client
+        body, -1, lateralFriction=0.6, rollingFriction=0.01, physicsClientId=world.client
     )
+    number = world.seen.add(solid_visuals(entry.solids, lower_m=middle))
+    world.follow(number, body)
+    world.class_of[number] = item.kind
+    world.item_bodies.append(body)
 
 
-def _build_person(client: int, walker: Walker, ground: Ground) -> int:
-    collision = pybullet.createCollisionShape(
-        pybullet.GEOM_CYLINDER,
-        radius=BODY_DIAMETER_M / 2,
-        height=DEFAULT_APPEARANCE.height_m,
-        collisionFramePosition=[0, 0, DEFAULT_APPEARANCE.height_m / 2],
-        physicsClientId=client,
+def _build_person(world: World, walker: Walker, ground: Ground) -> int:
+    body = _upright_cylinder(
+        world, BODY_DIAMETER_M, DEFAULT_APPEARANCE.height_m, _pose_on(ground, walker.pose)
     )
-    visual = solids_visual(client, person_solids(stride=0.1 if walker.walks else 0.0))
-    return _create(client, collision, visual, _pose_on(ground, walker.pose))
+    number = world.seen.add(solid_visuals(person_solids(stride=0.1 if walker.walks else 0.0)))
+    world.follow(number, body)
+    world.class_of[number] = PERSON
+    return body
 
 
-def _build_mover(client: int, mover: TimedMover, ground: Ground) -> int:
+def _build_mover(world: World, mover: TimedMover, ground: Ground) -> int:
     size = mover.height_m
+    body = _upright_cylinder(world, mover.diameter_m, size, _pose_on(ground, mover.pose))
+    seen = solid_visuals([cylinder(mover.diameter_m, size, (0.0, 0.0), mover.colour)])
+    world.follow(world.seen.add(seen), body)
+    return body
+
+
+def _upright_cylinder(world: World, diameter_m: float, height_m: float, pose: BodyPose) -> int:
+    """Return a body that stands on its origin."""
     collision = pybullet.createCollisionShape(
         pybullet.GEOM_CYLINDER,
-        radius=mover.diameter_m / 2,
-        height=size,
-        collisionFramePosition=[0, 0, size / 2],
-        physicsClientId=client,
+        radius=diameter_m / 2,
+        height=height_m,
+        collisionFramePosition=[0, 0, height_m / 2],
+        physicsClientId=world.client,
     )
-    visual = solids_visual(client, [cylinder(mover.diameter_m, size, (0.0, 0.0), mover.colour)])
-    return _create(client, collision, visual, _pose_on(ground, mover.pose))
+    return _create(world.client, collision, pose)
 
 
-def _create(
-    client: int, collision: int, visual: int, pose: BodyPose, *, mass_kg: float = 0.0
-) -> int:
-    return int(pybullet.createMultiBody(mass_kg, collision, visual, *pose, physicsClientId=client))
+def _create(client: int, collision: int, pose: BodyPose, *, mass_kg: float = 0.0) -> int:
+    return int(
+        pybullet.createMultiBody(mass_kg, collision, NO_SHAPE, *pose, physicsClientId=client)
+    )
 
 
 def _move(client: int, body: int, pose: Pose2, ground: Ground) -> None:

@@ -1,8 +1,6 @@
-"""Walls, furniture and trees merged for the engine: one collision mesh, and one visual mesh per
-material.
+"""Walls, furniture and trees merged: one collision mesh, and one visible mesh per material.
 
-A body of its own for each would cost as much in every physics step and every image as if it could
-move.
+A body of its own for each would cost as much in every physics step as if it could move.
 """
 
 from __future__ import annotations
@@ -15,9 +13,10 @@ from navcore.geometry.transform import Pose2
 from sim.bullet import pybullet
 from sim.models.ground import Ground
 from sim.models.mesh import merge_solids
-from sim.models.solids import Pattern, Solid
+from sim.models.solids import Solid
 from sim.models.surface_patterns import pattern_period_m, surface_texture
-from sim.physics.bodies import NO_SHAPE, apply_texture, load_texture, mesh_collision, mesh_visual
+from sim.physics.bodies import NO_SHAPE, mesh_collision
+from sim.rendering.visual import Visual, patterned
 from sim.scenario.layout import OVERHEAD_M, PlacedObject
 
 FOUNDATION_M = 0.8
@@ -26,23 +25,16 @@ NATURAL = ("bark", "leaves")
 """Patterns of natural surfaces, whose round solids need few faces."""
 
 
-def build_static(client: int, objects: Iterable[PlacedObject], ground: Ground) -> None:
-    """Build all static objects."""
+def build_static(
+    client: int, objects: Iterable[PlacedObject], ground: Ground
+) -> tuple[Visual, ...]:
+    """Build all static objects, and return what they look like in the map."""
     solids = [solid for entry in objects for solid in _in_map(entry, ground)]
-    if not solids:
-        return
     reachable = [solid for solid, low_m in solids if low_m < OVERHEAD_M]
-    shape = mesh_collision(client, merge_solids(reachable)) if reachable else NO_SHAPE
-    textures: dict[Pattern, int] = {}
-    for seen, pattern in _visuals(client, [solid for solid, _ in solids]):
-        # The first body carries the collision mesh; without a visual shape it would be drawn as
-        # that mesh.
-        body = pybullet.createMultiBody(0, shape, seen, physicsClientId=client)
-        shape = NO_SHAPE
-        if pattern_period_m(pattern):
-            if pattern not in textures:
-                textures[pattern] = load_texture(client, surface_texture(pattern))
-            apply_texture(client, body, textures[pattern])
+    if reachable:
+        shape = mesh_collision(client, merge_solids(reachable))
+        pybullet.createMultiBody(0, shape, NO_SHAPE, physicsClientId=client)
+    return _visuals([solid for solid, _ in solids])
 
 
 def _in_map(entry: PlacedObject, ground: Ground) -> Iterable[tuple[Solid, float]]:
@@ -74,20 +66,17 @@ def _to_map(at: tuple[float, float], pose: Pose2) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def _visuals(client: int, solids: Sequence[Solid]) -> list[tuple[int, Pattern]]:
-    """Return a visual shape for each material, with its pattern."""
+def _visuals(solids: Sequence[Solid]) -> tuple[Visual, ...]:
+    """Return one visible mesh for each material."""
     materials = defaultdict(list)
     for solid in solids:
         materials[solid.colour, solid.pattern].append(solid)
-    return [
-        (
-            mesh_visual(
-                client,
-                merge_solids(parts, coarse=pattern in NATURAL),
-                colour,
-                period_m=pattern_period_m(pattern),
-            ),
-            pattern,
+    return tuple(
+        patterned(
+            merge_solids(parts, coarse=pattern in NATURAL),
+            colour,
+            surface_texture(pattern) if pattern_period_m(pattern) else None,
+            pattern_period_m(pattern),
         )
         for (colour, pattern), parts in materials.items()
-    ]
+    )

@@ -14,11 +14,12 @@ from navcore.geometry.camera import project
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.robot.frame import Frame
+from sim.models.person import PERSON
 from sim.models.solids import Polygon
 from sim.physics.pedestrians import BODY_DIAMETER_M
 from sim.scenario.schema import Scenario
 from sim.truth.true_map import rasterise
-from sim.truth.true_objects import PERSON, TrueObject, true_objects
+from sim.truth.true_objects import TrueObject, true_objects
 
 IN_VIEW_M = 4.0
 """Distance within which an object is expected to be detected."""

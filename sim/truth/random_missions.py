@@ -15,13 +15,14 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.polyline import length_m, metres_along
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.robot.profile import RobotProfile
+from sim.models.person import PERSON
 from sim.models.solids import Polygon, rectangle
 from sim.physics.pedestrians import BODY_DIAMETER_M
 from sim.scenario.layout import obstacles
 from sim.scenario.schema import Scenario, map_grid
 from sim.truth.shortest_path import Floats, Point, shortest_path
 from sim.truth.true_map import rasterise
-from sim.truth.true_objects import PERSON, true_objects
+from sim.truth.true_objects import true_objects
 
 SALT = 0x7A5C
 """Salt that separates these random numbers from all others of a seed."""

@@ -124,9 +124,7 @@ def frozen_console(trials: int) -> Measurement:
         start=(-15.0, 0.0, 0.0),
     )
     longest_s, rng = 0.0, np.random.default_rng(0)
-    with Simulator(
-        world, seed=0, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001
-    ) as simulator:
+    with Simulator(world, seed=0, camera_size=(16, 16), camera_rate_hz=0.001) as simulator:
         for _ in range(trials):
             twist = Twist(v_mps=float(rng.uniform(0.2, 1.0)), w_radps=float(rng.uniform(-1.0, 1.0)))
             for step in range(STEPS_PER_S + int(rng.integers(12))):
@@ -262,9 +260,7 @@ def false_alarms(trials: int) -> Measurement:
         start=(0.0, 0.0, 0.0),
     )
     rng, doubted, frames, senses, frame = np.random.default_rng(5), 0, 0, SensorMonitor(), None
-    with Simulator(
-        world, seed=0, renderer="tiny", camera_size=(32, 24), camera_rate_hz=10.0
-    ) as simulator:
+    with Simulator(world, seed=0, camera_size=(32, 24), camera_rate_hz=10.0) as simulator:
         twist = Twist(v_mps=0.0, w_radps=0.0)
         for step in range(trials * 10 * STEPS_PER_S):
             if step % (STEPS_PER_S // 2) == 0 and rng.random() < 0.4:

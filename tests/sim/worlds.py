@@ -47,7 +47,6 @@ def blind(
     return Simulator(
         scenario,
         seed=seed,
-        renderer="tiny",
         camera_size=(16, 16),
         camera_rate_hz=0.001,
         start=start,
@@ -58,9 +57,7 @@ def blind(
 
 def seeing(scenario: Scenario, seed: int = 0, size: tuple[int, int] = (424, 240)) -> Simulator:
     """Return a simulator whose camera has no errors."""
-    return Simulator(
-        scenario, seed=seed, renderer="tiny", camera_size=size, camera_rate_hz=0.001, errors=PERFECT
-    )
+    return Simulator(scenario, seed=seed, camera_size=size, camera_rate_hz=0.001, errors=PERFECT)
 
 
 def drive(simulator: Simulator, v_mps: float, w_radps: float, duration_s: float) -> None:

@@ -161,8 +161,6 @@ def test_a_rendered_data_set_may_have_images_of_several_sizes(
         "8",
         "--test",
         "0",
-        "--renderer",
-        "tiny",
         *sizes,
     )
     dataset = load_dataset(tmp_path / "d")

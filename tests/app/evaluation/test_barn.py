@@ -75,7 +75,6 @@ def judged(
     with Simulator(
         barn.scenario,
         seed=0,
-        renderer="tiny",
         camera_size=(16, 16),
         camera_rate_hz=0.001,
         robot=robot,

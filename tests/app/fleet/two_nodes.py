@@ -108,8 +108,6 @@ def images(cluster: Cluster, doomed: Any, out: Path) -> None:
         "8",
         "--test",
         "0",
-        "--renderer",
-        "tiny",
         "--size",
         "64x48",
     ]

@@ -4,9 +4,7 @@ splits apart."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -27,8 +25,8 @@ from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Decal, Poster, Scene, SolidObject
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_shapes, item_solids
 from sim.models.solids import Colour
-from sim.sensors.camera import T_BASE_CAMERA, Light
-from tests.sim.renderers import need_egl
+from sim.rendering.light import Light
+from sim.sensors.camera import T_BASE_CAMERA
 
 SMALL = (212, 120)
 MAGENTA: Colour = (255, 0, 255)
@@ -36,15 +34,11 @@ GREEN: Colour = (0, 255, 0)
 GROUND = ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))
 AHEAD = Pose2(x_m=-1.6, y_m=0.0, yaw_rad=0.0).matrix() @ T_BASE_CAMERA
 """T_map_camera of a robot that sees the origin 1.25 m before its camera."""
-RendererName = Literal["tiny", "egl"]
 
 
-@pytest.fixture(params=["tiny", "egl"], scope="module")
-def scene_renderer(request: pytest.FixtureRequest) -> Iterator[SceneRenderer]:
-    if request.param == "egl":
-        need_egl()
-    with SceneRenderer(seed=1, size=SMALL, renderer=request.param) as made:
-        yield made
+@pytest.fixture(scope="module")
+def scene_renderer() -> SceneRenderer:
+    return SceneRenderer(seed=1, size=SMALL)
 
 
 def scene(
@@ -75,17 +69,12 @@ def poster(texture: int) -> Poster:
     )
 
 
-def small_set(seed: int, renderer: RendererName = "tiny") -> list[LabelledImage]:
-    return list(
-        render_images(seed=seed, worlds=2, poses_per_world=1, size=SMALL, renderer=renderer)
-    )
+def small_set(seed: int) -> list[LabelledImage]:
+    return list(render_images(seed=seed, worlds=2, poses_per_world=1, size=SMALL))
 
 
-@pytest.mark.parametrize("renderer", ["tiny", "egl"])
-def test_the_same_seed_gives_the_same_bits(renderer: RendererName) -> None:
-    if renderer == "egl":
-        need_egl()
-    first, again = small_set(4, renderer), small_set(4, renderer)
+def test_the_same_seed_gives_the_same_bits() -> None:
+    first, again = small_set(4), small_set(4)
     assert [image.name for image in first] == [image.name for image in again]
     for one, two in zip(first, again, strict=True):
         assert (
@@ -117,7 +106,7 @@ def test_no_world_is_in_two_splits() -> None:
 
 
 def test_every_class_is_seen_within_some_tens_of_worlds_and_often_enough() -> None:
-    images = list(render_images(seed=7, worlds=20, poses_per_world=2, size=SMALL, renderer="tiny"))
+    images = list(render_images(seed=7, worlds=20, poses_per_world=2, size=SMALL))
     seen = {
         name: sum((p.labels == LABELS[name]).sum() >= 4 for p in images) / len(images)
         for name in BEWARE_CLASSES
@@ -176,7 +165,7 @@ def test_labels_match_the_colours_exactly(scene_renderer: SceneRenderer) -> None
             magenta, beware = rgb[:, :, 0] > rgb[:, :, 1], labels > LABELS[BACKGROUND]
             wrong, labelled = wrong + int((magenta != beware).sum()), labelled + int(beware.sum())
     assert labelled > 10_000
-    assert wrong < 3e-4 * labelled  # EGL draws colours and bodies in two passes
+    assert wrong == 0
 
 
 def test_a_print_is_background_and_flat_and_a_real_item_is_neither(

@@ -62,7 +62,6 @@ def jackal(scenario: Scenario, *, size: tuple[int, int] = (16, 16)) -> Simulator
     return Simulator(
         scenario,
         seed=0,
-        renderer="tiny",
         camera_size=size,
         camera_rate_hz=0.001,
         errors=PERFECT,

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pybullet as p
@@ -23,7 +22,6 @@ from sim.scenario.variation import randomise
 from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import Simulator
 from sim.truth.true_objects import true_objects
-from tests.sim.renderers import need_egl
 from tests.sim.worlds import blind, open_floor, wait
 
 ROOM = (WORLDS / "empty_room.toml").read_text(encoding="utf-8")
@@ -141,7 +139,7 @@ def test_every_shape_of_every_item_lies_on_the_floor_within_its_extent() -> None
 
 def test_items_of_every_kind_stay_where_they_were_put() -> None:
     with blind(open_floor(items=every_item(), start=(-8.0, 0.0, 0.0))) as simulator:
-        client, bodies = {"physicsClientId": simulator.client}, simulator.item_bodies
+        client, bodies = {"physicsClientId": simulator.client}, simulator.world.item_bodies
         assert all(p.getDynamicsInfo(body, -1, **client)[0] > 0 for body in bodies)
         before = np.array([p.getBasePositionAndOrientation(body, **client)[0] for body in bodies])
         wait(simulator, 1.0)
@@ -162,12 +160,7 @@ def test_a_print_is_neither_an_obstacle_nor_a_beware_object() -> None:
     assert not obstacles(world) and not true_objects(world)
 
 
-@pytest.mark.parametrize("renderer", ["tiny", "egl"])
-def test_prints_and_spills_are_seen_with_their_textures_and_without_height(
-    renderer: Literal["tiny", "egl"],
-) -> None:
-    if renderer == "egl":
-        need_egl()
+def test_prints_and_spills_are_seen_with_their_textures_and_without_height() -> None:
     wall = Wall(points=((4.0, -2.0), (4.0, 2.0)))
     prints = (
         Print(shows="cup", at=(1.8, 0.5), yaw_deg=270, size_m=(0.6, 0.6)),
@@ -184,9 +177,7 @@ def test_prints_and_spills_are_seen_with_their_textures_and_without_height(
     full = dataclasses.replace(bare, prints=prints, markings=(spill,))
     views = []
     for world in (bare, full):
-        with Simulator(
-            world, seed=0, renderer=renderer, camera_size=(424, 240), errors=PERFECT
-        ) as simulator:
+        with Simulator(world, seed=0, camera_size=(424, 240), errors=PERFECT) as simulator:
             frame = simulator.capture()
             views.append((frame.rgb.astype(int), frame.depth_m))
     (bare_rgb, bare_m), (rgb, depth_m) = views

@@ -29,7 +29,7 @@ def with_tags(*tags: Tag) -> Scenario:
 
 
 def watching(world: Scenario, seed: int = 0) -> Simulator:
-    return Simulator(world, seed=seed, renderer="tiny", camera_rate_hz=0.001)
+    return Simulator(world, seed=seed, camera_rate_hz=0.001)
 
 
 def test_fixes_by_a_tag_are_as_near_to_the_truth_as_they_say() -> None:

@@ -229,9 +229,7 @@ def test_the_robot_climbs_the_hills_straight_and_does_not_creep_down() -> None:
 
 
 def test_on_the_hills_the_camera_sees_the_ground_where_the_robot_stands() -> None:
-    with Simulator(
-        on_hills(), seed=HILLS.seed, renderer="tiny", camera_size=(106, 60), errors=PERFECT
-    ) as simulator:
+    with Simulator(on_hills(), seed=HILLS.seed, camera_size=(106, 60), errors=PERFECT) as simulator:
         frame = simulator.capture()
     points = back_project(np.where(frame.depth_m < VIEW_M, frame.depth_m, 0.0), frame.intrinsics)
     heights = points @ frame.T_base_camera[2, :3] + frame.T_base_camera[2, 3]

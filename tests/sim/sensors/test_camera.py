@@ -1,26 +1,26 @@
-"""The depth camera: exact geometry, stereo errors, the same image from both renderers."""
+"""The depth camera: exact geometry, stereo errors."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import cv2
 import numpy as np
 import pytest
 
-from navcore.errors import BadConfiguration
 from navcore.geometry.camera import back_project
 from navcore.geometry.transform import Matrix, Pose2, transform_points
 from navcore.robot.frame import check_frame
+from navcore.robot.profile import HUSKY, RobotProfile, load_profile
+from sim.bullet import pybullet
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Furniture, Marking
-from sim.sensors.camera import T_BASE_CAMERA, Renderer, d455_intrinsics
-from sim.sensors.egl import egl_works
+from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 from sim.sensors.stereo_noise import PERFECT, StereoErrors, degrade_depth
 from sim.simulator import Simulator
-from tests.sim.renderers import need_egl
-from tests.sim.worlds import drive, open_floor, seeing, shifted
+from tests.sim.worlds import open_floor, seeing, shifted
 
 BOX = Furniture(kind="box", at=(3.0, 0.5), size_m=(1.0, 1.0, 1.0))
 RED = Marking(name="red", polygon=shifted(2.0, 0.0))
@@ -37,14 +37,8 @@ def test_the_lens_has_the_d455s_field_of_view() -> None:
     assert (lens.cx, lens.cy) == (211.5, 119.5)
 
 
-@pytest.mark.parametrize("renderer", ["tiny", "egl"])
-def test_back_projected_pixels_lie_where_the_world_is(renderer: Renderer) -> None:
-    if renderer == "egl":
-        need_egl()
-    with Simulator(
-        open_floor(furniture=(BOX,)), seed=0, renderer=renderer, errors=PERFECT
-    ) as simulator:
-        assert simulator.renderer == renderer
+def test_back_projected_pixels_lie_where_the_world_is() -> None:
+    with Simulator(open_floor(furniture=(BOX,)), seed=0, errors=PERFECT) as simulator:
         frame = simulator.capture()
         check_frame(frame)
         T_map_camera = simulator.true_pose().matrix() @ frame.T_base_camera
@@ -61,29 +55,37 @@ def test_back_projected_pixels_lie_where_the_world_is(renderer: Renderer) -> Non
     assert face[:, 2].max() == pytest.approx(1.0, abs=0.02)
 
 
-def test_the_robot_does_not_see_itself() -> None:
-    with seeing(open_floor()) as simulator:
-        frame = simulator.capture()
-        drive(simulator, 0.5, 0.5, 1.0)  # nor its turning wheels
-        for seen in (frame, simulator.capture()):
-            points = transform_points(T_BASE_CAMERA, back_project(seen.depth_m, seen.intrinsics))
-            assert points[:, 0].min() > 0.5 + 0.3
-            assert np.abs(points[:, 2]).max() < 0.05
+@pytest.mark.parametrize("robot", [HUSKY, load_profile("jackal")], ids=["husky", "jackal"])
+def test_the_body_of_the_robot_is_out_of_view_and_therefore_not_drawn(robot: RobotProfile) -> None:
+    world = open_floor()
+    with Simulator(world, seed=0, camera_rate_hz=0.001, robot=robot) as simulator:
+        links = range(-1, pybullet.getNumJoints(simulator.body, physicsClientId=simulator.client))
+        bounds = [
+            pybullet.getAABB(simulator.body, link, physicsClientId=simulator.client)
+            for link in links
+        ]
+        T_map_camera = simulator.true_pose().matrix() @ robot.camera.T_base_camera
+        lens = simulator.camera.intrinsics
+    corners = np.array(
+        [[(low, high)[bit][axis] for axis, bit in enumerate(bits)]
+         for low, high in bounds for bits in itertools.product((0, 1), repeat=3)]
+    )  # fmt: skip
+    x, y, z = transform_points(np.asarray(np.linalg.inv(T_map_camera), dtype=np.float64), corners).T
+    in_front = z > 0.01
+    u, v = (lens.fx * x / z + lens.cx)[in_front], (lens.fy * y / z + lens.cy)[in_front]
+    assert in_front.any()
+    assert not ((np.abs(u - lens.cx) < lens.width / 2) & (v < lens.height)).any()
 
 
-@pytest.mark.parametrize("renderer", ["tiny", "egl"])
-def test_the_red_floor_looks_red_from_near_and_far(renderer: Renderer) -> None:
-    if renderer == "egl":
-        need_egl()
+def test_the_red_floor_looks_red_from_near_and_far() -> None:
     with Simulator(
         open_floor(markings=(RED,), start=(-8.0, 8.0, 0.0)),
         seed=0,
-        renderer=renderer,
         camera_size=(212, 120),
         errors=PERFECT,
     ) as simulator:
         for x_m in (-3.0, -1.0, 0.0, 0.8):
-            rgb, _ = simulator.camera.render_ideal(Pose2(x_m=x_m, y_m=0.1, yaw_rad=0.05))
+            rgb = simulator.camera.image(Pose2(x_m=x_m, y_m=0.1, yaw_rad=0.05)).rgb
             red = (rgb[..., 0] > 120) & (rgb[..., 1] < 60) & (rgb[..., 2] < 60)
             reddish = rgb[..., 0].astype(int) > rgb[..., 1].astype(int) + 30
             assert red.sum() > 50
@@ -138,9 +140,7 @@ def test_a_near_object_casts_a_shadow_to_its_left_as_wide_as_the_difference_of_d
 
 
 def test_frames_come_at_their_rate_and_cannot_be_changed() -> None:
-    with Simulator(
-        load_scenario("empty_room"), seed=0, renderer="tiny", camera_size=(64, 36)
-    ) as simulator:
+    with Simulator(load_scenario("empty_room"), seed=0, camera_size=(64, 36)) as simulator:
         assert simulator.newest_frame() is None
         stamps = set()
         for _ in range(239):  # the last frame of a second is the first of the next
@@ -160,32 +160,11 @@ def test_the_mount_is_that_of_the_documentation() -> None:
     assert math.degrees(math.asin(-mount[2, 2])) == pytest.approx(12.0)
 
 
-def test_without_egl_the_camera_uses_tiny_and_a_request_for_egl_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
-        assert simulator.renderer == ("egl" if egl_works() else "tiny")
-    monkeypatch.setattr("sim.sensors.camera.egl_works", lambda: False)
-    with Simulator(open_floor(), seed=0, camera_size=(64, 36)) as simulator:
-        assert simulator.renderer == "tiny"
-    with pytest.raises(BadConfiguration, match="apt-get install"):
-        Simulator(open_floor(), seed=0, renderer="egl")
-
-
-def test_a_second_simulator_beside_one_with_egl_spoils_neither_camera() -> None:
-    need_egl()
+def test_a_second_simulator_in_the_process_takes_the_same_images() -> None:
     scenario = open_floor(furniture=(BOX,))
-    with Simulator(scenario, seed=0, errors=PERFECT) as first:
-        alone = first.capture()
-        with Simulator(scenario, seed=0, errors=PERFECT) as second:
-            assert (first.renderer, second.renderer) == ("egl", "tiny")
-            with pytest.raises(BadConfiguration, match="another simulator"):
-                Simulator(scenario, seed=0, renderer="egl")
-            beside, other = first.capture(), second.capture()
-    assert np.array_equal(alone.depth_m, beside.depth_m) and np.array_equal(alone.rgb, beside.rgb)
-    assert np.median(np.abs(beside.depth_m - other.depth_m)) < 0.002
-    with Simulator(scenario, seed=0) as third:  # released by the first
-        assert third.renderer == "egl"
+    with Simulator(scenario, seed=0) as first, Simulator(scenario, seed=0) as second:
+        one, other = first.capture(), second.capture()
+    assert np.array_equal(one.depth_m, other.depth_m) and np.array_equal(one.rgb, other.rgb)
 
 
 def test_nothing_in_the_office_but_floor_book_and_cup_is_saturated() -> None:
@@ -202,8 +181,7 @@ def test_nothing_in_the_office_but_floor_book_and_cup_is_saturated() -> None:
             (-9.0, 3.5),
         ):
             for quarter in range(4):
-                rgb, _ = simulator.camera.render_ideal(
-                    Pose2(x_m=x_m, y_m=y_m, yaw_rad=quarter * math.pi / 2)
-                )
+                pose = Pose2(x_m=x_m, y_m=y_m, yaw_rad=quarter * math.pi / 2)
+                rgb = simulator.camera.image(pose).rgb
                 hsv = np.asarray(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2HSV))
                 assert hsv[..., 1].max() < 0.52 * 255

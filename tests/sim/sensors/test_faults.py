@@ -24,7 +24,7 @@ def frames(*faults: Fault, seconds: float = 1.0) -> list[Frame]:
     """Return all frames of a straight run, ten a second."""
     seen: list[Frame] = []
     world = dataclasses.replace(load_scenario("empty_room"), faults=faults)
-    with Simulator(world, seed=0, renderer="tiny", camera_size=(64, 48)) as simulator:
+    with Simulator(world, seed=0, camera_size=(64, 48)) as simulator:
         for _ in range(round(seconds * 20)):
             drive(simulator, 0.5, 0.0, 0.05)
             frame = simulator.newest_frame()

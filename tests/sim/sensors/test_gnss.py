@@ -64,7 +64,6 @@ def test_a_frame_has_the_fixes_of_the_last_second_in_the_frame_of_the_world() ->
     with Simulator(
         world,
         seed=0,
-        renderer="tiny",
         camera_size=(32, 24),
         camera_rate_hz=2.0,
         odometry_origin=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0),
@@ -117,9 +116,7 @@ def test_roll_and_pitch_are_those_of_the_slope_with_the_error_of_an_acceleromete
     forest = load_scenario("forest")
     errors = []
     for seed in range(3):
-        with Simulator(
-            forest, seed=seed, renderer="tiny", camera_size=(16, 16), camera_rate_hz=0.001
-        ) as simulator:
+        with Simulator(forest, seed=seed, camera_size=(16, 16), camera_rate_hz=0.001) as simulator:
             frame, pose = simulator.capture(), simulator.true_pose()
             tilt = simulator.ground.surface_pose(pose)[:3, :3]
         level = pose.matrix()[:3, :3] @ frame.T_level_base[:3, :3]
