@@ -171,19 +171,18 @@ class EngineOptions:
         ),
     ] = None
 
-    def chosen(self, *, tasks_each: int = 0) -> Engine:
-        """Return the engine; `tasks_each` above 0 replaces a worker after so many tasks, and
-        discards what it prints."""
+    def chosen(self) -> Engine:
+        """Return the engine."""
         from app.fleet.local import Processes, ThisProcess
         from app.fleet.ray_cluster import RayCluster
 
         if self.engine == "ray":
-            return RayCluster(address=self.address, workers=self.workers, tasks_each=tasks_each)
+            return RayCluster(address=self.address, workers=self.workers)
         if self.address is not None:
             raise BadConfiguration("--address is for --engine ray")
-        if self.workers == 1 and not tasks_each:
+        if self.workers == 1:
             return ThisProcess()
-        return Processes(workers=self.workers, tasks_each=tasks_each, quiet=tasks_each > 0)
+        return Processes(workers=self.workers)
 
 
 def takes_options(command: Callable[[Settings], None]) -> Callable[..., None]:

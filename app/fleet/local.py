@@ -53,10 +53,6 @@ class Processes:
     """Number of processes."""
     limit_s: float = LIMIT_S
     """Real time after which a task counts as hung, seconds."""
-    tasks_each: int = 0
-    """Number of tasks after which a process is replaced by a fresh one; 0 for never."""
-    quiet: bool = False
-    """Whether what the tasks print is discarded."""
     alone = False
 
     @contextmanager
@@ -64,10 +60,8 @@ class Processes:
         """Start the processes; at the end tasks in progress are not waited for."""
         pool = ProcessPool(
             self.workers,
-            max_tasks=self.tasks_each,
             context=get_context("spawn"),
             initializer=_begin,
-            initargs=[self.quiet],
         )
         try:
             yield _Pool(pool, self.limit_s)
@@ -102,14 +96,10 @@ def done(do: Callable[[Any], Any], task: Any) -> Done[Any]:
     return Done(result=do(task), node=platform.node(), pid=os.getpid())
 
 
-def _begin(quiet: bool) -> None:
+def _begin() -> None:
     """End this worker when its parent is killed; Ctrl-C is left to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
-    if quiet:
-        null = os.open(os.devnull, os.O_WRONLY)
-        for stream in (1, 2):
-            os.dup2(null, stream)
 
 
 def _exit_with_parent() -> None:

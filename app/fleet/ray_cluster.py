@@ -38,8 +38,6 @@ class RayCluster:
     """Number of workers of a cluster that is started here."""
     limit_s: float = LIMIT_S
     """Real time after which a task counts as hung, seconds."""
-    tasks_each: int = 0
-    """Number of tasks after which a worker is replaced by a fresh one; 0 for never."""
     alone = False
 
     @contextmanager
@@ -69,7 +67,7 @@ class RayCluster:
             where = f"no Ray cluster at {self.address!r}" if self.address else "Ray does not start"
             raise BadConfiguration(f"{where}: {error}") from None
         try:
-            remote = ray.remote(num_cpus=1, max_retries=0, max_calls=self.tasks_each)(_done)
+            remote = ray.remote(num_cpus=1, max_retries=0)(_done)
             yield _Cluster(ray, remote, self.limit_s)
         finally:
             ray.shutdown()

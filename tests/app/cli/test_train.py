@@ -185,7 +185,7 @@ def test_a_killed_worker_ends_the_rendering_with_a_message(
             "--test",
             "0",
             "--workers",
-            "1",
+            "2",
         )
 
 
