@@ -88,6 +88,15 @@ def test_a_heading_beyond_a_full_turn_is_refused(page: Page, operations: FakeOpe
     assert operations.state().queue == ()
 
 
+def test_the_view_is_remembered_without_its_address(page: Page, server: ConsoleServer) -> None:
+    page.goto(server.url)  # as after a log-in
+    expect(page.get_by_test_id("view-map")).to_have_attribute("aria-selected", "true")
+    page.get_by_test_id("view-3d").click()
+    page.goto("about:blank")
+    page.goto(server.url)
+    expect(page.get_by_test_id("view-3d")).to_have_attribute("aria-selected", "true")
+
+
 def test_camera_image_and_map_change_places_and_the_page_names_what_is_seen(
     page: Page, operations: FakeOperations
 ) -> None:
