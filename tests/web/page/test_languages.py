@@ -227,7 +227,7 @@ def test_the_fields_of_a_past_mission_are_named_in_the_language_of_the_browser(
 
 def report_fields() -> set[str]:
     """Return the fields of the reports of console and referee, but for the series."""
-    found = set()
+    found = set[str]()
     for path, functions in (
         ("app/runtime/run_report.py", {"_end", "report"}),
         ("sim/referee/referee.py", {"summary"}),
@@ -236,8 +236,7 @@ def report_fields() -> set[str]:
         for function in ast.walk(tree):
             if isinstance(function, ast.FunctionDef) and function.name in functions:
                 dicts = [node for node in ast.walk(function) if isinstance(node, ast.Dict)]
-                keys = [key.value for key in dicts[0].keys if isinstance(key, ast.Constant)]
-                found |= set(keys)
+                found |= {str(key.value) for key in dicts[0].keys if isinstance(key, ast.Constant)}
     assert {"scenario", "sim_time_s", "min_clearance_m"} < found
     return found - {"series"}
 
