@@ -63,7 +63,7 @@ def test_a_reserved_port_is_the_one_that_is_served(operations: FakeOperations) -
         console = ConsoleServer(operations, listener=place)
         console.start()
         assert console.url.endswith(f":{place.getsockname()[1]}")
-        assert httpx.get(f"{console.url}/healthz", trust_env=False).status_code == 200
+        assert httpx.get(f"{console.url}/healthz", trust_env=False, timeout=60.0).status_code == 200
         console.stop()
 
 

@@ -55,7 +55,7 @@ def browser(server: ConsoleServer, name: str | None = None) -> Iterator[httpx.Cl
 
 
 def test_a_program_needs_the_token_of_a_user(locked: ConsoleServer, accounts: Accounts) -> None:
-    with httpx.Client(base_url=locked.url, trust_env=False) as program:
+    with httpx.Client(base_url=locked.url, trust_env=False, timeout=60.0) as program:
         assert program.get("/api/v1/state").status_code == 401
         assert (
             program.get("/api/v1/state", headers={"Authorization": "Bearer wrong"}).status_code
@@ -202,12 +202,17 @@ def test_admins_keep_the_users_and_a_change_ends_the_sessions_it_concerns(
         token = admin.post("/api/v1/users/bob/token").json()["token"]
         bearer = {"Authorization": f"Bearer {token}"}
         assert (
-            httpx.get(f"{locked.url}/api/v1/me", headers=bearer, trust_env=False).json()["name"]
+            httpx.get(
+                f"{locked.url}/api/v1/me", headers=bearer, trust_env=False, timeout=60.0
+            ).json()["name"]
             == "bob"
         )
         assert admin.delete("/api/v1/users/bob").status_code == 204
         assert (
-            httpx.get(f"{locked.url}/api/v1/me", headers=bearer, trust_env=False).status_code == 401
+            httpx.get(
+                f"{locked.url}/api/v1/me", headers=bearer, trust_env=False, timeout=60.0
+            ).status_code
+            == 401
         )
         refused = admin.put("/api/v1/users/admin/role", json={"role": "viewer"})
         assert refused.status_code == 409 and "last admin" in refused.text
