@@ -49,7 +49,7 @@ def from_table(kind: type[T], table: object, where: str, base: T | None = None) 
     if not isinstance(table, dict):
         raise BadConfiguration(f"{where}: expected a table, got {table!r}")
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}  # type: ignore[arg-type]
-    hints = _hints(kind)
+    hints = _hints(typing.cast(Any, kind))
     for key in table:
         if key not in fields:
             raise BadConfiguration(
