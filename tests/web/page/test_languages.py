@@ -3,6 +3,7 @@ are translated with their figures, and longer words fit."""
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Callable, Iterator
 
@@ -12,7 +13,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from app.runtime.stop_reasons import CONTROLLER_STOPS, POSE_STOPS
 from navcore.mission.beware_list import default_beware_list
-from tests.languages.sources import texts
+from tests.languages.sources import REPOSITORY, texts
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import await_map, click_map
 from tests.web.page.states import SIZES, STATES, furnish
@@ -200,6 +201,44 @@ def test_the_language_that_is_chosen_stays(new_context: Opener, server: ConsoleS
     page.get_by_test_id("language-es").click()
     expect(page.get_by_test_id("start")).to_contain_text("Iniciar")
     expect(page.locator("html")).to_have_attribute("lang", "es")
+
+
+def test_the_fields_of_a_past_mission_are_named_in_the_language_of_the_browser(
+    new_context: Opener,
+    server: ConsoleServer,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    report = {"id": "run-1", **dict.fromkeys(report_fields(), 1.5), "of_a_later_version": "x"}
+    report |= {"goals": [[1.0, 2.0]], "stops": []}
+    monkeypatch.setattr(operations, "runs", lambda: (report,))
+    monkeypatch.setattr(operations, "run", lambda _: report)
+    page = new_context(locale="de").new_page()
+    page.goto(f"{server.url}/runs")
+    rows = page.get_by_test_id("report").locator("tr th:first-child")
+    expect(rows).to_have_count(len(report) + 1)
+    names = rows.all_text_contents()[1:]
+    assert [name for name in names if name.replace(" ", "_") in report] == [
+        "of a later version",
+    ]
+    assert CATALOGS["de"].text("least clearance, m") in names
+    expect(page.get_by_test_id("report")).to_contain_text("1,5")
+
+
+def report_fields() -> set[str]:
+    """Return the fields of the reports of console and referee, but for the series."""
+    found = set[str]()
+    for path, functions in (
+        ("app/runtime/run_report.py", {"_end", "report"}),
+        ("sim/referee/referee.py", {"summary"}),
+    ):
+        tree = ast.parse((REPOSITORY / path).read_text(encoding="utf-8"))
+        for function in ast.walk(tree):
+            if isinstance(function, ast.FunctionDef) and function.name in functions:
+                dicts = [node for node in ast.walk(function) if isinstance(node, ast.Dict)]
+                found |= {str(key.value) for key in dicts[0].keys if isinstance(key, ast.Constant)}
+    assert {"scenario", "sim_time_s", "min_clearance_m"} < found
+    return found - {"series"}
 
 
 def test_the_stop_works_without_the_catalog(
