@@ -218,9 +218,11 @@ def console_process(scenario: str, *, segmenter: str) -> Iterator[httpx.Client]:
 
 def _answers(program: httpx.Client) -> bool:
     try:
-        return program.get("/api/v1/state").json()["picture_serial"] is not None
+        answer = program.get("/api/v1/state")
     except httpx.TransportError:
         return False
+    # While the console starts, its port answers with a page that says what it waits for.
+    return answer.is_success and answer.json()["picture_serial"] is not None
 
 
 def _patiently(holds: Callable[[], bool]) -> None:
