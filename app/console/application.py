@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
-import torch
 
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
@@ -129,7 +128,6 @@ def console(
             starting.say(line)
 
     cv2.setNumThreads(1)
-    torch.set_num_threads(1)
     with ExitStack() as stack:
         listener = stack.enter_context(listener or reserve(options.host, options.port))
         config = (
@@ -141,7 +139,10 @@ def console(
             "Loading the network (first time: trying its engines, about a minute)", say=say
         ):
             perception = compose(
-                options.choice, config=config.perception, memory=EngineMemory.of_user()
+                options.choice,
+                config=config.perception,
+                memory=EngineMemory.of_user(),
+                apart=True,
             )
         with announced("Warming up (first time: compiling, some minutes)", say=say):
             warm_up(perception.segmenter)
