@@ -17,7 +17,7 @@ from app.bench.compare import comparison_table
 from app.bench.console import console_table
 from app.bench.correction import correction_table
 from app.bench.latency import latency_table
-from app.bench.page import NoBrowser, page_table
+from app.bench.page import NoBrowser, page_tables
 from app.bench.parts import BenchPart
 from app.bench.planning import run_planning_bench
 from app.bench.tick import tick_table
@@ -76,7 +76,8 @@ def run_bench(
         terminal.print(training_table())
     if BenchPart.PAGE in parts:
         try:
-            terminal.print(page_table(scenario, seconds))
+            for table in page_tables(scenario, seconds):
+                terminal.print(table)
         except NoBrowser as missing:
             terminal.print(str(missing))
     if BenchPart.LATENCY in parts:

@@ -8,23 +8,22 @@ the page. Chromium has no graphics card: WebGL is drawn by the processor, which 
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx
 import numpy as np
 from rich.table import Table
 
+from app.bench.chromium import chromium_cpu_s
+from app.bench.visit import visit_table
 from navcore.errors import BewareNavError
 from navcore.safety.gate import Cause
 from sim.scenario.load import load_scenario
@@ -76,8 +75,9 @@ CONDITIONS = (
 )
 
 
-def page_table(scenario: str, seconds: float) -> Table:
-    """Measure every condition for `seconds`; raises `NoBrowser` without Chromium or Playwright."""
+def page_tables(scenario: str, seconds: float) -> Iterator[Table]:
+    """Yield the figures of a first visit, and the cost of every condition measured for `seconds`;
+    raises `NoBrowser` without Chromium or Playwright."""
     chromium = shutil.which("chromium")
     try:
         from playwright.sync_api import sync_playwright
@@ -95,6 +95,7 @@ def page_table(scenario: str, seconds: float) -> Table:
     )
     with console_process(scenario, segmenter="colour") as program, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=list(ARGUMENTS))
+        yield visit_table(program, browser)
         goals = load_scenario(scenario).goals
         for condition in CONDITIONS:
             if condition.drives:
@@ -109,7 +110,7 @@ def page_table(scenario: str, seconds: float) -> Table:
             if page is not None:
                 page.close()
         browser.close()
-    return table
+    yield table
 
 
 def _row(program: httpx.Client, page: Page | None, seconds: float) -> list[str]:
@@ -143,44 +144,6 @@ def _watch(program: httpx.Client, seconds: float) -> tuple[list[float], float]:
         late += any(reason["code"] in LATE for reason in state["reasons"])
         time.sleep(POLL_S)
     return list(ticks_ms.values()), late / looks
-
-
-def chromium_cpu_s(root: int) -> Mapping[str, float]:
-    """Processor seconds that each kind of Chromium's processes below a process has used so far."""
-    used: dict[str, float] = defaultdict(float)
-    for pid in _descendants(root):
-        try:
-            command = (
-                Path(f"/proc/{pid}/cmdline")
-                .read_bytes()
-                .replace(b"\0", b" ")
-                .decode(errors="replace")
-            )
-            fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-        except OSError:
-            continue  # it has ended meanwhile
-        if "chromium" in command.split(" ", 1)[0]:
-            found = re.search(r"--type=(\S+)", command)
-            used[found.group(1) if found else "browser"] += (
-                int(fields[11]) + int(fields[12])
-            ) / os.sysconf("SC_CLK_TCK")
-    return used
-
-
-def _descendants(root: int) -> Iterator[int]:
-    children: dict[int, list[int]] = {}
-    for folder in Path("/proc").iterdir():
-        if folder.name.isdigit():
-            try:
-                parent = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
-            except OSError:
-                continue
-            children.setdefault(parent, []).append(int(folder.name))
-    waiting = [root]
-    while waiting:
-        pid = waiting.pop()
-        yield pid
-        waiting += children.get(pid, [])
 
 
 @contextmanager
@@ -218,9 +181,11 @@ def console_process(scenario: str, *, segmenter: str) -> Iterator[httpx.Client]:
 
 def _answers(program: httpx.Client) -> bool:
     try:
-        return program.get("/api/v1/state").json()["picture_serial"] is not None
+        answer = program.get("/api/v1/state")
     except httpx.TransportError:
         return False
+    # While the console starts, its port answers with a page that says what it waits for.
+    return answer.is_success and answer.json()["picture_serial"] is not None
 
 
 def _patiently(holds: Callable[[], bool]) -> None:

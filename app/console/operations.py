@@ -30,6 +30,7 @@ from app.console.place_editor import PlaceEditor
 from app.console.recent_frames import RecentFrames
 from app.console.saved_missions import SavedMissions
 from app.console.sites import LiveSites
+from app.console.status_message import stands_in_zone, status_message
 from app.console.zone_editor import ZoneEditor
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
@@ -41,7 +42,6 @@ from app.runtime.segmentation import Perception
 from app.storage import Store
 from app.storage.site_store import SiteStore
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.motion import ControllerState
 from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
@@ -54,7 +54,7 @@ from navcore.navigator import TickResult
 from navcore.planning.path import NoPath
 from navcore.robot.driver import Command, Robot
 from navcore.robot.profile import RobotProfile
-from navcore.safety.gate import GateDecision, StopReason
+from navcore.safety.gate import GateDecision
 from web.interface.beware import ListPreview
 from web.interface.drafts import PathPreview, Preview, PreviewDraft
 from web.interface.operations import MissionAction
@@ -243,7 +243,7 @@ class LiveOperations:
             phase=intent.mission.phase,
             moving=moving,
             by_hand=self._controller.hand(now_ns) is not None,
-            summary=_summary(intent, decision, reasons, moving),
+            summary=status_message(intent, decision, reasons, moving=moving),
             stop_latched=intent.stopped_by is not None or self._controller.pose_in_doubt,
             reasons=reasons,
             pose=self._recorder.pose,
@@ -263,7 +263,7 @@ class LiveOperations:
             frame_age_s=(now_ns - tick_state.frame_ns) / 1e9
             if tick_state.frame_ns is not None
             else None,
-            in_zone=_in_zone(decision),
+            in_zone=stands_in_zone(decision),
             zones_version=self._edits_before + self.zones.changes,
             beware_version=intent.beware.version,
             beware_enabled=len(intent.beware.enabled),
@@ -445,35 +445,3 @@ def _length_m(decision: TickResult | None) -> float | None:
     if decision is None or decision.route is None or isinstance(decision.route.outcome, NoPath):
         return None
     return decision.route.outcome.length * decision.occupancy.spec.resolution_m
-
-
-def _in_zone(decision: TickResult | None) -> bool:
-    return decision is not None and decision.motion.outcome is ControllerState.IN_ZONE
-
-
-def _summary(
-    intent: OperatorState,
-    decision: TickResult | None,
-    reasons: tuple[StopReason, ...],
-    moving: bool,
-) -> str:
-    mission = intent.mission
-    if reasons:
-        return reasons[0].text
-    if moving and mission.phase not in MOVING:
-        return "Driven by hand."
-    if mission.phase is Phase.LEAVING:
-        return "Leaving the beware area by the shortest path."
-    if _in_zone(decision):
-        return "Standing in a beware area; have it leave, or change the area."
-    if mission.phase is Phase.DRIVING and decision is not None:
-        goal = mission.queue[0]
-        what = decision.motion.outcome if moving else "about to move"
-        return f"Driving to {goal.title}: {what}."
-    if mission.queue:
-        goals = "goals wait" if len(mission.queue) > 1 else "goal waits"
-        before = ", from the last session" if mission.restored else ""
-        return f"Standing; {len(mission.queue)} {goals} for start{before}."
-    if mission.cancelled:
-        return "Standing; the mission was cancelled."
-    return "Standing; all goals reached." if mission.reached else "Standing; pick a goal to begin."

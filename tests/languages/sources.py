@@ -30,6 +30,7 @@ SENTENCES = (
     "app/console/goals.py",
     "app/console/map_editor.py",
     "app/console/operations.py",
+    "app/console/status_message.py",
     "app/console/path_preview.py",
     "app/console/place_editor.py",
     "app/console/saved_missions.py",

@@ -245,6 +245,13 @@ def test_every_world_can_be_built_and_driven_in(name: str) -> None:
         assert simulator.referee.violations() == 0 and simulator.referee.min_clearance_m > 0.1
 
 
+def test_a_simulator_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    with blind(load_scenario("empty_room")) as simulator:
+        drive(simulator, 0.4, 0.0, 0.1)
+        simulator.capture()
+    assert capfd.readouterr() == ("", "")
+
+
 def boxes_of(wall: Wall) -> list[Polygon]:
     (entry,) = obstacles(dataclasses.replace(open_floor(), walls=(wall,)))
     return list(entry.outlines())

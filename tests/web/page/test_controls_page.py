@@ -88,6 +88,15 @@ def test_a_heading_beyond_a_full_turn_is_refused(page: Page, operations: FakeOpe
     assert operations.state().queue == ()
 
 
+def test_the_view_is_remembered_without_its_address(page: Page, server: ConsoleServer) -> None:
+    page.goto(server.url)  # as after a log-in
+    expect(page.get_by_test_id("view-map")).to_have_attribute("aria-selected", "true")
+    page.get_by_test_id("view-3d").click()
+    page.goto("about:blank")
+    page.goto(server.url)
+    expect(page.get_by_test_id("view-3d")).to_have_attribute("aria-selected", "true")
+
+
 def test_camera_image_and_map_change_places_and_the_page_names_what_is_seen(
     page: Page, operations: FakeOperations
 ) -> None:
@@ -120,6 +129,21 @@ def test_driving_by_hand_shows_the_camera_image_large(page: Page) -> None:
     expect(page.locator("body")).to_have_class(re.compile("camera-large"))
     page.get_by_test_id("teleop-open").click()
     expect(page.locator("body")).not_to_have_class(re.compile("camera-large"))
+
+
+def test_the_screen_stays_on_while_the_robot_is_driven_by_hand(page: Page) -> None:
+    await_map(page)
+    page.evaluate("""() => {
+      window.locks = [];
+      navigator.wakeLock.request = async (kind) => {
+        window.locks.push(kind);
+        return { release: async () => window.locks.push("released") };
+      };
+    }""")
+    page.get_by_test_id("teleop-open").click()
+    page.wait_for_function("window.locks.join() === 'screen'")
+    page.get_by_test_id("teleop-open").click()
+    page.wait_for_function("window.locks.join() === 'screen,released'")
 
 
 @pytest.mark.parametrize(("low", "high"), [(-0.2, 1.0), (0.0, 0.5), (0.0, 86.9), (-3.0, 1234.5)])

@@ -1,0 +1,44 @@
+"""The sentence that says what the robot does, or why it stands."""
+
+from __future__ import annotations
+
+from app.runtime.operator_state import MOVING, OperatorState
+from navcore.control.motion import ControllerState
+from navcore.mission.mission import Phase
+from navcore.navigator import TickResult
+from navcore.safety.gate import StopReason
+
+
+def stands_in_zone(decision: TickResult | None) -> bool:
+    """Return whether the robot stands in a closed area."""
+    return decision is not None and decision.motion.outcome is ControllerState.IN_ZONE
+
+
+def status_message(
+    intent: OperatorState,
+    decision: TickResult | None,
+    reasons: tuple[StopReason, ...],
+    *,
+    moving: bool,
+) -> str:
+    """Return what holds the robot, else what it does, in one sentence."""
+    mission = intent.mission
+    if reasons:
+        return reasons[0].text
+    if moving and mission.phase not in MOVING:
+        return "Driven by hand."
+    if mission.phase is Phase.LEAVING:
+        return "Leaving the beware area by the shortest path."
+    if stands_in_zone(decision):
+        return "Standing in a beware area; have it leave, or change the area."
+    if mission.phase is Phase.DRIVING and decision is not None:
+        goal = mission.queue[0]
+        what = decision.motion.outcome if moving else "about to move"
+        return f"Driving to {goal.title}: {what}."
+    if mission.queue:
+        goals = "goals wait" if len(mission.queue) > 1 else "goal waits"
+        before = ", from the last session" if mission.restored else ""
+        return f"Standing; {len(mission.queue)} {goals} for start{before}."
+    if mission.cancelled:
+        return "Standing; the mission was cancelled."
+    return "Standing; all goals reached." if mission.reached else "Standing; pick a goal to begin."

@@ -1,0 +1,36 @@
+"""The sentence about what the robot does."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from app.console.status_message import status_message
+from app.runtime.operator_state import OperatorState
+from navcore.control.motion import ControllerState
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Goal, Mission, Phase
+from navcore.safety.gate import StopReason
+
+FOLLOWING = cast(Any, SimpleNamespace(motion=SimpleNamespace(outcome=ControllerState.FOLLOW)))
+
+
+def operator(*goals: Goal, phase: Phase = Phase.DRIVING) -> OperatorState:
+    mission = Mission(phase=phase, queue=goals)
+    return OperatorState(mission=mission, beware=BewareList(classes=()))
+
+
+@pytest.mark.parametrize(("name", "shown"), [("Nurse station", "Nurse station"), ("", "")])
+def test_the_goal_is_named_as_on_the_map(name: str, shown: str) -> None:
+    goal = Goal(id=8, x_m=3.0, y_m=0.0, name=name)
+    text = status_message(operator(goal), FOLLOWING, (), moving=True)
+    assert text.startswith(f"Driving to {goal.title}: ")
+    assert shown in text and "goal 8" not in text
+
+
+def test_what_holds_the_robot_comes_first() -> None:
+    held = cast(StopReason, SimpleNamespace(text="A person is in the way."))
+    goal = Goal(id=1, x_m=3.0, y_m=0.0)
+    assert status_message(operator(goal), FOLLOWING, (held,), moving=False) == held.text
