@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
-import torch
 
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
@@ -135,7 +134,6 @@ def console(
             starting.say(line)
 
     cv2.setNumThreads(1)
-    torch.set_num_threads(1)
     with ExitStack() as stack:
         listener = stack.enter_context(listener or reserve(options.host, options.port))
         config = (
@@ -145,7 +143,10 @@ def console(
         stack.callback(store.close)
         with announced(LOADING_NETWORK, say=say):
             perception = compose(
-                options.choice, config=config.perception, memory=EngineMemory.of_user()
+                options.choice,
+                config=config.perception,
+                memory=EngineMemory.of_user(),
+                apart=True,
             )
         with announced(WARMING_UP, say=say):
             warm_up(perception.segmenter)
