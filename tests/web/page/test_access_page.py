@@ -216,3 +216,14 @@ def test_a_held_key_or_button_drives_and_releasing_it_or_closing_the_page_stops(
     page = open_page(server, None)
     expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
     assert operations.hands[-1] is None
+
+
+def test_a_user_has_the_chosen_language_in_another_browser(
+    open_page: Opener, locked: ConsoleServer
+) -> None:
+    here, there = open_page(locked, "viewer"), open_page(locked, "viewer")
+    here.get_by_test_id("language").click()
+    here.get_by_test_id("language-es").click()
+    expect(here.locator("html")).to_have_attribute("lang", "es")
+    there.reload()
+    expect(there.locator("html")).to_have_attribute("lang", "es")
