@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test test-fleet check lint kernels bench bench-compare reliability campaign screenshots screenshots-check setup debian clean
+.PHONY: run test test-fleet check lint kernels bench bench-compare reliability campaign screenshots screenshots-check pictures setup debian clean
 
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
@@ -53,6 +53,10 @@ screenshots: setup
 
 screenshots-check: setup
 	$(BIN)/python -m tests.screenshots check
+
+# The READMEs' pictures, by a drive in the simulated office.
+pictures: setup
+	$(BIN)/python -m tests.screenshots pictures
 
 setup: $(READY)
 

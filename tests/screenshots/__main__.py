@@ -1,5 +1,5 @@
-"""`python -m tests.screenshots take|check`: renew the reference screenshots of the page, or compare
-the page with them."""
+"""`python -m tests.screenshots take|check|pictures`: renew the reference screenshots of the page,
+compare the page with them, or renew the pictures of the READMEs."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import typer
 from PIL import Image
 
 from tests.screenshots.compare import changed_tiles, looks_alike, marked
+from tests.screenshots.pictures import take_pictures
 from tests.screenshots.take import take
 
 REFERENCES = Path(__file__).parent / "references"
@@ -43,7 +44,7 @@ def read(file: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
 
 
 def main(arguments: list[str]) -> int:
-    """Run one of the two commands; returns the exit code."""
+    """Run one of the three commands; returns the exit code."""
     if arguments == ["take"]:
         files = take(REFERENCES)
         size_mb = sum(file.stat().st_size for file in files) / 1e6
@@ -53,6 +54,10 @@ def main(arguments: list[str]) -> int:
         found = check(Path("runs") / "screenshots")
         typer.echo("\n".join(found) or "The page looks as its references do.")
         return int(bool(found))
+    if arguments == ["pictures"]:
+        for file in take_pictures():
+            typer.echo(f"{file}: {file.stat().st_size / 1e6:.2f} MB")
+        return 0
     typer.echo(__doc__, err=True)
     return 2
 
