@@ -261,15 +261,19 @@ class Navigator:
         """Receive the outcome of a task before the next tick."""
         self._correction.take(outcome)
 
-    def adopt_map(self, last: Pose2 | None = None) -> None:
+    def adopt_map(
+        self, last: Pose2 | None = None, *, kept: LocalisationEstimate | None = None
+    ) -> None:
         """Localise in the map that was loaded, whose poses are constants, from the next frame on,
         and plan on its grid. `last`: T_map_base at the end of the session before, which is tried
-        where the scans contradict odometry's pose."""
+        where the scans contradict odometry's pose. `kept`: the estimate in this map when another
+        one was loaded, if the robot has hardly moved since."""
         self._costmap.restart()
         self._planner = GlobalPlanner(
             self._costmap.space, self.map.explored, self._profile, self._config
         )
-        self.localisation.load(restored(self.map.scans(), self.map.poses), last)
+        keyframes = restored(self.map.scans(), self.map.poses)
+        self.localisation.load(keyframes, last, kept=kept)
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.zone_margins = self._zone_margins(frozen=len(self.map.poses) > 0)
 

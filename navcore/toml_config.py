@@ -8,6 +8,7 @@ import math
 import tomllib
 import types
 import typing
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -48,7 +49,7 @@ def from_table(kind: type[T], table: object, where: str, base: T | None = None) 
     if not isinstance(table, dict):
         raise BadConfiguration(f"{where}: expected a table, got {table!r}")
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}  # type: ignore[arg-type]
-    hints = typing.get_type_hints(kind)
+    hints = _hints(typing.cast(Any, kind))
     for key in table:
         if key not in fields:
             raise BadConfiguration(
@@ -69,6 +70,13 @@ def from_table(kind: type[T], table: object, where: str, base: T | None = None) 
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise BadConfiguration(f"{where}: key {name!r} is missing")
     return kind(**values)
+
+
+@cache
+def _hints(kind: type[Any]) -> dict[str, Any]:
+    """Return the types of the fields: evaluating the annotations takes most of the time to read a
+    table, and stored lists have many."""
+    return typing.get_type_hints(kind)
 
 
 def ranged(low: float, high: float, **default: Any) -> Any:

@@ -47,8 +47,7 @@ def pages_router() -> APIRouter:
         return Response(files[name], media_type=kind, headers=headers)
 
     def page(request: Request, visitor: Visitor, name: str) -> Response:
-        user = visitor.name if visitor.logged_in else ""
-        answer = file(request, f"{language_of(request.headers, user)}/{name}")
+        answer = file(request, f"{language_of(request.headers, visitor.language)}/{name}")
         answer.headers["Vary"] = "Accept-Language, Cookie"
         return answer
 

@@ -1,5 +1,5 @@
 """The page that answers on the console's port while the console starts, which takes up to minutes
-the first time. Imports no slow package."""
+the first time, in the language of the browser. Imports no slow package."""
 
 from __future__ import annotations
 
@@ -9,20 +9,22 @@ import socket
 import threading
 import time
 from contextlib import suppress
+from pathlib import Path
 from types import TracebackType
+
+from starlette.datastructures import Headers
+
+from web.languages.catalog import CATALOGS, language_of
 
 _POLL_S, _READ_S = 0.05, 1.0
 """Time between two checks for the end, and longest wait for a request, seconds."""
 _REQUEST_BYTES = 16_384
 """Largest request that is read; of a larger one only the beginning is."""
-_PAGE = """<!doctype html>
-<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>The console is starting</title>
-<h1>The console is starting</h1>
-<p>{step}</p>
-<p>This page changes to the console by itself.</p>
-</html>
-"""
+_SOURCE = Path(__file__).with_suffix(".html").read_text(encoding="utf-8")
+_PAGES = {
+    language: catalog.page(_SOURCE).replace('lang="en"', f'lang="{language}"')
+    for language, catalog in CATALOGS.items()
+}
 _HEADERS = (
     "HTTP/1.1 503 Service Unavailable",
     "Content-Type: text/html; charset=utf-8",
@@ -35,13 +37,17 @@ _HEADERS = (
 )
 
 
+LOADING_PROGRAM = "Loading the program"
+"""First step of a start."""
+
+
 class StartingPage:
     """Answers every request with 503 and the step that the start waits for, until it is ended;
     what connects later waits for the console. A context that ends with its body."""
 
     def __init__(self, listener: socket.socket) -> None:
         """`listener` is a listening socket, which stays open at the end."""
-        self._listener, self._step = listener, "Loading the program …"
+        self._listener, self._step = listener, f"{LOADING_PROGRAM} …"
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="starting page", daemon=True)
 
@@ -60,7 +66,7 @@ class StartingPage:
         self.end()
 
     def say(self, step: str) -> None:
-        """Show a line about what the start waits for."""
+        """Show a line about what the start waits for: a step, "…", and how long it takes so far."""
         self._step = step
 
     def end(self) -> None:
@@ -86,6 +92,16 @@ class StartingPage:
                 if not more:
                     return
                 request += more
-            body = _PAGE.format(step=html.escape(self._step)).encode()
+            body = _page(request, self._step)
             head = "\r\n".join((*_HEADERS, f"Content-Length: {len(body)}", "", ""))
             connection.sendall(head.encode() + body)
+
+
+def _page(request: bytes, line: str) -> bytes:
+    """Return the page with a line in the language that a request asks for."""
+    fields = (field.partition(b":") for field in request.split(b"\r\n")[1:])
+    headers = Headers(raw=[(name.strip().lower(), value.strip()) for name, _, value in fields])
+    language = language_of(headers)
+    step, mark, duration = line.partition(" …")
+    said = CATALOGS[language].sentences.get(step, step) + mark + duration
+    return _PAGES[language].replace("<!--step-->", html.escape(said)).encode()

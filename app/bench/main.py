@@ -20,10 +20,12 @@ from app.bench.latency import latency_table
 from app.bench.page import NoBrowser, page_tables
 from app.bench.parts import BenchPart
 from app.bench.planning import run_planning_bench
+from app.bench.soak import NotMeasured, soak_table
 from app.bench.tick import tick_table
 from app.bench.training import training_table
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.segmentation import measure_segmenter
+from app.runtime.segmenter_choice import Kind
 from app.runtime.stage_timer import STAGES, TICK
 from navcore.warmup import warm_up
 from sim.scenario.beware import starting_beware_list
@@ -53,11 +55,14 @@ def run_bench(
     *,
     maps: Path | None = None,
     ticks: Path | None = None,
+    samples: Path | None = None,
+    segmenter: Kind = "network",
 ) -> None:
     """Measure the given parts one after the other and print a table of each.
 
     `seconds` is the simulated time of the drive, `maps` a folder of published maps to plan on,
-    `ticks` the file that keeps the times of the part `latency`.
+    `ticks` the file that keeps the times of the part `latency`, `samples` that of the part `soak`,
+    which segments with `segmenter`.
     """
     terminal = Terminal()
     if BenchPart.DRIVE in parts:
@@ -82,6 +87,11 @@ def run_bench(
             terminal.print(str(missing))
     if BenchPart.LATENCY in parts:
         terminal.print(latency_table(scenario, seconds, ticks=ticks))
+    if BenchPart.SOAK in parts:
+        try:
+            terminal.print(soak_table(scenario, seconds, segmenter=segmenter, record=samples))
+        except NotMeasured as failure:
+            terminal.print(str(failure))
 
 
 def print_comparison(revision: str, arguments: Sequence[str]) -> None:

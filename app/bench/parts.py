@@ -17,3 +17,4 @@ class BenchPart(StrEnum):
     TRAIN = "train"
     PAGE = "page"
     LATENCY = "latency"
+    SOAK = "soak"

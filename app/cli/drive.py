@@ -80,7 +80,7 @@ def drive(settings: DriveSettings) -> None:
     from app.evaluation.plots import plot_episode
     from app.runtime.engine_memory import EngineMemory
     from app.runtime.map_persistence import load_map, save_map
-    from app.runtime.progress_lines import announced
+    from app.runtime.progress_lines import LOADING_NETWORK, announced
     from app.runtime.segmentation import compose
     from navcore.config.navigator import load_config
     from navcore.config.perception import DEFAULT_PERCEPTION
@@ -108,7 +108,7 @@ def drive(settings: DriveSettings) -> None:
     config = None if settings.navigation is None else load_config(settings.navigation)
     tuning = DEFAULT_PERCEPTION if config is None else config.perception
     # Last, because trying the engines takes seconds and the checks above take none.
-    with announced("Loading the network (first time: trying its engines, about a minute)"):
+    with announced(LOADING_NETWORK):
         perception = compose(
             settings.segmentation.choice(), config=tuning, memory=EngineMemory.of_user()
         )

@@ -257,7 +257,7 @@ def _detection(settings: EvaluateSettings) -> bool:
 
 
 def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
-    from app.evaluation.localisation_suite import evaluate_localisation
+    from app.evaluation.localisation.suite import evaluate_localisation
     from sim.scenario.load import load_scenario
 
     world = settings.scenario or "office"
@@ -271,7 +271,11 @@ def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) ->
         beware=beware_list(settings.beware, scenario),
         config=config,
     )
-    searches = (summary["switched_on"], *summary["wrong_map"].values())
+    searches = (
+        summary["switched_on"],
+        *summary["wrong_map"].values(),
+        *summary["started_in"].values(),
+    )
     return all(found["wrong"] == 0 for found in searches)
 
 

@@ -26,6 +26,7 @@ from app.cli.sites import site_cli
 from app.cli.train import train
 from app.cli.users import users_cli
 from app.cli.weights import weights_cli
+from app.runtime.segmenter_choice import Kind
 from navcore.errors import BewareNavError
 
 cli = typer.Typer(
@@ -79,6 +80,13 @@ def bench(
         Path | None,
         typer.Option(metavar="FILE.json", help="Keep the times of the part `latency` here."),
     ] = None,
+    samples: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.json", help="Keep the samples of the part `soak` here."),
+    ] = None,
+    segmenter: Annotated[
+        Kind, typer.Option(help="What segments the images of the part `soak`.")
+    ] = "network",
     peers: Annotated[
         bool,
         typer.Option(
@@ -95,7 +103,7 @@ def bench(
     ] = None,
 ) -> None:
     """Measure this machine: a drive, a tick on a large map, segmentation by engine, planners, a
-    live map, a page, training, the ticks of the console."""
+    live map, a page, training, the ticks of the console, what the console holds over time."""
     from app.bench.main import print_comparison, run_bench
     from app.bench.peers import install_peers
 
@@ -107,7 +115,9 @@ def bench(
         return
     if peers:
         install_peers()
-    run_bench(parts, scenario, seconds, maps=maps, ticks=ticks)
+    run_bench(
+        parts, scenario, seconds, maps=maps, ticks=ticks, samples=samples, segmenter=segmenter
+    )
 
 
 @cli.command()

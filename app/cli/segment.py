@@ -169,7 +169,7 @@ def _draw(out: Path, name: str, sample: Sample, classes: npt.NDArray[np.uint8]) 
 
 
 def _size(text: str, trained: TrainedNetwork) -> Size:
-    from navcore.perception.esanet.network.model import STRIDE
+    from navcore.perception.esanet.network.limits import STRIDE
     from navcore.perception.esanet.network.preprocess import Size, check_size
     from navcore.perception.esanet.segmenter import OFFICIAL_SIZE
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
-import torch
 
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
@@ -27,7 +26,13 @@ from app.runtime.loop import ControlLoop, PeriodicThread, lower_other_priorities
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.map_persistence import load_map, names_in
 from app.runtime.operator_state import OperatorState
-from app.runtime.progress_lines import announced, on_stderr
+from app.runtime.progress_lines import (
+    LOADING_NETWORK,
+    STARTING_ROBOT,
+    WARMING_UP,
+    announced,
+    on_stderr,
+)
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
 from app.runtime.segmentation import Perception, compose
@@ -129,7 +134,6 @@ def console(
             starting.say(line)
 
     cv2.setNumThreads(1)
-    torch.set_num_threads(1)
     with ExitStack() as stack:
         listener = stack.enter_context(listener or reserve(options.host, options.port))
         config = (
@@ -137,15 +141,16 @@ def console(
         )
         store = Store(options.data)
         stack.callback(store.close)
-        with announced(
-            "Loading the network (first time: trying its engines, about a minute)", say=say
-        ):
+        with announced(LOADING_NETWORK, say=say):
             perception = compose(
-                options.choice, config=config.perception, memory=EngineMemory.of_user()
+                options.choice,
+                config=config.perception,
+                memory=EngineMemory.of_user(),
+                apart=True,
             )
-        with announced("Warming up (first time: compiling, some minutes)", say=say):
+        with announced(WARMING_UP, say=say):
             warm_up(perception.segmenter)
-        with announced("Starting the robot", say=say):
+        with announced(STARTING_ROBOT, say=say):
             back_end = _back_end(options, config)
         robot = back_end.robot
         stack.callback(robot.close)

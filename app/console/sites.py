@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Collection
@@ -21,6 +22,7 @@ from navcore.config.mapping import MappingConfig
 from navcore.errors import Outdated, Refused
 from navcore.formats.nav2_map import read as nav2_map_of
 from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.fixes import TagMap
 from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
 from navcore.mapping.point_map import PointMap
@@ -37,6 +39,8 @@ SESSION_PERIOD_S = 0.5
 """Time between two looks for a changed mission or place, seconds: a kill loses no more of it."""
 MOVED_M, MOVED_RAD = 0.1, 0.1
 """Motion after which the place of the robot is stored again."""
+STAYED_M, STAYED_RAD = 1.0, math.radians(90.0)
+"""Motion by odometry within which a robot that comes back to a site knows its place there still."""
 MAX_AREAS = 200
 """Largest number of changed areas in a listing."""
 MAX_LISTINGS = 8
@@ -96,6 +100,7 @@ class LiveSites:
         self._lock = threading.RLock()
         self._saved: Mission | None = None
         self._placed: Pose2 | None = None
+        self._left: dict[str, LocalisationEstimate] = {}
         self._listings: OrderedDict[int, _Listing] = OrderedDict()
         self._listed = 0
         self._use_tags()
@@ -233,6 +238,7 @@ class LiveSites:
         self._require_own_map()
         self._controller.require_standing()
         before, spec = self._store.site, self._controller.navigator.first_grid
+        left, kept = self._controller.place, self._kept_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
         self._keeper.write_now()
@@ -248,7 +254,7 @@ class LiveSites:
 
         def replace_map() -> None:
             self._controller.navigator.map.restore(stored.state)
-            self._controller.navigator.adopt_map(last_place_of(site))
+            self._controller.navigator.adopt_map(last_place_of(site), kept=kept)
             self._keeper.use(site.map_file, stored.class_names)
 
         with self._user.leaving_site():
@@ -259,9 +265,21 @@ class LiveSites:
                 self._store.use(before.name)
                 raise
             self._user.enter_site(site)
+        if left.is_known:
+            self._left[before.name] = left
         self._placed = None
         self._use_tags()
         self._listings.clear()
+
+    def _kept_place(self, site: SiteStore) -> LocalisationEstimate | None:
+        """Return where the robot was when it left a site in this session, if by its odometry, which
+        has gone on since, it still stands there."""
+        left, present = self._left.pop(site.name, None), self._controller.place
+        if left is None:
+            return None
+        moved = _by_odometry(left).inverse() @ _by_odometry(present)
+        is_there = math.hypot(moved.x_m, moved.y_m) < STAYED_M and abs(moved.yaw_rad) < STAYED_RAD
+        return left if is_there else None
 
     def _use_tags(self) -> None:
         """Tell the robot of the tags of the present site, else of those of the world."""
@@ -321,6 +339,11 @@ def last_place_of(site: SiteStore) -> Pose2 | None:
     kind, name = LAST_PLACE
     record = site.documents(kind).get(name)
     return None if record is None else Pose2(**record)
+
+
+def _by_odometry(place: LocalisationEstimate) -> Pose2:
+    """Return T_odom_base."""
+    return place.T_map_odom.inverse() @ place.T_map_base
 
 
 def _has_moved(before: Pose2 | None, now: Pose2) -> bool:

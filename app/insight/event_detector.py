@@ -110,12 +110,10 @@ class EventDetector:
             return
         old, new = {zone.id: zone for zone in before}, {zone.id: zone for zone in after}
         for zone in (*after, *(zone for zone in before if zone.id not in new)):
-            what = _what_happened(old.get(zone.id), new.get(zone.id))
-            if what:
+            text = _what_happened(zone.name, old.get(zone.id), new.get(zone.id))
+            if text:
                 x_m, y_m = np.mean(zone.polygon, axis=0)
-                self._event_log.note(
-                    now_s, "zone", f"Zone “{zone.name}” {what}.", (float(x_m), float(y_m))
-                )
+                self._event_log.note(now_s, "zone", text, (float(x_m), float(y_m)))
 
     def _beware(self, now_s: float, before: BewareList, after: BewareList) -> None:
         old, new = ({entry.name: entry for entry in beware.classes} for beware in (before, after))
@@ -124,19 +122,23 @@ class EventDetector:
             if one == other:
                 continue
             if one is None or other is None:
-                what = "joins the beware list" if one is None else "leaves the beware list"
+                text = (
+                    f"“{name}” joins the beware list."
+                    if one is None
+                    else f"“{name}” leaves the beware list."
+                )
             elif one.enabled != other.enabled:
-                what = (
-                    "is to be kept away from"
+                text = (
+                    f"“{name}” is to be kept away from."
                     if other.enabled
-                    else "need not be kept away from any more"
+                    else f"“{name}” need not be kept away from any more."
                 )
             else:
-                what = (
-                    f"now has a margin of {other.margin_m:g} m, "
-                    f"least confidence {other.min_confidence:.0%}"
+                text = (
+                    f"“{name}” now has a margin of {other.margin_m:g} m, "
+                    f"least confidence {other.min_confidence:.0%}."
                 )
-            self._event_log.note(now_s, "beware", f"“{name}” {what}.")
+            self._event_log.note(now_s, "beware", text)
 
     def _path(self, now_s: float, decision: TickResult, intent: OperatorState) -> None:
         before = self._decision
@@ -157,15 +159,18 @@ class EventDetector:
             self._event_log.note(now_s, "replanned", *said)
 
 
-def _what_happened(before: Zone | None, after: Zone | None) -> str | None:
+# Whole sentences: a reader's language matches them with their templates, the longest one first.
+def _what_happened(name: str, before: Zone | None, after: Zone | None) -> str | None:
     """Return how a zone has changed, in words; None when it has not."""
     if before is None:
-        return "was drawn" if after is not None and after.enabled else "was drawn, switched off"
+        is_on = after is not None and after.enabled
+        return f"Zone “{name}” was drawn." if is_on else f"Zone “{name}” was drawn, switched off."
     if after is None:
-        return "was deleted"
+        return f"Zone “{name}” was deleted."
     if before.enabled != after.enabled:
-        return "was switched on" if after.enabled else "was switched off"
-    return "was changed" if before != after else None
+        is_on = after.enabled
+        return f"Zone “{name}” was switched on." if is_on else f"Zone “{name}” was switched off."
+    return f"Zone “{name}” was changed." if before != after else None
 
 
 def _end(route: Route | None) -> Position | None:

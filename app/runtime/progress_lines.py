@@ -7,6 +7,10 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+LOADING_NETWORK = "Loading the network (first time: trying its engines, about a minute)"
+WARMING_UP = "Warming up (first time: compiling, some minutes)"
+STARTING_ROBOT = "Starting the robot"
+"""Steps of a start."""
 PERIOD_S = 10.0
 """Time between two lines of a step that goes on, seconds."""
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import logging
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -89,12 +92,14 @@ def compose(
     config: PerceptionConfig = DEFAULT_PERCEPTION,
     memory: EngineMemory | None = None,
     inference: InferenceConfig | None = None,
+    apart: bool = False,
 ) -> Perception:
     """Compose the chosen segmenter.
 
     With `memory` the engine that it remembers for this network and machine is taken unmeasured, as
     long as it is not too slow; a measured one is remembered. `inference` asks to measure in any
-    case, in its way.
+    case, in its way. With `apart` a network is read, exported and its engines are measured in a
+    process of its own: what torch and the engines that were tried took ends with it.
 
     Raises `BadConfiguration` when a network was chosen explicitly and cannot run; with `auto` and
     the shipped weights this gives a warning, and the colour rules are used.
@@ -107,9 +112,8 @@ def compose(
             )
         return colour_perception(config=config)
     try:
-        perception = _network(
-            choice, choice.weights or shipped, config, memory=memory, inference=inference
-        )
+        prepare = _prepared_apart if apart else _prepared
+        opened = prepare(choice, choice.weights or shipped, memory, inference)
     except BadConfiguration as error:
         if choice.kind == "network" or choice.weights is not None:
             raise
@@ -117,6 +121,9 @@ def compose(
         warning = f"The network does not run, only the colour rules are used: {why}"
         log.warning("%s", warning)
         return colour_perception(warning, config)
+    for trial in opened.trials:
+        log.info("segmentation, tried %s", trial.text())
+    perception = _perception(opened, config)
     log.info("segmentation: %s", perception.title)
     return perception
 
@@ -140,14 +147,61 @@ def measure_segmenter(
     return what, [trial for _, trial in benchmark_engines(file, threads=threads, config=config)]
 
 
-def _network(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Opened:
+    """A network with the engine that runs it."""
+
+    choice: SegmenterChoice
+    file: NetworkFile
+    engine: Inference
+    trials: tuple[EngineBenchmark, ...] = ()
+
+
+def _prepared_apart(
     choice: SegmenterChoice,
     path: Path,
-    config: PerceptionConfig,
-    *,
     memory: EngineMemory | None,
     inference: InferenceConfig | None,
-) -> Perception:
+) -> _Opened:
+    """`_prepared` in a process of its own; only the engine is opened in this one."""
+    context = multiprocessing.get_context("spawn")
+    try:
+        with ProcessPoolExecutor(1, mp_context=context) as process:
+            done = process.submit(_exported, choice, path, memory, inference).result()
+    except BrokenProcessPool:
+        raise BadConfiguration(f"{path}: the process that prepares the network ended") from None
+    chosen, file, name, trials = done
+    if file is None:
+        whole = open_network(path, camera=CAMERA)
+        file = (whole.smaller() or whole) if chosen.smaller else whole
+    engine, _ = open_inference(file, name, threads=choice.threads)
+    return _Opened(choice=chosen, file=file, engine=engine, trials=trials)
+
+
+def _exported(
+    choice: SegmenterChoice,
+    path: Path,
+    memory: EngineMemory | None,
+    inference: InferenceConfig | None,
+) -> tuple[SegmenterChoice, NetworkFile | None, str, tuple[EngineBenchmark, ...]]:
+    """Return what `_prepared` returns, with the ONNX file for the engine in place of the network,
+    and the name of the engine in place of the engine; no file for torch, which reads its own."""
+    opened = _prepared(choice, path, memory, inference)
+    name, file = opened.engine.name, opened.file
+    if name.startswith("torch"):
+        return opened.choice, None, name, opened.trials
+    onnx = file.as_onnx(in_bytes=name.endswith("int8"))
+    return opened.choice, dataclasses.replace(file, network=None, onnx=onnx), name, opened.trials
+
+
+def _prepared(
+    choice: SegmenterChoice,
+    path: Path,
+    memory: EngineMemory | None,
+    inference: InferenceConfig | None,
+) -> _Opened:
+    """Read the network, and open the engine that was asked for, that is remembered, or that is the
+    best by measurement."""
     file = open_network(path, camera=CAMERA)
     key = key_of(file.sha256, live=choice.live, threads=choice.threads)
     known = None
@@ -155,14 +209,14 @@ def _network(
         known = _remembered(memory.recall(key), choice, file)
     if known is not None:
         chosen, file, engine = known
-        return _perception(chosen, file, engine, (), config)
+        return _Opened(choice=chosen, file=file, engine=engine)
     chosen, file, engine, trials = _measured(choice, file, inference or InferenceConfig())
     taken = next((trial for trial in trials if trial.name == engine.name), None)
     if memory is not None and taken is not None:
         memory.remember(
             key, ChosenEngine(name=engine.name, p99_ms=taken.p99_ms, smaller=chosen.smaller)
         )
-    return _perception(chosen, file, engine, trials, config)
+    return _Opened(choice=chosen, file=file, engine=engine, trials=trials)
 
 
 def _remembered(
@@ -200,8 +254,6 @@ def _measured(
     if choice.smaller:
         file = file.smaller() or file
     engine, trials = open_inference(file, choice.engine, threads=choice.threads, config=inference)
-    for trial in trials:
-        log.info("segmentation, tried %s", trial.text())
     fastest_ms = min((trial.p50_ms for trial in trials if trial.is_accurate), default=0.0)
     if choice.live and fastest_ms > SLOW_MS and (smaller := file.smaller()) is not None:
         log.warning(
@@ -216,13 +268,8 @@ def _measured(
     return choice, file, engine, trials
 
 
-def _perception(
-    choice: SegmenterChoice,
-    file: NetworkFile,
-    engine: Inference,
-    trials: tuple[EngineBenchmark, ...],
-    config: PerceptionConfig,
-) -> Perception:
+def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
+    file, engine = opened.file, opened.engine
     network = NetworkSegmenter(
         engine,
         class_names=file.class_names,
@@ -235,8 +282,8 @@ def _perception(
         segmenter=FusedSegmenter(network, config),
         title=f"network {file.title}, {engine.name}, {_by(file.size)}",
         identity=f"network sha256 {file.sha256}, {_by(file.size)}, {precision}, with colour rules",
-        trials=trials,
-        choice=dataclasses.replace(choice, kind="network", engine=engine.name),
+        trials=opened.trials,
+        choice=dataclasses.replace(opened.choice, kind="network", engine=engine.name),
     )
 
 

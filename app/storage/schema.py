@@ -6,7 +6,7 @@ import sqlite3
 
 from navcore.errors import StorageFailed
 
-VERSION = 2
+VERSION = 3
 FIRST_SITE = "default"
 """Name of the first site; what a file of version 1 holds becomes this site."""
 PER_SITE = {
@@ -30,7 +30,7 @@ TABLES = (
     *(f"{table} ({columns})" for table, columns in PER_SITE.items()),
     "runs (id TEXT PRIMARY KEY, report TEXT NOT NULL)",
     "users (name TEXT PRIMARY KEY, role TEXT NOT NULL, password_hash TEXT NOT NULL, "
-    "token_hash TEXT)",
+    "token_hash TEXT, language TEXT)",
     "audit (id INTEGER PRIMARY KEY AUTOINCREMENT, at TEXT NOT NULL, entry TEXT NOT NULL)",
     # The event log, numbered by its writer; `start` counts the starts of the console.
     "events (id INTEGER PRIMARY KEY, start INTEGER NOT NULL, stamp_s REAL NOT NULL, "
@@ -46,7 +46,8 @@ _BEFORE_SITES = {
 
 
 def create_schema(database: sqlite3.Connection) -> None:
-    """Create the tables of a new file, or give those of version 1 their sites, all or nothing.
+    """Create the tables of a new file, or bring those of an earlier version up to
+    date, all or nothing.
 
     Raises `StorageFailed` for a file of another version, or of another program, and leaves it as
     it is.
@@ -59,8 +60,10 @@ def create_schema(database: sqlite3.Connection) -> None:
         if version == VERSION:  # another process was faster
             database.execute("COMMIT")
             return
-        if version == 1:
-            _add_sites(database)
+        if version in (1, 2):
+            if version == 1:
+                _add_sites(database)
+            database.execute("ALTER TABLE users ADD COLUMN language TEXT")
         else:
             _require_new(database)
             for table in TABLES:

@@ -22,11 +22,17 @@ class UserTable:
     def all(self) -> tuple[User, ...]:
         """Return all users, sorted by name."""
         rows = self._database.rows(
-            "SELECT name, role, password_hash, token_hash FROM users ORDER BY name"
+            "SELECT name, role, password_hash, token_hash, language FROM users ORDER BY name"
         )
         return tuple(
-            User(name=row[0], role=Role(row[1]), password_hash=row[2], token_hash=row[3])
-            for row in rows
+            User(
+                name=name,
+                role=Role(role),
+                password_hash=password_hash,
+                token_hash=token_hash,
+                language=language,
+            )
+            for name, role, password_hash, token_hash, language in rows
         )
 
     def add(self, user: User) -> None:
@@ -34,10 +40,10 @@ class UserTable:
         with self._database.writing() as connection:
             if connection.execute("SELECT 1 FROM users WHERE name = ?", (user.name,)).fetchone():
                 raise Refused(f"there is a user {user.name!r} already")
-            values = (user.name, str(user.role), user.password_hash, user.token_hash)
             connection.execute(
-                "INSERT INTO users (name, role, password_hash, token_hash) VALUES (?, ?, ?, ?)",
-                values,
+                "INSERT INTO users (name, role, password_hash, token_hash, language) "
+                "VALUES (?, ?, ?, ?, ?)",
+                (user.name, str(user.role), user.password_hash, user.token_hash, user.language),
             )
 
     def change(
@@ -47,9 +53,10 @@ class UserTable:
         role: Role | None = None,
         password_hash: str | None = None,
         token_hash: str | None = None,
+        language: str | None = None,
         instead_of: str | None = None,
     ) -> User:
-        """Change role, password or token of a user.
+        """Change role, password, token or language of a user.
 
         A field that is None keeps its stored value, so that concurrent changes of one user do not
         undo each other. With `instead_of` the change is made only while the stored password hash is
@@ -57,7 +64,7 @@ class UserTable:
         """
         query = (
             "UPDATE users SET role = coalesce(?, role), password_hash = coalesce(?, password_hash),"
-            " token_hash = coalesce(?, token_hash)"
+            " token_hash = coalesce(?, token_hash), language = coalesce(?, language)"
             " WHERE name = ? AND password_hash = coalesce(?, password_hash)"
         )
         with self._database.writing() as connection:
@@ -65,19 +72,27 @@ class UserTable:
                 None if role is None else str(role),
                 password_hash,
                 token_hash,
+                language,
                 name,
                 instead_of,
             )
             changed = connection.execute(query, values)
             row = connection.execute(
-                "SELECT role, password_hash, token_hash FROM users WHERE name = ?", (name,)
+                "SELECT role, password_hash, token_hash, language FROM users WHERE name = ?",
+                (name,),
             ).fetchone()
             if row is None:
                 raise NotKnown(f"no user is called {name!r}")
             if changed.rowcount == 0:
                 raise Refused("the password has been changed meanwhile")
             _need_an_admin(connection)
-        return User(name=name, role=Role(row[0]), password_hash=row[1], token_hash=row[2])
+        return User(
+            name=name,
+            role=Role(row[0]),
+            password_hash=row[1],
+            token_hash=row[2],
+            language=row[3],
+        )
 
     def remove(self, name: str) -> None:
         """Remove a user; raises `NotKnown`, and `Refused` for the last admin."""

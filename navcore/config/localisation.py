@@ -187,7 +187,7 @@ class TrackingConfig:
     correlated_points: float = ranged(1.0, 10_000.0, default=12.0)
     """Number of points of a match against the saved map that count as one measurement: neighbours
     and consecutive frames err alike."""
-    young_points: float = ranged(0.0, 100.0, default=0.5)
+    young_points: float = ranged(0.0, 100.0, default=0.2)
     """Number of measurements that a whole match against the robot's own new map counts as: its
     errors are those of the poses it was made from."""
     floor_m: float = ranged(0.0, 0.2, default=0.012)
@@ -250,6 +250,15 @@ class StartConfig:
     """Share of points that must fit."""
     fitting_s: float = ranged(0.0, 60.0, default=1.0)
     """Time in seconds for which they must fit."""
+    telling_points: int = ranged(1, 1000, default=100)
+    """Number of points in a scan from which a map that shows nothing there speaks against the
+    place."""
+    probation_m: float = ranged(0.0, 50.0, default=4.0)
+    """Distance in metres over which scans must have fitted after the start; a radian counts as half
+    a metre."""
+    doubt_m: float = ranged(0.1, 50.0, default=1.5)
+    """Distance in metres over which telling scans do not fit, before that, from which the place was
+    wrong."""
     decide_s: float = ranged(0.1, 60.0, default=3.0)
     """Time in seconds after which a place that was not confirmed is looked for in the whole map,
     unless too little is in view to tell."""

@@ -74,6 +74,10 @@ class ColourSegmenterConfig:
     obstacle_above_m: float = ranged(0.0, 1.0, default=0.1)
     """Height in metres above the maximum of a rule from which a pixel belongs to an obstacle,
     whatever the depth error."""
+    pattern_cell_m: float = ranged(0.01, 0.5, default=0.04)
+    """Side in metres of the cells of the floor in which two colours of a pattern are told apart."""
+    pattern_range_m: float = ranged(0.5, 20.0, default=4.0)
+    """Depth in metres beyond which stripes are too narrow for the camera to tell them apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

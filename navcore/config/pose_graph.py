@@ -47,6 +47,9 @@ class LoopClosureConfig:
     """Largest half range of headings of the search in degrees."""
     submap_m: float = ranged(0.5, 20.0, default=3.0)
     """Distance in metres driven before and after a keyframe whose scans are matched with it."""
+    refined_m: float = ranged(0.0, 20.0, default=1.5)
+    """Distance in metres driven before and after a keyframe whose scans the scan of a later one is
+    matched with at last: over more of it odometry's errors are in the map that it makes."""
     per_keyframe: int = ranged(1, 20, default=2)
     """Largest number of earlier places that a keyframe is matched with."""
     least_fit_share: float = ranged(0.1, 1.0, default=0.6)

@@ -89,6 +89,9 @@ class CollisionMonitorConfig:
     """Part of the reaction time in seconds that follows the capture of an image that is late."""
     memory_s: float = ranged(0.0, 60.0, default=5.0)
     """Time in seconds for which an obstacle that went out of sight is taken to be where it was."""
+    memory_cell_m: float = ranged(0.002, 0.05, default=0.01)
+    """Side in metres of the cells of the floor of which no more points out of sight are remembered
+    than `min_points`: a robot that turns beside a wall keeps its shape, not each of its pixels."""
     creep_mps: float = ranged(0.0, 0.5, default=0.03)
     """Allowed speed in metres per second below which the robot stops."""
 

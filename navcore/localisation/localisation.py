@@ -25,9 +25,9 @@ from navcore.localisation.relocalisation.relocalisation import (
     Relocaliser,
     SearchResult,
 )
-from navcore.localisation.scans.scan import Keyframe, Scan
+from navcore.localisation.scans.scan import Keyframe, Scan, scan_of
 from navcore.localisation.scans.scan_map import ScanMap
-from navcore.localisation.start_check import StartCheck
+from navcore.localisation.start_check import Probation, StartCheck
 from navcore.localisation.tasks import PrepareSearch, SearchPlaces
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
@@ -49,7 +49,7 @@ class Localisation:
         self.tracker = Localiser(pose_ids, config)
         """Frame by frame."""
         self._pose_ids, self._config = pose_ids, config
-        self._loops = LoopCloser(config.loops, config.graph)
+        self._loops = LoopCloser(config.loops, config.graph, config.match)
         self._fixes, self._fixed_ns = FreshFixes(), -FIX_LIFE_NS
         self.tags = TagMap({})
         """Tags whose poses in the map are known."""
@@ -57,6 +57,8 @@ class Localisation:
         """Loop closures that wait to be applied to the map and to the poses alike."""
         self._start: StartCheck | None = None
         self._last: Pose2 | None = None
+        self._kept: LocalisationEstimate | None = None
+        self._probation: Probation | None = None
         self._place_map: PlaceMap | None = None
         self._relocaliser: Relocaliser | None = None
         self._is_lost = False
@@ -69,9 +71,19 @@ class Localisation:
         The frame's pose is T_odom_base, and `people` are in odometry's frame as well; `ground_m`
         (H, W) is the height of the ground below each pixel in metres.
         """
-        if self._start is not None and self.tracker.scan is None:
+        excluded = excluded_pixels(frame, labels, people)
+        return self.follow(frame, scan_of(frame, excluded, ground_m, self._config.scan))
+
+    def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
+        """Return the estimate for one more frame, whose pose is T_odom_base, and its scan."""
+        if self._kept is not None:
+            there = self._kept.T_map_odom @ frame.pose
+            self.tracker.place(there, self._kept.covariance, frame)
+            self._kept = None
+        elif self._start is not None and self.tracker.scan is None:
             self.tracker.place(frame.pose, self._start.covariance, frame)
-        estimate = self.tracker.update(frame, excluded_pixels(frame, labels, people), ground_m)
+        self.tracker.is_confirmed = self._start is None
+        estimate = self.tracker.follow(frame, scan)
         self._loops.note(self.tracker.take_edges())
         estimate = self._confirmed(self._fixed(frame, estimate), frame)
         was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
@@ -111,21 +123,31 @@ class Localisation:
         What they contradict is lost, unless the robot may stand where it stood at the end of the
         session before: then that place is checked in the same way.
         """
+        is_lost = estimate.state is LocalisationState.LOST
+        share, points = self.tracker.saved_share, 0 if self.scan is None else len(self.scan)
+        if self._probation is not None and not is_lost:
+            verdict = self._probation.after(share, points, self.tracker.moved_m)
+            self._probation = None if verdict is not None else self._probation
+            if verdict is False:
+                return self._lost(estimate, frame)
         if self._start is None:
             return estimate
-        is_lost = estimate.state is LocalisationState.LOST
-        verdict = False if is_lost else self._start.after(estimate, frame.stamp_ns)
+        verdict = False if is_lost else self._start.after(share, points, frame.stamp_ns)
         if verdict is None:
             return _between(estimate, estimate.T_map_base)
         self._start = None
         if verdict:
+            self._probation = Probation(self._config.start)
             return estimate
         if self._last is not None:
             self._start, last = StartCheck(self._config.start), self._last
             self._last = None
             self.tracker.place(last, self._start.covariance, frame)
             return _between(self.tracker.estimate(frame), last)
-        if not is_lost:
+        return self._lost(estimate, frame)
+
+    def _lost(self, estimate: LocalisationEstimate, frame: Frame) -> LocalisationEstimate:
+        if estimate.state is not LocalisationState.LOST:
             self.tracker.lose(frame.stamp_ns)
         return dataclasses.replace(estimate, state=LocalisationState.LOST, since_ns=frame.stamp_ns)
 
@@ -186,6 +208,7 @@ class Localisation:
         """Set the pose of the robot at a frame, with its (3, 3) covariance."""
         self.tracker.place(T_map_base, covariance, frame)
         self._relocaliser, self._is_lost, self._start, self._last = None, False, None, None
+        self._probation = None
         self._restart_chain()
 
     def corrected(self, closures: LoopClosures) -> tuple[dict[int, Pose2], Pose2]:
@@ -215,19 +238,28 @@ class Localisation:
         """Forget the place, and look for it in the whole map."""
         self.tracker.lose(stamp_ns)
 
-    def load(self, keyframes: Iterable[Keyframe], last: Pose2 | None = None) -> None:
+    def load(
+        self,
+        keyframes: Iterable[Keyframe],
+        last: Pose2 | None = None,
+        *,
+        kept: LocalisationEstimate | None = None,
+    ) -> None:
         """Take the keyframes of a saved map, whose poses are constants, and begin again: odometry's
         pose counts as the place in the map until the scans have confirmed it, or contradict it.
 
         `last`: T_map_base at the end of the session before, which is tried next; None if unknown.
+        `kept`: the estimate in this map from before another one was used, if odometry has gone on
+        since: then it holds as long as nothing contradicts it.
         """
         self.tracker = Localiser(self._pose_ids, self._config)
         self.tracker.load(keyframes)
         self._relocaliser, self._place_map, self._is_lost = None, None, False
         self._restart_chain()
         has_map = len(self.tracker.saved_map) > 0
-        self._start = StartCheck(self._config.start) if has_map else None
-        self._last = last if has_map else None
+        self._kept, self._probation = kept, None
+        self._start = StartCheck(self._config.start) if has_map and kept is None else None
+        self._last = last if has_map and kept is None else None
 
 
 def _between(estimate: LocalisationEstimate, place: Pose2) -> LocalisationEstimate:

@@ -35,6 +35,38 @@ OPTIONAL = ("colour", "min_height_m", "max_height_m", "min_size_m", "label", "ne
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ColourPattern:
+    """A second colour that alternates with that of the rule along the floor: the black of
+    yellow-black tape, or the bare floor between lines. Without limits it is any colour that the
+    rule does not take."""
+
+    max_gap_m: float = ranged(0.02, 3.0)
+    """Largest distance in metres across one colour from the other colour to the other again."""
+    hue_deg: tuple[float, float] = ranged(0.0, 360.0, default=(0.0, 360.0))
+    """First and last hue of the second colour in degrees, in rising order."""
+    min_saturation: float = ranged(0.0, 1.0, default=0.0)
+    """Smallest saturation of the second colour, 0 (grey) to 1."""
+    max_saturation: float = ranged(0.0, 1.0, default=1.0)
+    """Largest saturation of the second colour, 0 (grey) to 1."""
+    min_value: float = ranged(0.0, 1.0, default=0.0)
+    """Smallest brightness of the second colour, 0 (black) to 1."""
+    max_value: float = ranged(0.0, 1.0, default=1.0)
+    """Largest brightness of the second colour, 0 (black) to 1."""
+    min_share: float = ranged(0.0, 0.5, default=0.1)
+    """Least share of the floor of one marking that each of the two colours covers, 0 to 0.5."""
+    min_line_m: float = ranged(0.0, 3.0, default=0.0)
+    """Least length in metres of a line of the first colour; shorter pieces are none. 0 for any."""
+    max_size_m: float = ranged(0.05, 100.0, default=100.0)
+    """Largest length in metres of one marking; larger ones are something else."""
+
+    @property
+    def takes_any(self) -> bool:
+        """Whether the second colour has no limits."""
+        hues, saturations = self.hue_deg, (self.min_saturation, self.max_saturation)
+        return (hues, saturations, self.min_value, self.max_value) == ((0, 360), (0, 1), 0, 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ColourRule:
     """Range of colours in HSV; the hue range may wrap around red, for example 345 to 15."""
 
@@ -42,14 +74,20 @@ class ColourRule:
     """First and last hue in degrees, in rising order."""
     min_saturation: float = ranged(0.0, 1.0, default=0.5)
     """Smallest saturation, 0 (grey) to 1."""
+    max_saturation: float = ranged(0.0, 1.0, default=1.0)
+    """Largest saturation, 0 (grey) to 1; a low one is for white, grey and black."""
     min_value: float = ranged(0.0, 1.0, default=0.2)
     """Smallest brightness, 0 (black) to 1."""
+    max_value: float = ranged(0.0, 1.0, default=1.0)
+    """Largest brightness, 0 (black) to 1; a low one is for black."""
     max_height_m: float = ranged(0.0, 3.0, default=FLAT_M)
     """Largest height in metres above the floor: a marking is flat, and a red chair is no red
     zone."""
     fallback: bool = False
     """Whether the rule applies only without a network for the class: a rule may take a blue chair
     leg for a cup, where a network does not."""
+    pattern: ColourPattern | None = None
+    """Second colour that must alternate with this one along the floor; None for a plain colour."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +184,9 @@ class BewareList:
             raise BadConfiguration(f"beware list: {name}: class_id cannot be changed")
         merged = {**as_table(self.named(name)), **changes}
         table = {
-            key: value for key, value in merged.items() if value is not None or key not in OPTIONAL
+            key: _given(value)
+            for key, value in merged.items()
+            if value is not None or key not in OPTIONAL
         }
         checked = from_table(BewareClass, table, f"beware list: {name}")
         return self.replaced(checked if other.name == name else other for other in self.classes)
@@ -257,7 +297,16 @@ def check_name(name: str, where: str) -> None:
 def as_table(entry: BewareClass) -> dict[str, object]:
     """Return an entry as plain values, as in a TOML table or JSON object, without fields that are
     None."""
-    return {key: value for key, value in dataclasses.asdict(entry).items() if value is not None}
+    return {
+        key: _given(value) for key, value in dataclasses.asdict(entry).items() if value is not None
+    }
+
+
+def _given(value: object) -> object:
+    """Return a value without the pattern of a rule that has none: TOML has no null."""
+    if isinstance(value, Mapping):
+        return {key: inner for key, inner in value.items() if (key, inner) != ("pattern", None)}
+    return value
 
 
 def as_toml(beware: BewareList) -> str:

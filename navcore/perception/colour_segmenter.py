@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.geometry.arrays import Bools, FloatImage
-from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, ColourRule
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, ColourPattern, ColourRule
+from navcore.perception.colour_pattern import FloorGrid, pattern_pixels
 from navcore.perception.depth_filter import heights_above_floor, remove_small_regions
 from navcore.perception.ground import ground_heights
 from navcore.perception.labels import Labels, LabelSource, with_full_confidence
@@ -76,11 +77,16 @@ def colour_masks(
     `heights_above_floor`.
     """
     hsv = np.asarray(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
-    masks = []
+    masks, grid = [], None
     for entry in entries:
         if entry.colour is None:
             continue
         fits, max_height_m = _matches(hsv, entry.colour), entry.colour.max_height_m
+        if entry.colour.pattern is not None and (fits & (heights_m <= max_height_m)).any():
+            other = _matches(hsv, entry.colour.pattern) & ~fits
+            floor = heights_m <= max_height_m
+            grid = grid or FloorGrid.of(frame, config.colour)
+            fits = pattern_pixels(fits, other, floor, grid, entry.colour.pattern)
         low, above = fits, heights_m
         if (fits & (above > max_height_m)).any():
             above = heights_m - ground_heights(frame, config.colour.max_slope, config.ground)
@@ -96,15 +102,19 @@ def colour_masks(
 
 
 def matches_colour(rgb: npt.NDArray[np.uint8], rule: ColourRule) -> Bools:
-    """Return the (H, W) pixels of an (H, W, 3) image whose colour fits, at any height."""
-    return _matches(np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8), rule)
+    """Return the (H, W) pixels of an (H, W, 3) image whose colour fits, at any height; one of both
+    colours of a pattern, whether they alternate or not."""
+    hsv = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
+    fits = _matches(hsv, rule)
+    return fits if rule.pattern is None else fits | _matches(hsv, rule.pattern)
 
 
-def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule) -> Bools:
+def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule | ColourPattern) -> Bools:
     """Return the (H, W) pixels that fit; OpenCV has hue in steps of 2°, saturation and value in
     0…255."""
     first, last = (round(hue / 2) for hue in rule.hue_deg)
-    floor = (round(rule.min_saturation * 255), round(rule.min_value * 255))
+    least = (round(rule.min_saturation * 255), round(rule.min_value * 255))
+    most = (round(rule.max_saturation * 255), round(rule.max_value * 255))
     # The rule tells whether the range wraps, not its rounding: 0.5° to 0° goes once around.
     wraps = rule.hue_deg[0] > rule.hue_deg[1]
     spans = [(first, 180), (0, last)] if wraps else [(first, last)]
@@ -112,5 +122,5 @@ def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule) -> Bools:
         spans.append((0, 0))  # 360° is 0°
     mask = np.zeros(hsv.shape[:2], dtype=np.bool_)
     for low, high in spans:
-        mask |= cv2.inRange(hsv, np.array([low, *floor]), np.array([high, 255, 255])) > 0
+        mask |= cv2.inRange(hsv, np.array([low, *least]), np.array([high, *most])) > 0
     return mask

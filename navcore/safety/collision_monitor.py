@@ -104,6 +104,7 @@ class RecentObstacles:
             frame.depth_m.shape,
             (config.obstacle_height_m, config.range_m),
             config.memory_ns,
+            (config.memory_cell_m, config.min_points),
         )
         return RecentObstacles(
             points=np.vstack([shown, moved[kept].astype(np.float32)]),
@@ -179,25 +180,35 @@ def _remembered(
     shape: tuple[int, int],
     limits_m: tuple[float, float],
     memory_ns: int,
+    thinning: tuple[float, int],
 ) -> Bools:
-    """Return (N,) which of (N, 2) points in metres of the base frame stay known: those that are
-    near and not too old, and out of sight at the height of an obstacle.
+    """Return (N,) which of (N, 2) points in metres of the base frame, the newest first, stay known:
+    those that are near and not too old, and out of sight at the height of an obstacle; of each
+    cell of the floor the newest ones only.
 
-    `t` is T_camera_base, `shape` that of the image, and `limits_m` the height and the range.
+    `t` is T_camera_base, `shape` that of the image, `limits_m` the height and the range, and
+    `thinning` the side of a cell in metres and the number of its points.
     """
-    (height, width), (height_m, range_m) = shape, limits_m
+    (height, width), (height_m, range_m), (cell_m, most) = shape, limits_m, thinning
+    side = 2 * (int(range_m / cell_m) + 1)
+    counts = np.zeros((side, side), dtype=np.uint8)
     kept = np.empty(len(points), dtype=np.bool_)
     for n in range(len(points)):
         x, y = points[n, 0], points[n, 1]
         kept[n] = 0 <= age_ns[n] < memory_ns and math.hypot(x, y) < range_m
-        depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * height_m + t[2, 3]
-        if not kept[n] or depth <= 0:
+        if not kept[n]:
             continue
-        depth = max(depth, NEAREST_M)
-        right = t[0, 0] * x + t[0, 1] * y + t[0, 2] * height_m + t[0, 3]
-        down = t[1, 0] * x + t[1, 1] * y + t[1, 2] * height_m + t[1, 3]
-        col, row = lens.fx * right / depth + lens.cx, lens.fy * down / depth + lens.cy
-        kept[n] = not (0 <= col <= width - 1 and 0 <= row <= height - 1)
+        depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * height_m + t[2, 3]
+        if depth > 0:
+            depth = max(depth, NEAREST_M)
+            right = t[0, 0] * x + t[0, 1] * y + t[0, 2] * height_m + t[0, 3]
+            down = t[1, 0] * x + t[1, 1] * y + t[1, 2] * height_m + t[1, 3]
+            col, row = lens.fx * right / depth + lens.cx, lens.fy * down / depth + lens.cy
+            kept[n] = not (0 <= col <= width - 1 and 0 <= row <= height - 1)
+        if kept[n]:
+            i, j = int(x / cell_m + side / 2), int(y / cell_m + side / 2)
+            kept[n] = counts[i, j] < most
+            counts[i, j] += kept[n]
     return kept
 
 

@@ -1,4 +1,4 @@
-"""Textures of posters and of spills."""
+"""Textures of posters, spills and worn paint."""
 
 from __future__ import annotations
 
@@ -52,6 +52,13 @@ def spill_texture(colour: Colour, gloss: float, seed: int) -> Texture:
     light = np.clip(smooth_noise(rng, 9) - 1.0, 0.0, 1.0)[:, :, None]
     levels = np.array(colour) * tone
     return np.asarray(np.clip(levels + gloss * light * (255.0 - levels), 0, 255), dtype=np.uint8)
+
+
+def worn_texture(seed: int) -> Texture:
+    """Return the wear of paint, white where it is new, which multiplies its colour."""
+    noise = smooth_noise(np.random.default_rng(seed), 6)[:, :, None]
+    level = np.clip(240.0 + 12.0 * noise, 0, 255)
+    return np.repeat(level, 3, axis=2).astype(np.uint8)
 
 
 def smooth_noise(rng: np.random.Generator, cells: int) -> npt.NDArray[np.float64]:

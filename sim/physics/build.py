@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from navcore.geometry.transform import Pose2
 from navcore.robot.profile import HUSKY, RobotProfile
 from sim.bullet import pybullet
+from sim.models.floor_paint import painted_parts
 from sim.models.ground import Ground
 from sim.models.items import ITEM_MASSES_KG
 from sim.models.mesh import merge_solids
 from sim.models.person import DEFAULT_APPEARANCE, PERSON, person_solids
-from sim.models.solids import box, cylinder, quaternion
+from sim.models.solids import Colour, box, cylinder, quaternion
 from sim.models.surface_patterns import pattern_period_m, surface_texture
 from sim.models.textures import (
     GLOSS,
@@ -22,6 +25,7 @@ from sim.models.textures import (
     print_texture,
     spill_texture,
     tag_texture,
+    worn_texture,
 )
 from sim.physics.bodies import NO_SHAPE, body_pose, mesh_collision, pose_matrix
 from sim.physics.movers import TimedMover
@@ -134,19 +138,28 @@ def _build_floor(world: World, scenario: Scenario, ground: Ground) -> None:
 def _build_marking(
     world: World, marking: Marking, scenario: Scenario, seed: int, ground: Ground
 ) -> None:
-    """Build paint, or a spill, which shines and shows part of the floor colour."""
+    """Build paint, plain or worn in a pattern, or a spill, which shines and shows part of the floor
+    colour."""
     colour, texture, side_m = marking.paint(), None, 1.0
-    if marking.surface != "paint":
+    parts: list[tuple[Colour, BaseGeometry]] = []
+    if marking.pattern is not None:
+        parts = painted_parts(marking.polygon, marking.pattern, colour)
+        texture, side_m = worn_texture(seed), SPILL_SIDE_M
+    elif marking.surface != "paint":
         seen = marking.seen_on(scenario.floor_colour)
         texture = spill_texture(seen, GLOSS[marking.surface], seed)
         colour, side_m = WHITE, SPILL_SIDE_M
+    parts = parts or [(colour, shapely.Polygon(marking.polygon))]
     if ground.is_flat:
-        patch = flat_polygon(marking.polygon, colour, texture, side_m=side_m)
+        patches = [flat_polygon(area, colour, texture, side_m=side_m) for colour, area in parts]
         pose = pose_matrix([0.0, 0.0, PAINT_M], quaternion(0.0))
     else:
-        patch = patterned(drape(ground, marking.polygon, PAINT_M), colour, texture, side_m)
+        patches = [
+            patterned(drape(ground, area, PAINT_M), colour, texture, side_m)
+            for colour, area in parts
+        ]
         pose = np.eye(4)
-    number = world.seen.add([patch], pose)
+    number = world.seen.add(patches, pose)
     if marking.beware:
         world.class_of[number] = marking.beware_class
 

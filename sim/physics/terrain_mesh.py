@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from sim.models.ground import Ground
 from sim.models.mesh import Mesh
@@ -25,9 +26,12 @@ def terrain_mesh(ground: Ground, size_m: tuple[float, float]) -> Mesh:
     return _on_ground(np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 2), ground)
 
 
-def drape(ground: Ground, polygon: Sequence[Sequence[float]], above_m: float) -> Mesh:
-    """Return a polygon `above_m` above the ground mesh, cut along its triangles."""
-    area = shapely.Polygon(polygon)
+def drape(
+    ground: Ground, polygon: Sequence[Sequence[float]] | BaseGeometry, above_m: float
+) -> Mesh:
+    """Return a polygon, or an area of several, `above_m` above the ground mesh, cut along its
+    triangles."""
+    area = polygon if isinstance(polygon, BaseGeometry) else shapely.Polygon(polygon)
     x0, y0, x1, y1 = (int(np.floor(side / CELL_M)) for side in area.bounds)
     cells = [(i * CELL_M, j * CELL_M) for i in range(x0, x1 + 1) for j in range(y0, y1 + 1)]
     halves = [((0, 0), (1, 0), (1, 1)), ((0, 0), (1, 1), (0, 1))]
@@ -45,7 +49,7 @@ def drape(ground: Ground, polygon: Sequence[Sequence[float]], above_m: float) ->
     )
 
 
-def _triangles(area: shapely.Geometry) -> list[Floats]:
+def _triangles(area: BaseGeometry) -> list[Floats]:
     """Return (3, 2) triangles, counter-clockwise, of all parts with an area."""
     parts = [
         part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and part.area > 1e-9

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from sim.models.mesh import Mesh, merge_solids
 from sim.models.solids import Colour, Solid
@@ -58,14 +59,16 @@ def patterned(mesh: Mesh, colour: Colour, texture: Texture | None, period_m: flo
 
 
 def flat_polygon(
-    polygon: Sequence[Sequence[float]],
+    polygon: Sequence[Sequence[float]] | BaseGeometry,
     colour: Colour,
     texture: Texture | None = None,
     *,
     side_m: float = 1.0,
 ) -> Visual:
-    """Return a flat polygon, seen from above; a texture on it repeats after `side_m`."""
-    triangles = shapely.constrained_delaunay_triangles(shapely.Polygon(polygon)).geoms
+    """Return a flat polygon, or an area of several, seen from above; a texture on it repeats after
+    `side_m`."""
+    area = polygon if isinstance(polygon, BaseGeometry) else shapely.Polygon(polygon)
+    triangles = shapely.constrained_delaunay_triangles(area).geoms
     corners = np.concatenate(
         [shapely.get_coordinates(shapely.orient_polygons(piece))[:3] for piece in triangles]
     )

@@ -1,5 +1,5 @@
 """Beware list that a world starts with: the shipped one, without the classes that the world does
-not have."""
+not have, and with those of its markings."""
 
 from __future__ import annotations
 
@@ -11,12 +11,18 @@ from sim.scenario.schema import Scenario
 
 
 def starting_beware_list(scenario: Scenario) -> BewareList:
-    """Return the shipped list with the classes of `scenario.beware_off` switched off."""
+    """Return the shipped list with the classes of `scenario.beware_off` switched off and those of
+    the world's markings switched on."""
     shipped = default_beware_list()
+    marked = {marking.beware_class for marking in scenario.markings if marking.beware}
     return dataclasses.replace(
         shipped,
         classes=tuple(
-            dataclasses.replace(entry, enabled=entry.name not in scenario.beware_off)
+            dataclasses.replace(
+                entry,
+                enabled=(entry.enabled or entry.name in marked)
+                and entry.name not in scenario.beware_off,
+            )
             for entry in shipped.classes
         ),
     )

@@ -14,6 +14,7 @@ from typing import Literal
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.toml_config import ranged
+from sim.models.floor_paint import PATTERN_COLOURS, PaintPattern
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.models.ground import Relief
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
@@ -55,6 +56,14 @@ SURFACE_COLOURS: dict[str, Colour] = {
     "chemical": (150, 190, 40),
 }
 """Default colour of a marking by its surface."""
+PATTERN_CLASSES: dict[PaintPattern, str] = {
+    "tape": "yellow-black tape",
+    "hatched": "hatched area",
+    "bay": "reserved bay",
+    "high-voltage": "high-voltage symbol",
+    "radiation": "radiation symbol",
+}
+"""Class in the beware list of a marking by its pattern."""
 SHEEN_SHARE = {"paint": 0.0, "water": 0.55, "mud": 0.1, "chemical": 0.3}
 """Share of the floor colour that shows through each surface."""
 
@@ -121,20 +130,25 @@ class Marking:
     """Corners in metres, three or more, in either sense."""
     surface: Surface = "paint"
     """Surface; all but paint are glossy and let the floor colour show through."""
+    pattern: PaintPattern | None = None
+    """Pattern of paint; a plain area when left out."""
     colour: tuple[int, int, int] | None = ranged(0, 255, default=None)
-    """Colour: red, green, blue; the default of the surface when left out."""
+    """Colour: red, green, blue; the default of the pattern or surface when left out."""
     beware: bool = True
     """Whether the robot must stay off the marking."""
 
     @property
     def beware_class(self) -> str:
-        """Class in the beware list: paint is a red floor, whatever its colour; all else is a
-        spill."""
+        """Class in the beware list: that of the pattern; plain paint is a red floor, whatever its
+        colour, and all else a spill."""
+        if self.pattern is not None:
+            return PATTERN_CLASSES[self.pattern]
         return "red floor" if self.surface == "paint" else "spill"
 
     def paint(self) -> Colour:
-        """Return the colour of the paint or liquid itself."""
-        return self.colour or SURFACE_COLOURS[self.surface]
+        """Return the colour of the paint or liquid itself, the main one of a pattern."""
+        default = SURFACE_COLOURS[self.surface]
+        return self.colour or PATTERN_COLOURS.get(self.pattern or "", default)
 
     def seen_on(self, floor: Colour) -> Colour:
         """Return the colour seen on a floor."""

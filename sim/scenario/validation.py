@@ -162,6 +162,11 @@ def _check_markings(scenario: Scenario, where: str) -> None:
             )
         if polygon.area < 1e-4:
             raise BadConfiguration(f"{key}: has no area, expected more than 1 cm²")
+        if marking.pattern is not None and marking.surface != "paint":
+            raise BadConfiguration(
+                f"{where}.markings[{i}].pattern: {marking.pattern!r} on {marking.surface}; "
+                "only paint has a pattern"
+            )
 
 
 def _check_clearance(scenario: Scenario, where: str) -> None:

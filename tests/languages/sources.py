@@ -19,7 +19,7 @@ from babel.messages.catalog import Catalog
 from web.languages.catalog import ROBOT, page_texts
 
 REPOSITORY = Path(__file__).parents[2]
-PAGES = ("web/page/index.html", "web/page/runs.html", "web/gateway/login.html")
+PAGES = ("web/page/index.html", "web/page/runs.html", "web/gateway/login.html", "web/starting.html")
 SENTENCES = (
     "app/console/anchored_items.py",
     "app/console/back_off.py",
@@ -40,6 +40,7 @@ SENTENCES = (
     "app/console/zone_editor.py",
     "app/insight/*.py",
     "app/runtime/map_keeper.py",
+    "app/runtime/progress_lines.py",
     "app/runtime/robot_controller.py",
     "app/runtime/segmentation.py",
     "app/runtime/stop_reasons.py",
@@ -106,6 +107,7 @@ MORE = (
     "is",
     "margin",
     "redo",
+    "Loading the program",
     "Something",
     "undo",
 )

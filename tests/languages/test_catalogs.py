@@ -100,11 +100,12 @@ def test_the_console_reads_a_catalog_as_babel_does(code: str) -> None:
 
 MAKES_SENTENCES = re.compile(
     r"StopReason\(\s*cause|raise (?:Refused|NotKnown|Outdated|AlreadyThere|BlockedGoal)\("
+    r"|event_log\.note\(|\btell\(f?\""
 )
-"""What makes a reason or a refusal."""
+"""What makes a reason, a refusal or a log entry."""
 
 
-def test_every_module_that_makes_a_reason_or_a_refusal_is_searched() -> None:
+def test_every_module_that_makes_a_reason_a_refusal_or_a_log_entry_is_searched() -> None:
     searched = {path for pattern in SENTENCES for path in REPOSITORY.glob(pattern)}
     making = {
         path

@@ -48,7 +48,8 @@ def tidy(program: httpx.Client) -> None:
     for zone in program.get("/api/v1/zones").json()["features"]:
         program.delete(f"/api/v1/zones/{zone['id']}")
     for entry in program.get("/api/v1/beware").json()["classes"]:
-        program.patch(f"/api/v1/beware/{entry['name']}", json={"enabled": True})
+        if not entry["enabled"]:
+            program.patch(f"/api/v1/beware/{entry['name']}", json={"enabled": True})
 
 
 def state_when(

@@ -217,16 +217,20 @@ def test_zones_and_the_beware_list_survive_a_restart(tmp_path: Path) -> None:
         ConsoleOptions(scenario="empty_room", port=0, data=tmp_path, choice=BY_COLOUR)
     ) as first:
         zone = httpx.post(
-            f"{first.url}/api/v1/zones", json=square(1.0, 1.5), trust_env=False
+            f"{first.url}/api/v1/zones", json=square(1.0, 1.5), trust_env=False, timeout=60.0
         ).json()
         httpx.patch(
-            f"{first.url}/api/v1/beware/cup", json={"margin_m": 0.4}, trust_env=False
+            f"{first.url}/api/v1/beware/cup", json={"margin_m": 0.4}, trust_env=False, timeout=60.0
         ).raise_for_status()
     with console(
         ConsoleOptions(scenario="empty_room", port=0, data=tmp_path, choice=BY_COLOUR)
     ) as second:
-        features = httpx.get(f"{second.url}/api/v1/zones", trust_env=False).json()["features"]
-        classes = httpx.get(f"{second.url}/api/v1/beware", trust_env=False).json()["classes"]
+        features = httpx.get(f"{second.url}/api/v1/zones", trust_env=False, timeout=60.0).json()[
+            "features"
+        ]
+        classes = httpx.get(f"{second.url}/api/v1/beware", trust_env=False, timeout=60.0).json()[
+            "classes"
+        ]
     assert [feature["id"] for feature in features] == [zone["id"]]
     assert features[0]["geometry"]["coordinates"] == zone["geometry"]["coordinates"]
     assert next(entry for entry in classes if entry["name"] == "cup")["margin_m"] == 0.4

@@ -133,7 +133,7 @@ def test_the_world_of_the_page_is_a_world(example: Callable[[str, str], Path]) -
         == len(world.movers)
         == 1
     )
-    assert len(world.markings) == 2
+    assert len(world.markings) == 3
 
 
 def test_the_generated_world_of_the_page_is_a_world(example: Callable[[str, str], Path]) -> None:
@@ -145,8 +145,9 @@ def test_the_generated_world_of_the_page_is_a_world(example: Callable[[str, str]
 def test_the_beware_list_of_the_page_is_one_and_says_what_the_default_says(
     example: Callable[[str, str], Path],
 ) -> None:
-    shown = load_beware_list(example("navcore/formats/README.md", "[[beware]]"))
-    assert shown.classes == (default_beware_list().named("red floor"),)
+    for name in ("red floor", "yellow-black tape"):
+        shown = load_beware_list(example("navcore/formats/README.md", f'name = "{name}"'))
+        assert shown.classes == (default_beware_list().named(name),)
 
 
 def test_the_recipe_of_the_page_is_one(example: Callable[[str, str], Path]) -> None:

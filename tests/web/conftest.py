@@ -36,7 +36,7 @@ def server(operations: FakeOperations) -> Iterator[ConsoleServer]:
 @pytest.fixture
 def client(server: ConsoleServer) -> Iterator[httpx.Client]:
     """Yield a program that talks to the console."""
-    with httpx.Client(base_url=server.url, trust_env=False) as program:
+    with httpx.Client(base_url=server.url, trust_env=False, timeout=60.0) as program:
         yield program
 
 

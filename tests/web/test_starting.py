@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import socket
 import threading
 from collections.abc import Iterator
@@ -11,8 +12,10 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 
+from app.runtime.progress_lines import LOADING_NETWORK, STARTING_ROBOT, WARMING_UP
+from web.languages.catalog import CATALOGS, COOKIE
 from web.port import reserve
-from web.starting import StartingPage
+from web.starting import LOADING_PROGRAM, StartingPage
 
 
 @pytest.fixture
@@ -25,8 +28,8 @@ def url_of(listener: socket.socket) -> str:
     return f"http://127.0.0.1:{listener.getsockname()[1]}/"
 
 
-def get(url: str, timeout_s: float = 5.0) -> httpx.Response:
-    return httpx.get(url, trust_env=False, timeout=timeout_s)
+def get(url: str, timeout_s: float = 5.0, headers: dict[str, str] | None = None) -> httpx.Response:
+    return httpx.get(url, trust_env=False, timeout=timeout_s, headers=headers)
 
 
 def test_the_page_shows_the_step_and_loads_itself_again(listener: socket.socket) -> None:
@@ -40,6 +43,34 @@ def test_the_page_shows_the_step_and_loads_itself_again(listener: socket.socket)
     # The control: without the page a browser waits.
     with pytest.raises(httpx.ReadTimeout):
         get(url_of(listener), 0.2)
+
+
+def test_the_page_and_its_steps_are_in_the_language_of_the_browser(
+    listener: socket.socket,
+) -> None:
+    words = CATALOGS["de"]
+    with StartingPage(listener) as page:
+        for step in (LOADING_PROGRAM, LOADING_NETWORK, WARMING_UP, STARTING_ROBOT):
+            page.say(f"{step} … 20 s")
+            for headers in (
+                {"Accept-Language": "fr, de-AT;q=0.7"},
+                {"Accept-Language": "es", "Cookie": f"{COOKIE}=de"},
+            ):
+                text = html.unescape(get(url_of(listener), headers=headers).text)
+                assert '<html lang="de">' in text
+                assert words.text("The console is starting") in text
+                assert f"<p>{words.sentences[step]} … 20 s</p>" in text
+            english = get(url_of(listener)).text
+            assert '<html lang="en">' in english and f"<p>{step} … 20 s</p>" in english
+
+
+def test_a_request_that_is_none_is_answered_in_english(listener: socket.socket) -> None:
+    with StartingPage(listener):
+        for request in (b"\xff\r\nCookie: =;\xfe\r\nAccept-Language\r\n\r\n", b"\r\n\r\n"):
+            with socket.create_connection(listener.getsockname(), timeout=5.0) as client:
+                client.sendall(request)
+                assert client.recv(4096).startswith(b"HTTP/1.1 503")
+        assert '<html lang="en">' in get(url_of(listener)).text
 
 
 def test_what_connects_after_the_end_is_answered_by_the_console(listener: socket.socket) -> None:

@@ -6,12 +6,14 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path
 
-from navcore.errors import NotKnown, Refused
+from navcore.errors import BadConfiguration, NotKnown, Refused
 from web.auth.authenticator import Authenticator, PasswordAuthenticator
 from web.auth.roles import CurrentVisitor, Role
 from web.auth.users import User, hash_password, is_password, new_token, new_user
 from web.gateway.problems import JsonResponse, refusals
+from web.languages.catalog import CATALOGS
 from web.schemas.access import (
+    LanguageIn,
     NewUserIn,
     OwnPasswordIn,
     PasswordIn,
@@ -59,6 +61,15 @@ def access_router(authenticator: Authenticator) -> APIRouter:
         change(
             known.name, password_hash=hash_password(body.password), instead_of=known.password_hash
         )
+
+    @router.put("/me/language", status_code=204, responses=_REFUSALS)
+    def change_own_language(body: LanguageIn, visitor: CurrentVisitor) -> None:
+        """Change the language of the visitor's pages, in every browser in which this user is or
+        will be logged in."""
+        if body.language not in CATALOGS:
+            known = ", ".join(sorted(CATALOGS))
+            raise BadConfiguration(f"language {body.language!r}: the console has {known}")
+        change(user(visitor.name).name, language=body.language)
 
     @router.get("/users", response_model=list[UserOut], responses=refusals(409))
     def list_users() -> list[UserOut]:

@@ -73,6 +73,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("PUT", r"/users/(?P<name>[^/]+)/password", "changed the password of {name}"),
     ("POST", r"/users/(?P<name>[^/]+)/token", "made a token for {name}"),
     ("DELETE", r"/users/(?P<name>[^/]+)", "deleted the user {name}"),
+    ("PUT", r"/me/language", "changed the language of their pages"),
     ("PUT", r"/me/password", "changed their password"),
     ("WS", r"stop", "pressed STOP"),
     ("WS", r"by hand: begins", "began to drive by hand"),

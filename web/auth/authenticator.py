@@ -123,17 +123,14 @@ class PasswordAuthenticator:
         if scheme.lower() == "bearer":
             # Looked up by its hash, so that the time of the look-up reveals nothing of a token.
             user = self._by_token.get(hash_token(given.strip()))
-            return (
-                None
-                if user is None
-                else Visitor(name=user.name, role=user.role, client_id=f"program {user.name}")
-            )
+            return None if user is None else self._visitor(user, f"program {user.name}")
         found = self.sessions.find(cookie)
-        return (
-            None
-            if found is None
-            else Visitor(name=found[0].name, role=found[0].role, client_id=f"page {found[1]}")
-        )
+        return None if found is None else self._visitor(found[0], f"page {found[1]}")
+
+    def _visitor(self, user: User, client_id: str) -> Visitor:
+        # A session has the account as it was at the log-in.
+        language = self._known.get(user.name, user).language
+        return Visitor(name=user.name, role=user.role, client_id=client_id, language=language)
 
     def issue_client_cookie(self, cookie: str) -> str | None:
         """Return None: the cookie comes with the log-in."""

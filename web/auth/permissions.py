@@ -19,6 +19,7 @@ _BY_ANYONE = {
     ("POST", STOP),
     ("POST", f"{_API}/preview"),
     ("POST", LOGOUT),
+    ("PUT", f"{_API}/me/language"),
     ("PUT", f"{_API}/me/password"),
 }
 _ADMINS = re.compile(rf"{_API}/users(/|$)")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
 
@@ -40,6 +40,8 @@ class Visitor:
     """Id of the browser or program; control of the robot belongs to one client."""
     logged_in: bool = True
     """Whether the visitor has logged in; False on a console without users."""
+    language: str | None = field(default=None, compare=False)
+    """Language that the user has chosen; None without a choice, and without a log-in."""
 
     @property
     def signature(self) -> str:

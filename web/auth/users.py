@@ -7,7 +7,7 @@ import hashlib
 import hmac
 import re
 import secrets
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from navcore.errors import BadConfiguration
@@ -34,6 +34,9 @@ class User:
     """Hash of the password by scrypt, with cost and salt."""
     token_hash: str | None = None
     """SHA-256 of a program's bearer token, which is long and random; None without a token."""
+    language: str | None = field(default=None, compare=False)
+    """Language of the pages, None until one is chosen. Not compared: a session whose account has
+    changed ends, and no right depends on the language."""
 
 
 class Users(Protocol):
@@ -53,6 +56,7 @@ class Users(Protocol):
         role: Role | None = None,
         password_hash: str | None = None,
         token_hash: str | None = None,
+        language: str | None = None,
         instead_of: str | None = None,
     ) -> User:
         """Change the given fields of a user; with `instead_of`, only while the stored password hash

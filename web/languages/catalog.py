@@ -22,8 +22,7 @@ ENGLISH = "en"
 ROBOT = "robot"
 """Context of the sentences of the robot's program."""
 COOKIE = "bewarenav-language"
-"""Cookie in which a browser keeps the language that was chosen last; with a dot and a user's name,
-that of the user."""
+"""Cookie in which a browser keeps the language that was chosen last."""
 _ENTRY = re.compile(
     r'(?:^msgctxt "(?P<context>.*)"\n)?^msgid (?P<text>(?:".*"\n)+)(?:^msgid_plural (?:".*"\n)+)?'
     r"(?P<forms>(?:^msgstr(?:\[\d\])? (?:\".*\"\n)+)+)",
@@ -107,13 +106,16 @@ CATALOGS: Mapping[str, Catalog] = {
 """Catalogs by language."""
 
 
-def language_of(headers: Headers, user: str = "") -> str:
-    """Return the language that the user has chosen in this browser, else the last one that was
-    chosen in it, else the first known one that it asks for, else English."""
+def language_of(headers: Headers, chosen: str | None = None) -> str:
+    """Return the language that the user has chosen, else the last one that was chosen in this
+    browser, else the first known one that it asks for, else English."""
     cookies = cookie_parser(headers.get("cookie", ""))
-    chosen = cookies.get(f"{COOKIE}.{user}") or cookies.get(COOKIE, "")
     ranked = sorted(headers.get("accept-language", "").split(","), key=_quality, reverse=True)
-    wanted = [chosen, *(entry.partition(";")[0].partition("-")[0].strip() for entry in ranked)]
+    wanted = [
+        chosen or "",
+        cookies.get(COOKIE, ""),
+        *(entry.partition(";")[0].partition("-")[0].strip() for entry in ranked),
+    ]
     return next((name for name in wanted if name in CATALOGS), ENGLISH)
 
 

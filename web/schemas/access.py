@@ -36,6 +36,13 @@ class OwnPasswordIn(PasswordIn):
     """Present password."""
 
 
+class LanguageIn(Closed):
+    """Language of the visitor's pages."""
+
+    language: Annotated[StrictStr, Field(max_length=20)]
+    """Code of a language that the console has, such as `de`."""
+
+
 class NewUserIn(RoleIn, PasswordIn):
     """New user."""
 

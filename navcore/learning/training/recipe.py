@@ -16,7 +16,7 @@ from typing import Literal
 
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import DatasetCard
-from navcore.perception.esanet.network.model import STRIDE
+from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import Size, check_size
 from navcore.perception.esanet.network.variants import stem_channels, variant_named
 from navcore.toml_config import from_table, ranged, read_toml

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from navcore.config.localisation import MatchConfig
 from navcore.config.pose_graph import LoopClosureConfig, PoseGraphConfig
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.graph.edges import Edge
@@ -33,6 +34,8 @@ class CloseLoops:
     """Which matches count."""
     graph_config: PoseGraphConfig
     """How the graph is optimised."""
+    match_config: MatchConfig
+    """How two scans are matched."""
 
     def run(self, is_cancelled: Callable[[], bool]) -> LoopClosures | None:
         """Return corrected poses; None without a loop, or if it was cancelled."""
@@ -43,6 +46,7 @@ class CloseLoops:
             loops=self.loops,
             config=self.loop_config,
             graph_config=self.graph_config,
+            match_config=self.match_config,
             is_cancelled=is_cancelled,
         )
 
@@ -55,6 +59,8 @@ class LoopCloser:
     """Which matches count."""
     graph_config: PoseGraphConfig
     """How the graph is optimised."""
+    match_config: MatchConfig
+    """How two scans are matched."""
     _edges: list[Edge] = field(default_factory=list)
     _loops: tuple[Edge, ...] = ()
     _chain: dict[int, None] = field(default_factory=dict)
@@ -84,6 +90,7 @@ class LoopCloser:
             loops=self._loops,
             loop_config=self.loop_config,
             graph_config=self.graph_config,
+            match_config=self.match_config,
         )
 
     def take(self, closures: LoopClosures) -> None:

@@ -6,33 +6,24 @@ uncertainty, several near each other must agree, and graduated non-convexity has
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
+from navcore.config.localisation import MatchConfig
 from navcore.config.pose_graph import (
     DEFAULT_LOOP_CLOSURE,
     DEFAULT_POSE_GRAPH,
     LoopClosureConfig,
     PoseGraphConfig,
 )
-from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
-from navcore.geometry.arrays import Floats, Indices
-from navcore.geometry.transform import Matrix, Pose2
+from navcore.geometry.transform import Pose2
 from navcore.localisation.graph.edges import Edge
 from navcore.localisation.graph.pose_graph import AbsolutePose, OptimisedGraph, PoseGraph, optimise
-from navcore.localisation.relocalisation.place_fit import PlaceFit
-from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
-from navcore.localisation.relocalisation.place_search import SearchWindow, search_places
-from navcore.localisation.relocalisation.submap import Submap, submap_of
+from navcore.localisation.loops.loop_finder import LoopFinder
 from navcore.localisation.scans.scan import Keyframe
 
-LEAST_REACH_M = 0.3
-"""Half the edge in metres of the smallest search window."""
-LEAST_REACH_RAD = math.radians(4.0)
-"""Half the range in radians of the smallest search window."""
+DEFAULT_MATCH = MatchConfig()
+"""The configuration unless another is given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,6 +54,7 @@ def close_loops(
     fixed: frozenset[int] = frozenset(),
     config: LoopClosureConfig = DEFAULT_LOOP_CLOSURE,
     graph_config: PoseGraphConfig = DEFAULT_POSE_GRAPH,
+    match_config: MatchConfig = DEFAULT_MATCH,
     is_cancelled: Callable[[], bool] = lambda: False,
 ) -> LoopClosures | None:
     """Return corrected poses if keyframes from index `tried_until` on close loops, else None.
@@ -80,7 +72,7 @@ def close_loops(
         fixed=fixed,
     )
     present = optimise(graph, graph_config)
-    finder = _LoopFinder(keyframes, present, config)
+    finder = LoopFinder(keyframes, present, config, match_config)
     found: list[Edge] = []
     for index in range(tried_until, len(keyframes)):
         if is_cancelled():
@@ -94,167 +86,12 @@ def close_loops(
     new = tuple(loop for loop in agreed if believed[loop])
     if not new:
         return None
+    accepted = {(loop.from_id, loop.to_id) for loop in new}
     return LoopClosures(
         poses=solved.poses,
         loops=tuple(loop for loop, is_believed in believed.items() if is_believed),
         new_loops=new,
-        rejected=tuple(loop for loop in found if not believed.get(loop, False)),
+        rejected=tuple(one for one in found if (one.from_id, one.to_id) not in accepted),
         accepted_absolute=solved.accepted_absolute,
         graph=solved,
     )
-
-
-class _LoopFinder:
-    """Matches keyframes with earlier ones at the present poses."""
-
-    def __init__(
-        self, keyframes: Sequence[Keyframe], graph: OptimisedGraph, config: LoopClosureConfig
-    ) -> None:
-        self._keyframes = keyframes
-        self._graph = graph
-        self._config = config
-        self._poses = [graph.poses[keyframe.pose_id] for keyframe in keyframes]
-        xy = np.array([(pose.x_m, pose.y_m) for pose in self._poses])
-        yaw = np.array([pose.yaw_rad for pose in self._poses])
-        steps = np.hypot(*np.diff(xy, axis=0).T)
-        self._driven_m = np.concatenate([[0.0], np.cumsum(steps)])
-        self._seen = xy + config.ahead_m * np.column_stack([np.cos(yaw), np.sin(yaw)])
-        self._index = {keyframe.pose_id: i for i, keyframe in enumerate(keyframes)}
-        self._place_maps: dict[int, PlaceMap] = {}
-        self._rules = RelocalisationConfig(
-            search=PlaceSearchConfig(levels=3, least_score=0.3, kept_share=0.8, max_candidates=4)
-        )
-
-    def loops_of(self, index: int) -> list[Edge]:
-        """Return the edges from earlier keyframes to this one."""
-        candidates = self._earlier(index)
-        if not len(candidates):
-            return []
-        query = self._submap(index)
-        matches = (self._match(other, index, query) for other in candidates.tolist())
-        return [edge for edge in matches if edge is not None]
-
-    def _earlier(self, index: int) -> Indices:
-        """Return the earlier keyframes that may show the same, nearest first and apart from each
-        other."""
-        rules = self._config
-        old = np.flatnonzero(self._driven_m <= self._driven_m[index] - rules.least_driven_m)
-        away = np.hypot(*(self._seen[old] - self._seen[index]).T)
-        near = away <= rules.overlap_m + rules.most_reach_m
-        old, away = old[near], away[near]
-        kept: list[int] = []
-        for other in old[np.argsort(away, kind="stable")].tolist():
-            if all(
-                abs(self._driven_m[other] - self._driven_m[k]) > 2.0 * rules.submap_m for k in kept
-            ):
-                kept.append(other)
-            if len(kept) == rules.per_keyframe:
-                break
-        return np.array(kept, dtype=np.int64)
-
-    def _match(self, other: int, index: int, query: Submap) -> Edge | None:
-        """Return the edge between two keyframes, or None if what they show does not match within
-        odometry's uncertainty."""
-        rules = self._config
-        expected = self._poses[other].inverse() @ self._poses[index]
-        ids = self._keyframes[other].pose_id, self._keyframes[index].pose_id
-        covariance = self._graph.relative_covariance(*ids)
-        reach_m = rules.sigmas * math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-        reach_rad = rules.sigmas * math.sqrt(float(covariance[2, 2]))
-        away = float(np.hypot(*(self._seen[other] - self._seen[index])))
-        if (
-            reach_m > rules.most_reach_m
-            or reach_rad > math.radians(rules.most_reach_deg)
-            or away > rules.overlap_m + reach_m
-        ):
-            return None
-        window = SearchWindow(
-            T_map_base=expected,
-            reach_m=max(reach_m, LEAST_REACH_M),
-            reach_rad=max(reach_rad, LEAST_REACH_RAD),
-        )
-        place_map = self._place_map(other)
-        places = search_places(query, place_map, self._rules, window)
-        if not places or not self._is_clear(places):
-            return None
-        best = places[0]
-        edge = Edge(
-            from_id=ids[0],
-            to_id=ids[1],
-            T_from_to=best.T_map_base,
-            covariance=_in_body(best.covariance, best.T_map_base.yaw_rad),
-        )
-        error = _vector(expected.inverse() @ best.T_map_base)
-        distance2 = error @ np.linalg.solve(covariance + edge.covariance, error)
-        return edge if distance2 <= rules.sigmas**2 + 3.0 else None
-
-    def _is_clear(self, places: list[PlaceFit]) -> bool:
-        rules, best = self._config, places[0]
-        return (
-            best.fit_share >= rules.least_fit_share
-            and best.score >= rules.least_score
-            and best.through_walls_share < rules.through_walls_share
-            and (len(places) == 1 or places[1].score < rules.second_share * best.score)
-        )
-
-    def _around(self, index: int) -> list[int]:
-        away = np.abs(self._driven_m - self._driven_m[index])
-        return np.flatnonzero(away <= self._config.submap_m).tolist()
-
-    def _submap(self, index: int) -> Submap:
-        """Return the surfaces that were seen around a keyframe, in its frame."""
-        views = [(self._poses[i], self._keyframes[i].scan) for i in self._around(index)]
-        return submap_of(views, reference=self._poses[index])
-
-    def _place_map(self, index: int) -> PlaceMap:
-        """Return what was seen around a keyframe, prepared for the search."""
-        if index not in self._place_maps:
-            submap = self._submap(index)
-            self._place_maps[index] = place_map_of(
-                submap.points,
-                submap.normals,
-                self._rules.search,
-                [
-                    replace(
-                        self._keyframes[i],
-                        T_map_base=self._poses[index].inverse() @ self._poses[i],
-                    )
-                    for i in self._around(index)
-                ],
-            )
-        return self._place_maps[index]
-
-    def agreeing(self, loops: Sequence[Edge]) -> list[Edge]:
-        """Return the loops that enough others, of other keyframes nearby, agree with."""
-        rules = self._config
-        kept = []
-        for one in loops:
-            friends = {two.to_id for two in loops if two is not one and self._agree(one, two)}
-            if len(friends - {one.to_id}) >= rules.agreeing - 1:
-                kept.append(one)
-        return kept
-
-    def _agree(self, one: Edge, two: Edge) -> bool:
-        """Return whether the circle through two loops closes."""
-        rules, place = self._config, self._index
-        for a, b in ((one.from_id, two.from_id), (one.to_id, two.to_id)):
-            if abs(self._driven_m[place[a]] - self._driven_m[place[b]]) > rules.agree_driven_m:
-                return False
-        poses = self._graph.poses
-        old = poses[one.from_id].inverse() @ poses[two.from_id]
-        new = poses[one.to_id].inverse() @ poses[two.to_id]
-        gap = (old @ two.T_from_to).inverse() @ (one.T_from_to @ new)
-        return math.hypot(gap.x_m, gap.y_m) <= rules.agree_m and abs(gap.yaw_rad) <= math.radians(
-            rules.agree_deg
-        )
-
-
-def _vector(pose: Pose2) -> Floats:
-    return np.array([pose.x_m, pose.y_m, pose.yaw_rad])
-
-
-def _in_body(covariance: Matrix, yaw_rad: float) -> Matrix:
-    """Return a covariance along the axes of the body instead of the map's."""
-    rotation = np.eye(3)
-    rotation[:2, :2] = Pose2(x_m=0.0, y_m=0.0, yaw_rad=yaw_rad).matrix()[:2, :2]
-    return np.asarray(rotation.T @ covariance @ rotation)

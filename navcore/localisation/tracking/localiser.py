@@ -13,12 +13,11 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from navcore.config.localisation import LocalisationConfig
-from navcore.geometry.arrays import Bools, FloatImage
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.graph.edges import Edge
 from navcore.localisation.scans.matching import Match, match, search
-from navcore.localisation.scans.scan import Keyframe, Scan, scan_of
+from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.correction import CorrectionFlow
 from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPoses
@@ -28,10 +27,8 @@ from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
 from navcore.robot.fix import PositionFix
 from navcore.robot.frame import Frame
-from navcore.robot.profile import DepthSensor
 
 _DEFAULT = LocalisationConfig()
-_D455 = DepthSensor()
 _WIDE_M, _WIDE_RAD = 0.25, math.radians(6.0)
 """Standard deviations of the pose from which a whole window is searched."""
 _MOVED_M, _MOVED_RAD = 0.05, math.radians(1.0)
@@ -47,10 +44,9 @@ class Localiser:
         self,
         pose_ids: KnownPoses,
         config: LocalisationConfig = _DEFAULT,
-        sensor: DepthSensor = _D455,
     ) -> None:
         """`pose_ids` is the map's list of poses, which this one appends to."""
-        self._config, self._sensor = config, sensor
+        self._config = config
         self._saved = ScanMap(config.match)
         self._chain = KeyframeChain(pose_ids, config)
         self._filter: PoseFilter | None = None
@@ -65,23 +61,20 @@ class Localiser:
         self._continues, self._breaks = True, 0
         self.scan: Scan | None = None
         """Scan of the newest frame; None before the first."""
-
-    def update(
-        self, frame: Frame, excluded: Bools | None = None, ground_m: FloatImage | None = None
-    ) -> LocalisationEstimate:
-        """Return the estimate for one more frame, whose pose is T_odom_base.
-
-        `excluded`: (H, W) pixels of people and beware objects. `ground_m`: (H, W) height of the
-        ground below each pixel in metres; None for level ground.
-        """
-        scan = scan_of(frame, excluded, ground_m, self._config.scan, self._sensor)
-        return self.follow(frame, scan)
+        self.saved_share: float | None = None
+        """Share of the newest scan that fits the saved map, 0 to 1, of the points near it; None
+        where most of the scan is not."""
+        self.is_confirmed = True
+        """Whether the place is believed: else nothing is kept of what is seen."""
+        self.moved_m = 0.0
+        """Motion before the newest frame in metres; a radian counts as half a metre."""
 
     def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         """Return the estimate for one more frame and its scan."""
         self.scan = scan
         step = self._advance(frame)
         share: float | None = None
+        self.saved_share = None
         if self._state is not LocalisationState.LOST:
             share = self._observe(scan, step, frame.stamp_ns)
             self._flow.follow(
@@ -89,7 +82,8 @@ class Localiser:
             )
         else:
             self._flow.jump(self._pose, frame.pose)
-        if self._state is not LocalisationState.LOST and self._flow.pending is None:
+        is_known = self._state is not LocalisationState.LOST and self.is_confirmed
+        if is_known and self._flow.pending is None:
             self._keep(scan, frame)
         return self.estimate(frame, share)
 
@@ -214,6 +208,7 @@ class Localiser:
         self._filter.predict(step)
         self._chain.advance(step)
         self._since_m += step.distance_m
+        self.moved_m = step.distance_m + abs(step.turn_rad) / 2
         moved_m, moved_rad = self._unmatched
         self._unmatched = (moved_m + step.distance_m, moved_rad + abs(step.turn_rad))
         return step
@@ -235,6 +230,8 @@ class Localiser:
             if not len(scan_map):
                 continue
             result = self._match(scan, scan_map, absolute=absolute)
+            if absolute and 2 * result.near >= result.points:
+                self.saved_share = result.share_of_near
             if absolute and is_elsewhere(result, self._config.tracking):
                 contradicted = True
                 break

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -11,17 +12,18 @@ from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.perception.esanet.inference.argmax import most_likely
 from navcore.perception.esanet.inference.engine import Inference, check_logits
-from navcore.perception.esanet.inference.torch_engine import TorchInference
-from navcore.perception.esanet.network.model import STRIDE
+from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import (
     DepthStatistics,
     Preprocessor,
     Size,
     check_size,
 )
-from navcore.perception.esanet.weights.weights_file import TrainedNetwork
 from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
+
+if TYPE_CHECKING:
+    from navcore.perception.esanet.weights.weights_file import TrainedNetwork
 
 OFFICIAL_SIZE = Size(height=480, width=640)
 """Training size of the public checkpoints."""
@@ -85,6 +87,8 @@ class EsaNetSegmenter(NetworkSegmenter):
         size: Size = OFFICIAL_SIZE,
         aliases: Mapping[str, str] | None = None,
     ) -> None:
+        from navcore.perception.esanet.inference.torch_engine import TorchInference
+
         super().__init__(
             TorchInference(trained.network),
             class_names=trained.card.class_names,

@@ -19,6 +19,8 @@ FIXED, MOVABLE, NEW = range(1, 4)
 """Kinds of occupied cells: for long, for a while, and where floor was shortly before."""
 _TOGETHER = 16
 """Number of columns of the image that are copied together."""
+_NEITHER, _FLOOR, _BODY = (np.uint8(kind) for kind in range(3))
+"""What a pixel shows."""
 
 Counts = npt.NDArray[np.int32]
 Mask = npt.NDArray[np.uint8]
@@ -59,13 +61,16 @@ def bin_pixels(
     counts: Counts,
     sums: Floats,
 ) -> None:
-    """Count the pixels of bodies, of people and of floor in each cell, add up x and y and find the
-    greatest height; every second column is evaluated."""
+    """Count the pixels of bodies and of people in each cell, mark those that show floor, add up x
+    and y and find the greatest height; every second column is evaluated."""
     height, width = depth_m.shape
     # A column of the image lies in as many cache lines as it has rows: some are copied together.
     depths = np.empty((_TOGETHER, height), dtype=np.float32)
     grounds = np.empty((_TOGETHER, height), dtype=np.float32)
-    points, cells = np.zeros((3, height + 1)), np.empty((2, height), dtype=np.int64)
+    points, cells = np.empty((3, height)), np.empty((2, height), dtype=np.int32)
+    kinds, down = np.empty(height, dtype=np.uint8), np.empty(height)
+    for i in range(height):
+        down[i] = row_slope(i, lens)
     for first in range(0, width, 2 * _TOGETHER):
         columns = min(_TOGETHER, (width - first + 1) // 2)
         for i in range(height):
@@ -74,74 +79,105 @@ def bin_pixels(
                 grounds[n, i] = ground_m[i, first + 2 * n]
         for n in range(columns):
             j = first + 2 * n
-            _column(depths[n], grounds[n], column_slope(j, lens), t, lens, limits, points, cells)
-            _bin_column(depths[n], points, cells, is_person[:, j], limits, origin, counts, sums)
+            a = column_slope(j, lens)
+            _column(depths[n], grounds[n], a, down, t, limits, origin, points, cells, kinds)
+            _bin_column(points, cells, kinds, is_person[:, j], limits, origin, counts, sums)
 
 
 @inlined
 def _column(
-    depths: Floats,
-    grounds: Floats,
+    depths: FloatImage,
+    grounds: FloatImage,
     a: float,
+    down: Floats,
     t: Floats,
-    lens: Pinhole,
     limits: GridLimits,
+    origin: Indices,
     points: Floats,
-    cells: Indices,
+    cells: Counts,
+    kinds: Mask,
 ) -> None:
-    """Write (3, H) x, y and height above the ground of the pixels of a column, and (2, H) the
-    columns and rows of their cells; free of branches, so that the compiler vectorises it."""
+    """Write (3, H) x, y and height above the ground of the pixels of a column, (2, H) the columns
+    and rows of their cells, and (H,) what they show; free of branches, so that the compiler
+    vectorises it."""
+    first_col, first_row = np.int32(origin[0]), np.int32(origin[1])
     for i in range(len(depths)):
-        x, y, z = point_on_ray(t, a, row_slope(i, lens), depths[i])
-        points[0, i], points[1, i], points[2, i] = x, y, z - grounds[i]
-        cells[0, i] = np.int64(math.floor(x / limits.cell_m))
-        cells[1, i] = np.int64(math.floor(y / limits.cell_m))
+        depth = depths[i]
+        x, y, z = point_on_ray(t, a, down[i], depth)
+        z -= grounds[i]
+        points[0, i], points[1, i], points[2, i] = x, y, z
+        cells[0, i] = np.int32(math.floor(x / limits.cell_m)) - first_col
+        cells[1, i] = np.int32(math.floor(y / limits.cell_m)) - first_row
+        near = (depth > np.float32(0)) & (depth <= limits.max_range_m)
+        floor = (abs(z) < limits.floor_m) & (depth <= limits.floor_range_m)
+        body = (limits.body_low_m < z) & (z < limits.body_high_m)
+        kind = _FLOOR if floor else (_BODY if body else _NEITHER)
+        kinds[i] = kind if near else _NEITHER
 
 
 @inlined
 def _bin_column(
-    depths: Floats,
     points: Floats,
-    cells: Indices,
+    cells: Counts,
+    kinds: Mask,
     is_person: Bools,
     limits: GridLimits,
     origin: Indices,
     counts: Counts,
     sums: Floats,
 ) -> None:
-    """Add the pixels of one column, from below upwards; between floor pixels that are near to each
-    other the floor continues."""
-    cell_m, floor_before = limits.cell_m, False
-    half_cell, fill = (cell_m / 2) ** 2, limits.fill_m**2
-    for i in range(len(depths) - 1, -1, -1):
-        if not 0 < depths[i] <= limits.max_range_m:
-            floor_before = False
-            continue
-        x, y, z = points[0, i], points[1, i], points[2, i]
-        col, row = cells[0, i] - origin[0], cells[1, i] - origin[1]
-        in_grid = 0 <= row < SIDE and 0 <= col < SIDE
-        if abs(z) < limits.floor_m and depths[i] <= limits.floor_range_m:
+    """Add the pixels of one column, from below upwards; consecutive pixels of a body in one cell
+    are added up before they are written."""
+    i, floor_below = len(kinds) - 1, False
+    while i >= 0:
+        row, col = cells[1, i], cells[0, i]
+        in_grid = np.uint32(row) < SIDE and np.uint32(col) < SIDE  # negative ones are large
+        if kinds[i] == _FLOOR:
             if in_grid:
-                counts[row, col, 2] += 1
-            to_x, to_y = points[0, i + 1] - x, points[1, i + 1] - y
-            squared = to_x * to_x + to_y * to_y
-            if floor_before and half_cell < squared < fill:
-                steps = math.ceil(2 * math.sqrt(squared) / cell_m)
-                for step in range(1, steps):
-                    share = step / steps
-                    col = math.floor((x + share * to_x) / cell_m) - origin[0]
-                    row = math.floor((y + share * to_y) / cell_m) - origin[1]
-                    if 0 <= row < SIDE and 0 <= col < SIDE:
-                        counts[row, col, 2] += 1
-            floor_before = True
+                counts[row, col, 2] = 1
+            if floor_below:
+                _continue_floor(points, cells, i, limits, origin, counts)
+            floor_below = True
+            i -= 1
             continue
-        floor_before = False
-        if limits.body_low_m < z < limits.body_high_m and in_grid:
-            counts[row, col, 0] += 1
-            counts[row, col, 1] += is_person[i]
-            sums[row, col, 0] += x
-            sums[row, col, 1] += y
-            sums[row, col, 2] = max(sums[row, col, 2], z)
+        floor_below = False
+        if kinds[i] == _NEITHER or not in_grid:
+            i -= 1
+            continue
+        bodies, people = 0, 0
+        x, y, top = sums[row, col, 0], sums[row, col, 1], sums[row, col, 2]
+        while i >= 0 and kinds[i] == _BODY and cells[1, i] == row and cells[0, i] == col:
+            bodies += 1
+            people += is_person[i]
+            x += points[0, i]
+            y += points[1, i]
+            top = max(top, points[2, i])
+            i -= 1
+        counts[row, col, 0] += bodies
+        counts[row, col, 1] += people
+        sums[row, col, 0], sums[row, col, 1], sums[row, col, 2] = x, y, top
+
+
+@inlined
+def _continue_floor(
+    points: Floats, cells: Counts, i: int, limits: GridLimits, origin: Indices, counts: Counts
+) -> None:
+    """Mark the floor between pixel i of a column and the one below it, where both show floor and
+    are near to each other; nothing lies between cells that share a side."""
+    if abs(cells[0, i + 1] - cells[0, i]) + abs(cells[1, i + 1] - cells[1, i]) <= 1:
+        return
+    cell_m, x, y = limits.cell_m, points[0, i], points[1, i]
+    to_x, to_y = points[0, i + 1] - x, points[1, i + 1] - y
+    squared = to_x * to_x + to_y * to_y
+    if not (cell_m / 2) ** 2 < squared < limits.fill_m**2:
+        return
+    steps = math.ceil(2 * math.sqrt(squared) / cell_m)
+    for step in range(1, steps):
+        share = step / steps
+        col = math.floor((x + share * to_x) / cell_m) - origin[0]
+        row = math.floor((y + share * to_y) / cell_m) - origin[1]
+        if 0 <= row < SIDE and 0 <= col < SIDE:
+            counts[row, col, 2] = 1
 
 
 @compiled

@@ -118,7 +118,9 @@ class PersonDetector:
         area_px = lens.fx * lens.fy / 2
         movable = ((kinds == MOVABLE) | (kinds == NEW)).view(np.uint8)
         found, crowded = _clusters(movable, grid, area_px, config)
-        parts, _ = _clusters((crowded & (kinds == NEW)).view(np.uint8), grid, area_px, config)
+        parts = list[Cluster]()
+        if crowded.any():
+            parts, _ = _clusters((crowded & (kinds == NEW)).view(np.uint8), grid, area_px, config)
         return [
             dataclasses.replace(
                 one, is_cut=not self.looks_at(frame, one.x_m, one.y_m, self._half_width_m(one))
@@ -199,7 +201,7 @@ class _Grid:
     kinds: Mask
     """(SIDE, SIDE) whether a cell is fixed, movable or newly occupied; 0 for none of them."""
     counts: Counts
-    """(SIDE, SIDE, 3) pixels of bodies, of people and of floor."""
+    """(SIDE, SIDE, 3) pixels of bodies and of people, and 1 where a pixel shows floor."""
     sums: Floats
     """(SIDE, SIDE, 3) sums of x and y, and the greatest height, in metres."""
     origin: Indices

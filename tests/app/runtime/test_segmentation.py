@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import logging
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -108,6 +110,45 @@ def test_a_network_is_fused_with_the_colour_rules_and_knows_entries_by_name_and_
     assert found["person"] is LabelSource.NOTHING
     labels = perception.segmenter.segment(picture(), beware)
     assert labels.class_ids.shape == labels.confidence.shape == picture().depth_m.shape
+
+
+COMPOSED = """
+import sys
+from pathlib import Path
+from app.runtime.segmentation import compose
+from app.runtime.segmenter_choice import SegmenterChoice
+choice = SegmenterChoice(weights=Path(sys.argv[1]), engine="onnxruntime", threads=1)
+perception = compose(choice, apart=sys.argv[2] == "apart")
+print("torch" in sys.modules, perception.identity)
+"""
+
+
+def composed(path: Path, where: str) -> tuple[str, str]:
+    """Return whether a fresh process that composes a network has loaded torch, and its identity."""
+    command = [sys.executable, "-c", COMPOSED, str(path), where]
+    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    loaded, _, identity = output.strip().partition(" ")
+    return loaded, identity
+
+
+def test_a_network_prepared_apart_is_the_same_and_leaves_no_torch_in_the_process(
+    tmp_path: Path,
+) -> None:
+    pytest.importorskip("onnxruntime")
+    pytest.importorskip("onnx")
+    path = weights(tmp_path)
+    apart, within = composed(path, "apart"), composed(path, "within")
+    assert (apart[0], within[0]) == ("False", "True")
+    assert apart[1] == within[1]
+
+
+def test_a_network_prepared_apart_is_refused_as_in_the_process_and_torch_can_run_it(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(BadConfiguration, match="damaged"):
+        compose(SegmenterChoice(weights=damaged(tmp_path)), apart=True)
+    choice = SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1)
+    assert "torch f32" in compose(choice, apart=True).title
 
 
 def test_other_weights_are_another_campaign_and_the_same_choice_gives_the_same_one(

@@ -17,6 +17,8 @@ from app.storage.sites import MAX_SITES, checked_name
 from navcore.errors import BadConfiguration, NotKnown, Refused
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.zone import Zone
+from web.auth.roles import Role
+from web.auth.users import User
 
 CORNERS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 VERSION_1 = (
@@ -37,6 +39,9 @@ VERSION_1 = (
     "PRAGMA user_version = 1",
 )
 """Schema of the data folders before sites."""
+
+
+VERA = User(name="vera", role=Role.ADMIN, password_hash="-")
 
 
 def zone(name: str) -> Zone:
@@ -190,6 +195,7 @@ def test_a_data_folder_of_before_becomes_the_site_default(tmp_path: Path) -> Non
         for statement in VERSION_1:
             before.execute(statement)
         before.execute("INSERT INTO runs VALUES ('a', '{}')")
+        before.execute("INSERT INTO users VALUES ('vera', 'admin', '-', NULL)")
         for _, _, *row in rows["zones"]:
             before.execute("INSERT INTO zones (id, zone) VALUES (?, ?)", row)
         for _, _, *row in rows["beware_lists"]:
@@ -203,5 +209,19 @@ def test_a_data_folder_of_before_becomes_the_site_default(tmp_path: Path) -> Non
         assert moved.site.beware() == now.site.beware()
         assert moved.site.documents("mission") == now.site.documents("mission")
         assert moved.runs() == ({},)
+        assert moved.users.all() == (VERA,) and moved.users.all()[0].language is None
     with closing(Store(old)) as again:
         assert again.site.zones() == (zone("wet"),)
+
+
+def test_the_users_of_a_data_folder_of_before_gain_a_language(tmp_path: Path) -> None:
+    with closing(Store(tmp_path)) as before:
+        fill(before, FIRST_SITE)
+        before.users.add(VERA)
+        before._database.write("ALTER TABLE users DROP COLUMN language")
+        before._database.write("PRAGMA user_version = 2")
+    with closing(Store(tmp_path)) as now:
+        assert now.users.all() == (VERA,) and now.site.zones() == (zone("wet"),)
+        assert now.users.change("vera", language="de").language == "de"
+    with closing(Store(tmp_path)) as again:
+        assert again.users.all()[0].language == "de"

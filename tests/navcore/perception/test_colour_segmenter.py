@@ -91,6 +91,30 @@ def test_pale_and_dark_colours_are_hit_only_when_the_rule_says_so() -> None:
     assert label(rgb(120, value=0.1), entry(90, 150, min_value=0.05)) == 3
 
 
+@pytest.mark.parametrize(
+    ("saturation", "value", "hit", "missed"),
+    [
+        ((0.0, 0.15), (0.85, 1.0), rgb(0, 0.05, 0.95), rgb(0, 0.0, 0.7)),
+        ((0.0, 0.15), (0.85, 1.0), (255, 255, 255), rgb(60, 0.9, 0.95)),
+        ((0.0, 1.0), (0.0, 0.2), (20, 20, 20), rgb(0, 0.0, 0.5)),
+    ],
+    ids=["white, not grey", "white, not yellow", "black, not grey"],
+)
+def test_white_and_black_are_hit_by_upper_bounds(
+    saturation: tuple[float, float], value: tuple[float, float], hit: Colour, missed: Colour
+) -> None:
+    rule = ColourRule(
+        hue_deg=(0.0, 360.0),
+        min_saturation=saturation[0],
+        max_saturation=saturation[1],
+        min_value=value[0],
+        max_value=value[1],
+    )
+    white_or_black = BewareClass(name="marking", class_id=3, colour=rule)
+    assert label(hit, white_or_black) == 3
+    assert label(missed, white_or_black) == NOTHING
+
+
 def test_where_rules_overlap_the_first_of_the_list_wins() -> None:
     wide, narrow = entry(0, 200, class_id=7), entry(100, 140, class_id=8)
     assert label(rgb(120), narrow, wide) == 8

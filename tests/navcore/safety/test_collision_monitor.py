@@ -126,6 +126,22 @@ def test_an_obstacle_out_of_sight_stays_until_it_is_in_view_again_or_old() -> No
     assert len(near.after(picture(pose=at(0.95), stamp_ns=1_900_000_000 + MEMORY_NS)).points) == 0
 
 
+def test_of_a_wall_out_of_sight_its_shape_is_remembered_and_not_each_pixel() -> None:
+    rng = np.random.default_rng(2)
+    wall = np.column_stack([rng.normal(-1.2, 0.01, 50_000), rng.uniform(-1.0, 1.0, 50_000)])
+    near = RecentObstacles(
+        points=wall.astype(np.float32), seen_ns=np.zeros(50_000, dtype=np.int64), pose=at(0.0)
+    )
+    later = near.after(picture(stamp_ns=100_000_000))
+    fine = dataclasses.replace(DEFAULT_SAFETY.collision, memory_cell_m=0.002)
+    assert 500 < len(later.points) < 8_000
+    assert len(near.after(picture(stamp_ns=100_000_000), fine).points) > 25_000
+    for asked in (Twist(v_mps=-0.8, w_radps=0.0), Twist(v_mps=-0.7, w_radps=0.6)):
+        contacts_s = [time_to_contact(one.points, asked, HUSKY) for one in (near, later)]
+        assert contacts_s[0] < 1.0
+        assert contacts_s[1] == pytest.approx(contacts_s[0], abs=0.03)
+
+
 @law(300)
 @given(st.floats(0.0, 0.9), st.floats(-1.0, 1.0), st.floats(-2.0, 2.0), st.floats(0.0, 0.5))
 def test_the_allowed_speed_stops_within_the_distance_that_is_left(

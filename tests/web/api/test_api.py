@@ -585,10 +585,10 @@ def test_the_events_bring_the_state_at_once_and_again_on_a_change(
     server: ConsoleServer, operations: FakeOperations
 ) -> None:
     with connect(server.url.replace("http", "ws") + "/api/v1/events", proxy=None) as socket:
-        first = json.loads(socket.recv(timeout=5))
+        first = json.loads(socket.recv(timeout=60))
         assert first["type"] == "state" and not first["stop_latched"]
         operations.stop("test")
-        assert any(json.loads(socket.recv(timeout=5))["stop_latched"] for _ in range(3))
+        assert any(json.loads(socket.recv(timeout=60))["stop_latched"] for _ in range(3))
 
 
 def test_pages_come_from_the_console_itself_and_ask_nothing_of_the_network(

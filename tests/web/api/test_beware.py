@@ -44,6 +44,25 @@ def test_a_class_is_added_renamed_moved_and_removed(client: httpx.Client) -> Non
     assert wrong(stale, 409)["code"] == "outdated"
 
 
+def test_a_pattern_of_colours_is_given_changed_and_kept(client: httpx.Client) -> None:
+    pattern = {"max_gap_m": 0.3, "max_value": 0.2}
+    tape = {"name": "blue-black tape", "colour": {**BLUE, "pattern": pattern}}
+    added = client.post(BEWARE, json=tape).json()["classes"][-1]
+    assert added["colour"]["pattern"] == added["colour"]["pattern"] | pattern
+    wider = {"colour": {**added["colour"], "hue_deg": [190, 260]}}
+    changed = client.patch(f"{BEWARE}/blue-black tape", json=wider).json()["classes"][-1]
+    assert changed["colour"] == wider["colour"]
+    text = client.get(f"{BEWARE}.toml").text
+    assert client.put(f"{BEWARE}.toml", content=text).json()["classes"][-1] == changed
+    plain = {"colour": {**added["colour"], "pattern": None}}
+    after = client.patch(f"{BEWARE}/blue-black tape", json=plain).json()["classes"][-1]
+    assert after["colour"]["pattern"] is None
+    endless = {"colour": {**BLUE, "pattern": {"max_gap_m": 99}}}
+    assert "max_gap_m" in str(
+        wrong(client.patch(f"{BEWARE}/blue-black tape", json=endless), 422)["where"]
+    )
+
+
 def test_versions_are_listed_compared_and_brought_back(client: httpx.Client) -> None:
     client.patch(f"{BEWARE}/cup", json={"margin_m": 0.4})
     client.patch(f"{BEWARE}/cup", json={"enabled": False})

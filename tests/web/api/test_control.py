@@ -103,11 +103,26 @@ def test_the_holder_sees_who_asks_and_giving_passes_control_on(
     }
     with live(locked, **bearer["admin"]) as admin, live(locked, **bearer["operator"]) as operator:
         assert news(admin, yours=False)["holder"] is None
-        httpx.post(f"{locked.url}/api/v1/control/take", headers=bearer["admin"], trust_env=False)
+        httpx.post(
+            f"{locked.url}/api/v1/control/take",
+            headers=bearer["admin"],
+            trust_env=False,
+            timeout=60.0,
+        )
         assert news(operator, yours=False, serial=1)["holder"]["name"] == "admin"
-        httpx.post(f"{locked.url}/api/v1/control/ask", headers=bearer["operator"], trust_env=False)
+        httpx.post(
+            f"{locked.url}/api/v1/control/ask",
+            headers=bearer["operator"],
+            trust_env=False,
+            timeout=60.0,
+        )
         assert news(admin, serial=2)["asking"]["name"] == "operator"
-        httpx.post(f"{locked.url}/api/v1/control/give", headers=bearer["admin"], trust_env=False)
+        httpx.post(
+            f"{locked.url}/api/v1/control/give",
+            headers=bearer["admin"],
+            trust_env=False,
+            timeout=60.0,
+        )
         assert news(operator, yours=True)["taken"] is False
         assert news(admin, yours=False, was_yours=True)["holder"]["name"] == "operator"
 

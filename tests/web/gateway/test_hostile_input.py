@@ -94,7 +94,7 @@ def lasting() -> Iterator[tuple[httpx.Client, FakeOperations]]:
     operations = FakeOperations()
     console = ConsoleServer(operations, port=0)
     console.start()
-    with httpx.Client(base_url=console.url, trust_env=False) as program:
+    with httpx.Client(base_url=console.url, trust_env=False, timeout=60.0) as program:
         program.post("/api/v1/zones", json=zone("kept"))
         yield program, operations
     console.stop()

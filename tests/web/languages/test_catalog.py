@@ -7,7 +7,7 @@ import pytest
 from starlette.datastructures import Headers
 
 from tests.web.auth.test_access import browser
-from tests.web.conftest import PASSWORD
+from tests.web.conftest import PASSWORD, Accounts
 from web.languages.catalog import (
     CATALOGS,
     COOKIE,
@@ -64,21 +64,21 @@ def test_the_texts_of_a_page_are_replaced_and_its_markup_stays() -> None:
 
 
 @pytest.mark.parametrize(
-    ("headers", "user", "expected"),
+    ("headers", "chosen", "expected"),
     [
-        ({}, "", ENGLISH),
-        ({"accept-language": "fr, de-AT;q=0.7, es;q=0.8"}, "", "es"),
-        ({"accept-language": ";;q=9, fr;q=x"}, "", ENGLISH),
-        ({"accept-language": "es", "cookie": f"{COOKIE}=de"}, "", "de"),
-        ({"accept-language": "es", "cookie": f"{COOKIE}=../de"}, "", "es"),
-        ({"cookie": f"{COOKIE}=de; {COOKIE}.vera=es"}, "vera", "es"),
-        ({"cookie": f"{COOKIE}=de; {COOKIE}.vera=es"}, "anna", "de"),
+        ({}, None, ENGLISH),
+        ({"accept-language": "fr, de-AT;q=0.7, es;q=0.8"}, None, "es"),
+        ({"accept-language": ";;q=9, fr;q=x"}, None, ENGLISH),
+        ({"accept-language": "es", "cookie": f"{COOKIE}=de"}, None, "de"),
+        ({"accept-language": "es", "cookie": f"{COOKIE}=../de"}, None, "es"),
+        ({"cookie": f"{COOKIE}=de"}, "es", "es"),
+        ({"cookie": f"{COOKIE}=de"}, "a removed one", "de"),
     ],
 )
 def test_the_language_is_that_of_the_user_else_of_the_browser(
-    headers: dict[str, str], user: str, expected: str
+    headers: dict[str, str], chosen: str | None, expected: str
 ) -> None:
-    assert language_of(Headers(headers), user) == expected
+    assert language_of(Headers(headers), chosen) == expected
 
 
 def test_the_page_and_its_catalog_come_in_the_language_and_are_cached_by_it(
@@ -97,6 +97,42 @@ def test_the_page_and_its_catalog_come_in_the_language_and_are_cached_by_it(
     assert catalog["texts"]["STOP"] == ["STOPP"]
     assert catalog["sentences"]["Driven by hand."] == CATALOGS["de"].sentences["Driven by hand."]
     assert client.get("/page/languages/xx.json").status_code == 404
+
+
+def test_the_language_of_a_user_is_in_all_browsers_and_no_other_user_has_it(
+    locked: ConsoleServer, accounts: Accounts
+) -> None:
+    with browser(locked, "viewer") as first, browser(locked, "viewer") as second:
+        for visitor in (first, second):
+            assert '<html lang="en"' in visitor.get("/").text
+        chosen = first.put("/api/v1/me/language", json={"language": "de"})
+        assert chosen.status_code == 204
+        for path in ("/", "/runs"):  # the sessions go on
+            assert '<html lang="de"' in second.get(path).text
+        # The account's language goes before that of a browser in which others log in too.
+        second.cookies.set(COOKIE, "es")
+        assert '<html lang="de"' in second.get("/").text
+        refused = first.put("/api/v1/me/language", json={"language": "xx"})
+        assert refused.status_code == 422 and "de, en, es" in refused.text
+    with browser(locked, "operator") as other:
+        assert '<html lang="en"' in other.get("/").text
+        audit = other.get("/api/v1/audit").json()
+        assert "changed the language of their pages" in [entry["text"] for entry in audit]
+    # It is stored: a console that starts again has it.
+    assert {user.name: user.language for user in accounts.store.users.all()} == {
+        "admin": None,
+        "operator": None,
+        "viewer": "de",
+    }
+
+
+def test_a_console_without_users_leaves_the_language_to_the_browser(client: httpx.Client) -> None:
+    assert client.put("/api/v1/me/language", json={"language": "de"}).status_code == 409
+    english, german = (
+        client.get("/", headers={"Accept-Language": "en", "Cookie": f"{COOKIE}={code}"}).text
+        for code in ("en", "de")
+    )
+    assert '<html lang="en"' in english and '<html lang="de"' in german
 
 
 def test_the_log_in_speaks_the_language_of_the_browser(locked: ConsoleServer) -> None:

@@ -131,6 +131,21 @@ def test_driving_by_hand_shows_the_camera_image_large(page: Page) -> None:
     expect(page.locator("body")).not_to_have_class(re.compile("camera-large"))
 
 
+def test_the_screen_stays_on_while_the_robot_is_driven_by_hand(page: Page) -> None:
+    await_map(page)
+    page.evaluate("""() => {
+      window.locks = [];
+      navigator.wakeLock.request = async (kind) => {
+        window.locks.push(kind);
+        return { release: async () => window.locks.push("released") };
+      };
+    }""")
+    page.get_by_test_id("teleop-open").click()
+    page.wait_for_function("window.locks.join() === 'screen'")
+    page.get_by_test_id("teleop-open").click()
+    page.wait_for_function("window.locks.join() === 'screen,released'")
+
+
 @pytest.mark.parametrize(("low", "high"), [(-0.2, 1.0), (0.0, 0.5), (0.0, 86.9), (-3.0, 1234.5)])
 def test_ticks_are_round_and_cover_the_values(page: Page, low: float, high: float) -> None:
     ticks = page.evaluate(TICKS, [low, high])

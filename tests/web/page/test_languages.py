@@ -3,16 +3,26 @@ are translated with their figures, and longer words fit."""
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from babel.messages.catalog import Catalog as Texts
 from playwright.sync_api import BrowserContext, Page, expect
 
+from app.insight.event_detector import EventDetector
+from app.insight.event_log import EventLog
+from app.runtime.operator_state import OperatorState
 from app.runtime.stop_reasons import CONTROLLER_STOPS, POSE_STOPS
-from navcore.mission.beware_list import default_beware_list
-from tests.languages.sources import texts
+from app.storage import Store
+from navcore.mission.beware_list import BewareList, default_beware_list
+from navcore.mission.mission import Mission, Phase
+from navcore.mission.zone import Zone
+from tests.languages.sources import REPOSITORY, texts
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import await_map, click_map
 from tests.web.page.states import SIZES, STATES, furnish
@@ -46,6 +56,8 @@ TRANSLATE = """async ([language, sentences]) => {
 MARKED = "eo"
 """Language of the catalog whose translations are the texts themselves in brackets."""
 BRACKETS = re.compile("⟦.*⟧", re.DOTALL)
+CORNERS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+ENGLISH_WORDS = re.compile(r"\b(?:the|was|is|has|now|lasted|any|list)\b")
 KEYS = {"Enter", "Esc", "Backspace", "Delete", "Ctrl", "Shift"}
 FIELD = re.compile(r"\{(\w+)(:[^}]*)?\}")
 OTHERS = sorted(CATALOGS.keys() - {ENGLISH})
@@ -200,6 +212,107 @@ def test_the_language_that_is_chosen_stays(new_context: Opener, server: ConsoleS
     page.get_by_test_id("language-es").click()
     expect(page.get_by_test_id("start")).to_contain_text("Iniciar")
     expect(page.locator("html")).to_have_attribute("lang", "es")
+
+
+def test_the_fields_of_a_past_mission_are_named_in_the_language_of_the_browser(
+    new_context: Opener,
+    server: ConsoleServer,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    report = {"id": "run-1", **dict.fromkeys(report_fields(), 1.5), "of_a_later_version": "x"}
+    report |= {"goals": [[1.0, 2.0]], "stops": []}
+    monkeypatch.setattr(operations, "runs", lambda: (report,))
+    monkeypatch.setattr(operations, "run", lambda _: report)
+    page = new_context(locale="de").new_page()
+    page.goto(f"{server.url}/runs")
+    rows = page.get_by_test_id("report").locator("tr th:first-child")
+    expect(rows).to_have_count(len(report) + 1)
+    names = rows.all_text_contents()[1:]
+    assert [name for name in names if name.replace(" ", "_") in report] == [
+        "of a later version",
+    ]
+    assert CATALOGS["de"].text("least clearance, m") in names
+    expect(page.get_by_test_id("report")).to_contain_text("1,5")
+
+
+def report_fields() -> set[str]:
+    """Return the fields of the reports of console and referee, but for the series."""
+    found = set[str]()
+    for path, functions in (
+        ("app/runtime/run_report.py", {"_end", "report"}),
+        ("sim/referee/referee.py", {"summary"}),
+    ):
+        tree = ast.parse((REPOSITORY / path).read_text(encoding="utf-8"))
+        for function in ast.walk(tree):
+            if isinstance(function, ast.FunctionDef) and function.name in functions:
+                dicts = [node for node in ast.walk(function) if isinstance(node, ast.Dict)]
+                found |= {str(key.value) for key in dicts[0].keys if isinstance(key, ast.Constant)}
+    assert {"scenario", "sim_time_s", "min_clearance_m"} < found
+    return found - {"series"}
+
+
+def test_stored_log_entries_are_shown_to_each_reader_in_their_language(
+    new_context: Opener, server: ConsoleServer, operations: FakeOperations, tmp_path: Path
+) -> None:
+    with closing(Store(tmp_path)) as store:
+        before = EventLog(store.events)
+        said = note_events(before)
+        before.write()
+        operations.insight.event_log = EventLog(store.events)  # of the next start
+        english, *others = (
+            logged(opened(new_context, server, language), len(said))
+            for language in (ENGLISH, *OTHERS)
+        )
+    assert english == said
+    for language, shown in zip(OTHERS, others, strict=True):
+        words = CATALOGS[language].sentences
+        assert words["Zone “{name}” was switched off."].format(name="wet") in shown
+        assert words["“{name}” leaves the beware list."].format(name="cable") in shown
+        assert any("0,9 m" in text and "cable" in text for text in shown)
+        assert [text for text in shown if ENGLISH_WORDS.search(text)] == []
+        assert set(shown).isdisjoint(said)
+
+
+def note_events(event_log: EventLog) -> list[str]:
+    """Have the robot log changes of mission, zones and beware list, and return what it says."""
+    zone = Zone(id="a", name="wet", polygon=CORNERS)
+    base, other, *_ = default_beware_list().classes
+    cable = replace(other, name="cable", margin_m=0.1)
+    bewares = [
+        BewareList(classes=classes)
+        for classes in (
+            (base,),
+            (base, cable),
+            (base, replace(cable, margin_m=0.9)),
+            (base, replace(cable, margin_m=0.9, enabled=not cable.enabled)),
+            (base, replace(cable, margin_m=0.9)),
+            (base,),
+        )
+    ]
+    off, moved = replace(zone, enabled=False), replace(zone, margin_m=0.5)
+    zones = [(), (zone,), (off,), (zone,), (moved,), ()]
+    phases = [Phase.IDLE, Phase.DRIVING, Phase.PAUSED, Phase.LEAVING, Phase.IDLE, Phase.IDLE]
+    intents = [
+        OperatorState(mission=Mission(phase=phase), beware=beware, zones=drawn)
+        for beware, drawn, phase in zip(bewares, zones, phases, strict=True)
+    ]
+    detector = EventDetector(event_log, intents[0])
+    for tick, intent in enumerate(intents):
+        detector.on_tick(float(tick), intent, None, (0.0, 0.0))
+    for second, reasons in ((10.0, (POSE_STOPS[next(iter(POSE_STOPS))],)), (11.0, ()), (99.0, ())):
+        detector.on_gate(second, reasons, (0.0, 0.0))
+    said = [entry.text for entry in event_log.page(kinds=(), since=0, limit=100).entries]
+    assert len(said) == 16
+    return said
+
+
+def logged(page: Page, count: int) -> list[str]:
+    """Return the sentences of the log, oldest first."""
+    page.get_by_test_id("tab-log").click()
+    words = page.get_by_test_id("log-entry").locator(".words")
+    expect(words).to_have_count(count)
+    return words.all_text_contents()[::-1]
 
 
 def test_the_stop_works_without_the_catalog(

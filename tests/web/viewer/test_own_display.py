@@ -90,15 +90,15 @@ def test_a_page_has_its_layers_again_in_a_view_that_is_made_later(server: Consol
 def test_the_page_learns_which_floor_is_below_its_pointer(server: ConsoleServer) -> None:
     with page_of(server, ANNA) as anna, viewer_of(server, f"/viewer/{ANNA}") as viewer:
         viewer.send(camera())
-        while json.loads(anna.recv(timeout=10)) != {"type": "viewer", "connected": True}:
+        while json.loads(anna.recv(timeout=60)) != {"type": "viewer", "connected": True}:
             pass
         anna.send(json.dumps({"type": "pointer", "phase": "down", "right": 0.5, "down": 0.5}))
-        answer = json.loads(anna.recv(timeout=10))
+        answer = json.loads(anna.recv(timeout=60))
         assert answer["type"] == "pointer" and answer["phase"] == "down"
         x, y = answer["place"]
         assert math.isfinite(x + y)
         anna.send(json.dumps({"type": "pointer", "phase": "up", "right": 0.5, "down": 0.5}))
-        assert json.loads(anna.recv(timeout=10)) == {**answer, "phase": "up"}
+        assert json.loads(anna.recv(timeout=60)) == {**answer, "phase": "up"}
 
 
 @given(st.floats(-20, 20), st.floats(-20, 20), st.floats(-8, 8), st.floats(-8, 8))

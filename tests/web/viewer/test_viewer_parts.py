@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import viser
@@ -9,6 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
+from app.runtime.stop_reasons import POSE_STOPS
+from navcore.mission.mission import Phase
+from navcore.mission.zone import Zone
+from tests.web.fake_operations import FakeOperations
 from web.interface.insight import Candidates
 from web.interface.snapshots import Cloud
 from web.viewer.layers.cloud import (
@@ -20,7 +26,9 @@ from web.viewer.layers.cloud import (
     is_kept,
 )
 from web.viewer.layers.geometry import flag_mesh, handle_mesh, polyline_segments, triangulate
+from web.viewer.layers.goals_zones import label_of
 from web.viewer.layers.primitives import primitive_segments
+from web.viewer.layers.robot import mark_of
 from web.viewer.picking import floor_point
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
@@ -60,6 +68,21 @@ def test_the_triangles_of_a_zone_cover_exactly_its_area(points: list[tuple[float
     vertices, faces = triangulate(np.array(ring), 0.5)
     assert (vertices[:, 2] == 0.5).all()
     assert np.isclose(sum(Polygon(vertices[face, :2]).area for face in faces), polygon.area)
+
+
+def test_the_labels_of_the_scene_have_signs_in_place_of_words() -> None:
+    operations = FakeOperations()
+    idle = operations.state()
+    reasons = tuple(stop for stop in POSE_STOPS.values())[:1]
+    states = [replace(idle, phase=phase) for phase in Phase]
+    states += [replace(idle, reasons=reasons), replace(idle, stop_latched=True)]
+    states.append(replace(idle, phase=Phase.PAUSED, reasons=reasons))
+    marks = [mark_of(state) for state in states]
+    assert marks == ["●", "▶", "❚❚", "▶", "▲", "■", "❚❚"]
+    zone = Zone(id="a", name="Ω", polygon=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
+    assert label_of(zone) == "Ω"
+    assert label_of(replace(zone, max_speed_mps=0.25)) == "Ω ≤ 0.25 m/s"
+    assert label_of(replace(zone, enabled=False)) == "○ Ω"
 
 
 def cloud_of(points: npt.NDArray[np.float32], serial: int = 1) -> Cloud:

@@ -55,7 +55,9 @@ export function show(beware) {
       foundBy.title = isFound
         ? t("What detects it in the camera image")
         : t("Not detected by this model");
-      setText(foundBy, isFound ? sentence(entry.found_by) : t("▲ not detected"));
+      const isPattern = entry.colour?.pattern && entry.found_by === "colour rule";
+      const eyes = isPattern ? t("pattern of colours") : sentence(entry.found_by);
+      setText(foundBy, isFound ? eyes : t("▲ not detected"));
       foundBy.classList.toggle("lost", !isFound);
     },
   );

@@ -97,7 +97,8 @@ const missing = () => {
 function eyes() {
   // The network goes on to know a class that is renamed.
   if (stored?.found_by.startsWith("network")) return sentence(ruleOf() ? stored.found_by : "network");
-  return ruleOf() ? t("colour rule") : null;
+  if (!ruleOf()) return null;
+  return ruleOf().pattern ? t("pattern of colours") : t("colour rule");
 }
 
 function describe() {

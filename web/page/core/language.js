@@ -113,8 +113,7 @@ const YEAR_S = 365 * 24 * 3600;
 export const languages = (root.dataset.languages ?? "en").split(" ");
 export const nameOfLanguage = (code) => new Intl.DisplayNames([code], { type: "language" }).of(code);
 
-// Keep the language for this browser, and for the user where one has logged in.
-export function keepLanguage(code, user) {
-  for (const name of user ? [COOKIE, `${COOKIE}.${user}`] : [COOKIE])
-    document.cookie = `${name}=${code}; path=/; max-age=${YEAR_S}; samesite=strict`;
+// Keep the language for this browser: for its log-in, and for a console without users.
+export function keepLanguage(code) {
+  document.cookie = `${COOKIE}=${code}; path=/; max-age=${YEAR_S}; samesite=strict`;
 }

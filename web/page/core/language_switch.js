@@ -1,6 +1,6 @@
 // The switch between the languages, each under its own name.
 
-import { get } from "./api.js";
+import { get, request } from "./api.js";
 import { element, make } from "./dom.js";
 import { keepLanguage, language, languages, nameOfLanguage } from "./language.js";
 import { attempt } from "./toasts.js";
@@ -8,7 +8,8 @@ import { attempt } from "./toasts.js";
 const choose = (code) =>
   attempt(async () => {
     const you = await get("/me");
-    keepLanguage(code, you.logged_in ? you.name : null);
+    if (you.logged_in) await request("PUT", "/me/language", { language: code });
+    keepLanguage(code);
     location.reload(); // control is kept
   });
 

@@ -2,23 +2,24 @@
 
 import { get } from "../core/api.js";
 import { element, make } from "../core/dom.js";
-import { number, sentence, t, tn } from "../core/language.js";
+import { language, number, sentence, t, tn } from "../core/language.js";
 import "../core/theme.js";
 import { attempt } from "../core/toasts.js";
 import { COLUMNS, makeChart, plot } from "./chart.js";
+import { nameOf } from "./run_fields.js";
 
 const fixed = (value, digits) => (typeof value === "number" ? number(value, digits) : "–");
-// Title → text of a run.
+// Field → text of a run.
 const LIST = {
-  [t("scenario")]: (run) => run.scenario ?? "–",
-  [t("goals")]: (run) =>
+  scenario: (run) => run.scenario ?? "–",
+  goals: (run) =>
     t("{reached} of {all}", { reached: run.goals_reached ?? "–", all: run.goals?.length ?? "–" }),
-  [t("time, s")]: (run) => fixed(run.sim_time_s, 1),
-  [t("distance, m")]: (run) => fixed(run.distance_m, 1),
-  SPL: (run) => fixed(run.spl, 2),
-  [t("collisions")]: (run) => fixed(run.collisions, 0),
-  [t("beware intrusions")]: (run) => fixed(run.beware_intrusions, 0),
-  [t("zone intrusions")]: (run) => fixed(run.zone_intrusions, 0),
+  sim_time_s: (run) => fixed(run.sim_time_s, 1),
+  distance_m: (run) => fixed(run.distance_m, 1),
+  spl: (run) => fixed(run.spl, 2),
+  collisions: (run) => fixed(run.collisions, 0),
+  beware_intrusions: (run) => fixed(run.beware_intrusions, 0),
+  zone_intrusions: (run) => fixed(run.zone_intrusions, 0),
 };
 let chosen = [];
 
@@ -28,7 +29,7 @@ async function showList() {
     ? tn("{n} run, newest first", "{n} runs, newest first", runs.length)
     : t("No mission has finished yet. Add a goal in the console and press Start; the report appears here.");
   element("head").replaceChildren(
-    make("tr", {}, ...["", t("run"), ...Object.keys(LIST)].map((title) => make("th", {}, title))),
+    make("tr", {}, ...["", ...["id", ...Object.keys(LIST)].map(nameOf)].map((title) => make("th", {}, title))),
   );
   element("runs").replaceChildren(...runs.map(rowOf));
   if (runs.length) element("runs").querySelector("input").click();
@@ -100,7 +101,7 @@ function fieldRow(name, values) {
   return make(
     "tr",
     { class: differs ? "differs" : "" },
-    make("th", {}, name.replaceAll("_", " ")),
+    make("th", {}, nameOf(name)),
     ...cells.map((text) => make("td", {}, text)),
   );
 }
@@ -110,7 +111,8 @@ function differenceOf([one, other]) {
   return `${other > one ? "+" : "−"}${rounded(Math.abs(other - one), 4)}`;
 }
 
-const rounded = (value, digits) => Number(value.toPrecision(digits));
+const rounded = (value, digits) =>
+  value.toLocaleString(language, { maximumSignificantDigits: digits, useGrouping: false });
 
 function textOf(name, value) {
   if (value === null || value === undefined) return "–";
@@ -124,7 +126,7 @@ function textOf(name, value) {
           `${key} ${typeof inner === "number" ? rounded(inner, 4) : JSON.stringify(inner)}`,
       )
       .join(", ");
-  return typeof value === "number" ? String(rounded(value, 6)) : String(value);
+  return typeof value === "number" ? rounded(value, 6) : String(value);
 }
 
 // Reports of earlier versions have one entry for each stop, without a count.

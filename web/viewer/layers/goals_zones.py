@@ -63,6 +63,14 @@ class GoalLayer:
         return [label, mesh]
 
 
+def label_of(zone: Zone) -> str:
+    """Return the name of a zone with its speed limit, or with a hollow circle where it is switched
+    off; without words, because browsers of all languages share one scene."""
+    if not zone.enabled:
+        return f"○ {zone.name}"
+    return zone.name if zone.max_speed_mps is None else f"{zone.name} ≤ {zone.max_speed_mps:g} m/s"
+
+
 class ZoneLayer:
     """Area, outline and name of each zone."""
 
@@ -95,11 +103,12 @@ class ZoneLayer:
         opacity = strength * (0.35 if zone.enabled else 0.12)
         corners = np.array(zone.polygon)
         base = f"/zones/{zone.id}"
-        limit = "" if zone.max_speed_mps is None else f" ≤ {zone.max_speed_mps:g} m/s"
-        text = f"{zone.name}{limit}" if zone.enabled else f"{zone.name} (off)"
         nodes = [
             scene.add_label(
-                f"{base}/name", text, position=(*corners.mean(axis=0), 0.25), anchor="bottom-center"
+                f"{base}/name",
+                label_of(zone),
+                position=(*corners.mean(axis=0), 0.25),
+                anchor="bottom-center",
             ),
             scene.add_line_segments(
                 f"{base}/outline",

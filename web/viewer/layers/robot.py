@@ -12,8 +12,10 @@ import viser
 import viser.transforms
 
 from navcore.geometry.transform import Pose2
+from navcore.mission.mission import Phase
 from web.images import palette
 from web.images.camera import with_overlay
+from web.interface.snapshots import State
 from web.viewer.layers.base import Scene
 from web.viewer.layers.geometry import faded, polyline_segments
 
@@ -30,8 +32,19 @@ VISIBLE_M, VISIBLE_RAD = 0.002, 0.002
 Floats = npt.NDArray[np.float64]
 
 
+_MARKS = {Phase.IDLE: "●", Phase.DRIVING: "▶", Phase.PAUSED: "❚❚", Phase.LEAVING: "▶"}
+
+
+def mark_of(state: State) -> str:
+    """Return the sign of the robot's state, that of the page's status line. Without words: all
+    browsers share one scene, whatever their languages."""
+    if state.stop_latched:
+        return "■"
+    return "▲" if state.reasons and state.phase is not Phase.PAUSED else _MARKS[state.phase]
+
+
 class RobotLayer:
-    """Body of the robot at its pose by odometry, with a label of its state."""
+    """Body of the robot at its pose by odometry, with a mark of its state."""
 
     name = "robot"
     period_s = 0.0
@@ -43,10 +56,8 @@ class RobotLayer:
         self._pose: Pose2 | None = None
 
     def push(self, scene: Scene) -> None:
-        """Update pose and label."""
-        state = scene.state
-        label = state.reasons[0].cause.replace("_", " ") if state.reasons else state.phase.value
-        text = "STOPPED" if state.stop_latched else label
+        """Update pose and mark."""
+        state, text = scene.state, mark_of(scene.state)
         if text != self._text:
             self._text = text
             self._server.scene.add_label(

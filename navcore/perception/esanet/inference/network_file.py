@@ -6,14 +6,17 @@ import dataclasses
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from navcore.config.inference import InferenceConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet.inference import onnx_file
 from navcore.perception.esanet.inference.onnx_file import OnnxCard
-from navcore.perception.esanet.network.model import STRIDE, EsaNet
+from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
-from navcore.perception.esanet.weights import weights_file as weights
+
+if TYPE_CHECKING:
+    from navcore.perception.esanet.network.model import EsaNet
 
 SHIPPED = Path(__file__).parents[1] / "shipped" / "beware-r18-nbt1d.safetensors"
 """The weights that come with the package."""
@@ -80,6 +83,8 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
             sha256=hashlib.sha256(content).hexdigest(),
             onnx=content,
         )
+    from navcore.perception.esanet.weights import weights_file as weights
+
     if path.suffix != weights.SUFFIX:
         raise BadConfiguration(
             f"{path}: expected a name ending in {weights.SUFFIX} or {onnx_file.SUFFIX}"

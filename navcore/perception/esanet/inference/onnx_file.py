@@ -16,17 +16,15 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import torch
+from typing import TYPE_CHECKING, Any
 
 from navcore.errors import BadConfiguration
-from navcore.perception.esanet.network.batchnorm_folding import folded, with_fixed_pools
-from navcore.perception.esanet.network.model import STRIDE, EsaNet
+from navcore.perception.esanet.network.limits import MAX_CLASSES, STRIDE
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Size, check_size
-from navcore.perception.esanet.network.quantisation import quantised
-from navcore.perception.esanet.network.variants import MAX_CLASSES
 from navcore.toml_config import from_table
+
+if TYPE_CHECKING:
+    from navcore.perception.esanet.network.model import EsaNet
 
 SUFFIX = ".onnx"
 INPUTS, OUTPUT = ("rgb", "depth"), "logits"
@@ -75,6 +73,11 @@ def exported(network: EsaNet, card: OnnxCard, *, ranges: Sequence[float] | None 
             "the onnx package is missing, without which nothing is exported: "
             "pip install 'bewarenav[fast]'"
         )
+    import torch
+
+    from navcore.perception.esanet.network.batchnorm_folding import folded, with_fixed_pools
+    from navcore.perception.esanet.network.quantisation import quantised
+
     height, width = card.size.height, card.size.width
     ready = folded(network) if ranges is None else quantised(network, ranges)
     fixed = with_fixed_pools(ready.cpu(), height // STRIDE, width // STRIDE)

@@ -22,7 +22,6 @@ from navcore.perception.esanet.inference.onnx_engines import (
     is_installed,
 )
 from navcore.perception.esanet.inference.onnx_file import can_export
-from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Preprocessor, Size
 
 PRECISIONS = ("int8", "bf16", "f32")
@@ -211,6 +210,8 @@ def candidates(
             )
         )
     if (network := file.network) is not None:
+        from navcore.perception.esanet.inference.torch_engine import TorchInference
+
         found.append(
             Candidate(
                 name="torch bf16",

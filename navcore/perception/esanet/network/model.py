@@ -17,6 +17,7 @@ from navcore.perception.esanet.network.decoder import Decoder, Outputs
 from navcore.perception.esanet.network.encoder import Encoder
 from navcore.perception.esanet.network.fusion import SqueezeExciteAdd
 from navcore.perception.esanet.network.initialise import initialise
+from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.pyramid_pooling import PyramidPooling
 from navcore.perception.esanet.network.variants import (
     DECODER_CHANNELS,
@@ -25,9 +26,6 @@ from navcore.perception.esanet.network.variants import (
     stem_channels,
     variant_named,
 )
-
-STRIDE = 32
-"""Height and width must be multiples of this, or the decoder's maps would not fit the skips."""
 
 
 def build(variant: str, num_classes: int, *, width: float = 1.0) -> EsaNet:

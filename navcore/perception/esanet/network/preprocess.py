@@ -4,16 +4,18 @@ depth."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numba
 import numpy as np
 import numpy.typing as npt
-import torch
-from torch import Tensor
 
 from navcore.errors import BadConfiguration, BadFrame
 from navcore.toml_config import ranged
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 RGB_MEAN = np.array([0.485, 0.456, 0.406], dtype=np.float32)
 RGB_STD = np.array([0.229, 0.224, 0.225], dtype=np.float32)
@@ -102,6 +104,8 @@ def to_tensors(
 
     rgb keeps its channels last in memory, which is fast for convolutions. Raises `BadFrame`.
     """
+    import torch
+
     colours = normalise_rgb(resize_rgb(rgb, size))
     distances = normalise_depth(resize_depth(depth, size), statistics)
     return torch.from_numpy(colours).permute(2, 0, 1)[None], torch.from_numpy(distances)[None, None]

@@ -11,6 +11,7 @@ from navcore.perception.esanet.network.blocks import (
     NonBottleneck1D,
     ResidualBlock,
 )
+from navcore.perception.esanet.network.limits import MAX_CLASSES
 
 BASE_CHANNELS = 64
 """Channels of the stem at width 1; all other channels are multiples of it."""
@@ -18,8 +19,6 @@ DECODER_CHANNELS = (8, 4, 2)
 """Channels of the three decoder modules, in multiples of the stem: 512, 256, 128 at width 1."""
 WIDTH_STEP = 1 / 8
 MAX_WIDTH = 2.0
-MAX_CLASSES = 255
-"""Largest number of classes: class ids are bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

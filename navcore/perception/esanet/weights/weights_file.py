@@ -22,6 +22,7 @@ from torch import Tensor
 
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole, write_whole
+from navcore.perception.esanet.network.limits import MAX_CLASSES
 from navcore.perception.esanet.network.model import EsaNet
 from navcore.perception.esanet.network.preprocess import (
     NYUV2_DEPTH,
@@ -30,7 +31,6 @@ from navcore.perception.esanet.network.preprocess import (
     Size,
 )
 from navcore.perception.esanet.network.quantisation import convolutions
-from navcore.perception.esanet.network.variants import MAX_CLASSES
 from navcore.perception.esanet.weights.architecture import (
     Architecture,
     infer_architecture,

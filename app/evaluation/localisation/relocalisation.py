@@ -3,14 +3,14 @@ away: recorded drives of which parts are left out."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from app.evaluation.localisation import Drive, odometry_of
+from app.evaluation.localisation.drives import Drive
+from app.evaluation.localisation.replay import RIGHT_M, RIGHT_RAD, odometry_of
 from navcore.config.localisation import LocalisationConfig
 from navcore.config.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
@@ -26,8 +26,6 @@ from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
 from sim.robot.odometry_grade import OdometryGrade
 
-RIGHT_M, RIGHT_RAD = 0.15, math.radians(2.0)
-"""Largest error of a place that counts as right."""
 GIVEN_UP_M = 10.0
 """Distance in metres after which a search without an answer counts as refused."""
 NOTICED_M, NOTICED_S = 2.0, 3.0
@@ -40,12 +38,10 @@ CARRIED_M = (1.0, 5.0, 20.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """A drive, its scans, and how well it is known where the robot is."""
+    """A drive, and the odometry with which it is driven again."""
 
     drive: Drive
     """The drive."""
-    scans: tuple[Scan, ...]
-    """Scan of each frame."""
     grade: OdometryGrade
     """Grade of the odometry with which it is driven again."""
     seed: int
@@ -130,7 +126,7 @@ def _search(
             driven_m += odometry[k].distance_to(odometry[k - 1].x_m, odometry[k - 1].y_m)
         if driven_m > GIVEN_UP_M:
             break
-        relocaliser.observe(run.scans[k], odometry[k], run.drive.frames[k].stamp_ns)
+        relocaliser.observe(run.drive.scans[k], odometry[k], run.drive.stamps_ns[k])
         task = relocaliser.next_task()
         if task is not None and (result := search_task(task, saved, config)) is not None:
             relocaliser.take(result)
@@ -223,8 +219,7 @@ def _follow_over(
             began_ns = began_ns or stamp_ns
             way_m += pose.distance_to(before.x_m, before.y_m)
         before = pose
-        moved = replace(drive.frames[k], pose=pose, stamp_ns=stamp_ns)
-        estimate = localiser.follow(moved, run.scans[k])
+        estimate = localiser.follow(drive.frame(k, pose, stamp_ns), drive.scans[k])
         if index < at:
             continue
         if not estimate.is_known:

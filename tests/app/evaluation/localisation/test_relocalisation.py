@@ -6,25 +6,22 @@ from functools import cache
 
 import numpy as np
 
-from app.evaluation.localisation import Drive, keyframes_of
-from app.evaluation.relocalisation import (
+from app.evaluation.localisation.drives import Drive
+from app.evaluation.localisation.relocalisation import (
     Recording,
     carried_away,
     mirrored,
     place_map,
     switched_on,
 )
+from app.evaluation.localisation.replay import keyframes_of
 from navcore.config.localisation import LocalisationConfig
-from navcore.geometry.camera import Intrinsics
-from navcore.geometry.transform import STANDSTILL
 from navcore.localisation.scans.scan import Keyframe
 from navcore.mapping.points.pose_ids import PoseIds
-from navcore.robot.frame import Frame
 from sim.robot.odometry_grade import OdometryGrade
 from tests.navcore.localisation.plan_worlds import office, tour
 
 CONFIG = LocalisationConfig()
-LENS = Intrinsics(width=1, height=1, fx=1.0, fy=1.0, cx=0.0, cy=0.0)
 ROOMS = 3
 
 
@@ -33,23 +30,16 @@ def toured() -> tuple[Recording, tuple[Keyframe, ...], PoseIds]:
     """A tour of an office and the map made on it."""
     world, rng = office(1, rooms=ROOMS), np.random.default_rng(5)
     poses = tour(1, rooms=ROOMS)
-    frames = tuple(
-        Frame(
-            stamp_ns=(k + 1) * 200_000_000,
-            rgb=np.zeros((1, 1, 3), dtype=np.uint8),
-            depth_m=np.ones((1, 1), dtype=np.float32),
-            intrinsics=LENS,
-            T_base_camera=np.eye(4),
-            pose=pose,
-            twist=STANDSTILL,
-        )
-        for k, pose in enumerate(poses)
+    drive = Drive(
+        stamps_ns=tuple((k + 1) * 200_000_000 for k in range(len(poses))),
+        by_odometry=tuple(poses),
+        pitch_rad=(0.0,) * len(poses),
+        true_poses=tuple(poses),
+        scans=tuple(world.scan(pose, rng) for pose in poses),
     )
-    drive = Drive(frames=frames, excluded=(), true_poses=tuple(poses))
-    scans = tuple(world.scan(pose, rng) for pose in poses)
-    run = Recording(drive=drive, scans=scans, grade=OdometryGrade.TYPICAL, seed=0)
+    run = Recording(drive=drive, grade=OdometryGrade.TYPICAL, seed=0)
     ids = PoseIds(0.1, 10.0)
-    return run, keyframes_of(drive, scans, ids, CONFIG), ids
+    return run, keyframes_of(drive, ids, CONFIG), ids
 
 
 def test_switched_on_in_its_map_the_robot_is_right_and_in_a_mirrored_one_refused() -> None:

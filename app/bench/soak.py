@@ -1,0 +1,285 @@
+"""Soak test of the console: what server and simulator hold while the robot drives for long.
+
+The console runs in a process of its own and drives round the goals of a world. Every `PERIOD_S` its
+processes are looked at through `/proc`, so only Linux is measured, and its state is asked for over
+HTTP, as any program may. Sizes are proportional (PSS): pages that the two processes share count
+half in each.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+from rich.table import Table
+
+from app.bench.page import console_process, drive_around
+from app.runtime.provenance import machine, shipped_sha256, version
+from app.runtime.segmenter_choice import Kind
+from navcore.errors import BewareNavError
+from navcore.files import write_whole
+from sim.scenario.load import load_scenario
+
+PERIOD_S = 10.0
+"""Time between two samples, seconds."""
+POLL_S = 0.1
+"""Time between two looks at the newest tick, seconds; images come every 0.1 s."""
+WARM_UP_S = 600.0
+"""Time after which nothing may grow any more, seconds; half of a shorter run."""
+STOPS = 5
+"""Number of stops whose latency is measured, at the start and at the end."""
+LOOK_S = 0.005
+"""Time between two looks for the command of zero after a stop, seconds."""
+MOVING_S = 60.0
+"""Longest wait for the robot to move before a stop, seconds."""
+STOPPED_S = 5.0
+"""Longest wait for a command of zero after a stop, seconds."""
+QUANTITIES = {
+    "pss_mb": ("memory (PSS), MB", "{:.0f}"),
+    "rss_mb": ("memory (RSS), MB", "{:.0f}"),
+    "threads": ("threads", "{:.0f}"),
+    "files": ("open files", "{:.0f}"),
+    "sockets": ("of these, sockets", "{:.0f}"),
+}
+"""Field of `ProcessUse` → its name, and the format of its values."""
+
+
+class NotMeasured(BewareNavError):  # noqa: N818 - named after what happened, as all of them
+    """The soak test needs Linux, or its console ended."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessUse:
+    """What a process holds at a moment."""
+
+    rss_mb: float
+    """Resident memory, MB (10⁶ bytes)."""
+    pss_mb: float
+    """Its proportional share: a page of n processes counts 1/n, MB."""
+    threads: int
+    """Number of threads."""
+    files: int
+    """Number of open file descriptors."""
+    sockets: int
+    """Number of those that are sockets."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """One look at console and robot."""
+
+    t_s: float
+    """Time since the robot set off, seconds."""
+    server: ProcessUse
+    """The console's process."""
+    simulator: ProcessUse
+    """The simulator's process."""
+    ticks_ms: tuple[float, ...]
+    """Times of the ticks seen since the sample before, milliseconds."""
+    driving: float
+    """Share of the looks at which the mission drove."""
+
+
+def soak_table(
+    scenario: str, seconds: float, *, segmenter: Kind = "network", record: Path | None = None
+) -> Table:
+    """Drive for `seconds`; write the samples to the file `record`, if given, and return their
+    table.
+
+    Raises `NotMeasured` on systems without `/proc` and when the console ends.
+    """
+    if not sys.platform.startswith("linux"):
+        raise NotMeasured("the soak test is not run: it reads /proc, which only Linux has")
+    goals = load_scenario(scenario).goals
+    with console_process(scenario, segmenter=segmenter) as program:
+        server, simulator = console_pids(os.getpid())
+        title = program.get("/api/v1/state").json()["segmenter"]
+        drive_around(program, goals)
+        first_stops = list(_stops_ms(program))
+        samples = list(_samples(program, goals, seconds, server=server, simulator=simulator))
+        last_stops = list(_stops_ms(program))
+    if record is not None:
+        document = {
+            "command": f"bewarenav bench soak --scenario {scenario} --seconds {seconds:g} "
+            f"--segmenter {segmenter}",
+            "version": version(),
+            "machine": machine(),
+            "date": time.strftime("%Y-%m-%d"),
+            "segmenter": title,
+            "weights_sha256": shipped_sha256(),
+            "stops_ms": {"start": first_stops, "end": last_stops},
+            "samples": [asdict(sample) for sample in samples],
+        }
+        write_whole(record, f"{json.dumps(document)}\n".encode())
+    return _table(f"{scenario}, {title}, {seconds / 60:.1f} min", samples, first_stops, last_stops)
+
+
+def process_use(pid: int) -> ProcessUse:
+    """Return what a process holds; raises `OSError` when it has ended."""
+    folder, sizes = Path(f"/proc/{pid}"), {}
+    for line in (folder / "smaps_rollup").read_text().splitlines()[1:]:
+        name, size_kb = line.split()[:2]
+        sizes[name] = int(size_kb) * 1024 / 1e6
+    targets = list(_targets(folder / "fd"))
+    return ProcessUse(
+        rss_mb=round(sizes["Rss:"], 1),
+        pss_mb=round(sizes["Pss:"], 1),
+        threads=len(list((folder / "task").iterdir())),
+        files=len(targets),
+        sockets=sum(target.startswith("socket:") for target in targets),
+    )
+
+
+def _targets(folder: Path) -> Iterator[str]:
+    for descriptor in folder.iterdir():
+        try:
+            yield str(descriptor.readlink())
+        except FileNotFoundError:
+            continue  # it has been closed meanwhile
+
+
+def console_pids(root: int) -> tuple[int, int]:
+    """Return the ids of the console that a process started and of its simulator; raises
+    `NotMeasured` without them."""
+    server = next((pid for pid in _children(root) if "console" in _arguments(pid)), None)
+    if server is None:
+        raise NotMeasured("the soak test is not run: the console did not start")
+    size = {pid: process_use(pid).rss_mb for pid in _children(server)}
+    if not size:
+        raise NotMeasured("the soak test is not run: the console has no simulator")
+    return server, max(size, key=lambda pid: size[pid])  # beside multiprocessing's small helper
+
+
+def _children(pid: int) -> list[int]:
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+
+
+def _arguments(pid: int) -> list[str]:
+    return Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+
+
+def _samples(
+    program: httpx.Client,
+    goals: tuple[tuple[float, float], ...],
+    seconds: float,
+    *,
+    server: int,
+    simulator: int,
+) -> Iterator[Sample]:
+    began_s = time.monotonic()
+    while (t_s := time.monotonic() - began_s) < seconds:
+        ticks_ms, driving = _watch(program, min(PERIOD_S, seconds - t_s))
+        try:
+            yield Sample(
+                t_s=round(time.monotonic() - began_s, 1),
+                server=process_use(server),
+                simulator=process_use(simulator),
+                ticks_ms=tuple(ticks_ms),
+                driving=driving,
+            )
+        except OSError:
+            raise NotMeasured("the console ended during the soak test") from None
+        if not driving:  # a goal that it gave up ended the mission
+            drive_around(program, goals)
+
+
+def _watch(program: httpx.Client, seconds: float) -> tuple[list[float], float]:
+    """Return the times of the ticks, milliseconds, and the share of looks at which it drove."""
+    ticks_ms: dict[int, float] = {}
+    looks = driving = 0
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s or not looks:
+        state = _state(program)
+        ticks_ms.setdefault(state["picture_serial"], state["tick_ms"])
+        looks += 1
+        driving += state["phase"] == "driving"
+        time.sleep(POLL_S)
+    return list(ticks_ms.values()), driving / looks
+
+
+def _stops_ms(program: httpx.Client) -> Iterator[float]:
+    """Stop the moving robot `STOPS` times and let it go on; yield the milliseconds from each
+    request to the command of zero in the state. A robot that does not set off is not stopped."""
+    for _ in range(STOPS):
+        if not _waits(program, standing=False, seconds=MOVING_S):
+            return
+        began_s = time.perf_counter()
+        program.post("/api/v1/stop").raise_for_status()
+        stopped = _waits(program, standing=True, seconds=STOPPED_S)
+        latency_ms = (time.perf_counter() - began_s) * 1e3
+        program.post("/api/v1/stop/reset").raise_for_status()
+        program.post("/api/v1/mission/resume").raise_for_status()
+        yield round(latency_ms, 1) if stopped else float("inf")
+
+
+def _waits(program: httpx.Client, *, standing: bool, seconds: float) -> bool:
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        command = _state(program)["command"]
+        if (command["v_mps"] == 0 and command["w_radps"] == 0) == standing:
+            return True
+        time.sleep(LOOK_S if standing else POLL_S)
+    return False
+
+
+def _state(program: httpx.Client) -> dict[str, Any]:
+    state: dict[str, Any] = program.get("/api/v1/state").json()
+    return state
+
+
+def growth_per_hour(times_s: Sequence[float], values: Sequence[float]) -> float:
+    """Return the slope of the fitted line, per hour; 0 for fewer than two values."""
+    if len(values) < 2:
+        return 0.0
+    return float(np.polyfit(np.array(times_s) / 3600, np.array(values), 1)[0])
+
+
+def _table(
+    title: str, samples: Sequence[Sample], first_stops: list[float], last_stops: list[float]
+) -> Table:
+    """Return the table: medians of a sixth of the samples at the start, after the warm-up and at
+    the end, and the growth after the warm-up."""
+    driving = np.mean([sample.driving for sample in samples])
+    table = Table(
+        "what",
+        "start",
+        "warmed up",
+        "end",
+        "growth per hour",
+        title=f"{title}, driving {driving:.0%} of the time",
+    )
+    warm_s = min(WARM_UP_S, samples[-1].t_s / 2)
+    warm = [sample for sample in samples if sample.t_s >= warm_s]
+    count = max(1, len(samples) // 6)
+    parts = (samples[:count], warm[:count], samples[-count:])
+    times_s = [sample.t_s for sample in warm]
+    for process in ("server", "simulator"):
+        for name, (words, form) in QUANTITIES.items():
+            values = [getattr(getattr(sample, process), name) for sample in warm]
+            medians = [
+                float(np.median([getattr(getattr(sample, process), name) for sample in part]))
+                for part in parts
+            ]
+            growth = growth_per_hour(times_s, values)
+            table.add_row(
+                f"{process}: {words}", *(form.format(value) for value in medians), f"{growth:+.1f}"
+            )
+    ticks = [[ms for sample in part for ms in sample.ticks_ms] for part in parts]
+    table.add_row("tick p99, ms", *(_percentile(times, 99) for times in ticks), "")
+    table.add_row(
+        "stop, longest, ms", _percentile(first_stops, 100), "", _percentile(last_stops, 100), ""
+    )
+    return table
+
+
+def _percentile(values: Sequence[float], share: float) -> str:
+    return f"{np.percentile(values, share):.0f}" if values else "–"

@@ -1,0 +1,1 @@
+"""Evaluation of localisation on recorded drives, judged by the true poses."""

@@ -1,0 +1,261 @@
+"""`evaluate localisation`: how well the robot knows its place, in a new map, in a saved one, after
+it was switched on, carried away or disturbed, and in wrong maps."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console as Terminal
+from rich.table import Table
+
+from app.evaluation.localisation.drives import kept_drive
+from app.evaluation.localisation.figures import figures, summarise
+from app.evaluation.localisation.relocalisation import (
+    Recording,
+    carried_away,
+    mirrored,
+    place_map,
+    switched_on,
+)
+from app.evaluation.localisation.replay import Replay, follow, keyframes_of
+from app.evaluation.localisation.trials import SavedMap, days, disturbed, half_turn, started_in
+from navcore.config.navigator import NavigatorConfig
+from navcore.errors import BadConfiguration
+from navcore.files import write_whole
+from navcore.mapping.points.pose_ids import PoseIds
+from navcore.mission.beware_list import BewareList
+from sim.robot.odometry_grade import OdometryGrade
+from sim.scenario.load import load_scenario
+from sim.scenario.schema import Scenario
+
+OTHER_DAY = 1000
+"""Added to the seed of the second drive: chairs stand elsewhere, other people are about."""
+PLACES = 5
+"""Places at which the robot is switched on or carried away, for each episode."""
+DAYS = 10
+"""Days in one site."""
+WORSE_M = 0.02
+"""How much worse than odometry alone a run may be, metres, root mean square."""
+ROWS = ("rms_m", "p95_m", "final_m", "yaw_p95_deg", "rpe_m", "nees", "odometry_rms_m", "p99_ms")
+"""Figures that are printed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Suite:
+    """What is driven, how often, and where recorded drives are kept."""
+
+    grade: OdometryGrade
+    """Grade of the odometry."""
+    episodes: int
+    """Number of runs of odometry for each drive."""
+    seed: int
+    """Seed of the first drive and of the first run of odometry."""
+    drives: Path
+    """Folder of the recorded drives."""
+    beware: BewareList
+    """Beware list of the operator."""
+    config: NavigatorConfig
+    """Configuration of the navigation."""
+
+    def recording(self, world: Scenario, *, other_day: bool = False) -> Recording:
+        """Return the drive of a world; that of the other day has the goals in reverse order."""
+        drive = kept_drive(
+            self.drives,
+            world,
+            self.beware,
+            seed=self.seed + (OTHER_DAY if other_day else 0),
+            config=self.config,
+            backwards=other_day,
+        )
+        return Recording(drive=drive, grade=self.grade, seed=self.seed)
+
+    def pose_ids(self) -> PoseIds:
+        """Return the pose IDs of a new map."""
+        return PoseIds(self.config.map.pose_spacing_m, self.config.map.pose_spacing_deg)
+
+    def saved(self, run: Recording) -> SavedMap:
+        """Return the map of a drive."""
+        ids = self.pose_ids()
+        keyframes = keyframes_of(run.drive, ids, self.config.localisation)
+        return SavedMap(keyframes=keyframes, poses=ids.array())
+
+    def tracked(self, run: Recording, saved: SavedMap | None) -> list[dict[str, float]]:
+        """Return the figures of each run along a drive, in a saved map or a new one."""
+        rows = []
+        for number in range(self.episodes):
+            odometry = run.odometry(number, run.drive.true_poses[0])
+            replay = (
+                Replay(self.config)
+                if saved is None
+                else Replay(self.config, saved.keyframes, saved.poses)
+            )
+            rows.append(figures(follow(replay, run.drive, odometry)))
+        return rows
+
+
+def evaluate_localisation(
+    scenario: Scenario,
+    *,
+    grade: OdometryGrade,
+    episodes: int,
+    seed: int,
+    out: Path,
+    beware: BewareList,
+    config: NavigatorConfig | None = None,
+) -> dict[str, Any]:
+    """Drive a world twice, let `episodes` runs of odometry follow each drive, and print and write
+    `summary.json`; recorded drives are kept beside `out` and replayed by later calls.
+
+    Raises `BadConfiguration` for a world without goals of its own.
+    """
+    if not scenario.goals:
+        raise BadConfiguration(f"scenario {scenario.name!r} has no goals to drive to")
+    suite = Suite(
+        grade=grade,
+        episodes=episodes,
+        seed=seed,
+        drives=out.parent / "drives",
+        beware=beware,
+        config=config or NavigatorConfig(),
+    )
+    first = suite.recording(scenario)
+    second = suite.recording(scenario, other_day=True)
+    saved = suite.saved(first)
+    summary = {
+        "scenario": scenario.name,
+        "odometry": str(grade),
+        "seed": seed,
+        "episodes": episodes,
+        "distance_m": [round(run.drive.distance_m, 1) for run in (first, second)],
+        "new_map": summarise(suite.tracked(first, None)),
+        "saved_map": summarise(suite.tracked(second, saved)),
+        **_found(suite, scenario, second, saved),
+        "carried_away": _carried(suite, second, saved),
+        "disturbed": disturbed(second, saved, suite.config, min(episodes, PLACES)),
+        "days": days((first, second), suite.config, DAYS),
+    }
+    _print(summary)
+    out.mkdir(parents=True, exist_ok=True)
+    write_whole(out / "summary.json", json.dumps(summary, indent=1).encode())
+    return summary
+
+
+def _found(
+    suite: Suite, scenario: Scenario, run: Recording, saved: SavedMap
+) -> dict[str, dict[str, Any]]:
+    """Return how often the place is found in the saved map, and in wrong ones."""
+    rules, count = suite.config.localisation, PLACES * suite.episodes
+    other = load_scenario("indoor" if scenario.name == "office" else "office")
+    elsewhere = suite.saved(suite.recording(other)).keyframes
+    wrong = {"mirrored": mirrored(saved.keyframes), other.name: elsewhere}
+    return {
+        "switched_on": switched_on(
+            run, place_map(saved.keyframes, rules), rules.relocalisation, count, is_here=True
+        ),
+        "wrong_map": {
+            name: switched_on(
+                run, place_map(keyframes, rules), rules.relocalisation, count, is_here=False
+            )
+            for name, keyframes in wrong.items()
+        },
+        "started_in": {
+            "the saved map": started_in(run, saved, suite.config, count),
+            "turned by 180°": started_in(run, saved, suite.config, count, half_turn(saved)),
+            "mirrored": started_in(
+                run,
+                replace(saved, keyframes=tuple(mirrored(saved.keyframes))),
+                suite.config,
+                count,
+                is_here=False,
+            ),
+            other.name: started_in(
+                run, replace(saved, keyframes=elsewhere), suite.config, count, is_here=False
+            ),
+        },
+    }
+
+
+def _carried(suite: Suite, run: Recording, saved: SavedMap) -> dict[str, dict[str, Any]]:
+    rules, count = suite.config.localisation, PLACES * suite.episodes
+    known = suite.pose_ids()
+    known.restore(saved.poses)
+    return {
+        "saved_map": carried_away(run, saved.keyframes, rules, known, count),
+        "new_map": carried_away(run, (), rules, suite.pose_ids(), count),
+    }
+
+
+def _print(summary: dict[str, Any]) -> None:
+    title = f"{summary['scenario']}, {summary['odometry']} odometry, {summary['episodes']} runs"
+    table = Table(title=title)
+    table.add_column("map")
+    for name in ROWS:
+        table.add_column(name, justify="right")
+    for which in ("new_map", "saved_map"):
+        for kind in ("median", "worst"):
+            cells = (f"{summary[which][kind][name]:.3g}" for name in ROWS)
+            table.add_row(f"{which.replace('_', ' ')}, {kind}", *cells)
+    terminal = Terminal(width=None if sys.stdout.isatty() else 130)
+    terminal.print(table)
+    for line in lines(summary):
+        terminal.print(line)
+
+
+def lines(summary: dict[str, Any]) -> list[str]:
+    """Return the figures beside the table, one a line."""
+    return [
+        *(_consistency(name, summary[name]["rows"]) for name in ("new_map", "saved_map")),
+        *(
+            f"switched on, map {name}: {_answers(found)}, after {_metres(found['median_m'])}"
+            for name, found in {
+                "the saved map": summary["switched_on"],
+                **summary["wrong_map"],
+            }.items()
+        ),
+        *(
+            f"started as odometry says, map {name}: {_answers(found)}; {found['misled']} misled on "
+            f"the way, {found['misled_m']:.1f} m at most"
+            for name, found in summary["started_in"].items()
+        ),
+        *(
+            f"carried away, {name.replace('_', ' ')}: {found['noticed']} of {found['carried']} "
+            f"noticed ({found['in_time']} in time) after {_metres(found['median_m'])}, "
+            f"{found['right_again']} right again, {found['unnoticed']} unnoticed; "
+            f"{found['false_alarms']} false alarms in {found['not_carried']}"
+            for name, found in summary["carried_away"].items()
+        ),
+        *(
+            f"disturbed, {name}: {found['right']} right, {found['lost']} lost, {found['wrong']} "
+            f"wrong at the end of {found['runs']}; odometry alone {found['odometry_m']:.2f} m off"
+            for name, found in summary["disturbed"].items()
+        ),
+        f"{summary['days']['days']} days: places crept by {summary['days']['crept_m']:.3f} m, rms "
+        + " ".join(f"{value:.3f}" for value in summary["days"]["rms_m"])
+        + f" m, {summary['days']['keyframes'][0]} to {summary['days']['keyframes'][-1]} keyframes",
+    ]
+
+
+def _consistency(name: str, rows: list[dict[str, float]]) -> str:
+    worse = sum(row["worse_than_odometry_m"] > WORSE_M for row in rows)
+    sure = sum(row["overconfident_s"] >= 3.0 for row in rows)
+    right, wrong = (int(sum(row[f"loops_{kind}"] for row in rows)) for kind in ("right", "wrong"))
+    return (
+        f"{name.replace('_', ' ')}: {worse} of {len(rows)} runs worse than odometry by more than "
+        f"{100 * WORSE_M:.0f} cm, {sure} with NEES above 30 for 3 s; loops {right} right, "
+        f"{wrong} wrong"
+    )
+
+
+def _answers(found: dict[str, Any]) -> str:
+    return (
+        f"{found['right']} right, {found['refused']} refused, {found['wrong']} wrong of "
+        f"{found['starts']}"
+    )
+
+
+def _metres(value: float | None) -> str:
+    return "–" if value is None else f"{value:.1f} m"

@@ -1,0 +1,46 @@
+"""The soak test's figures: what a process holds, and what grows."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import threading
+
+import pytest
+
+from app.bench.soak import NotMeasured, console_pids, growth_per_hour, process_use
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="reads /proc, which only Linux has"
+)
+
+
+def test_threads_files_sockets_and_memory_that_a_process_takes_are_counted() -> None:
+    before, ended = process_use(os.getpid()), threading.Event()
+    waiting = threading.Thread(target=ended.wait)
+    waiting.start()
+    with socket.socket():
+        held = b"\1" * 50_000_000
+        during = process_use(os.getpid())
+    ended.set()
+    waiting.join()
+    assert during.threads == before.threads + 1
+    assert during.files == before.files + 1
+    assert during.sockets == before.sockets + 1
+    assert during.pss_mb - before.pss_mb >= 0.9 * len(held) / 1e6
+    assert during.pss_mb <= during.rss_mb
+
+
+def test_growth_is_the_slope_of_the_samples_and_not_the_difference_of_two_of_them() -> None:
+    times_s = [10.0 * number for number in range(61)]
+    leaking = [500 + 36 * t_s / 3600 for t_s in times_s]
+    assert growth_per_hour(times_s, leaking) == pytest.approx(36.0)
+    steady = [500.0] * 60 + [506.0]
+    assert growth_per_hour(times_s, steady) < 6 / (600 / 3600)
+    assert growth_per_hour([10.0], [500.0]) == 0.0
+
+
+def test_without_a_console_among_its_children_nothing_is_measured() -> None:
+    with pytest.raises(NotMeasured, match="the console did not start"):
+        console_pids(os.getpid())

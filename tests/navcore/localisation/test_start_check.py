@@ -1,0 +1,85 @@
+"""Confirmation of the place at which the robot starts in a saved map."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from navcore.config.localisation import LocalisationConfig, StartConfig
+from navcore.geometry.transform import Pose2
+from navcore.localisation.localisation import Localisation
+from navcore.localisation.start_check import Probation, StartCheck
+from navcore.localisation.tracking.localiser import Localiser
+from navcore.mapping.points.pose_ids import PoseIds
+from tests.navcore.localisation.plan_worlds import drive, office
+from tests.navcore.localisation.tracking.test_localiser import frame_at
+
+RULES = StartConfig()
+MANY, FEW = RULES.telling_points, RULES.telling_points - 1
+WORLD = office(3)
+ROUTE = drive([(1.5, 0.0), (9.0, 0.0)])
+
+
+def verdict_of(share: float | None, points: int) -> bool | None:
+    """Verdict on frames that are all alike, for as long as it takes."""
+    check = StartCheck(RULES)
+    verdicts = (check.after(share, points, k * 200_000_000) for k in range(60))
+    return next((verdict for verdict in verdicts if verdict is not None), None)
+
+
+def test_what_fits_is_believed_and_what_does_not_or_is_nowhere_on_the_map_is_not() -> None:
+    assert verdict_of(0.9, MANY) is True
+    assert verdict_of(0.5, MANY) is False
+    assert verdict_of(None, MANY) is False
+    assert verdict_of(None, FEW) is True
+
+
+def test_on_the_first_metres_scans_have_to_fit_too() -> None:
+    def after(share: float | None, points: int) -> bool | None:
+        probation = Probation(RULES)
+        verdicts = (probation.after(share, points, 0.1) for _ in range(100))
+        return next((verdict for verdict in verdicts if verdict is not None), None)
+
+    assert after(0.9, MANY) is True
+    assert after(0.5, MANY) is False and after(None, MANY) is False
+    assert after(None, FEW) is None
+
+
+def kept_where_the_map_shows_nothing() -> int:
+    """Number of surfaces that a robot keeps which stands far from everything on its map."""
+    rng, ids = np.random.default_rng(1), PoseIds(0.25, 10.0)
+    maker, far = Localiser(ids), Pose2(x_m=500.0, y_m=0.0, yaw_rad=0.0)
+    for k, pose in enumerate(ROUTE):
+        maker.follow(frame_at(far @ pose, k), WORLD.scan(pose, rng))
+    ids.freeze()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(maker.keyframes)
+    for k in range(10):
+        localisation.follow(frame_at(ROUTE[40], k), WORLD.scan(ROUTE[40], rng))
+    return len(localisation.tracker.own_map)
+
+
+def test_what_is_seen_before_the_place_is_confirmed_is_not_kept_and_confirms_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert kept_where_the_map_shows_nothing() == 0
+    always = property(lambda _: True, lambda _, value: None)
+    monkeypatch.setattr(Localiser, "is_confirmed", always, raising=False)
+    assert kept_where_the_map_shows_nothing() > 0
+
+
+def test_a_map_in_use_before_knows_the_robot_still_and_without_that_it_is_lost() -> None:
+    rng, ids = np.random.default_rng(1), PoseIds(0.25, 10.0)
+    maker = Localiser(ids)
+    for k, pose in enumerate(ROUTE):
+        estimate = maker.follow(frame_at(pose, k), WORLD.scan(pose, rng))
+    ids.freeze()
+    # The robot stands where the map shows nothing: it looks back along the corridor.
+    there = Pose2(x_m=ROUTE[0].x_m - 9.0, y_m=0.0, yaw_rad=np.pi)
+    scan = office(7).scan(Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.0), rng)
+    for kept, known in ((estimate, True), (None, False)):
+        localisation = Localisation(ids, LocalisationConfig())
+        localisation.load(maker.keyframes, kept=kept)
+        for k in range(25):
+            found = localisation.follow(frame_at(there, k), scan)
+        assert found.is_known is known
