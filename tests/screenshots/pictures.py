@@ -122,7 +122,7 @@ def _glide(
 
 
 def _screenshots(page: Page, folder: Path) -> list[Path]:
-    """Take the explanation of the path, the candidate motions in 3D, and the event log."""
+    """Take the map, its layers, and the event log in the light theme."""
     page.evaluate("document.getElementById('drawn-pointer').remove()")
     page.get_by_test_id("mode-navigate").click()
     files = [_shot(page, folder / "screenshot.jpg")]
