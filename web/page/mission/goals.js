@@ -77,8 +77,8 @@ function statusText(goal, isMoving) {
 }
 
 const degrees = (yaw) => `${Math.round((yaw * 180) / Math.PI)}°`;
-const positionText = (goal) =>
-  `${goal.x_m.toFixed(2)}, ${goal.y_m.toFixed(2)}${goal.yaw_rad === null ? "" : ` ∠ ${degrees(goal.yaw_rad)}`}`;
+const positionText = (goal, digits = 2) =>
+  `${goal.x_m.toFixed(digits)}, ${goal.y_m.toFixed(digits)}${goal.yaw_rad === null ? "" : ` ∠ ${degrees(goal.yaw_rad)}`}`;
 
 function itemOf(goal) {
   const item = make("li", {
@@ -98,7 +98,7 @@ function itemOf(goal) {
     make("input", {
       class: "name",
       maxlength: 80,
-      placeholder: where,
+      placeholder: positionText(goal, 1), // as in messages; all of it fits beside the status
       title: where,
       "aria-label": t("Name of the goal at {where}", { where }),
       "data-testid": "goal-name",
