@@ -402,9 +402,8 @@ def test_an_empty_beware_list_needs_force_and_the_defaults_come_back(
         and "bewares of nothing" in refused["message"]
         and "force=true" in refused["message"]
     )
-    assert operations.beware.list.classes == shipped and operations.state().beware_enabled == len(
-        shipped
-    )
+    assert operations.beware.list.classes == shipped
+    assert operations.state().beware_enabled == sum(entry.enabled for entry in shipped)
     emptied = client.put("/api/v1/beware?force=true", json={"classes": []})
     assert emptied.status_code == 200 and emptied.json()["classes"] == []
     assert client.get("/api/v1/state").json()["beware_enabled"] == 0

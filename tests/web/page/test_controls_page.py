@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, middle_of
+from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, eventually, middle_of
 from web.server import ConsoleServer
 
 TICKS = """async ([low, high]) => {
@@ -141,9 +141,9 @@ def test_the_screen_stays_on_while_the_robot_is_driven_by_hand(page: Page) -> No
       };
     }""")
     page.get_by_test_id("teleop-open").click()
-    page.wait_for_function("window.locks.join() === 'screen'")
+    eventually(page, lambda: page.evaluate("window.locks.join()") == "screen")
     page.get_by_test_id("teleop-open").click()
-    page.wait_for_function("window.locks.join() === 'screen,released'")
+    eventually(page, lambda: page.evaluate("window.locks.join()") == "screen,released")
 
 
 @pytest.mark.parametrize(("low", "high"), [(-0.2, 1.0), (0.0, 0.5), (0.0, 86.9), (-3.0, 1234.5)])
