@@ -76,6 +76,13 @@ def test_stop_and_state_are_on_the_screen_of_every_tab_and_nothing_is_wider(
         expect(page.get_by_test_id("state-badge")).not_to_contain_text("STOPPED")
 
 
+def test_the_list_of_keys_names_them_on_a_touch_screen_too(open_phone: Opener) -> None:
+    page = open_phone(*PHONE)
+    page.get_by_test_id("help-button").tap()
+    expect(page.locator("#help-keys kbd").first).to_be_visible()
+    expect(page.get_by_test_id("mode-goal").locator("kbd")).to_be_hidden()
+
+
 def test_stop_is_at_the_bottom_over_the_full_width(open_phone: Opener) -> None:
     box = open_phone(*PHONE).get_by_test_id("stop").bounding_box()
     assert box is not None and box["height"] >= 56
