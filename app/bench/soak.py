@@ -22,6 +22,7 @@ import numpy as np
 from rich.table import Table
 
 from app.bench.page import console_process, drive_around
+from app.bench.process_use import ProcessUse, process_use
 from app.runtime.provenance import machine, shipped_sha256, version
 from app.runtime.segmenter_choice import Kind
 from navcore.errors import BewareNavError
@@ -54,22 +55,6 @@ QUANTITIES = {
 
 class NotMeasured(BewareNavError):  # noqa: N818 - named after what happened, as all of them
     """The soak test needs Linux, or its console ended."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProcessUse:
-    """What a process holds at a moment."""
-
-    rss_mb: float
-    """Resident memory, MB (10⁶ bytes)."""
-    pss_mb: float
-    """Its proportional share: a page of n processes counts 1/n, MB."""
-    threads: int
-    """Number of threads."""
-    files: int
-    """Number of open file descriptors."""
-    sockets: int
-    """Number of those that are sockets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,30 +105,6 @@ def soak_table(
         }
         write_whole(record, f"{json.dumps(document)}\n".encode())
     return _table(f"{scenario}, {title}, {seconds / 60:.1f} min", samples, first_stops, last_stops)
-
-
-def process_use(pid: int) -> ProcessUse:
-    """Return what a process holds; raises `OSError` when it has ended."""
-    folder, sizes = Path(f"/proc/{pid}"), {}
-    for line in (folder / "smaps_rollup").read_text().splitlines()[1:]:
-        name, size_kb = line.split()[:2]
-        sizes[name] = int(size_kb) * 1024 / 1e6
-    targets = list(_targets(folder / "fd"))
-    return ProcessUse(
-        rss_mb=round(sizes["Rss:"], 1),
-        pss_mb=round(sizes["Pss:"], 1),
-        threads=len(list((folder / "task").iterdir())),
-        files=len(targets),
-        sockets=sum(target.startswith("socket:") for target in targets),
-    )
-
-
-def _targets(folder: Path) -> Iterator[str]:
-    for descriptor in folder.iterdir():
-        try:
-            yield str(descriptor.readlink())
-        except FileNotFoundError:
-            continue  # it has been closed meanwhile
 
 
 def console_pids(root: int) -> tuple[int, int]:

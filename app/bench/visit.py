@@ -6,13 +6,15 @@ from __future__ import annotations
 import math
 import os
 import time
-from pathlib import Path
+from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import httpx
 from rich.table import Table
 
 from app.bench.chromium import processes
+from app.bench.process_use import process_use
 from navcore.errors import BewareNavError
 
 if TYPE_CHECKING:
@@ -90,15 +92,20 @@ def _first_goal(page: Page, program: httpx.Client) -> tuple[int, float]:
     pose = program.get("/api/v1/state").json()["pose"]
     x_m = pose["x_m"] + AHEAD_M * math.cos(pose["yaw_rad"])
     y_m = pose["y_m"] + AHEAD_M * math.sin(pose["yaw_rad"])
+    at = _on_canvas(page, x_m, y_m)
+    clicks: list[Callable[[], None]] = [
+        page.get_by_test_id("mode-goal").click,
+        lambda: page.get_by_test_id("map-canvas").click(position=at),
+        page.get_by_test_id("start").click,
+    ]
     began_s = time.monotonic()
-    page.get_by_test_id("mode-goal").click()
-    page.get_by_test_id("map-canvas").click(position=_on_canvas(page, x_m, y_m))
-    page.get_by_test_id("start").click()
+    for click in clicks:
+        click()
     while program.get("/api/v1/state").json()["phase"] != "driving":
         if time.monotonic() - began_s > LONGEST_S:
             raise BewareNavError("the robot did not drive to the goal that was clicked")
         time.sleep(0.01)
-    return 3, time.monotonic() - began_s
+    return len(clicks), time.monotonic() - began_s
 
 
 def _on_canvas(page: Page, x_m: float, y_m: float) -> Position:
@@ -126,11 +133,8 @@ def _kilobytes(http: float, socket: float) -> str:
 
 def _chromium_mb() -> float:
     """Return the memory of Chromium's processes, shared pages divided among them."""
-    total_kb = 0
+    total_mb = 0.0
     for pid, _ in processes(os.getpid()):
-        try:
-            lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
-        except OSError:
-            continue  # it has ended meanwhile
-        total_kb += sum(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
-    return total_kb / 1000
+        with suppress(OSError):  # it has ended meanwhile
+            total_mb += process_use(pid).pss_mb
+    return total_mb

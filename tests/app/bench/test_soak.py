@@ -9,7 +9,8 @@ import threading
 
 import pytest
 
-from app.bench.soak import NotMeasured, console_pids, growth_per_hour, process_use
+from app.bench.process_use import process_use
+from app.bench.soak import NotMeasured, console_pids, growth_per_hour
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="reads /proc, which only Linux has"
