@@ -145,7 +145,7 @@ def _count_depths(depth_m: npt.NDArray[np.float32]) -> tuple[int, int]:
             row_measured += np.int32(depth != np.float32(0))
             valid = (depth >= np.float32(0)) & (depth < np.float32(np.inf))
             row_invalid += np.int32(not valid)
-        measured, invalid = measured + row_measured, invalid + row_invalid
+        measured, invalid = measured + int(row_measured), invalid + int(row_invalid)
     return measured, invalid
 
 
