@@ -53,8 +53,8 @@ from navcore.mission.zone_cells import rasterise
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan
+from navcore.planning.string_pulling import taut_corners
 from navcore.planning.unseen_parts import Parts, unseen_m, unseen_parts
-from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import Cause, StopReason
@@ -501,9 +501,8 @@ class FakeOperations:
             goal = self._intent.mission.queue[0]
             outcome, self._path = _planned(blocked, self._pose, (goal.x_m, goal.y_m))
             if isinstance(outcome, Path):
-                waypoints = choose_waypoints(
-                    outcome, SPEC, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD
-                )
+                corners = taut_corners(outcome.cells, CellMask.of(~blocked).plane)
+                waypoints = SPEC.centres(corners[1:])
         rgb, labels = _frame()
         depth_m = _depth()
         frame = Frame(
