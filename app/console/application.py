@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 
 import cv2
 
@@ -305,11 +306,18 @@ def run_console(
     listener: socket.socket | None = None,
     starting: StartingPage | None = None,
 ) -> None:
-    """Serve until the process is told to end."""
-    ended = threading.Event()
+    """Serve until the process is told to end, which ends a start at once."""
+    ended, started = threading.Event(), threading.Event()
+
+    def end(number: int, _: FrameType | None) -> None:
+        ended.set()
+        if not started.is_set():
+            raise SystemExit(128 + number)
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+        signal.signal(number, end)
     with console(options, listener=listener, starting=starting) as running:
+        started.set()
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
         if running.password is not None:
             print(

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import logging
 import multiprocessing
+import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -187,6 +188,7 @@ def _prepared_apart(
         raise BadConfiguration(f"{path}: the process that prepares the network ended") from None
     finally:
         receiver.close()
+        process.terminate()  # it has sent everything, or the start is given up
         process.join()
     if isinstance(message, Exception):
         raise message
@@ -206,6 +208,7 @@ def _export_to(
     inference: InferenceConfig | None,
 ) -> None:
     """Send each step of the trials, and at the end what `_exported` returns or raises."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program that waits for it ends it
     try:
         sender.send(_exported(choice, path, memory, inference, sender.send))
     except Exception as error:
