@@ -19,7 +19,7 @@ import cv2
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
 from app.console.site_map import beware_of, map_of, put_in_force
-from app.console.sites import SESSION_PERIOD_S, last_place_of, mission_of
+from app.console.sites import SESSION_PERIOD_S, expected_place, mission_of
 from app.runtime.background import Background, ThreadBackground
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.loop import ControlLoop, PeriodicThread, lower_other_priorities
@@ -164,8 +164,8 @@ def console(
         controller = _controller_of(site, back_end, perception, config, stages, background)
         point_map, names = controller.navigator.map, controller.intent.beware.names
         keeper = _load_map(point_map, site, options, names)
-        last = last_place_of(site) if options.kept is None else None
-        controller.navigator.adopt_map(last)
+        expected = expected_place(site) if options.kept is None else None
+        controller.navigator.adopt_map(expected)
         stack.callback(  # when the loop has stopped
             lambda: keeper.finish(point_map, controller.intent.beware.names)
         )
