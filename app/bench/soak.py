@@ -163,6 +163,11 @@ def _children(pid: int) -> list[int]:
     return [int(child) for task in tasks for child in (task / "children").read_text().split()]
 
 
+def process_tree(root: int) -> list[int]:
+    """Return the ids of a process and of all that it and they started."""
+    return [root, *(pid for child in _children(root) for pid in process_tree(child))]
+
+
 def _arguments(pid: int) -> list[str]:
     return Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
 

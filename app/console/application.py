@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 
 import cv2
 
@@ -20,22 +21,22 @@ from app.console.operations import LiveOperations
 from app.console.site_map import beware_of, map_of, put_in_force
 from app.console.sites import SESSION_PERIOD_S, expected_place, mission_of
 from app.runtime.background import Background, ThreadBackground
-from app.runtime.engine_memory import EngineMemory
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.loop import ControlLoop, PeriodicThread, lower_other_priorities
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.map_persistence import load_map, names_in
 from app.runtime.operator_state import OperatorState
+from app.runtime.preparation import prepared_perception
 from app.runtime.progress_lines import (
-    LOADING_NETWORK,
     STARTING_ROBOT,
     WARMING_UP,
+    Progress,
     announced,
     on_stderr,
 )
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
-from app.runtime.segmentation import Perception, compose
+from app.runtime.segmentation import Perception
 from app.runtime.segmenter_choice import SegmenterChoice
 from app.runtime.stage_timer import StageTimer
 from app.storage import Store
@@ -128,10 +129,10 @@ def console(
     stands before anything else ends. `starting` is told each step, and ended before the server
     takes over its port."""
 
-    def say(line: str) -> None:
-        on_stderr(line)
+    def say(progress: Progress) -> None:
+        on_stderr(progress)
         if starting is not None:
-            starting.say(line)
+            starting.say(progress.step, progress.text(), progress.share, is_over=progress.is_over)
 
     cv2.setNumThreads(1)
     with ExitStack() as stack:
@@ -141,13 +142,9 @@ def console(
         )
         store = Store(options.data)
         stack.callback(store.close)
-        with announced(LOADING_NETWORK, say=say):
-            perception = compose(
-                options.choice,
-                config=config.perception,
-                memory=EngineMemory.of_user(),
-                apart=True,
-            )
+        perception = prepared_perception(
+            options.choice, config=config.perception, say=say, apart=True
+        )
         with announced(WARMING_UP, say=say):
             warm_up(perception.segmenter)
         with announced(STARTING_ROBOT, say=say):
@@ -309,11 +306,18 @@ def run_console(
     listener: socket.socket | None = None,
     starting: StartingPage | None = None,
 ) -> None:
-    """Serve until the process is told to end."""
-    ended = threading.Event()
+    """Serve until the process is told to end, which ends a start at once."""
+    ended, started = threading.Event(), threading.Event()
+
+    def end(number: int, _: FrameType | None) -> None:
+        ended.set()
+        if not started.is_set():
+            raise SystemExit(128 + number)
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+        signal.signal(number, end)
     with console(options, listener=listener, starting=starting) as running:
+        started.set()
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
         if running.password is not None:
             print(
