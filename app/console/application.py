@@ -18,6 +18,7 @@ import cv2
 
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
+from app.console.path_settings import stored_unknown_price
 from app.console.site_map import beware_of, map_of, put_in_force
 from app.console.sites import SESSION_PERIOD_S, expected_place, mission_of
 from app.runtime.background import Background, ThreadBackground
@@ -293,7 +294,10 @@ def _controller_of(
         stages=timer.wrap(stages),
     )
     intent = OperatorState(
-        mission=mission_of(site), beware=beware_of(site, back_end.beware), zones=site.zones()
+        mission=mission_of(site),
+        beware=beware_of(site, back_end.beware),
+        zones=site.zones(),
+        unknown_price=stored_unknown_price(site),
     )
     return RobotController(
         navigator=navigator, profile=HUSKY, intent=intent, timer=timer, background=background
