@@ -22,6 +22,7 @@ from web.api.localisation import localisation_router
 from web.api.map_edits import map_edits_router
 from web.api.maps import maps_router, poses_router
 from web.api.mission import mission_router
+from web.api.path_settings import path_settings_router
 from web.api.sites import sites_router
 from web.api.users import access_router
 from web.api.viewer_link import viewer_link_router
@@ -83,6 +84,7 @@ def create_app(
         maps_router,
         poses_router,
         map_edits_router,
+        path_settings_router,
         sites_router,
         events_router,
         journal_router,

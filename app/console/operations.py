@@ -26,6 +26,7 @@ from app.console.path_preview import (
     measured,
     pose_at,
 )
+from app.console.path_settings import PathSettings
 from app.console.place_editor import PlaceEditor
 from app.console.recent_frames import RecentFrames
 from app.console.saved_missions import SavedMissions
@@ -138,7 +139,7 @@ class LiveOperations:
             change_mission=controller.change_mission,
         )
         self.map_edits = self._map_editor()
-        self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits))
+        self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits, self.path_settings))
         self.insight = LiveInsight(
             controller=controller,
             recorder=recorder,
@@ -168,6 +169,13 @@ class LiveOperations:
             number=self._number,
         )
 
+        self.path_settings = PathSettings(
+            controller,
+            store=site,
+            configured=self._config.planning.unknown_price,
+            number=self._number,
+        )
+
     def _map_editor(self) -> MapEditor:
         """Return an editor of the map of the present site."""
         return MapEditor(
@@ -182,7 +190,12 @@ class LiveOperations:
     @contextmanager
     def leaving_site(self) -> Iterator[None]:
         """Hold every edit of the present site; after the block they are refused."""
-        with self.zones.retired(), self.beware.retired(), self.map_edits.retired():
+        with (
+            self.zones.retired(),
+            self.beware.retired(),
+            self.map_edits.retired(),
+            self.path_settings.retired(),
+        ):
             yield
 
     def enter_site(self, site: SiteStore) -> None:
@@ -257,6 +270,7 @@ class LiveOperations:
             else None,
             travelled_m=self._recorder.travelled_m,
             unseen_m=picture.unseen_m if picture else None,
+            unknown_price=self.path_settings.unknown_price,
             explored_m2=self._recorder.explored_m2,
             replans=self._recorder.replans,
             tick_ms=self._controller.timer.tick_ms,
@@ -389,7 +403,18 @@ class LiveOperations:
             if draft.zone is None
             else self.zones.checked(draft.zone, zone_id="draft", version=1)
         )
-        return compare(grid, self.zones.stored, plan(target), draft=zone, replaces=draft.replaces)
+        in_force = None
+        if draft.unknown_price is not None:
+            in_force = plan(target)
+            plan = self._planner(draft.start, draft.unknown_price)
+        return compare(
+            grid,
+            self.zones.stored,
+            plan(target),
+            draft=zone,
+            replaces=draft.replaces,
+            in_force=in_force,
+        )
 
     def preview_list(self, beware: BewareList) -> ListPreview:
         """Compare another beware list with the one in force on the newest map; nothing is
@@ -409,17 +434,22 @@ class LiveOperations:
             controller.intent.mission.queue,
         )
 
-    def _planner(self, start: Position | None) -> Callable[[Position], Planner]:
-        """Return what plans from a position, or from the robot's, to a goal on any grid."""
+    def _planner(
+        self, start: Position | None, unknown_price: float | None = None
+    ) -> Callable[[Position], Planner]:
+        """Return what plans from a position, or from the robot's, to a goal on any grid, at a price
+        of unseen floor or at the one in force."""
         decision, navigator = self._controller.tick_state.decision, self._controller.navigator
         tick = self._recorder.picture
         if decision is None or tick is None:
             raise Refused("there is no map yet; the camera has not delivered an image")
         pose = decision.frame.pose if start is None else pose_at(start)
+        price = self.path_settings.unknown_price if unknown_price is None else unknown_price
 
         def to(goal: Position) -> Planner:
             def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
-                route = navigator.preview(navigator.inflate_draft(grid), pose, goal)
+                costmap = navigator.inflate_draft(grid)
+                route = navigator.preview(costmap, pose, goal, unknown_price=price)
                 return measured(
                     route, zones, navigator.travel_time_s, tick.seen_mask, tick.grid_spec
                 )

@@ -32,6 +32,7 @@ SENTENCES = (
     "app/console/operations.py",
     "app/console/status_message.py",
     "app/console/path_preview.py",
+    "app/console/path_settings.py",
     "app/console/place_editor.py",
     "app/console/saved_missions.py",
     "app/console/site_archive.py",

@@ -52,6 +52,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("POST", r"/map/erase", "erased an area of the map"),
     ("POST", r"/edits/undo", "took back the last edit"),
     ("POST", r"/edits/redo", "repeated an edit"),
+    ("PUT", r"/path/settings", "changed the settings of the path"),
     ("POST", r"/map/undo", "took back the last edit of the map"),
     ("POST", r"/map/redo", "repeated an edit of the map"),
     ("POST", r"/map/changes/accept", "accepted changes of the map"),

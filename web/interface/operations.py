@@ -149,9 +149,20 @@ class MapEdits(Protocol):
         """Repeat the edit that was undone last and return its description."""
 
 
+class PathSettings(Protocol):
+    """Settings of the path, kept with the site; a change applies from the next tick on."""
+
+    @property
+    def unknown_price(self) -> float:
+        """Cost of a metre of path over unseen floor, in metres of seen floor."""
+
+    def set_unknown_price(self, price: float) -> None:
+        """Set the cost of a metre of unseen floor in metres of seen floor."""
+
+
 class AllEdits(Protocol):
-    """Edits of zones, beware list and map together, in the order in which they were made since the
-    start of the console."""
+    """Edits of zones, beware list, map and path settings together, in the order in which they were
+    made since the start of the console."""
 
     @property
     def history(self) -> EditHistory:
@@ -192,8 +203,12 @@ class RobotService(Protocol):
         """What the operator erases from the map."""
 
     @property
+    def path_settings(self) -> PathSettings:
+        """Settings of the path."""
+
+    @property
     def edits(self) -> AllEdits:
-        """One undo for zones, beware list and map."""
+        """One undo for zones, beware list, map and path settings."""
 
     @property
     def place(self) -> PlaceEdits:
