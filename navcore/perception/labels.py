@@ -44,6 +44,7 @@ class LabelSource(StrEnum):
     NETWORK = "network"
     COLOUR = "colour rule"
     BOTH = "network and colour rule"
+    PROTOTYPE = "example"
     NOTHING = "nothing"
 
 
