@@ -184,7 +184,7 @@ def console(
             recorder=recorder,
             robot_urdf=husky_urdf(),
             perception=perception,
-            labelling=options.data / "labelling",
+            data=options.data,
             config=config,
             keeper=keeper,
             has_own_map=options.kept is None,

@@ -41,6 +41,7 @@ from app.runtime.robot_controller import RobotController
 from app.runtime.segmentation import Perception
 from app.storage import Store
 from app.storage.site_store import SiteStore
+from app.teaching.service import LiveTeaching
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
@@ -53,6 +54,7 @@ from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from navcore.planning.path import NoPath
 from navcore.robot.driver import Command, Robot
+from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import GateDecision
 from web.interface.beware import ListPreview
@@ -85,14 +87,16 @@ class LiveOperations:
         recorder: Recorder,
         robot_urdf: FilePath | None,
         perception: Perception,
-        labelling: FilePath,
+        data: FilePath,
         config: NavigatorConfig,
         keeper: MapKeeper | None = None,
         has_own_map: bool = True,
         world_tags: TagMap | None = None,
         new_beware: BewareList | None = None,
     ) -> None:
-        """`keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
+        """`data`: folder of what operators correct and teach.
+
+        `keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
         `new_beware`: beware list of a new site, by default the shipped one."""
         self._robot, self._controller, self._store, self._recorder = (
             robot,
@@ -142,11 +146,21 @@ class LiveOperations:
         self.insight = LiveInsight(
             controller=controller,
             recorder=recorder,
-            labelling=LabellingFolder(labelling),
+            labelling=LabellingFolder(data / "labelling"),
             config=config,
             clock=robot,
             store=store.events,
         )
+        self.teaching = LiveTeaching(
+            data / "teaching",
+            newest=self._newest_frame,
+            class_names=lambda: [one.detected_as for one in controller.intent.beware.classes],
+        )
+
+    def _newest_frame(self) -> Frame | None:
+        """Return the frame of the newest tick, placed in the map; None before the first."""
+        decision = self._controller.tick_state.decision
+        return None if decision is None else decision.frame
 
     def _edit(self, site: SiteStore) -> None:
         """Edit the contents of a site."""
@@ -218,6 +232,7 @@ class LiveOperations:
         pose_ids = self._controller.navigator.map.pose_ids
         if decision.place.is_known and (at := pose_ids.known(decision.frame.pose)) is not None:
             self._recent.note(decision.frame, at, pose_ids[at])
+            self.teaching.note(decision.frame)
         self.insight.note_place(self._anchored.note_tick(decision.correction, pose_ids))
         request = self._controller.tick_state.request
         names = {} if request is None else request.beware.names
@@ -325,6 +340,7 @@ class LiveOperations:
     def close(self) -> None:
         """End the threads of this object."""
         self._back_off.stop()
+        self.teaching.close()
 
     def stop(self, source: str) -> None:
         """Latch the emergency stop and pause the mission in one step."""

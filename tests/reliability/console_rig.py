@@ -105,7 +105,7 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
             recorder=recorder,
             robot_urdf=None,
             perception=colour_perception(),
-            labelling=Path(folder) / "labelling",
+            data=Path(folder),
             config=NavigatorConfig(),
         )
         loop = ControlLoop(
