@@ -34,14 +34,18 @@ from app.console.status_message import stands_in_zone, status_message
 from app.console.zone_editor import ZoneEditor
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
+from app.runtime.live_perception import LivePerception
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.operator_state import MOVING, OperatorState
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
-from app.runtime.segmentation import Perception
+from app.runtime.segmentation import compose
+from app.runtime.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.storage.site_store import SiteStore
-from app.teaching.service import LiveTeaching
+from app.teaching.networks import Compose
+from app.teaching.service import DEFAULT_CHOICE, LiveTeaching
+from app.teaching.versions import START
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
@@ -86,18 +90,23 @@ class LiveOperations:
         store: Store,
         recorder: Recorder,
         robot_urdf: FilePath | None,
-        perception: Perception,
+        perception: LivePerception,
         data: FilePath,
         config: NavigatorConfig,
         keeper: MapKeeper | None = None,
         has_own_map: bool = True,
         world_tags: TagMap | None = None,
         new_beware: BewareList | None = None,
+        choice: SegmenterChoice = DEFAULT_CHOICE,
+        network: str = START,
+        compose: Compose = compose,
     ) -> None:
         """`data`: folder of what operators correct and teach.
 
         `keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
-        `new_beware`: beware list of a new site, by default the shipped one."""
+        `new_beware`: beware list of a new site, by default the shipped one.
+        `choice`: options of the segmenter; `network`: version of it that is in use; `compose` makes
+        another perception."""
         self._robot, self._controller, self._store, self._recorder = (
             robot,
             controller,
@@ -115,7 +124,7 @@ class LiveOperations:
             controller,
             point_map=controller.navigator.map,
             recent=self._recent,
-            segmenter=perception.segmenter,
+            segmenter=perception,
             config=config,
         )
         self._edit(store.site)
@@ -154,7 +163,11 @@ class LiveOperations:
         self.teaching = LiveTeaching(
             data / "teaching",
             newest=self._newest_frame,
-            class_names=lambda: [one.detected_as for one in controller.intent.beware.classes],
+            beware=lambda: controller.intent.beware,
+            perception=perception,
+            choice=choice,
+            used=network,
+            compose=compose,
         )
 
     def _newest_frame(self) -> Frame | None:
@@ -175,7 +188,7 @@ class LiveOperations:
         self.beware = BewareEditor(
             controller,
             store=site,
-            segmenter=self._perception.segmenter,
+            segmenter=self._perception,
             colours=LiveColourRules(self._recent, self._config.perception),
             follower=self._beware_map,
             defaults=self._new_beware,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from app.teaching.json_files import json_of
 from app.teaching.thumbnails import SIZE, Look, thumbnail_of
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole
@@ -82,7 +82,7 @@ class FrameRecord:
 
     def as_json(self) -> bytes:
         """Return the content of the file."""
-        return json.dumps(dataclasses.asdict(self)).encode()
+        return json_of(self)
 
 
 def depth_mm_of(frame: Frame) -> DepthArray:

@@ -37,7 +37,9 @@ from app.console.recent_frames import RecentFrames
 from app.console.saved_missions import SavedMissions
 from app.console.zone_editor import ZoneEditor
 from app.insight.explanation import ExplanationQuery
+from app.runtime.live_perception import LivePerception
 from app.runtime.operator_state import OperatorState
+from app.runtime.segmentation import colour_perception
 from app.teaching.service import LiveTeaching
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
@@ -194,7 +196,8 @@ class FakeOperations:
         return LiveTeaching(
             folder,
             newest=lambda: None if recent.newest is None else recent.newest.frame,
-            class_names=lambda: [one.detected_as for one in self._intent.beware.classes],
+            beware=lambda: self._intent.beware,
+            perception=LivePerception(colour_perception()),
         )
 
     # Reading

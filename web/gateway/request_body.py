@@ -19,6 +19,7 @@ BODY_TIMEOUT_S = 10.0
 LARGE_BODIES = {
     "/api/v1/sites/import": (MAX_ARCHIVE_BYTES, 120.0),
     "/api/v1/teach/frames.zip": (MAX_UPLOAD_BYTES, 300.0),
+    "/api/v1/teach/networks": (MAX_UPLOAD_BYTES, 300.0),
 }
 """Path → largest body in bytes and its time limit in seconds, where these differ."""
 

@@ -21,8 +21,10 @@ NOTHING_NAME = "background"
 """Name of the class of everything that is no object of the beware list."""
 FrameSource = Literal["operator", "drive", "upload"]
 """What captured a frame: a click, the capture while driving, an upload."""
+VERSION_NAME = r"^[A-Za-z0-9][A-Za-z0-9 _-]{0,39}$"
+"""Name of a version of the network."""
 MAX_UPLOAD_BYTES = 256_000_000
-"""Largest uploaded archive of frames in bytes, packed and unpacked."""
+"""Largest upload in bytes, a weights file or an archive of frames, packed and unpacked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,9 +124,183 @@ class FrameFolder(Protocol):
         `BadConfiguration` with what is damaged."""
 
 
+TrainingPhase = Literal[
+    "waiting", "rendering", "encoding", "training", "comparing", "done", "cancelled", "failed"
+]
+"""What a training run does, or how it ended."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CurvePoint:
+    """Point of a curve over the steps of a training."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    step: int
+    """Number of steps taken."""
+    value: float
+    """Value then."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClassFigures:
+    """How well two networks find a class in images that neither was trained on."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    name: str
+    """Name of the class."""
+    pixels: int
+    """Number of its true pixels in these images."""
+    old: float | None
+    """IoU of the network that the training started from; null where it does not know the class, or
+    without a true pixel."""
+    new: float | None
+    """IoU of the new network; null without a true pixel."""
+    images: Literal["captured", "rendered"]
+    """Images of the comparison: captured frames that were held back, or rendered ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkVersion:
+    """Network that the robot can use."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    name: str
+    """Name of the version; `start` is the network that the console was started with."""
+    origin: Literal["start", "training", "upload"]
+    """Where it comes from."""
+    sha256: str
+    """SHA-256 of its file, hexadecimal."""
+    class_names: tuple[str, ...]
+    """Classes that it knows."""
+    taught: tuple[str, ...] = ()
+    """Classes that were annotated for its training."""
+    start_name: str | None = None
+    """Version that its training started from."""
+    created_unix_s: float | None = None
+    """When it was made, seconds since 1970."""
+    figures: tuple[ClassFigures, ...] = ()
+    """Comparison with the network that the training started from."""
+    kept_share: float | None = None
+    """Share of the pixels of the held-back frames that no annotation names, where the new network
+    says what the old one said."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingRun:
+    """State of a training run."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    name: str
+    """Name of the version that comes of it."""
+    start_name: str
+    """Version that it starts from."""
+    class_names: tuple[str, ...]
+    """Annotated classes."""
+    phase: TrainingPhase
+    """What it does, or how it ended."""
+    done: int
+    """Number of images or steps that are done in this phase."""
+    of: int
+    """Their number in total."""
+    losses: tuple[CurvePoint, ...]
+    """Mean loss since the point before, by step."""
+    mious: tuple[CurvePoint, ...]
+    """Mean IoU of the held-back frames, by step."""
+    looks: int
+    """Number of validation images."""
+    message: str
+    """Why it failed; empty unless it has."""
+    running: bool
+    """Whether its process runs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingOrder:
+    """What an operator asks of a training."""
+
+    start_name: str | None = None
+    """Version to start from; None for the one in use."""
+    class_names: tuple[str, ...] = ()
+    """Classes that must be annotated; the training takes all that are."""
+    steps: int | None = None
+    """Number of steps; None for the default."""
+    rehearsal: int | None = None
+    """Number of rendered images for rehearsal and for comparison each; None for the default."""
+    size: tuple[int, int] | None = None
+    """Working size of the network (height, width), multiples of 32; None for that of the start."""
+    seed: int = 0
+    """Random seed."""
+
+
+class Trainings(Protocol):
+    """Training runs, one at a time, each in a process of its own at the lowest priority."""
+
+    def newest(self) -> TrainingRun | None:
+        """Return the newest run; None before the first."""
+
+    def start(self, order: TrainingOrder) -> TrainingRun:
+        """Begin a run; raises `Refused` while one runs, for too few frames, and for a class without
+        pixels."""
+
+    def cancel(self) -> TrainingRun:
+        """End the run that is going on; it can be resumed. Raises `Refused` when none is."""
+
+    def resume(self) -> TrainingRun:
+        """Continue the newest run where it was cancelled or failed; raises `Refused`."""
+
+    def look(self, number: int) -> bytes:
+        """Return a validation image of the newest run as PNG; raises `NotKnown`."""
+
+
+class Networks(Protocol):
+    """Versions of the network, one of them in use."""
+
+    @property
+    def used(self) -> str | None:
+        """Name of the version in use; None while the colour rules drive alone."""
+
+    @property
+    def exchange(self) -> str | None:
+        """Name of the version that is being prepared; None while none is."""
+
+    @property
+    def trouble(self) -> str | None:
+        """Why the last exchange did not take place; None if it did."""
+
+    def all(self) -> Sequence[NetworkVersion]:
+        """Return all versions, oldest first."""
+
+    def use(self, name: str) -> None:
+        """Prepare a version beside the tick and exchange the network between two frames; returns at
+        once. Raises `NotKnown`, and `Refused` while another one is being prepared."""
+
+    def roll_back(self) -> str:
+        """Use the version that was in use before and return its name; raises `Refused` without
+        one."""
+
+    def add(self, name: str, data: bytes) -> NetworkVersion:
+        """Store an uploaded weights file as a version; raises `BadConfiguration` for a damaged
+        one."""
+
+    def delete(self, name: str) -> None:
+        """Delete a version; raises `Refused` for one in use and for `start`."""
+
+
 class Teaching(Protocol):
     """Everything an operator needs to teach the network a class."""
 
     @property
     def frames(self) -> FrameFolder:
         """Captured frames."""
+
+    @property
+    def trainings(self) -> Trainings:
+        """Training runs."""
+
+    @property
+    def networks(self) -> Networks:
+        """Versions of the network."""

@@ -5,10 +5,18 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, Field, StrictBool
+from pydantic import BaseModel, Field, StrictBool, StrictStr
 
 from navcore.errors import BadConfiguration
-from web.interface.teaching import Annotation, CapturedFrame, FrameFolderState
+from web.interface.teaching import (
+    VERSION_NAME,
+    Annotation,
+    CapturedFrame,
+    FrameFolderState,
+    NetworkVersion,
+    TrainingOrder,
+    TrainingRun,
+)
 from web.interface.wire import DOCUMENTED
 from web.schemas.fields import Closed, Name, number
 
@@ -16,6 +24,15 @@ MAX_RUNS = 400_000
 """Largest number of values in the runs of an annotation."""
 MAX_SIDE_PX = 4096
 RunValue = Annotated[int, Field(strict=True, ge=0, le=MAX_SIDE_PX * MAX_SIDE_PX)]
+
+
+class SizeIn(Closed):
+    """Size of an image."""
+
+    height: Annotated[int, Field(strict=True, ge=32, le=MAX_SIDE_PX)]
+    """Number of rows."""
+    width: Annotated[int, Field(strict=True, ge=32, le=MAX_SIDE_PX)]
+    """Number of columns."""
 
 
 class CapturingIn(Closed):
@@ -118,3 +135,51 @@ class AddedOut(BaseModel):
 
     added: int
     """Number of frames that were added."""
+
+
+class TrainingIn(Closed):
+    """What a training is to do; what is left out has its default."""
+
+    start: Annotated[StrictStr, Field(pattern=VERSION_NAME)] | None = None
+    """Version to start from; null for the one in use."""
+    class_names: Annotated[tuple[Name, ...], Field(max_length=250)] = ()
+    """Classes that must be annotated; the training takes all that are."""
+    steps: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
+    """Number of steps."""
+    rehearsal: Annotated[int, Field(strict=True, ge=0, le=1000)] | None = None
+    """Number of rendered images for rehearsal, and as many others for comparison."""
+    size: SizeIn | None = None
+    """Working size of the network, multiples of 32; null for that of the start. A smaller one is
+    faster and sees less."""
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**31)] = 0
+    """Random seed."""
+
+    def order(self) -> TrainingOrder:
+        """Return the order."""
+        size = None if self.size is None else (self.size.height, self.size.width)
+        values = {**dict(self), "size": size}
+        return TrainingOrder(start_name=values.pop("start"), **values)
+
+
+class TrainingOut(BaseModel):
+    """Newest training run."""
+
+    model_config = DOCUMENTED
+
+    run: TrainingRun | None
+    """State of the run; null before the first."""
+
+
+class NetworksOut(BaseModel):
+    """Versions of the network."""
+
+    model_config = DOCUMENTED
+
+    used: str | None
+    """Version in use; null while the colour rules drive alone."""
+    exchange: str | None
+    """Version that is being prepared; null while none is."""
+    trouble: str | None
+    """Why the last exchange did not take place; null if it did."""
+    versions: list[NetworkVersion]
+    """All versions, that of the start first, then oldest first."""

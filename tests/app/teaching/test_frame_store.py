@@ -140,7 +140,7 @@ def test_an_archive_goes_out_and_in(store: FrameStore, tmp_path: Path) -> None:
     store.annotate("000001", block_of("shoe"))
     other = FrameStore(tmp_path / "other")
     assert add_archive(other, exported(store)) == 1
-    (shown,) = other.all()
+    (shown,) = FrameStore(other.folder).all()
     assert shown.source == "upload" and shown.class_names == ("shoe",)
 
 
