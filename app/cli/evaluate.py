@@ -241,11 +241,10 @@ def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
 def _detection(settings: EvaluateSettings) -> bool:
     from app.evaluation.detection import measure_detection
     from app.evaluation.detection_counts import report
-    from app.runtime.engine_memory import EngineMemory
-    from app.runtime.segmentation import compose
+    from app.runtime.preparation import prepared_perception
 
     drives = measure_detection(
-        compose(settings.segmentation.choice(), memory=EngineMemory.of_user()).segmenter,
+        prepared_perception(settings.segmentation.choice()).segmenter,
         beware_list(settings.beware),
         seeds=range(settings.seed, settings.seed + (settings.episodes or 40)),
     )
@@ -283,8 +282,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
     from app.episode.latency import latency_of
     from app.episode.task import Task
     from app.evaluation.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
-    from app.runtime.engine_memory import EngineMemory
-    from app.runtime.segmentation import compose
+    from app.runtime.preparation import prepared_perception
     from sim.scenario.load import load_scenario
 
     world, count = settings.experiment or settings.suite, settings.episodes
@@ -319,9 +317,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         fleet=_fleet(settings),
         out=_out(settings, "-".join(filter(None, parts))),
         beware=beware_list(settings.beware, task.scenario),
-        perception=compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
-        if needs_segmenter
-        else None,
+        perception=prepared_perception(settings.segmentation.choice()) if needs_segmenter else None,
         draw_first=settings.figures,
         config=config,
     )

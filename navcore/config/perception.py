@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from navcore.config.prototype import PrototypeConfig
 from navcore.errors import BadConfiguration
 from navcore.toml_config import ranged
 
@@ -370,6 +371,8 @@ class PerceptionConfig:
     """Objects that are outlined after a click."""
     colour_picking: ColourPickingConfig = field(default_factory=ColourPickingConfig)
     """Colour rules that are made by a click."""
+    prototype: PrototypeConfig = field(default_factory=PrototypeConfig)
+    """Classes by example."""
 
 
 DEFAULT_PERCEPTION = PerceptionConfig()

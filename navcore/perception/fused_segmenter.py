@@ -49,7 +49,8 @@ class FusedSegmenter:
     are rejected that are flat prints, bleed over the outline of an object (`depth_filter`), or are
     the base of a taller object (`overhang_filter`); where the latter is undecided, the region
     counts neither for nor against. Rules marked `fallback` are for classes that the network does
-    not know.
+    not know. Classes by example, which come with the network's labels, are a third source, behind
+    the colour rules.
     """
 
     def __init__(
@@ -69,28 +70,32 @@ class FusedSegmenter:
         heights_m = heights_above_floor(frame)
         seen = self._network.segment(frame, beware)
         filtered = self._without_refuted(seen, frame, heights_m, beware)
+        examples = tuple(
+            self._without_refuted(labels, frame, heights_m, beware)
+            for labels in seen.all_hypotheses[1:]
+        )
         fitting = self._colour_masks(frame, heights_m, seen, beware)
         masks = {entry.class_id: fits for entry, fits in fitting}
         weighed = [entry.class_id for entry in beware.classes if self._is_weighed(entry)]
         for class_id in weighed:
             filtered = weigh(filtered, class_id, masks.get(class_id), self._config.evidence)
         alone = [mask for mask in fitting if mask[0].class_id not in weighed]
-        if not alone:
+        if not alone and not examples:
             return filtered
         shape = filtered.class_ids.shape
-        return dataclasses.replace(
-            fuse(filtered, topmost_label(alone, shape), beware),
-            hypotheses=(filtered, *disjoint_layers(alone, shape)),
-        )
+        fused = fuse(filtered, topmost_label(alone, shape), beware)
+        for labels in examples:
+            fused = _filled(fused, labels, beware)
+        layers = disjoint_layers(alone, shape)
+        return dataclasses.replace(fused, hypotheses=(filtered, *layers, *examples))
 
     def source_of(self, entry: BewareClass) -> LabelSource:
-        """Return whether network, rule, both or nothing finds an entry."""
-        is_known = self._is_known(entry)
+        """Return what finds an entry; of an example and a colour rule, the rule is named."""
         if self._is_weighed(entry):
             return LabelSource.WEIGHED
         if self._has_rule(entry):
-            return LabelSource.BOTH if is_known else LabelSource.COLOUR
-        return LabelSource.NETWORK if is_known else LabelSource.NOTHING
+            return LabelSource.BOTH if self._is_known(entry) else LabelSource.COLOUR
+        return self._network.source_of(entry)
 
     def _colour_masks(
         self, frame: Frame, heights_m: FloatImage, seen: Labels, beware: BewareList
@@ -170,4 +175,13 @@ def fuse(seen: Labels, coloured: npt.NDArray[np.uint8], beware: BewareList) -> L
     return Labels(
         class_ids=np.where(colour_wins, coloured, seen.class_ids),
         confidence=np.where(colour_wins, np.float32(1), seen.confidence),
+    )
+
+
+def _filled(labels: Labels, behind: Labels, beware: BewareList) -> Labels:
+    """Return labels with others in place of those that bind nothing."""
+    wins = (behind.class_ids != NOTHING) & ~labels.mask(beware)
+    return Labels(
+        class_ids=np.where(wins, behind.class_ids, labels.class_ids),
+        confidence=np.where(wins, behind.confidence, labels.confidence),
     )

@@ -47,6 +47,7 @@ class LabelSource(StrEnum):
     """Each of them by itself."""
     WEIGHED = "network, weighed with colour rule"
     """The network, with the colour rule as further evidence."""
+    PROTOTYPE = "example"
     NOTHING = "nothing"
 
 

@@ -286,3 +286,28 @@ def test_the_source_of_a_class_is_stated_also_when_there_is_none() -> None:
         LabelSource.COLOUR,
         LabelSource.NOTHING,
     ]
+
+
+class WithExample(Oracle):
+    """A network that labels the left half of every image by example."""
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        seen = super().segment(frame, beware)
+        class_ids = np.zeros_like(seen.class_ids)
+        class_ids[:, : frame.depth_m.shape[1] // 2] = 9
+        by_example = Labels(class_ids=class_ids, confidence=seen.confidence)
+        return dataclasses.replace(seen, hypotheses=(seen, by_example))
+
+
+def test_a_class_by_example_comes_behind_what_binds_and_is_a_source_of_its_own_on_the_map() -> None:
+    toy = BewareClass(name="toy", class_id=9)
+    beware = BewareList(classes=(*LIST.classes, toy))
+    red, half = (FRAME.rgb == RED).all(axis=2), FRAME.depth_m.shape[1] // 2
+    unsure = FusedSegmenter(WithExample(2, 0.4, "book")).segment(FRAME, beware)
+    assert set(np.unique(unsure.class_ids[red])) == {1}
+    assert set(np.unique(unsure.class_ids[:, :half][~red[:, :half]])) == {9}
+    sure = FusedSegmenter(WithExample(2, 0.9, "book")).segment(FRAME, beware)
+    assert set(np.unique(sure.class_ids)) == {2}
+    for labels in (sure, unsure):
+        *_, last = labels.hypotheses
+        assert (last.class_ids[:, :half] == 9).all()
