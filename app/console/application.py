@@ -142,9 +142,7 @@ def console(
         )
         store = Store(options.data)
         stack.callback(store.close)
-        perception = prepared_perception(
-            options.choice, config=config.perception, say=say, apart=True
-        )
+        perception = prepared_perception(options.choice, config=config.perception, say=say)
         with announced(WARMING_UP, say=say):
             warm_up(perception.segmenter)
         with announced(STARTING_ROBOT, say=say):
