@@ -239,9 +239,19 @@ class Navigator:
         """Slow a motion down to the operator's speed limits; `twist` is the measured velocity."""
         return self._controller.limit(motion, zones, pose, twist)
 
-    def preview(self, costmap: Costmap, pose: Pose2, goal: tuple[float, float]) -> Route:
-        """Plan from scratch over any costmap; changes nothing and may run in any thread."""
-        return self._planner.preview(costmap, pose, goal)
+    def preview(
+        self,
+        costmap: Costmap,
+        pose: Pose2,
+        goal: tuple[float, float],
+        *,
+        unknown_price: float | None = None,
+    ) -> Route:
+        """Plan from scratch over any costmap; changes nothing and may run in any thread.
+
+        `unknown_price`: as in `NavigationRequest`.
+        """
+        return self._planner.preview(costmap, pose, goal, unknown_price=unknown_price)
 
     def inflate_draft(self, grid: OccupancyGrid) -> Costmap:
         """Make a costmap of a draft grid, for previews."""

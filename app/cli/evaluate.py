@@ -239,16 +239,16 @@ def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
 
 
 def _detection(settings: EvaluateSettings) -> bool:
-    from app.evaluation.detection import run_detection
+    from app.evaluation.detection import measure_detection
+    from app.evaluation.detection_counts import report
     from app.runtime.preparation import prepared_perception
 
-    found = run_detection(
+    drives = measure_detection(
         prepared_perception(settings.segmentation.choice()).segmenter,
         beware_list(settings.beware),
-        seed=settings.seed,
-        walks=settings.episodes or 40,
-        out=_out(settings, settings.suite),
+        seeds=range(settings.seed, settings.seed + (settings.episodes or 40)),
     )
+    found = report(drives, _out(settings, settings.suite))
     return bool(
         found["found_in_time"] >= ENOUGH_FOUND
         and found["false_items_per_10_m"] < FEW_FALSE_PER_10_M

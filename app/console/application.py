@@ -3,6 +3,7 @@ right order."""
 
 from __future__ import annotations
 
+import functools
 import secrets
 import signal
 import socket
@@ -18,10 +19,12 @@ import cv2
 
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
+from app.console.path_settings import stored_unknown_price
 from app.console.site_map import beware_of, map_of, put_in_force
 from app.console.sites import SESSION_PERIOD_S, expected_place, mission_of
 from app.runtime.background import Background, ThreadBackground
 from app.runtime.fault_injection import FaultInjector
+from app.runtime.live_perception import LivePerception
 from app.runtime.loop import ControlLoop, PeriodicThread, lower_other_priorities
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.map_persistence import load_map, names_in
@@ -36,11 +39,12 @@ from app.runtime.progress_lines import (
 )
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
-from app.runtime.segmentation import Perception
 from app.runtime.segmenter_choice import SegmenterChoice
 from app.runtime.stage_timer import StageTimer
 from app.storage import Store
 from app.storage.site_store import SiteStore
+from app.teaching.networks import composed_at_start
+from app.teaching.service import versions_in
 from navcore.config.navigator import NavigatorConfig, load_config
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
@@ -142,9 +146,13 @@ def console(
         )
         store = Store(options.data)
         stack.callback(store.close)
-        perception = prepared_perception(options.choice, config=config.perception, say=say)
+        composing = functools.partial(prepared_perception, config=config.perception, say=say)
+        composed = composed_at_start(
+            versions_in(options.data / "teaching"), options.choice, composing
+        )
+        perception = LivePerception(composed.perception)
         with announced(WARMING_UP, say=say):
-            warm_up(perception.segmenter)
+            warm_up(perception)
         with announced(STARTING_ROBOT, say=say):
             back_end = _back_end(options, config)
         robot = back_end.robot
@@ -179,12 +187,15 @@ def console(
             recorder=recorder,
             robot_urdf=husky_urdf(),
             perception=perception,
-            labelling=options.data / "labelling",
+            data=options.data,
             config=config,
             keeper=keeper,
             has_own_map=options.kept is None,
             world_tags=back_end.tags,
             new_beware=back_end.beware,
+            choice=options.choice,
+            network=composed.used,
+            compose=composing,
         )
         stack.callback(operations.close)
         stack.callback(operations.sites.keep_session)
@@ -275,7 +286,7 @@ def _load_map(
 def _controller_of(
     site: SiteStore,
     back_end: BackEnd,
-    perception: Perception,
+    perception: LivePerception,
     config: NavigatorConfig,
     stages: Stages,
     background: Background,
@@ -286,12 +297,15 @@ def _controller_of(
     navigator = Navigator(
         spec=back_end.spec,
         profile=HUSKY,
-        segmenter=perception.segmenter,
+        segmenter=perception,
         config=config,
         stages=timer.wrap(stages),
     )
     intent = OperatorState(
-        mission=mission_of(site), beware=beware_of(site, back_end.beware), zones=site.zones()
+        mission=mission_of(site),
+        beware=beware_of(site, back_end.beware),
+        zones=site.zones(),
+        unknown_price=stored_unknown_price(site),
     )
     return RobotController(
         navigator=navigator, profile=HUSKY, intent=intent, timer=timer, background=background

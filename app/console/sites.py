@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
 from app.console import dock_and_tags, site_files
+from app.console.path_settings import stored_unknown_price
 from app.console.site_map import accepted_map, beware_of, cells_on, map_of, save_accepted
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.operator_state import OperatorState
@@ -246,6 +247,7 @@ class LiveSites:
         left, kept = self._controller.place, self._kept_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
+        price = stored_unknown_price(site)
         self._keeper.write_now()
         self.keep_session()
 
@@ -254,7 +256,12 @@ class LiveSites:
             version = max(intent.beware.version + 1, beware.version)
             listed = dataclasses.replace(beware, version=version)
             return dataclasses.replace(
-                intent, mission=mission, zones=zones, beware=listed, by_hand=None
+                intent,
+                mission=mission,
+                zones=zones,
+                beware=listed,
+                by_hand=None,
+                unknown_price=price,
             )
 
         def replace_map() -> None:

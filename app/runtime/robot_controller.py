@@ -492,4 +492,5 @@ def request_of(intent: OperatorState) -> NavigationRequest:
         zones=intent.zones,
         goal_yaw_rad=goal.yaw_rad if goal else None,
         leave=intent.mission.phase is Phase.LEAVING,
+        unknown_price=intent.unknown_price,
     )

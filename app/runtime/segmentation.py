@@ -54,6 +54,8 @@ SLOWER = 2.0
 remembered is measured again."""
 CHECK = InferenceConfig(trial_s=0.0)
 """Few images, to see whether an engine that is remembered has become too slow."""
+IDENTITY_DIGITS = 16
+"""Number of digits of the hash of its weights that name a network in prototypes."""
 SLOW_MS = 100.0
 """Time per image, in milliseconds, above which a robot in real time uses smaller images."""
 
@@ -339,6 +341,8 @@ def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
         depth=file.depth,
         size=file.size,
         aliases=aliases_for(file.class_names),
+        identity=file.sha256[:IDENTITY_DIGITS],
+        config=config.prototype,
     )
     _, precision = engine.name.split()
     return Perception(

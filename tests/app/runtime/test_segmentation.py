@@ -104,7 +104,7 @@ def test_a_network_is_fused_with_the_colour_rules_and_knows_entries_by_name_and_
     beware = default_beware_list()
     found = {entry.name: perception.segmenter.source_of(entry) for entry in beware.classes}
     assert (found["red floor"], found["book"], found["cup"]) == (
-        LabelSource.BOTH,
+        LabelSource.WEIGHED,
         LabelSource.NETWORK,
         LabelSource.NETWORK,
     )
