@@ -57,12 +57,6 @@ export function showDisplay(options) {
   drawViewerNow();
 }
 
-// Opacity of the layers, for every page.
-export function fade(strength) {
-  link.send({ type: "fade", strength });
-  drawViewerNow();
-}
-
 export function sendDraft() {
   const isGoal = draft.mode === "goal";
   const path = isGoal ? sketch.path : draft.preview;
