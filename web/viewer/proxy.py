@@ -30,8 +30,8 @@ TIMEOUT_S = 5.0
 MAX_FROM_VIEWER = 256 * 1024 * 1024
 """Largest message of viser in bytes; a new client gets the whole scene."""
 _SCRIPTS = b"".join(
-    b'<script src="/page/map/%s"></script>' % name
-    for name in (b"viewer_opacity.js", b"frame_pacing.js")
+    b'<script src="/page/viewer/%s"></script>' % name
+    for name in (b"opacity.js", b"frame_pacing.js")
 )
 """Scripts that give viser's page the opacities of its console page, and keep it from drawing while
 it is hidden."""

@@ -102,7 +102,7 @@ SCENE = """async () => {
   root.__reactContainer$test = { child: { sibling: state } };
   await new Promise((onload) => {
     document.head.append(Object.assign(document.createElement("script"),
-      { src: "/page/map/viewer_opacity.js", onload }));
+      { src: "/page/viewer/opacity.js", onload }));
   });
   const drawn = (detail) => {
     window.dispatchEvent(new CustomEvent("fade", { detail }));

@@ -1,11 +1,11 @@
 // Tools that take one point of the map: measuring a distance, and telling the robot where it is.
 
-import { distance, rounded } from "../core/geometry.js";
-import { number } from "../core/language.js";
-import { propose } from "../localisation/place.js";
-import { notify } from "../core/toasts.js";
-import { draft, onDraft, setMode } from "../zones/draft.js";
-import { sketch } from "./world.js";
+import { distance, rounded } from "../../core/geometry.js";
+import { number } from "../../core/language.js";
+import { propose } from "../../localisation/place.js";
+import { notify } from "../../core/toasts.js";
+import { draft, onDraft, setMode } from "../../zones/draft.js";
+import { sketch } from "../world.js";
 
 const MIN_ARROW_M = 0.15;
 

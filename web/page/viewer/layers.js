@@ -4,7 +4,7 @@
 import { element, loadSetting, make, saveSetting } from "../core/dom.js";
 import { t } from "../core/language.js";
 import { fadeViewer } from "./viewer.js";
-import { look, showDisplay } from "./viewer_link.js";
+import { look, showDisplay } from "./link.js";
 
 const KEY = "console.viewer";
 const LAYERS = [

@@ -46,7 +46,7 @@ export function drawViewerNow() {
   if (isShown) frame?.contentWindow?.dispatchEvent(new Event("seen"));
 }
 
-// Set the opacity of layers, 0 to 1 by name: `viewer_opacity.js` in viser's page draws with it.
+// Set the opacity of layers, 0 to 1 by name: `opacity.js` in viser's page draws with it.
 export function fadeViewer(strength) {
   strengths = strength;
   frame?.contentWindow?.dispatchEvent(new CustomEvent("fade", { detail: strengths }));
