@@ -156,11 +156,21 @@ class Navigator:
         self._planner = GlobalPlanner(self._costmap.space, self.map.explored, profile, config)
         self._controller = Controller(self.map.explored, profile, config)
 
-    def tick(self, frame: Frame, request: NavigationRequest) -> TickResult:
-        """Turn a frame into a motion. Raises `BadFrame`, and then has changed nothing."""
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """Label a frame, and change nothing, so that it may run beside a tick; one call at a time,
+        as engines are not thread-safe. Raises `BadFrame`."""
+        check_frame(frame)
+        return self._stages.segment(self._segmenter, frame, beware)
+
+    def tick(
+        self, frame: Frame, request: NavigationRequest, labels: Labels | None = None
+    ) -> TickResult:
+        """Turn a frame into a motion; `labels`: those by `segment`, if they are known already.
+        Raises `BadFrame`, and then has changed nothing."""
         check_frame(frame)
         stages, beware = self._stages, request.beware
-        labels = stages.segment(self._segmenter, frame, beware)
+        if labels is None:
+            labels = self.segment(frame, beware)
         ground_m = stages.estimate_ground(
             frame, self._config.points.max_slope, self._config.perception.ground
         )

@@ -24,6 +24,8 @@ from web.api.maps import maps_router, poses_router
 from web.api.mission import mission_router
 from web.api.path_settings import path_settings_router
 from web.api.sites import sites_router
+from web.api.teach_frames import teach_frames_router
+from web.api.teach_training import teach_training_router
 from web.api.users import access_router
 from web.api.viewer_link import viewer_link_router
 from web.api.zone_drafts import drawing_router
@@ -91,6 +93,8 @@ def create_app(
         explain_router,
         sightings_router,
         localisation_router,
+        teach_frames_router,
+        teach_training_router,
     ):
         app.include_router(router(operations), prefix="/api/v1")
     app.include_router(control_router(operations, access.control, auditor), prefix="/api/v1")

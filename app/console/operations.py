@@ -35,13 +35,18 @@ from app.console.status_message import stands_in_zone, status_message
 from app.console.zone_editor import ZoneEditor
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
+from app.runtime.live_perception import LivePerception
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.operator_state import MOVING, OperatorState
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
-from app.runtime.segmentation import Perception
+from app.runtime.segmentation import compose
+from app.runtime.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.storage.site_store import SiteStore
+from app.teaching.networks import Compose
+from app.teaching.service import DEFAULT_CHOICE, LiveTeaching
+from app.teaching.versions import START
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
@@ -54,6 +59,7 @@ from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from navcore.planning.path import NoPath
 from navcore.robot.driver import Command, Robot
+from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import GateDecision
 from web.interface.beware import ListPreview
@@ -85,16 +91,23 @@ class LiveOperations:
         store: Store,
         recorder: Recorder,
         robot_urdf: FilePath | None,
-        perception: Perception,
-        labelling: FilePath,
+        perception: LivePerception,
+        data: FilePath,
         config: NavigatorConfig,
         keeper: MapKeeper | None = None,
         has_own_map: bool = True,
         world_tags: TagMap | None = None,
         new_beware: BewareList | None = None,
+        choice: SegmenterChoice = DEFAULT_CHOICE,
+        network: str = START,
+        compose: Compose = compose,
     ) -> None:
-        """`keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
-        `new_beware`: beware list of a new site, by default the shipped one."""
+        """`data`: folder of what operators correct and teach.
+
+        `keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
+        `new_beware`: beware list of a new site, by default the shipped one.
+        `choice`: options of the segmenter; `network`: version of it that is in use; `compose` makes
+        another perception."""
         self._robot, self._controller, self._store, self._recorder = (
             robot,
             controller,
@@ -112,7 +125,7 @@ class LiveOperations:
             controller,
             point_map=controller.navigator.map,
             recent=self._recent,
-            segmenter=perception.segmenter,
+            segmenter=perception,
             config=config,
         )
         self._edit(store.site)
@@ -143,11 +156,25 @@ class LiveOperations:
         self.insight = LiveInsight(
             controller=controller,
             recorder=recorder,
-            labelling=LabellingFolder(labelling),
+            labelling=LabellingFolder(data / "labelling"),
             config=config,
             clock=robot,
             store=store.events,
         )
+        self.teaching = LiveTeaching(
+            data / "teaching",
+            newest=self._newest_frame,
+            beware=lambda: controller.intent.beware,
+            perception=perception,
+            choice=choice,
+            used=network,
+            compose=compose,
+        )
+
+    def _newest_frame(self) -> Frame | None:
+        """Return the frame of the newest tick, placed in the map; None before the first."""
+        decision = self._controller.tick_state.decision
+        return None if decision is None else decision.frame
 
     def _edit(self, site: SiteStore) -> None:
         """Edit the contents of a site."""
@@ -162,7 +189,7 @@ class LiveOperations:
         self.beware = BewareEditor(
             controller,
             store=site,
-            segmenter=self._perception.segmenter,
+            segmenter=self._perception,
             colours=LiveColourRules(self._recent, self._config.perception),
             follower=self._beware_map,
             defaults=self._new_beware,
@@ -231,6 +258,7 @@ class LiveOperations:
         pose_ids = self._controller.navigator.map.pose_ids
         if decision.place.is_known and (at := pose_ids.known(decision.frame.pose)) is not None:
             self._recent.note(decision.frame, at, pose_ids[at])
+            self.teaching.note(decision.frame)
         self.insight.note_place(self._anchored.note_tick(decision.correction, pose_ids))
         request = self._controller.tick_state.request
         names = {} if request is None else request.beware.names
@@ -339,6 +367,7 @@ class LiveOperations:
     def close(self) -> None:
         """End the threads of this object."""
         self._back_off.stop()
+        self.teaching.close()
 
     def stop(self, source: str) -> None:
         """Latch the emergency stop and pause the mission in one step."""

@@ -19,7 +19,13 @@ from babel.messages.catalog import Catalog
 from web.languages.catalog import ROBOT, page_texts
 
 REPOSITORY = Path(__file__).parents[2]
-PAGES = ("web/page/index.html", "web/page/runs.html", "web/gateway/login.html", "web/starting.html")
+PAGES = (
+    "web/page/index.html",
+    "web/page/runs.html",
+    "web/page/teach.html",
+    "web/gateway/login.html",
+    "web/starting.html",
+)
 SENTENCES = (
     "app/console/anchored_items.py",
     "app/console/back_off.py",
@@ -49,6 +55,14 @@ SENTENCES = (
     "app/storage/sites.py",
     "app/storage/store.py",
     "app/storage/users.py",
+    "app/teaching/frame_archive.py",
+    "app/teaching/frame_store.py",
+    "app/teaching/frames.py",
+    "app/teaching/networks.py",
+    "app/teaching/plan.py",
+    "app/teaching/region.py",
+    "app/teaching/trainings.py",
+    "app/teaching/versions.py",
     "navcore/control/motion.py",
     "navcore/costmap/cell_description.py",
     "navcore/files.py",
@@ -90,6 +104,7 @@ SENTENCES = (
     "web/gateway/sentences.py",
     "web/schemas/drafts.py",
     "web/schemas/fields.py",
+    "web/schemas/teaching.py",
     "web/schemas/zones.py",
 )
 """Modules whose strings the page shows."""

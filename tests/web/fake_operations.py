@@ -7,7 +7,11 @@ import dataclasses
 import itertools
 import json
 import math
+import shutil
+import tempfile
 import threading
+import uuid
+import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path as FilePath
 from typing import Any
@@ -34,7 +38,10 @@ from app.console.recent_frames import RecentFrames
 from app.console.saved_missions import SavedMissions
 from app.console.zone_editor import ZoneEditor
 from app.insight.explanation import ExplanationQuery
+from app.runtime.live_perception import LivePerception
 from app.runtime.operator_state import OperatorState
+from app.runtime.segmentation import colour_perception
+from app.teaching.service import LiveTeaching
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.speed_limits import travel_time_s
@@ -54,8 +61,8 @@ from navcore.mission.zone_cells import rasterise
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan
+from navcore.planning.string_pulling import taut_corners
 from navcore.planning.unseen_parts import Parts, unseen_m, unseen_parts
-from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
 from navcore.planning.weighted_planner import plan_weighted
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
@@ -181,7 +188,20 @@ class FakeOperations:
         self._seen[:, -30:] = False
         self._see()
         self.insight = FakeInsight(self._case, lambda: self._pose)
+        self.teaching = self._teaching()
         self.place = FakePlace(self._move_to, lambda: self._intent.mission.phase)
+
+    def _teaching(self) -> LiveTeaching:
+        """Return the real one in a folder that lives as long as this robot."""
+        folder = FilePath(tempfile.gettempdir()) / f"taught-{uuid.uuid4().hex}"
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        recent = self.recent
+        return LiveTeaching(
+            folder,
+            newest=lambda: None if recent.newest is None else recent.newest.frame,
+            beware=lambda: self._intent.beware,
+            perception=LivePerception(colour_perception()),
+        )
 
     # Reading
 
@@ -529,9 +549,8 @@ class FakeOperations:
             price = self.path_settings.unknown_price
             outcome, self._path = self._planned(blocked, self._pose, (goal.x_m, goal.y_m), price)
             if isinstance(outcome, Path):
-                waypoints = choose_waypoints(
-                    outcome, SPEC, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD
-                )
+                corners = taut_corners(outcome.cells, CellMask.of(~blocked).plane)
+                waypoints = SPEC.centres(corners[1:])
         rgb, labels = _frame()
         depth_m = _depth()
         frame = Frame(

@@ -34,6 +34,7 @@ from web.interface.insight import Diagnostics
 from web.interface.localisation import PlaceEdits
 from web.interface.sites import Sites
 from web.interface.snapshots import Cloud, State, TickSnapshot
+from web.interface.teaching import Teaching
 
 Existing = Literal["ask", "replace", "keep", "skip"]
 """What happens to an imported zone with the outline of a stored one: a refusal that names them, the
@@ -221,6 +222,10 @@ class RobotService(Protocol):
     @property
     def insight(self) -> Diagnostics:
         """Explanations, detections and measurements."""
+
+    @property
+    def teaching(self) -> Teaching:
+        """Frames, training and networks by which the operator teaches a class."""
 
     def state(self) -> State:
         """Return the newest snapshot."""

@@ -26,6 +26,7 @@ from pydantic_core import CoreSchema, core_schema
 from typing_extensions import TypedDict
 
 from navcore.config.planning import PlanningConfig
+from navcore.mission.prototype import MAX_CHANNELS
 from navcore.toml_config import from_table
 from web.interface.wire import descriptions
 
@@ -172,6 +173,9 @@ def _constrained(hint: Any, metadata: Mapping[str, Any]) -> Any:
     if isinstance(hint, types.UnionType):
         inner = next(argument for argument in arguments if argument is not types.NoneType)
         return _constrained(inner, metadata) | None
+    if typing.get_origin(hint) is tuple and arguments[-1] is Ellipsis:
+        values = tuple[_constrained(arguments[0], metadata), ...]  # type: ignore[valid-type, misc]
+        return Annotated[values, Field(max_length=MAX_CHANNELS)]
     if typing.get_origin(hint) is tuple:
         return tuple[tuple(_constrained(argument, metadata) for argument in arguments)]  # type: ignore[misc]
     if dataclasses.is_dataclass(hint):
