@@ -28,6 +28,8 @@ WRITES = [
     ("POST", "/api/v1/beware/preview"),
     ("POST", "/api/v1/beware/colour"),
     ("POST", "/api/v1/beware/colour/looks"),
+    ("POST", "/api/v1/beware/example"),
+    ("POST", "/api/v1/beware/example/click"),
     ("POST", "/api/v1/preview"),
     ("PATCH", "/api/v1/goals/1"),
     ("PUT", "/api/v1/goals/order"),
