@@ -4,13 +4,15 @@ Each walk is a site of its own: a random world of the test split with two things
 `sim.models.unseen_items`. The operator's part: three frames around the first thing, a click into
 the middle of what it covers there, and eight frames of another drive as background. Then the robot
 walks past the second one, as in `detection`: found in time is what the map holds as that class
-before the robot is 1.5 m away; every other region of the class is a false item.
+before the robot is 1.5 m away; every other region of the class is a false item. A site whose first
+thing is seen from no free place is left out.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import logging
 import math
 from collections import Counter
 from collections.abc import Iterator
@@ -48,6 +50,7 @@ from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import UNSEEN, Scene, SolidObject, Spot
 from sim.models.unseen_items import UNSEEN_ITEMS
 
+log = logging.getLogger(__name__)
 CLICKS, BACKGROUNDS = 3, 8
 """Number of clicks, and of frames of the background."""
 CLICK_M, CLICK_PX = (1.0, 2.4), 80
@@ -110,6 +113,8 @@ def measure_one_click(network: NetworkSegmenter, *, seeds: range) -> OneClickRes
         classes: tuple[BewareClass, ...] = ()
         try:
             prototype = _taught(network, renderer, site, rng)
+            if prototype is None:
+                continue
             classes = (BewareClass(name=UNSEEN, class_id=LIST_ID, prototype=prototype),)
         except Refused as refusal:
             result.refused.append(f"{seed}, {site.kind}: {refusal}")
@@ -120,6 +125,16 @@ def measure_one_click(network: NetworkSegmenter, *, seeds: range) -> OneClickRes
         result.found[site.kind] += here.found[UNSEEN]
         result.false[site.kind] += here.false[UNSEEN]
         result.counts.walked_m += here.walked_m
+        log.info(
+            "site %d, %s: %d of %d found in time, %d false, %.1f m%s",
+            seed,
+            site.kind,
+            here.found[UNSEEN],
+            here.seen[UNSEEN],
+            here.false[UNSEEN],
+            here.walked_m,
+            "" if classes else "; refused",
+        )
     return result
 
 
@@ -214,11 +229,14 @@ def _with_thing(
     )
 
 
-def _taught(network: NetworkSegmenter, renderer: SceneRenderer, site: _Site, rng: Rng) -> Prototype:
-    """Return the prototype of three clicks; raises `Refused`."""
-    clicked = [(frame, truth) for frame, truth in _views(renderer, site, rng)]
+def _taught(
+    network: NetworkSegmenter, renderer: SceneRenderer, site: _Site, rng: Rng
+) -> Prototype | None:
+    """Return the prototype of three clicks, None where the thing is seen from no free place; raises
+    `Refused` where it cannot be made."""
+    clicked = list(_views(renderer, site, rng))
     if not clicked:
-        raise Refused("no free place from which it is seen")
+        return None
     described = [network.described(frame) for frame, _ in clicked]
     examples = [
         example_of(frame, cells, grown(frame, *_middle(truth & (frame.depth_m > 0))))
