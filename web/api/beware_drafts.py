@@ -24,6 +24,7 @@ from web.schemas.beware import (
     ClickIn,
     ClickOut,
     ComparisonOut,
+    Example,
     ExampleIn,
     ExampleOut,
     ListPreviewOut,
@@ -87,6 +88,13 @@ def beware_drafts_router(operations: RobotService) -> APIRouter:
         looks = examples.looks(prototype, MAX_LOOKS)
         shown = [_look_of(look, is_newest=i == 0) for i, look in enumerate(looks)]
         return ExampleOut(prototype=prototype, looks=shown)
+
+    @router.post("/beware/example/looks", response_model=LooksOut, responses=refusals(409, 422))
+    def look_at_example(prototype: Example) -> LooksOut:
+        """Return what a prototype takes in the newest image, and in some of the last minutes.
+        Nothing is applied."""
+        looks = operations.beware.examples.looks(prototype, MAX_LOOKS)
+        return LooksOut(looks=[_look_of(look, is_newest=i == 0) for i, look in enumerate(looks)])
 
     @router.get("/beware/versions", response_model=VersionsOut)
     def list_versions() -> VersionsOut:

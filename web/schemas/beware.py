@@ -34,6 +34,7 @@ map."""
 NewEntry = Annotated[Mapping[str, object], Entry(body_model(BewareClass, omitted=("class_id",)))]
 """Fields of a new class, without its id."""
 Rule = Annotated[ColourRule, Body()]
+Example = Annotated[Prototype, Body()]
 
 
 MAX_CELLS, MAX_CLICKS = 5000, 16

@@ -27,6 +27,12 @@ class TestWithNetwork:
         made = client.post(f"{BEWARE}/example", json={"clicks": [click["key"]]}).json()
         newest = made["looks"][0]
         assert 0 < newest["share"] < 0.1
+        looks = client.post(f"{BEWARE}/example/looks", json=made["prototype"]).json()["looks"]
+        assert looks[0]["mask"] == newest["mask"]
+        foreign = client.post(
+            f"{BEWARE}/example/looks", json={**made["prototype"], "network": "other"}
+        )
+        assert "another network" in wrong(foreign, 409)["message"]
         draft = {"name": "crate", "prototype": made["prototype"]}
         preview = client.post(f"{BEWARE}/preview", json={"add": draft})
         assert preview.status_code == 200

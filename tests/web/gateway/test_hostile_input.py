@@ -30,6 +30,7 @@ WRITES = [
     ("POST", "/api/v1/beware/colour/looks"),
     ("POST", "/api/v1/beware/example"),
     ("POST", "/api/v1/beware/example/click"),
+    ("POST", "/api/v1/beware/example/looks"),
     ("POST", "/api/v1/preview"),
     ("PATCH", "/api/v1/goals/1"),
     ("PUT", "/api/v1/goals/order"),

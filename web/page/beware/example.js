@@ -74,11 +74,11 @@ async function take(event, shown, frame) {
     mask.hidden = false;
   }
   element("entry-name").focus();
-  await look();
+  await learn();
 }
 
-// Ask what the clicks take, and again while the form is open; only the newest answer counts.
-async function look() {
+// Make a prototype of the clicks; only the newest answer counts.
+async function learn() {
   clearTimeout(timer);
   if (!clicks.length) return;
   newest += 1;
@@ -86,17 +86,26 @@ async function look() {
   try {
     const made = await post("/beware/example", { clicks, away });
     if (asked !== newest) return;
-    const isNew = JSON.stringify(made.prototype) !== JSON.stringify(prototype);
     prototype = made.prototype;
     show(made.looks);
-    if (isNew) onChange();
+    timer = setTimeout(look, PERIOD_MS, asked);
   } catch (error) {
     if (asked !== newest) return;
     prototype = null;
     setText(note, error.message);
-    onChange();
   }
-  timer = setTimeout(look, PERIOD_MS);
+  onChange();
+}
+
+// Ask again what it takes, while the form is open.
+async function look(asked) {
+  try {
+    const { looks } = await post("/beware/example/looks", prototype);
+    if (asked === newest) show(looks);
+  } catch (error) {
+    if (asked === newest) setText(note, error.message);
+  }
+  if (asked === newest) timer = setTimeout(look, PERIOD_MS, asked);
 }
 
 function show([live, ...older]) {
