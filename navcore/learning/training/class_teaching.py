@@ -157,7 +157,8 @@ class ClassTeacher:
         return np.asarray(logits[0].argmax(dim=0).to(torch.uint8).numpy())
 
     def losses(self) -> Iterator[float]:
-        """Take the remaining steps; yield the loss of each. Raises `BadConfiguration` without images."""
+        """Take the remaining steps; yield the loss of each. Raises `BadConfiguration` without
+        images."""
         if not self.captured:
             raise BadConfiguration("teaching: there is no image to learn from")
         while self.step < self.recipe.steps:
