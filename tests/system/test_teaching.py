@@ -119,7 +119,9 @@ def annotate(page: Page, frame_id: str, at: tuple[int, int]) -> None:
 
 def finished(run: dict[str, Any] | None) -> bool:
     """Return whether a training has ended; fails if it has failed."""
-    assert run is not None and run["phase"] != "failed", run
+    if run is None:
+        return False  # the request is on its way
+    assert run["phase"] != "failed", run
     return bool(run["phase"] == "done")
 
 
