@@ -1,28 +1,24 @@
 """Detection benchmark: straight drives through random worlds of the test split.
 
-An object of the beware list counts once it was in view within 4 m; it is found when the map holds
-it, as any enabled class, before the robot is 1.5 m away. A map region of a class with no object of
-the list within 0.3 m is a false item. The robot avoids nothing here, because the camera must come
-near.
+Each seed makes one world and one drive through it. An object of the beware list counts once it was
+in view within 4 m; it is found when the map holds it, as any enabled class, before the robot is
+1.5 m away. A map region of a class with no object of the list within 0.3 m is a false item. The
+robot avoids nothing here, because the camera must come near.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from collections.abc import Container, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console as Terminal
 from rich.progress import track
-from rich.table import Table
 
+from app.evaluation.detection_counts import DetectionCounts
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
@@ -38,7 +34,7 @@ from navcore.perception.labels import Segmenter
 from navcore.robot.frame import Frame
 from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
-from sim.dataset.renderer import PATTERNS, Labels, SceneRenderer
+from sim.dataset.renderer import LABELS, PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Scene
 from sim.sensors.camera import T_BASE_CAMERA
@@ -77,127 +73,74 @@ class ListedObject:
     """Whether the robot has been within 1.5 m; later detections do not count."""
 
 
-@dataclass(slots=True, kw_only=True)
-class DetectionCounts:
-    """Counts over some drives."""
-
-    seen: Counter[str] = field(default_factory=Counter)
-    """Objects in view within 4 m, by class."""
-    found: Counter[str] = field(default_factory=Counter)
-    """Objects in view that the map held in time as any class of the list."""
-    named: Counter[str] = field(default_factory=Counter)
-    """Objects in view that the map held in time as their own class."""
-    false: Counter[str] = field(default_factory=Counter)
-    """False items, by the class on the map."""
-    walked_m: float = 0.0
-    """Total length of the drives."""
-
-    def summary(self) -> dict[str, Any]:
-        """Return the rates as a JSON object."""
-        total = max(self.seen.total(), 1)
-        return {
-            "things_in_view": self.seen.total(),
-            "found_in_time": round(self.found.total() / total, 4),
-            "found_by_class": {
-                name: f"{self.found[name]}/{self.seen[name]}"
-                for name in BEWARE_CLASSES
-                if self.seen[name]
-            },
-            "named_rightly": round(self.named.total() / total, 4),
-            "false_items": self.false.total(),
-            "false_items_by_class": dict(self.false),
-            "false_items_per_10_m": round(10 * self.false.total() / max(self.walked_m, 1e-9), 3),
-            "walked_m": round(self.walked_m, 1),
-        }
-
-
 def measure_detection(
-    segmenter: Segmenter, beware: BewareList, *, seed: int, walks: int
-) -> DetectionCounts:
-    """Drive once through each of `walks` worlds of the test split that `seed` makes."""
-    counts = DetectionCounts()
-    shard = shard_seed(seed, "test", TEST_SHARD)
-    renderer = SceneRenderer(seed=shard, size=(424, 240))
-    for number in track(range(walks), description="driving"):
-        rng = np.random.default_rng((WORLDS_PER_SHARD * shard + number, 2))
+    segmenter: Segmenter, beware: BewareList, *, seeds: Sequence[int]
+) -> list[DetectionCounts]:
+    """Drive once through the world of the test split that each seed makes; return the counts of
+    each drive."""
+    counts = []
+    for seed in track(seeds, description="driving"):
+        shard = shard_seed(seed, "test", TEST_SHARD)
+        renderer = SceneRenderer(seed=shard, size=(424, 240))
+        rng = np.random.default_rng((WORLDS_PER_SHARD * shard, 2))
         scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
         renderer.build(scene)
-        _walk(renderer, scene, rng, segmenter, beware, counts)
+        counts.append(walk(renderer, scene, drive_poses(scene, rng), rng, segmenter, beware))
     return counts
 
 
-def run_detection(
-    segmenter: Segmenter, beware: BewareList, *, seed: int, walks: int, out: Path | None
-) -> dict[str, Any]:
-    """Measure, print a table, and write `finding.json` into `out`."""
-    counts = measure_detection(segmenter, beware, seed=seed, walks=walks)
-    summary = counts.summary()
-    table = Table(
-        "class",
-        "in view ≤ 4 m",
-        "found ≥ 1.5 m away",
-        "by its name",
-        "false items",
-        title="objects found in time",
-    )
-    for name in BEWARE_CLASSES[1:]:
-        table.add_row(
-            name,
-            *(
-                str(counter[name])
-                for counter in (counts.seen, counts.found, counts.named, counts.false)
-            ),
-        )
-    terminal = Terminal()
-    terminal.print(table)
-    terminal.print(
-        f"{summary['found_in_time']:.1%} of {summary['things_in_view']} objects found in time, "
-        f"{summary['false_items_per_10_m']:.2f} false items per 10 m, "
-        f"{summary['walked_m']:g} m driven"
-    )
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "finding.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
-    return summary
-
-
-def _walk(
+def walk(
     renderer: SceneRenderer,
     scene: Scene,
+    poses: Sequence[Pose2],
     rng: np.random.Generator,
     segmenter: Segmenter,
     beware: BewareList,
-    counts: DetectionCounts,
-) -> None:
+    *,
+    labels: Container[str] = BEWARE_CLASSES[1:],
+) -> DetectionCounts:
+    """Drive through a world that the renderer has built, and count; `labels` are the classes of the
+    objects that there are to find."""
     spec = GridSpec.centred(
         size_m=(2 * scene.reach_m[0] + 8.0, 2 * scene.reach_m[1] + 8.0), resolution_m=CELL_M
     )
-    objects, cloud = list(_objects(scene, spec)), PointMap(spec, MappingConfig())
-    poses = _poses(scene, rng)
+    objects = [listed for listed in _objects(scene, spec) if listed.name in labels]
+    cloud = PointMap(spec, MappingConfig())
     for number, pose in enumerate(poses):
-        rgb, depth_m, labels = renderer.render(pose.matrix() @ T_BASE_CAMERA, scene)
-        true_depth_m = depth_m
-        rgb, depth_m = apply_camera_effects(
-            rgb, depth_m, renderer.intrinsics.fx, rng, like_simulator=scene.like_simulator
-        )
-        frame = Frame(
-            stamp_ns=int(number * STEP_M / SPEED_MPS * 1e9),
-            rgb=np.ascontiguousarray(rgb),
-            depth_m=depth_m.astype(np.float32),
-            intrinsics=renderer.intrinsics,
-            T_base_camera=T_BASE_CAMERA,
-            pose=pose,
-            twist=Twist(v_mps=SPEED_MPS, w_radps=0.0),
-        )
+        frame, true_depth_m, truth = picture(renderer, scene, pose, rng, number)
         found = segmenter.segment(frame, beware)
         cloud.insert(observe(frame, found, beware, spec, ObservationConfig()), frame, found)
-        _observe(objects, cloud, beware, frame, true_depth_m, labels)
+        _observe(objects, cloud, beware, frame, true_depth_m, truth)
+    counts = DetectionCounts(
+        false=_false_items(objects, cloud, beware), walked_m=STEP_M * (len(poses) - 1)
+    )
     for listed in objects:
         counts.seen[listed.name] += listed.in_view
         counts.found[listed.name] += listed.in_view and listed.found_as is not None
         counts.named[listed.name] += listed.in_view and listed.found_as == listed.name
-    counts.false += _false_items(objects, cloud, beware)
-    counts.walked_m += STEP_M * (len(poses) - 1)
+    return counts
+
+
+def picture(
+    renderer: SceneRenderer, scene: Scene, pose: Pose2, rng: np.random.Generator, number: int = 0
+) -> tuple[Frame, npt.NDArray[np.float32], Labels]:
+    """Return the frame of a pose with the errors of the camera, its depth without them, and the
+    label of every pixel."""
+    rgb, depth_m, labels = renderer.render(pose.matrix() @ T_BASE_CAMERA, scene)
+    true_depth_m = depth_m
+    rgb, depth_m = apply_camera_effects(
+        rgb, depth_m, renderer.intrinsics.fx, rng, like_simulator=scene.like_simulator
+    )
+    frame = Frame(
+        stamp_ns=int(number * STEP_M / SPEED_MPS * 1e9),
+        rgb=np.ascontiguousarray(rgb),
+        depth_m=depth_m.astype(np.float32),
+        intrinsics=renderer.intrinsics,
+        T_base_camera=T_BASE_CAMERA,
+        pose=pose,
+        twist=Twist(v_mps=SPEED_MPS, w_radps=0.0),
+    )
+    return frame, true_depth_m, labels
 
 
 def _objects(scene: Scene, spec: GridSpec) -> Iterator[ListedObject]:
@@ -221,7 +164,7 @@ def _objects(scene: Scene, spec: GridSpec) -> Iterator[ListedObject]:
             )
 
 
-def _poses(scene: Scene, rng: np.random.Generator) -> list[Pose2]:
+def drive_poses(scene: Scene, rng: np.random.Generator) -> list[Pose2]:
     """Return the poses of the longest free straight drive among those drawn."""
     best: list[Pose2] = []
     for _ in range(POSE_TRIALS):
@@ -262,7 +205,7 @@ def _observe(
     rows, cols = np.nonzero(labels > 1)
     optical = back_project_pixels(rows, cols, depth_m[rows, cols], lens)
     points = (optical @ camera[:3, :3].T + camera[:3, 3])[:, :2]
-    kinds = labels[rows, cols] - 1
+    seen = labels[rows, cols]
     grid = layer_grid(cloud, beware, ())
     names = {entry.class_id: entry.name for entry in beware.enabled}
     for listed in objects:
@@ -271,7 +214,7 @@ def _observe(
         away_m = float(np.hypot(*(listed.points - (frame.pose.x_m, frame.pose.y_m)).T).min())
         if away_m <= IN_VIEW_M and not listed.in_view:
             listed.in_view = away_m > IN_TIME_M and _pixels_on(
-                listed, cloud.spec, points[kinds == BEWARE_CLASSES.index(listed.name)]
+                listed, cloud.spec, points[seen == LABELS[listed.name]]
             )
         if listed.found_as is None or listed.found_as != listed.name:
             held = [

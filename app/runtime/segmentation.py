@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import logging
 import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+import signal
+from collections.abc import Callable
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +30,7 @@ from navcore.perception.esanet.inference.network_file import (
 )
 from navcore.perception.esanet.inference.selection import (
     EngineBenchmark,
+    TrialStep,
     benchmark_engines,
     open_inference,
     probe_images,
@@ -40,6 +43,8 @@ from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Segmenter
 
 log = logging.getLogger(__name__)
+Watch = Callable[[TrialStep], None]
+"""Is told of each step of the trials of the engines."""
 CAMERA = Size(height=240, width=424)
 """Image size of the simulated D455; weights without a working size of their own use the nearest."""
 RANDOM_CLASSES = 12
@@ -49,6 +54,8 @@ SLOWER = 2.0
 remembered is measured again."""
 CHECK = InferenceConfig(trial_s=0.0)
 """Few images, to see whether an engine that is remembered has become too slow."""
+IDENTITY_DIGITS = 16
+"""Number of digits of the hash of its weights that name a network in prototypes."""
 SLOW_MS = 100.0
 """Time per image, in milliseconds, above which a robot in real time uses smaller images."""
 
@@ -70,6 +77,9 @@ class Perception:
     """Measurements of the engines, from which one was chosen."""
     choice: SegmenterChoice
     """Options that give the same segmenter again, with the chosen engine."""
+    examples: NetworkSegmenter | None = None
+    """The network, for another thread, of which classes by example are made; None where none runs,
+    or its file has no features."""
 
 
 def colour_perception(
@@ -93,13 +103,15 @@ def compose(
     memory: EngineMemory | None = None,
     inference: InferenceConfig | None = None,
     apart: bool = False,
+    watch: Watch = lambda step: None,
 ) -> Perception:
     """Compose the chosen segmenter.
 
     With `memory` the engine that it remembers for this network and machine is taken unmeasured, as
     long as it is not too slow; a measured one is remembered. `inference` asks to measure in any
     case, in its way. With `apart` a network is read, exported and its engines are measured in a
-    process of its own: what torch and the engines that were tried took ends with it.
+    process of its own: what torch and the engines that were tried took ends with it. `watch` is
+    told of each step of the trials.
 
     Raises `BadConfiguration` when a network was chosen explicitly and cannot run; with `auto` and
     the shipped weights this gives a warning, and the colour rules are used.
@@ -113,7 +125,7 @@ def compose(
         return colour_perception(config=config)
     try:
         prepare = _prepared_apart if apart else _prepared
-        opened = prepare(choice, choice.weights or shipped, memory, inference)
+        opened = prepare(choice, choice.weights or shipped, memory, inference, watch)
     except BadConfiguration as error:
         if choice.kind == "network" or choice.weights is not None:
             raise
@@ -157,25 +169,72 @@ class _Opened:
     trials: tuple[EngineBenchmark, ...] = ()
 
 
+_Exported = tuple[SegmenterChoice, NetworkFile | None, str, tuple[EngineBenchmark, ...]]
+
+
 def _prepared_apart(
     choice: SegmenterChoice,
     path: Path,
     memory: EngineMemory | None,
     inference: InferenceConfig | None,
+    watch: Watch,
 ) -> _Opened:
-    """`_prepared` in a process of its own; only the engine is opened in this one."""
+    """`_prepared` in a process of its own; only the engine is opened in this one.
+
+    A network that was exported at an earlier start, for the engine that is remembered, is opened
+    without that process.
+    """
+    key = None
+    if memory is not None and choice.engine == "auto" and inference is None and path.exists():
+        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        key = key_of(sha256, live=choice.live, threads=choice.threads)
+        known = memory.recall(key)
+        kept = memory.network(key, title=known.title, sha256=sha256) if known else None
+        opened = _remembered(known, choice, kept, watch) if kept else None
+        if opened is not None:
+            chosen, file, engine = opened
+            return _Opened(choice=chosen, file=file, engine=engine)
     context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(
+        target=_export_to, args=(sender, choice, path, memory, inference), daemon=True
+    )
+    process.start()
+    sender.close()
     try:
-        with ProcessPoolExecutor(1, mp_context=context) as process:
-            done = process.submit(_exported, choice, path, memory, inference).result()
-    except BrokenProcessPool:
+        while isinstance(message := receiver.recv(), TrialStep):
+            watch(message)
+    except EOFError:
         raise BadConfiguration(f"{path}: the process that prepares the network ended") from None
-    chosen, file, name, trials = done
+    finally:
+        receiver.close()
+        process.terminate()  # it has sent everything, or the start is given up
+        process.join()
+    if isinstance(message, Exception):
+        raise message
+    chosen, file, name, trials = message
     if file is None:
         whole = open_network(path, camera=CAMERA)
         file = (whole.smaller() or whole) if chosen.smaller else whole
+    elif memory is not None and key is not None and path.suffix != ".onnx":
+        memory.keep_network(key, file.as_onnx())
     engine, _ = open_inference(file, name, threads=choice.threads)
     return _Opened(choice=chosen, file=file, engine=engine, trials=trials)
+
+
+def _export_to(
+    sender: Connection,
+    choice: SegmenterChoice,
+    path: Path,
+    memory: EngineMemory | None,
+    inference: InferenceConfig | None,
+) -> None:
+    """Send each step of the trials, and at the end what `_exported` returns or raises."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program that waits for it ends it
+    try:
+        sender.send(_exported(choice, path, memory, inference, sender.send))
+    except Exception as error:
+        sender.send(error)
 
 
 def _exported(
@@ -183,10 +242,11 @@ def _exported(
     path: Path,
     memory: EngineMemory | None,
     inference: InferenceConfig | None,
-) -> tuple[SegmenterChoice, NetworkFile | None, str, tuple[EngineBenchmark, ...]]:
+    watch: Watch,
+) -> _Exported:
     """Return what `_prepared` returns, with the ONNX file for the engine in place of the network,
     and the name of the engine in place of the engine; no file for torch, which reads its own."""
-    opened = _prepared(choice, path, memory, inference)
+    opened = _prepared(choice, path, memory, inference, watch)
     name, file = opened.engine.name, opened.file
     if name.startswith("torch"):
         return opened.choice, None, name, opened.trials
@@ -199,6 +259,7 @@ def _prepared(
     path: Path,
     memory: EngineMemory | None,
     inference: InferenceConfig | None,
+    watch: Watch,
 ) -> _Opened:
     """Read the network, and open the engine that was asked for, that is remembered, or that is the
     best by measurement."""
@@ -206,21 +267,24 @@ def _prepared(
     key = key_of(file.sha256, live=choice.live, threads=choice.threads)
     known = None
     if memory is not None and choice.engine == "auto" and inference is None:
-        known = _remembered(memory.recall(key), choice, file)
+        known = _remembered(memory.recall(key), choice, file, watch)
     if known is not None:
         chosen, file, engine = known
         return _Opened(choice=chosen, file=file, engine=engine)
-    chosen, file, engine, trials = _measured(choice, file, inference or InferenceConfig())
+    chosen, file, engine, trials = _measured(choice, file, inference or InferenceConfig(), watch)
     taken = next((trial for trial in trials if trial.name == engine.name), None)
     if memory is not None and taken is not None:
         memory.remember(
-            key, ChosenEngine(name=engine.name, p99_ms=taken.p99_ms, smaller=chosen.smaller)
+            key,
+            ChosenEngine(
+                name=engine.name, p99_ms=taken.p99_ms, smaller=chosen.smaller, title=file.title
+            ),
         )
     return _Opened(choice=chosen, file=file, engine=engine, trials=trials)
 
 
 def _remembered(
-    known: ChosenEngine | None, choice: SegmenterChoice, file: NetworkFile
+    known: ChosenEngine | None, choice: SegmenterChoice, file: NetworkFile, watch: Watch
 ) -> tuple[SegmenterChoice, NetworkFile, Inference] | None:
     """Open a remembered engine; None without one, and for one that no longer runs or has become
     too slow."""
@@ -232,7 +296,9 @@ def _remembered(
         engine, _ = open_inference(file, known.name, threads=choice.threads)
         images = probe_images(file.size, file.depth)
         engine.logits(*images[0])  # the first image of an engine takes longest
+        watch(TrialStep(done=0, all=1, is_timed=True))
         now_ms = float(np.median(run_times_ms(engine, images, CHECK)))
+        watch(TrialStep(done=1, all=1, is_timed=False))
     except BadConfiguration as error:
         log.warning("segmentation: %s does not run any more: %s", known.name, error)
         return None
@@ -248,12 +314,14 @@ def _remembered(
 
 
 def _measured(
-    choice: SegmenterChoice, file: NetworkFile, inference: InferenceConfig
+    choice: SegmenterChoice, file: NetworkFile, inference: InferenceConfig, watch: Watch
 ) -> tuple[SegmenterChoice, NetworkFile, Inference, tuple[EngineBenchmark, ...]]:
     """Open the engine that was asked for, or the best one by measurement."""
     if choice.smaller:
         file = file.smaller() or file
-    engine, trials = open_inference(file, choice.engine, threads=choice.threads, config=inference)
+    engine, trials = open_inference(
+        file, choice.engine, threads=choice.threads, config=inference, watch=watch
+    )
     fastest_ms = min((trial.p50_ms for trial in trials if trial.is_accurate), default=0.0)
     if choice.live and fastest_ms > SLOW_MS and (smaller := file.smaller()) is not None:
         log.warning(
@@ -263,7 +331,7 @@ def _measured(
         )
         file, choice = smaller, dataclasses.replace(choice, smaller=True)
         engine, trials = open_inference(
-            file, choice.engine, threads=choice.threads, config=inference
+            file, choice.engine, threads=choice.threads, config=inference, watch=watch
         )
     return choice, file, engine, trials
 
@@ -276,6 +344,8 @@ def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
         depth=file.depth,
         size=file.size,
         aliases=aliases_for(file.class_names),
+        identity=file.sha256[:IDENTITY_DIGITS],
+        config=config.prototype,
     )
     _, precision = engine.name.split()
     return Perception(
@@ -284,6 +354,7 @@ def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
         identity=f"network sha256 {file.sha256}, {_by(file.size)}, {precision}, with colour rules",
         trials=opened.trials,
         choice=dataclasses.replace(opened.choice, kind="network", engine=engine.name),
+        examples=network.for_another_thread() if network.identity else None,
     )
 
 

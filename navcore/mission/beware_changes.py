@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
+from navcore.mission.prototype import Prototype
 
 FIELDS = {
     "margin_m": ("margin", 1.0, "m"),
@@ -46,9 +47,17 @@ def _changes_of(old: BewareClass, new: BewareClass) -> list[str]:
         told.append(f"{name}: shown as “{new.label or new.name}”")
     if old.detected_as != new.detected_as:
         told.append(f"{name}: network class “{new.detected_as}”")
+    if old.prototype != new.prototype:
+        told.append(f"{name}: {_prototype_change(old.prototype, new.prototype)}")
     if old.colour != new.colour:
         told.append(f"{name}: {_rule_change(old.colour, new.colour)}")
     return told
+
+
+def _prototype_change(old: Prototype | None, new: Prototype | None) -> str:
+    if old is None or new is None:
+        return "example added" if old is None else "example removed"
+    return "example changed"
 
 
 def _rule_change(old: ColourRule | None, new: ColourRule | None) -> str:

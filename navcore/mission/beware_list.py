@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from navcore.errors import BadConfiguration
+from navcore.mission.prototype import Prototype
 from navcore.toml_config import from_table, ranged, read_text
 
 NOTHING = 0
@@ -30,7 +31,10 @@ FLAT_M = 0.05
 """Height in metres up to which a colour is a flat marking, unless a rule says otherwise."""
 MAX_NAME = 80
 """Largest length of a name in characters."""
-OPTIONAL = ("colour", "min_height_m", "max_height_m", "min_size_m", "label", "network_class")
+OPTIONAL = (
+    *("colour", "prototype", "min_height_m", "max_height_m", "min_size_m"),
+    *("label", "network_class"),
+)
 """Fields of an entry that an edit may remove, with None."""
 
 
@@ -86,6 +90,9 @@ class ColourRule:
     fallback: bool = False
     """Whether the rule applies only without a network for the class: a rule may take a blue chair
     leg for a cup, where a network does not."""
+    alone: bool = False
+    """Whether the rule counts by itself even where a network knows the class; else the network and
+    the rule weigh each other's evidence."""
     pattern: ColourPattern | None = None
     """Second colour that must alternate with this one along the floor; None for a plain colour."""
 
@@ -106,6 +113,8 @@ class BewareClass:
     """Confidence, 0 to 1, below which points are no obstacles."""
     colour: ColourRule | None = None
     """Rule that detects the class by colour; None if only a network can."""
+    prototype: Prototype | None = None
+    """What the class looks like by a few clicks; None for a class without an example."""
     min_height_m: float | None = ranged(0.01, 2.0, default=None)
     """Smallest height in metres of an object of this class above the floor; flat regions are images
     of one. None for a class that may be flat."""

@@ -12,7 +12,7 @@ from navcore.geometry.transform import Matrix, Pose2, camera_mount
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from sim.dataset import palette
 from sim.dataset.patterns import pattern
-from sim.dataset.scene import Decal, Scene
+from sim.dataset.scene import UNSEEN, Decal, Scene
 from sim.models.items import ITEM_SIZES, item_shapes, item_solids
 from sim.models.person import Appearance, person_solids
 from sim.models.textures import GLOSS, PRINT_PX, Texture, print_texture, spill_texture
@@ -34,7 +34,9 @@ DECAL_STEP_M = 0.0004
 """Height by which each decal lies above the one before."""
 Labels = npt.NDArray[np.uint8]
 """(H, W) class index + 1."""
-LABELS = {name: i + 1 for i, name in enumerate(BEWARE_CLASSES)}
+UNSEEN_LABEL = 255
+"""Label of objects of a kind that no network was trained on; no data set holds one."""
+LABELS = {name: i + 1 for i, name in enumerate(BEWARE_CLASSES)} | {UNSEEN: UNSEEN_LABEL}
 
 
 class SceneRenderer:

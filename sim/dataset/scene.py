@@ -14,6 +14,8 @@ from sim.rendering.light import DAYLIGHT, Light
 Rng = np.random.Generator
 BACKGROUND = "background"
 """Class of everything that is no beware object."""
+UNSEEN = "unseen"
+"""Class of an object of a kind that no network was trained on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from navcore.config.perception import DEFAULT_PERCEPTION
+from navcore.config.prototype import PrototypeConfig
 from navcore.errors import BadConfiguration
+from navcore.geometry.arrays import FloatImage
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.perception.esanet.inference.argmax import most_likely
-from navcore.perception.esanet.inference.engine import Inference, check_logits
+from navcore.perception.esanet.inference.engine import Batch, Inference, check_logits
 from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import (
     DepthStatistics,
@@ -20,6 +25,7 @@ from navcore.perception.esanet.network.preprocess import (
     check_size,
 )
 from navcore.perception.labels import Labels, LabelSource
+from navcore.perception.prototype import describe, prototype_labels
 from navcore.robot.frame import Frame
 
 if TYPE_CHECKING:
@@ -44,31 +50,64 @@ class NetworkSegmenter:
         depth: DepthStatistics,
         size: Size,
         aliases: Mapping[str, str] | None = None,
+        identity: str = "",
+        config: PrototypeConfig = DEFAULT_PERCEPTION.prototype,
     ) -> None:
-        """Resize frames to the working size `size`; raises `BadConfiguration`."""
+        """Resize frames to the working size `size`; raises `BadConfiguration`.
+
+        `identity` names the network in the prototypes that are made of its features; without one it
+        has none.
+        """
         check_size(size, STRIDE)
         self.class_names = class_names
-        self._inference = inference
+        self.identity = identity if inference.has_features else ""
+        self._inference, self._config = inference, config
         self._entry_names = _entry_names(class_names, aliases or {})
-        self._depth, self._prepare = depth, Preprocessor(size, depth)
+        self._depth, self._size, self._prepare = depth, size, Preprocessor(size, depth)
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Return labels of the frame's size; the confidence is the probability of the most likely
-        class, listed or not."""
-        rgb, depth = self._prepare(frame.rgb, frame.depth_m * np.float32(self._depth.units_per_m))
-        logits = self._inference.logits(rgb, depth)
+        class, listed or not. What entries with a prototype of this network show is a hypothesis of
+        its own."""
+        rgb, depth = self._prepared(frame)
+        entries = [entry for entry in beware.classes if self._has_prototype(entry)]
+        if not entries:
+            return self._labels(self._inference.logits(rgb, depth), rgb, frame, beware)
+        logits, features = self._inference.logits_and_features(rgb, depth)
+        labels = self._labels(logits, rgb, frame, beware)
+        by_example = prototype_labels(frame, describe(frame, features), entries, self._config)
+        return dataclasses.replace(labels, hypotheses=(labels, by_example))
+
+    def for_another_thread(self) -> NetworkSegmenter:
+        """Return the same network for use beside this one."""
+        other = copy.copy(self)
+        other._inference = self._inference.for_another_thread()
+        other._prepare = Preprocessor(self._size, self._depth)
+        return other
+
+    def described(self, frame: Frame) -> FloatImage:
+        """Return the (h, w, D) descriptors of a frame, of which prototypes are made; only of a
+        network with an `identity`."""
+        _, features = self._inference.logits_and_features(*self._prepared(frame))
+        return describe(frame, features)
+
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        """Return whether the network has a class for an entry, or features for its prototype."""
+        if entry.detected_as.casefold() in self._entry_names:
+            return LabelSource.NETWORK
+        return LabelSource.PROTOTYPE if self._has_prototype(entry) else LabelSource.NOTHING
+
+    def _prepared(self, frame: Frame) -> tuple[Batch, Batch]:
+        return self._prepare(frame.rgb, frame.depth_m * np.float32(self._depth.units_per_m))
+
+    def _has_prototype(self, entry: BewareClass) -> bool:
+        return entry.prototype is not None and entry.prototype.network == self.identity != ""
+
+    def _labels(self, logits: Batch, rgb: Batch, frame: Frame, beware: BewareList) -> Labels:
         check_logits(logits, len(self.class_names), rgb, self._inference.name)
         height, width = frame.depth_m.shape
         winners, confidence = most_likely(logits[0], height=height, width=width)
         return Labels(class_ids=self._class_ids(beware)[winners], confidence=confidence)
-
-    def source_of(self, entry: BewareClass) -> LabelSource:
-        """Return whether the network has a class for an entry."""
-        return (
-            LabelSource.NETWORK
-            if entry.detected_as.casefold() in self._entry_names
-            else LabelSource.NOTHING
-        )
 
     def _class_ids(self, beware: BewareList) -> npt.NDArray[np.uint8]:
         """Return the class ids (C,) of the beware list by network output; the first of two entries

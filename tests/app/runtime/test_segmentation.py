@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import logging
 import subprocess
 import sys
@@ -23,7 +24,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet import build
 from navcore.perception.esanet.inference import selection
 from navcore.perception.esanet.inference.network_file import open_network
-from navcore.perception.esanet.inference.selection import EngineBenchmark, open_inference
+from navcore.perception.esanet.inference.selection import EngineBenchmark, TrialStep, open_inference
 from navcore.perception.esanet.network.preprocess import DepthStatistics
 from navcore.perception.esanet.weights.weights_file import WeightsCard, save
 from navcore.perception.fused_segmenter import FusedSegmenter
@@ -103,7 +104,7 @@ def test_a_network_is_fused_with_the_colour_rules_and_knows_entries_by_name_and_
     beware = default_beware_list()
     found = {entry.name: perception.segmenter.source_of(entry) for entry in beware.classes}
     assert (found["red floor"], found["book"], found["cup"]) == (
-        LabelSource.BOTH,
+        LabelSource.WEIGHED,
         LabelSource.NETWORK,
         LabelSource.NETWORK,
     )
@@ -149,6 +150,24 @@ def test_a_network_prepared_apart_is_refused_as_in_the_process_and_torch_can_run
         compose(SegmenterChoice(weights=damaged(tmp_path)), apart=True)
     choice = SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1)
     assert "torch f32" in compose(choice, apart=True).title
+
+
+def test_each_trial_of_an_engine_is_reported_and_says_when_the_machine_should_be_quiet(
+    tmp_path: Path,
+) -> None:
+    steps: list[TrialStep] = []
+    compose(
+        SegmenterChoice(weights=weights(tmp_path), threads=1),
+        inference=InferenceConfig(trial_s=0.0, fast_enough_ms=0.0),
+        apart=True,
+        watch=steps.append,
+    )
+    count = steps[-1].all
+    assert count >= 2 and steps[-1].done == count
+    assert [step.done for step in steps] == sorted(step.done for step in steps)
+    timed = [number for number, step in enumerate(steps) if step.is_timed]
+    assert len(timed) >= 2
+    assert not any(steps[number + 1].is_timed for number in timed), "each ends with its engine"
 
 
 def test_other_weights_are_another_campaign_and_the_same_choice_gives_the_same_one(
@@ -267,3 +286,37 @@ def test_a_memory_that_cannot_be_read_or_written_is_an_empty_one(
     nowhere = EngineMemory(file / "below a file" / "engines.json")
     nowhere.remember("k", engine)
     assert nowhere.recall("k") is None
+
+
+def test_a_later_start_opens_the_exported_network_without_torch_and_labels_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("onnxruntime")
+    pytest.importorskip("onnx")
+    memory, path = EngineMemory(tmp_path / "memory" / "engines.json"), weights(tmp_path)
+    choice = SegmenterChoice(weights=path, threads=1)
+    key = key_of(hashlib.sha256(path.read_bytes()).hexdigest(), live=False, threads=1)
+    engine = ChosenEngine(
+        name="onnxruntime f32", p99_ms=1e6, smaller=False, title="r18-nbt1d × 0.125"
+    )
+    memory.remember(key, engine)
+    first = compose(choice, memory=memory, apart=True)
+    (kept,) = (tmp_path / "memory" / "networks").glob("*.onnx")
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("a process was started")
+
+    with monkeypatch.context() as without:
+        without.setattr("app.runtime.segmentation.multiprocessing.get_context", refuse)
+        later = compose(choice, memory=memory, apart=True)
+        other = dataclasses.replace(choice, weights=weights(tmp_path, 2))
+        with pytest.raises(AssertionError):
+            compose(other, memory=memory, apart=True)
+    frame, beware = picture(), default_beware_list()
+    assert (first.identity, first.title) == (later.identity, later.title)
+    labels = [each.segmenter.segment(frame, beware).class_ids for each in (first, later)]
+    assert (labels[0] == labels[1]).all()
+    # A damaged file is exported again.
+    kept.write_bytes(b"no network")
+    assert compose(choice, memory=memory, apart=True).identity == first.identity
+    assert kept.read_bytes() != b"no network"

@@ -27,6 +27,17 @@ class Inference(Protocol):
         """Map normalised rgb (1, 3, h, w) and depth (1, 1, h, w) to logits (1, classes, h, w),
         valid until the next call."""
 
+    @property
+    def has_features(self) -> bool:
+        """Whether `logits_and_features` can be called: not for every ONNX file."""
+
+    def for_another_thread(self) -> Inference:
+        """Return the same network, with its weights shared, for use beside this one."""
+
+    def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
+        """Return the logits, and the features (1, C, h/4, w/4) that the classifier makes them of,
+        valid until the next call."""
+
 
 def check_logits(logits: Batch, classes: int, rgb: Batch, where: str) -> None:
     """Raise `BadConfiguration` unless there is one float32 logit per class and pixel."""

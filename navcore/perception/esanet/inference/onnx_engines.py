@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
 import importlib.util
 import sys
@@ -10,7 +11,7 @@ from typing import Any, Literal, cast
 
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet.inference.engine import THREADS, Batch
-from navcore.perception.esanet.inference.onnx_file import INPUTS, OUTPUT
+from navcore.perception.esanet.inference.onnx_file import FEATURES, INPUTS, OUTPUT
 
 Precision = Literal["f32", "bf16", "int8"]
 """Precision of the arithmetic; `int8` is for networks exported in eight bits, whose other layers
@@ -39,13 +40,26 @@ class OnnxRuntimeInference:
             raise _bad("onnxruntime", error) from None
         _check_ports(
             {i.name for i in self._session.get_inputs()},
-            {o.name for o in self._session.get_outputs()},
+            outputs := {o.name for o in self._session.get_outputs()},
         )
+        self.has_features = FEATURES in outputs
 
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
         """Run the network as `Inference` specifies."""
+        return self._run([OUTPUT], rgb, depth)[0]
+
+    def for_another_thread(self) -> OnnxRuntimeInference:
+        """Return itself: sessions can be run by any thread."""
+        return self
+
+    def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
+        """Run the network as `Inference` specifies."""
+        logits, features = self._run([OUTPUT, FEATURES], rgb, depth)
+        return logits, features
+
+    def _run(self, outputs: list[str], rgb: Batch, depth: Batch) -> list[Batch]:
         try:
-            answer: Batch = self._session.run([OUTPUT], {"rgb": rgb, "depth": depth})[0]
+            answer: list[Batch] = self._session.run(outputs, {"rgb": rgb, "depth": depth})
         except Exception as error:
             raise _bad("onnxruntime", error) from None
         return answer
@@ -70,26 +84,41 @@ class OpenVinoInference:
             settings["INFERENCE_PRECISION_HINT"] = (
                 "f32" if precision == "f32" or not has_bf16() else "bf16"
             )
-            compiled = core.compile_model(core.read_model(content), "CPU", settings)
-            self._request = compiled.create_infer_request()
+            self._compiled = core.compile_model(core.read_model(content), "CPU", settings)
+            self._request = self._compiled.create_infer_request()
         except Exception as error:
             raise _bad("openvino", error) from None
         names = [
             {name for port in ports for name in port.get_names()}
-            for ports in (compiled.inputs, compiled.outputs)
+            for ports in (self._compiled.inputs, self._compiled.outputs)
         ]
         _check_ports(*names)
+        self.has_features = FEATURES in names[1]
 
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
         """Run the network as `Inference` specifies; the next call reuses the memory of the
         logits."""
+        return self._run(rgb, depth, OUTPUT)[0]
+
+    def for_another_thread(self) -> OpenVinoInference:
+        """Return the network with memory of its own for inputs and outputs."""
+        other = copy.copy(self)
+        other._request = self._compiled.create_infer_request()
+        return other
+
+    def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
+        """Run the network as `Inference` specifies; the next call reuses the memory of both."""
+        logits, features = self._run(rgb, depth, OUTPUT, FEATURES)
+        return logits, features
+
+    def _run(self, rgb: Batch, depth: Batch, *outputs: str) -> list[Batch]:
         try:
-            answer: Batch = self._request.infer(
+            answers = self._request.infer(
                 {"rgb": rgb, "depth": depth}, share_inputs=True, share_outputs=True
-            )[OUTPUT]
+            )
+            return [answers[name] for name in outputs]
         except Exception as error:
             raise _bad("openvino", error) from None
-        return answer
 
 
 def is_installed(package: str) -> bool:

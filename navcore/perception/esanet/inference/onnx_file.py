@@ -1,7 +1,8 @@
 """Networks as ONNX files: exported from an ESANet, or any other with a card.
 
-A file has the inputs `rgb` (1, 3, h, w) and `depth` (1, 1, h, w), normalised, and the output
-`logits` (1, classes, h, w). Its card (class names, depth statistics, size) is JSON in its metadata
+A file has the inputs `rgb` (1, 3, h, w) and `depth` (1, 1, h, w), normalised, the output `logits`
+(1, classes, h, w) and, where it was exported here, `features` (1, C, h/4, w/4), which the last
+layer makes the logits of. Its card (class names, depth statistics, size) is JSON in its metadata
 under `bewarenav`, or beside it in `FILE.onnx.json`. The metadata are read and written without the
 onnx package: fields may be appended to a protobuf message.
 """
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from navcore.perception.esanet.network.model import EsaNet
 
 SUFFIX = ".onnx"
-INPUTS, OUTPUT = ("rgb", "depth"), "logits"
+INPUTS, OUTPUT, FEATURES = ("rgb", "depth"), "logits", "features"
 OPSET = 17
 MAX_ONNX_BYTES = 1 << 30
 _KEY = "bewarenav"
@@ -78,6 +79,16 @@ def exported(network: EsaNet, card: OnnxCard, *, ranges: Sequence[float] | None 
     from navcore.perception.esanet.network.batchnorm_folding import folded, with_fixed_pools
     from navcore.perception.esanet.network.quantisation import quantised
 
+    class WithFeatures(torch.nn.Module):
+        """A network that answers with its logits and features."""
+
+        def __init__(self, network: EsaNet) -> None:
+            super().__init__()
+            self.network = network
+
+        def forward(self, rgb: torch.Tensor, depth: torch.Tensor) -> tuple[torch.Tensor, ...]:
+            return self.network.with_features(rgb, depth)
+
     height, width = card.size.height, card.size.width
     ready = folded(network) if ranges is None else quantised(network, ranges)
     fixed = with_fixed_pools(ready.cpu(), height // STRIDE, width // STRIDE)
@@ -89,11 +100,11 @@ def exported(network: EsaNet, card: OnnxCard, *, ranges: Sequence[float] | None 
         file = Path(folder) / f"network{SUFFIX}"
         try:
             torch.onnx.export(
-                fixed,
+                WithFeatures(fixed).eval(),
                 inputs,
                 file,
                 input_names=list(INPUTS),
-                output_names=[OUTPUT],
+                output_names=[OUTPUT, FEATURES],
                 opset_version=OPSET,
                 dynamo=False,
             )

@@ -26,7 +26,20 @@ class TorchInference:
         self._device = next(network.parameters()).device
         self._network = folded(network).to(dtype=self._type, memory_format=torch.channels_last)  # type: ignore[call-overload]
 
+    @property
+    def has_features(self) -> bool:
+        """Always."""
+        return True
+
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
+        """Run the network as `Inference` specifies."""
+        return self.logits_and_features(rgb, depth)[0]
+
+    def for_another_thread(self) -> TorchInference:
+        """Return itself: it holds nothing between two calls."""
+        return self
+
+    def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
         """Run the network as `Inference` specifies."""
         if self._threads is not None and torch.get_num_threads() != self._threads:
             torch.set_num_threads(self._threads)  # OpenMP keeps the number per calling thread
@@ -37,5 +50,8 @@ class TorchInference:
                 )
                 for batch in (rgb, depth)
             )
-            answer: Batch = self._network(colour, distance).float().contiguous().cpu().numpy()
-        return answer
+            logits, features = (
+                answer.float().contiguous().cpu().numpy()
+                for answer in self._network.with_features(colour, distance)
+            )
+        return logits, features

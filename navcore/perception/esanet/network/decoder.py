@@ -81,6 +81,21 @@ class Decoder(nn.Module):
 
         `skips` are ordered from fine to coarse: 1/4, 1/8, 1/16.
         """
+        features, side_outputs = self._decoded(x, skips)
+        logits = self._classified(features)
+        if not self.training:
+            return logits
+        coarse, middle, fine = side_outputs
+        return logits, fine, middle, coarse
+
+    def with_features(self, x: Tensor, skips: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+        """Return the logits at full size, and what the classifier makes them of: the features
+        (B, C, h, w) at 1/4."""
+        features, _ = self._decoded(x, skips)
+        return self._classified(features), features
+
+    def _decoded(self, x: Tensor, skips: Sequence[Tensor]) -> tuple[Tensor, list[Tensor]]:
+        """Return the features at 1/4 and, in train mode, the side outputs from coarse to fine."""
         side_outputs = []
         modules = (self.decoder_module_1, self.decoder_module_2, self.decoder_module_3)
         for module, skip in zip(modules, reversed(skips), strict=True):
@@ -88,8 +103,7 @@ class Decoder(nn.Module):
             if self.training:
                 side_outputs.append(module.side_output(refined))
             x = module.merge(refined, skip)
-        logits: Tensor = self.upsample2(self.upsample1(self.conv_out(x)))
-        if not self.training:
-            return logits
-        coarse, middle, fine = side_outputs
-        return logits, fine, middle, coarse
+        return x, side_outputs
+
+    def _classified(self, features: Tensor) -> Tensor:
+        return self.upsample2(self.upsample1(self.conv_out(features)))  # type: ignore[no-any-return]

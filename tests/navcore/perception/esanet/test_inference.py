@@ -159,6 +159,24 @@ def test_openvino_answers_as_torch_does() -> None:
     assert_close(OpenVinoInference(onnx_bytes(), threads=1).logits(*image()), reference())
 
 
+def features_of_torch() -> Batch:
+    return TorchInference(network()).logits_and_features(*image())[1]
+
+
+@needs_onnx
+@needs_openvino
+def test_every_engine_gives_the_features_that_the_classifier_sees_beside_the_same_logits() -> None:
+    for engine in (OnnxRuntimeInference(onnx_bytes()), OpenVinoInference(onnx_bytes())):
+        assert engine.has_features
+        logits, features = (batch.copy() for batch in engine.logits_and_features(*image()))
+        assert_close(features, features_of_torch())
+        np.testing.assert_array_equal(logits, engine.logits(*image()))
+    with torch.inference_mode():
+        decoder = network().decoder
+        again = decoder.upsample2(decoder.upsample1(decoder.conv_out(torch.from_numpy(features))))
+    assert_close(again.numpy(), reference())
+
+
 @needs_onnx
 @pytest.mark.parametrize("package", ["onnxruntime", "openvino", "onnx"])
 def test_a_package_that_does_not_fit_the_machine_leaves_the_choice_to_the_others(
@@ -308,6 +326,14 @@ class Slow:
 
     def __init__(self, name: str, ms: float, wrong: float, clock: list[float]) -> None:
         self.name, self._ms, self._wrong, self._clock = name, ms, wrong, clock
+
+    has_features = False
+
+    def for_another_thread(self) -> Slow:
+        return self
+
+    def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
+        raise NotImplementedError
 
     def logits(self, rgb: Batch, depth: Batch) -> Batch:
         self._clock[0] += self._ms / 1e3

@@ -18,6 +18,7 @@ from navcore.geometry.camera import Intrinsics
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.perception.esanet import build
 from navcore.perception.esanet.inference.argmax import most_likely
+from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.preprocess import (
     NYUV2_DEPTH,
     SUNRGBD_DEPTH,
@@ -25,10 +26,11 @@ from navcore.perception.esanet.network.preprocess import (
     Size,
     to_tensors,
 )
-from navcore.perception.esanet.segmenter import EsaNetSegmenter
+from navcore.perception.esanet.segmenter import EsaNetSegmenter, NetworkSegmenter
 from navcore.perception.esanet.weights.class_names import NYUV2_CLASSES, SUNRGBD_CLASSES
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard, load, save
-from navcore.perception.labels import Segmenter
+from navcore.perception.labels import LabelSource, Segmenter
+from navcore.perception.prototype import background_of, example_of, fitted
 from navcore.robot.frame import Frame
 from tests.navcore.perception.esanet.goldens import arrays, data_file, fresh
 from tests.navcore.scene import Box, picture
@@ -120,6 +122,33 @@ def test_an_alias_gives_a_class_of_the_network_the_lists_name() -> None:
 def test_an_alias_of_no_class_is_refused() -> None:
     with pytest.raises(BadConfiguration, match=r"sofa.*wall"):
         EsaNetSegmenter(trained(), size=WORKING, aliases={"sofa": "book"})
+
+
+def test_a_class_by_example_is_a_hypothesis_of_its_own_of_the_network_that_it_was_made_with() -> (
+    None
+):
+    eyes = NetworkSegmenter(
+        TorchInference(trained().network),
+        class_names=NAMES,
+        depth=NYUV2_DEPTH,
+        size=WORKING,
+        identity="abc",
+    )
+    described = eyes.described(FRAME)
+    example = example_of(FRAME, described, FRAME.rgb[..., 0] > 190)
+    prototype = fitted("abc", [example], background_of(FRAME, described, [example]))
+    entry = BewareClass(name="crate", class_id=11, prototype=prototype)
+    listed = BewareList(classes=(*LIST.classes, entry))
+    network, by_example = eyes.segment(FRAME, listed).hypotheses
+    is_crate = FRAME.rgb[..., 0] > 190
+    assert (by_example.class_ids[is_crate] == 11).mean() > 0.5
+    assert not (by_example.class_ids[~is_crate] == 11).any()
+    np.testing.assert_array_equal(network.class_ids, eyes.segment(FRAME, LIST).class_ids)
+    assert eyes.source_of(entry) is LabelSource.PROTOTYPE
+    other = dataclasses.replace(entry, prototype=dataclasses.replace(prototype, network="def"))
+    assert eyes.source_of(other) is LabelSource.NOTHING
+    foreign = eyes.segment(FRAME, BewareList(classes=(*LIST.classes, other)))
+    assert foreign.hypotheses == ()
 
 
 def test_a_working_size_the_network_cannot_take_is_refused() -> None:

@@ -1,0 +1,52 @@
+// Erasing from the map, with its undo. What the camera sees there later comes back.
+
+import { get, post } from "../../core/api.js";
+import { sentence, t } from "../../core/language.js";
+import { attempt, notify } from "../../core/toasts.js";
+
+const RADIUS_M = 0.3;
+const CHOICES = [
+  ["both", t("⌫ Everything"), t("Everything on the map there is erased.")],
+  ["geometry", t("⌫ Obstacles only"), t("The obstacles there are erased.")],
+  ["beware", t("⌫ What the robot bewares of only"), t("What the robot bewares of there is erased.")],
+];
+
+export const discAt = ([x, y]) => ({ type: "Point", coordinates: [x, y], radius_m: RADIUS_M });
+
+// The choices of what to erase in a geometry, as items of a menu; `then` runs after a choice.
+export const choicesFor = (geometry, then = () => {}) =>
+  CHOICES.map(([what, text, done]) => {
+    const run = () => {
+      erase(geometry, what, done);
+      then();
+    };
+    return [`erase-${what}`, text, run];
+  });
+
+// Undo and redo of the edits of the map by any operator, as items of a menu.
+export async function historyItems() {
+  const { undo, redo } = await get("/map/edits").catch(() => ({}));
+  const items = [];
+  if (undo) items.push(["edit-undo", `↶ ${t("Undo")}: ${sentence(undo)}`, () => step("undo")]);
+  if (redo) items.push(["edit-redo", `↷ ${t("Redo")}: ${sentence(redo)}`, () => step("redo")]);
+  return items;
+}
+
+function erase(geometry, what, done) {
+  return attempt(async () => {
+    await post("/map/erase", { geometry, what });
+    offerUndo(`${done} ${t("What the camera sees there comes back.")}`);
+  });
+}
+
+// Say what was done to the map, with a button that takes it back.
+export function offerUndo(text) {
+  notify(text, { good: true, action: { label: t("Undo"), run: () => step("undo") } });
+}
+
+function step(action) {
+  return attempt(async () => {
+    await post(`/map/${action}`);
+    notify(action === "undo" ? t("It is back on the map.") : t("It is done again."), { good: true });
+  });
+}

@@ -1,0 +1,103 @@
+// Frame pacing of viser's page, loaded before its other scripts: viser alone would draw without end.
+// A frame is given only while the view is visible and something may have changed: a message of the
+// server, the pointer, a key, the size. Without a graphics card the processor draws, which the robot
+// needs too: then every frame is followed by a rest as long as its drawing took, except while the
+// operator acts, because viser handles messages and clicks with the next frame.
+
+(() => {
+  const AWAKE_MS = 600;
+  const REST_SHARE = 1;
+  const MIN_REST_MS = 150;
+  const ACTING_MS = 1000;
+  const LOADING_MS = 5000;
+  const host = window.frameElement;
+  const browserFrame = window.requestAnimationFrame.bind(window);
+  const callbacks = new Map();
+  let lastId = 0;
+  let isScheduled = false;
+  let hasChanged = false; // since the last frame began, however long ago that was
+  let restTimer = 0;
+  let actingUntil = 0;
+  let awakeUntil = performance.now() + LOADING_MS;
+
+  const isSoftware = () => host?.dataset.webgl === "software";
+  const isVisible = () => !document.hidden && host?.dataset.seen !== "no";
+  window.framesDrawn = 0;
+
+  function schedule() {
+    const isAwake = hasChanged || performance.now() <= awakeUntil;
+    if (isScheduled || callbacks.size === 0 || !isVisible() || !isAwake) return;
+    isScheduled = true;
+    browserFrame(run);
+  }
+
+  function run(now) {
+    const draws = [...callbacks.values()];
+    callbacks.clear();
+    const beganMs = performance.now();
+    hasChanged = false;
+    window.framesDrawn += 1;
+    window.prepareFrame();
+    for (const draw of draws) {
+      try {
+        draw(now);
+      } catch (error) {
+        reportError(error);
+      }
+    }
+    if (!isSoftware()) {
+      isScheduled = false;
+      schedule();
+      return;
+    }
+    // The browser gives the frame after the next one when this one is on the screen.
+    browserFrame(() =>
+      browserFrame((drawnMs) => {
+        const restMs =
+          drawnMs < actingUntil
+            ? 0
+            : Math.max(REST_SHARE * (performance.now() - beganMs), MIN_REST_MS);
+        restTimer = setTimeout(endRest, restMs);
+      }),
+    );
+  }
+
+  function endRest() {
+    clearTimeout(restTimer);
+    restTimer = 0;
+    isScheduled = false;
+    schedule();
+  }
+
+  function wake() {
+    hasChanged = true;
+    awakeUntil = Math.max(awakeUntil, performance.now() + AWAKE_MS);
+    schedule();
+  }
+
+  function act(event) {
+    wake();
+    if (event.type === "pointermove" && event.buttons === 0) return;
+    actingUntil = performance.now() + ACTING_MS;
+    if (restTimer) endRest();
+  }
+
+  window.requestAnimationFrame = (callback) => {
+    lastId += 1;
+    callbacks.set(lastId, callback);
+    schedule();
+    return lastId;
+  };
+  window.cancelAnimationFrame = (id) => {
+    callbacks.delete(id);
+  };
+  window.Worker = class extends window.Worker {
+    constructor(...given) {
+      super(...given);
+      this.addEventListener("message", wake);
+    }
+  };
+  const kinds = ["pointerdown", "pointermove", "pointerup", "wheel", "keydown", "resize", "seen"];
+  for (const kind of kinds) window.addEventListener(kind, act, { capture: true, passive: true });
+  document.addEventListener("visibilitychange", wake);
+})();

@@ -1,0 +1,73 @@
+// What the page and the 3D view tell each other: clicks, the draft, the display, marks.
+
+import { connect } from "../core/api.js";
+import { clicked, draft, isDrawing, moveCorner, onDraft, outline } from "../zones/draft.js";
+import { finish } from "../zones/store_draft.js";
+import { address, drawViewerNow, setConnected } from "./viewer.js";
+import { goalMark, sketch } from "../map/world.js";
+
+const MAX_PREVIEW_POINTS = 4000;
+// Modes of which the 3D view knows nothing.
+const PAGE_MODES = new Set(["measure", "place"]);
+let onOpen = () => {};
+let onPointer = () => {};
+let display = null;
+
+// Called when the link is open again and the console has forgotten the marks.
+export const onLinkOpen = (act) => {
+  onOpen = act;
+};
+
+// Called with the answer to `askFloor`.
+export const onFloor = (act) => {
+  onPointer = act;
+};
+
+const link = connect(address, {
+  onOpen: () => {
+    sendDraft();
+    if (display) link.send(display);
+    onOpen();
+  },
+  onMessage: (message) => {
+    if (message.type === "click") {
+      // A click of a goal comes from the pointer, with its heading.
+      if (draft.mode !== "goal" && clicked(message.x_m, message.y_m)) finish();
+    } else if (message.type === "drag") moveCorner(message.index, [message.x_m, message.y_m]);
+    else if (message.type === "pointer") onPointer(message.phase, message.place);
+    else if (message.type === "viewer") setConnected(message.connected);
+  },
+});
+
+export const mark = (lines, place) => link.send({ type: "mark", lines, place });
+
+// Ask for the floor below the pointer: shares of the width and the height of the view.
+export const askFloor = (phase, right, down) => link.send({ type: "pointer", phase, right, down });
+
+// Turn the camera of the 3D view: `at` is "overview", "top", "robot", or "place" with a point.
+export function look(at, place) {
+  link.send(place ? { type: "look", at, place } : { type: "look", at });
+  drawViewerNow();
+}
+
+// What this page shows; sent again when the link was lost.
+export function showDisplay(options) {
+  display = { type: "show", ...options };
+  link.send(display);
+  drawViewerNow();
+}
+
+export function sendDraft() {
+  const isGoal = draft.mode === "goal";
+  const path = isGoal ? sketch.path : draft.preview;
+  link.send({
+    type: "draft",
+    mode: PAGE_MODES.has(draft.mode) ? "navigate" : draft.mode,
+    corners: draft.corners,
+    outline: isGoal ? goalMark() : isDrawing() ? outline() : [],
+    path: path.slice(0, MAX_PREVIEW_POINTS),
+  });
+  drawViewerNow();
+}
+
+onDraft(sendDraft);

@@ -1,0 +1,120 @@
+// The 3D view: viser's page in a frame. The frame is made when the view is first shown, draws nothing
+// while hidden, and is removed after a while, so that the console has nothing to send either.
+
+import { element, make } from "../core/dom.js";
+import { t } from "../core/language.js";
+import { showProgress } from "../core/progress.js";
+import { onTheme } from "../core/theme.js";
+import { onKeyDown, onKeyUp } from "../keys.js";
+
+const KEPT_MS = 20_000;
+const SOFTWARE_DPR = 0.7; // a processor draws fewer pixels
+const panel = element("panel-3d");
+const pageId = [...crypto.getRandomValues(new Uint8Array(16))]
+  .map((byte) => byte.toString(16).padStart(2, "0"))
+  .join("");
+export const address = `/viewer/${pageId}`;
+// What draws WebGL here: "hardware", "software" or "none".
+export const webgl = findRenderer();
+let frame = null;
+let isShown = false;
+let strengths = {};
+let timer = 0;
+let onLive = () => {};
+const frameListeners = [];
+// Called with the window of each new frame.
+export const onFrame = (listener) => frameListeners.push(listener);
+
+function findRenderer() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  if (!context) return "none";
+  const info = context.getExtension("WEBGL_debug_renderer_info");
+  const name = context.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : context.RENDERER);
+  context.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name)
+    ? "software"
+    : "hardware";
+}
+
+export function showViewer(shown) {
+  isShown = shown;
+  update();
+}
+
+// Draw now, however seldom the view is drawn otherwise.
+export function drawViewerNow() {
+  if (isShown) frame?.contentWindow?.dispatchEvent(new Event("seen"));
+}
+
+// Set the opacity of layers, 0 to 1 by name: `opacity.js` in viser's page draws with it.
+export function fadeViewer(strength) {
+  strengths = strength;
+  frame?.contentWindow?.dispatchEvent(new CustomEvent("fade", { detail: strengths }));
+}
+
+// Whether viser's page is connected, as the console says.
+export function setConnected(connected) {
+  document.body.dataset.viewer = connected ? "live" : "gone";
+  onLive();
+}
+
+function update() {
+  const isVisible = isShown && !document.hidden;
+  clearTimeout(timer);
+  if (isVisible && !frame) open();
+  if (!frame) return;
+  frame.dataset.seen = isVisible ? "yes" : "no";
+  if (isVisible) frame.contentWindow?.dispatchEvent(new Event("seen"));
+  else timer = setTimeout(close, KEPT_MS);
+}
+
+function open() {
+  const query = webgl === "hardware" ? "" : `?fixedDpr=${SOFTWARE_DPR}`;
+  frame = make("iframe", {
+    id: "viewer",
+    title: t("3D view"),
+    src: `${address}/${query}`,
+    "data-webgl": webgl,
+    "data-testid": "view-3d-frame",
+  });
+  frame.addEventListener("load", prepare);
+  panel.append(frame);
+  showProgress(
+    new Promise((resolve) => {
+      onLive = resolve;
+    }),
+    t("the 3D view"),
+  );
+}
+
+function close() {
+  frame?.remove();
+  frame = null;
+  onLive();
+}
+
+function prepare() {
+  const { contentWindow, contentDocument } = frame;
+  // Keys pressed while the 3D view has the focus are the console's keys too.
+  contentWindow?.addEventListener("keydown", onKeyDown, true);
+  contentWindow?.addEventListener("keyup", onKeyUp, true);
+  for (const listener of frameListeners) listener(contentWindow);
+  // viser's own panel and notices would cover the scene; the console has all that an operator needs.
+  contentDocument?.head.append(contentDocument.createElement("style"));
+  showTheme();
+  fadeViewer(strengths);
+}
+
+// The colour behind the scene is the one behind the map.
+function showTheme() {
+  const style = frame?.contentDocument?.head.lastElementChild;
+  if (style?.tagName !== "STYLE") return;
+  const stage = getComputedStyle(document.documentElement).getPropertyValue("--stage");
+  style.textContent =
+    ".mantine-Paper-root, .mantine-Notifications-root { display: none !important; }" +
+    `html, body, body div:has(> canvas) { background: ${stage} !important; }`;
+  drawViewerNow();
+}
+onTheme(showTheme);
+
+document.addEventListener("visibilitychange", update);
