@@ -11,6 +11,7 @@ from navcore.config.perception import ObservationConfig
 from navcore.geometry.arrays import FloatImage
 from navcore.geometry.camera import back_project_pixels
 from navcore.grid.grid import Box, GridSpec
+from navcore.mapping.views.drop_edges import drop_edges
 from navcore.mapping.views.voxels import DepthView, depth_view, measured_voxels, voxels_of
 from navcore.mission.beware_list import LARGEST_CLASS_ID, NOTHING, BewareList
 from navcore.perception.labels import Labels
@@ -74,6 +75,7 @@ def observe(
     geometric, seen = measured_voxels(
         view, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support
     )
+    geometric = np.concatenate([geometric, drop_edges(view, spec.resolution_m, rules)])
     heights_m, named = _max_heights(beware), []
     for hypothesis in labels.all_hypotheses:
         of_source = _labelled(hypothesis.class_ids, view, heights_m, rules.min_support)
