@@ -77,6 +77,9 @@ class Perception:
     """Measurements of the engines, from which one was chosen."""
     choice: SegmenterChoice
     """Options that give the same segmenter again, with the chosen engine."""
+    examples: NetworkSegmenter | None = None
+    """The network, for another thread, of which classes by example are made; None where none runs,
+    or its file has no features."""
 
 
 def colour_perception(
@@ -351,6 +354,7 @@ def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
         identity=f"network sha256 {file.sha256}, {_by(file.size)}, {precision}, with colour rules",
         trials=opened.trials,
         choice=dataclasses.replace(opened.choice, kind="network", engine=engine.name),
+        examples=network.for_another_thread() if network.identity else None,
     )
 
 
