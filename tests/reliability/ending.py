@@ -46,7 +46,7 @@ def ended_consoles(trials: int, *, told: signal.Signals = signal.SIGTERM) -> Mea
                 process.send_signal(told)
                 code = process.wait(PATIENCE_S)
                 slowest_s = max(slowest_s, time.monotonic() - began_s)
-                clean += code == 0 and not any(Path(f"/proc/{pid}").exists() for pid in family)
+                clean += code == 0 and _are_gone(family, began_s + LONGEST_S)
             finally:
                 process.kill()
                 process.wait()
@@ -56,6 +56,16 @@ def ended_consoles(trials: int, *, told: signal.Signals = signal.SIGTERM) -> Mea
         f"{lost} starts without what was stored, or with a moving robot",
         met=clean == trials and lost == 0 and slowest_s <= LONGEST_S,
     )
+
+
+def _are_gone(family: list[int], until_s: float) -> bool:
+    """Wait until no process is left: helpers of multiprocessing end when they see that theirs has.
+    Return whether it is so in time."""
+    while left := any(Path(f"/proc/{pid}").exists() for pid in family):
+        if time.monotonic() > until_s:
+            break
+        time.sleep(0.05)
+    return not left
 
 
 def _started(data: Path, port: int) -> subprocess.Popen[bytes]:
