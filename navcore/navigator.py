@@ -156,11 +156,21 @@ class Navigator:
         self._planner = GlobalPlanner(self._costmap.space, self.map.explored, profile, config)
         self._controller = Controller(self.map.explored, profile, config)
 
-    def tick(self, frame: Frame, request: NavigationRequest) -> TickResult:
-        """Turn a frame into a motion. Raises `BadFrame`, and then has changed nothing."""
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """Label a frame, and change nothing, so that it may run beside a tick; one call at a time,
+        as engines are not thread-safe. Raises `BadFrame`."""
+        check_frame(frame)
+        return self._stages.segment(self._segmenter, frame, beware)
+
+    def tick(
+        self, frame: Frame, request: NavigationRequest, labels: Labels | None = None
+    ) -> TickResult:
+        """Turn a frame into a motion; `labels`: those by `segment`, if they are known already.
+        Raises `BadFrame`, and then has changed nothing."""
         check_frame(frame)
         stages, beware = self._stages, request.beware
-        labels = stages.segment(self._segmenter, frame, beware)
+        if labels is None:
+            labels = self.segment(frame, beware)
         ground_m = stages.estimate_ground(
             frame, self._config.points.max_slope, self._config.perception.ground
         )
@@ -229,9 +239,19 @@ class Navigator:
         """Slow a motion down to the operator's speed limits; `twist` is the measured velocity."""
         return self._controller.limit(motion, zones, pose, twist)
 
-    def preview(self, costmap: Costmap, pose: Pose2, goal: tuple[float, float]) -> Route:
-        """Plan from scratch over any costmap; changes nothing and may run in any thread."""
-        return self._planner.preview(costmap, pose, goal)
+    def preview(
+        self,
+        costmap: Costmap,
+        pose: Pose2,
+        goal: tuple[float, float],
+        *,
+        unknown_price: float | None = None,
+    ) -> Route:
+        """Plan from scratch over any costmap; changes nothing and may run in any thread.
+
+        `unknown_price`: as in `NavigationRequest`.
+        """
+        return self._planner.preview(costmap, pose, goal, unknown_price=unknown_price)
 
     def inflate_draft(self, grid: OccupancyGrid) -> Costmap:
         """Make a costmap of a draft grid, for previews."""

@@ -1,4 +1,4 @@
-"""Warm-up: compiles all kernels before the robot needs them."""
+"""Warm-up: compiles all kernels before the robot needs them, in one process or in two at once."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfi
 from navcore.control import dynamic_window
 from navcore.control.manoeuvre import ManoeuvreProblem, manoeuvre_along
 from navcore.control.social import NO_PEOPLE, clear_of_people
+from navcore.costmap.live_costmap import LiveCostmap
 from navcore.geometry.camera import Intrinsics, pixel_rays
 from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
@@ -29,13 +30,14 @@ from navcore.mapping.views.extent import measured_bounds
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
-from navcore.navigator import Navigator
+from navcore.navigator import Navigator, TickResult
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor
 from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.perception.overhang_filter import overhung_regions
 from navcore.perception.people.track import Track
 from navcore.planning.gap_viewpoint import viewpoint_before_gap
+from navcore.planning.global_planner import GlobalPlanner
 from navcore.planning.weighted_planner import plan_weighted
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
@@ -44,6 +46,17 @@ from navcore.safety.collision_monitor import RecentObstacles, time_to_contact
 WALL_M = 2.0
 """Distance in metres from the first pose to the wall, which has a low object at its foot."""
 
+_SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)
+_CONFIG = NavigatorConfig(map=MappingConfig(budget_mb=0.01))
+_BEWARE, _GOAL = default_beware_list(), (1.0, 1.0)
+
+
+def _square(x_m: float) -> Zone:
+    corners = ((x_m - 1.0, -1.0), (x_m + 1.0, -1.0), (x_m + 1.0, 1.0), (x_m - 1.0, 1.0))
+    return Zone(id="square", name="square", polygon=corners)
+
+
+_HERE, _AHEAD = _square(0.0), _square(2.2)
 _PERSON = Track(
     id=1, x_m=2.0, y_m=0.0, vx_mps=0.0, vy_mps=0.0, radius_m=0.3, age_s=0.0, last_seen_ns=0
 )
@@ -59,41 +72,67 @@ def warm_up(segmenter: Segmenter | None = None) -> None:
     beware = default_beware_list()
     for number in range(2):
         (segmenter or ColourSegmenter()).segment(_image(stamp_ns=number, x_m=0.5 * number), beware)
-    _warm_kernels()
+    warm_kernels()
 
 
 @cache
-def _warm_kernels() -> None:
-    beware, goal = default_beware_list(), (1.0, 1.0)
-    frames = [_image(stamp_ns=number, x_m=x_m) for number, x_m in enumerate((0.0, 0.5, 0.45, 0.4))]
-    navigator = Navigator(
-        spec=GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05),
-        profile=HUSKY,
-        segmenter=_UnsureSegmenter(),
-        config=NavigatorConfig(map=MappingConfig(budget_mb=0.01)),
-    )
-    for frame in frames:
-        decision = navigator.tick(frame, NavigationRequest(goal=goal, beware=beware, zones=()))
-    here = Zone(
-        id="here", name="here", polygon=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
-    )
-    navigator.tick(frame, NavigationRequest(goal=None, leave=True, beware=beware, zones=(here,)))
+def warm_kernels() -> None:
+    """Call every kernel; those of path planning last, which another process may have compiled
+    meanwhile."""
+    navigator = Navigator(spec=_SPEC, profile=HUSKY, segmenter=_UnsureSegmenter(), config=_CONFIG)
+    way_m = (0.0, 0.5, 0.45, 0.4, 0.35, 0.3, 0.25)
+    frames = [_image(stamp_ns=number, x_m=x_m) for number, x_m in enumerate(way_m)]
+    idle = NavigationRequest(goal=None, beware=_BEWARE, zones=())
+    for frame in frames[:4]:
+        decision = navigator.tick(frame, idle)
+    _look_closely(frame, decision)
+    _search_a_place()
+    for frame in frames[4:]:
+        decision = navigator.tick(frame, dataclasses.replace(idle, goal=_GOAL))
+    navigator.tick(frame, dataclasses.replace(idle, leave=True, zones=(_HERE,)))
     # A goal beyond the map makes it grow.
-    decision = navigator.tick(frame, NavigationRequest(goal=(20.0, 0.0), beware=beware, zones=()))
-    # Kernels that such a drive seldom or never reaches.
-    measured_bounds(frame.depth_m, frame.T_map_camera, frame.intrinsics.pinhole, 5.0)
-    spec, people = navigator.map.spec, NavigatorConfig().people
+    decision = navigator.tick(frame, dataclasses.replace(idle, goal=(20.0, 0.0)))
+    navigator.preview(decision.occupancy, frame.pose, _GOAL)
+    _correct_a_map(navigator.map)
+    warm_planning()
+
+
+def warm_planning() -> None:
+    """Call the kernels of path planning and of manoeuvres, about half of all; `warm_kernels` calls
+    no others."""
+    _plan_paths()
+    _manoeuvre()
+
+
+def _plan_paths() -> None:
+    """Plan on an empty map, round a zone, and out of one."""
+    point_map = PointMap(_SPEC, _CONFIG.map)
+    live = LiveCostmap(
+        point_map, vehicle_width_m=HUSKY.width_m, safety_margin_m=_CONFIG.safety_margin_m
+    )
+    planner = GlobalPlanner(live.space, point_map.explored, HUSKY, _CONFIG)
+    pose = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    for zones, leave in (((), False), ((_AHEAD,), False), ((), False), ((_HERE,), True)):
+        request = NavigationRequest(
+            goal=None if leave else _GOAL, leave=leave, beware=_BEWARE, zones=zones
+        )
+        costmap = live.follow(_BEWARE, zones)
+        planner.route(costmap, pose, request, (), GlobalPlanner.plan)
+        planner.preview(costmap, pose, _GOAL)
     viewpoint_before_gap(
-        decision.occupancy,
-        spec.cell(0.0, 0.0),
-        spec.cell(*goal),
+        costmap,
+        _SPEC.cell(0.0, 0.0),
+        _SPEC.cell(*_GOAL),
         vehicle_width_m=0.7,
         relief_cells=9.0,
-        body_m=MappingConfig().body_m,
+        body_m=_CONFIG.map.body_m,
     )
-    navigator.preview(decision.occupancy, frame.pose, goal)
     free = np.ones((4, 4), dtype=np.bool_)
     plan_weighted(free, ~free, 2.0, (0, 0), (3, 3))
+
+
+def _manoeuvre() -> None:
+    """Move where it is tight, and where people are in the way."""
     tight = ManoeuvreProblem(
         obstacles=np.array([[WALL_M, 0.0]]),
         cell_radius_m=0.04,
@@ -102,25 +141,29 @@ def _warm_kernels() -> None:
         profile=HUSKY,
         clearance_m=0.06,
     )
-    manoeuvre_along(np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]]), tight, frame.pose)
+    path = np.array([[0.0, 0.0], [0.5, 0.5], [1.0, 1.0]])
+    manoeuvre_along(path, tight, Pose2(x_m=0.4, y_m=0.0, yaw_rad=0.0))
+    poses = np.zeros((1, 2, 3))
+    person = dataclasses.replace(NO_PEOPLE, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
+    clear_of_people(person, poses, poses[..., 0].copy(), HUSKY, _CONFIG.people)
+    arc_position(0.5, 0.1, 0.2)
+    dynamic_window.warm(HUSKY)
+
+
+def _look_closely(frame: Frame, decision: TickResult) -> None:
+    """Call what a drive towards a wall seldom or never reaches in a frame."""
+    measured_bounds(frame.depth_m, frame.T_map_camera, frame.intrinsics.pinhole, 5.0)
     # On rising ground, and then without it.
     contacts = RecentObstacles().after(_image(stamp_ns=0, x_m=-WALL_M, floor_z_m=0.04))
     contacts = contacts.after(frame).after(frame)
     time_to_contact(contacts.points, Twist(v_mps=0.5, w_radps=0.1), HUSKY)
     excluded_pixels(frame, decision.labels, (_PERSON,))
-    arc_position(0.5, 0.1, 0.2)
     overhung_regions(
-        _UnsureSegmenter().segment(frame, beware).class_ids,
+        _UnsureSegmenter().segment(frame, _BEWARE).class_ids,
         frame,
         heights_above_floor(frame),
-        beware,
+        _BEWARE,
     )
-    poses = np.zeros((1, 2, 3))
-    person = dataclasses.replace(NO_PEOPLE, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
-    clear_of_people(person, poses, poses[..., 0].copy(), HUSKY, people)
-    dynamic_window.warm(HUSKY)
-    _correct_a_map(navigator.map)
-    _search_a_place()
 
 
 def _search_a_place() -> None:

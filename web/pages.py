@@ -20,7 +20,7 @@ _TYPES = {
     ".webmanifest": "application/manifest+json",
     ".json": "application/json",
 }
-_TRANSLATED = ("index.html", "runs.html")
+_TRANSLATED = ("index.html", "runs.html", "teach.html")
 
 
 def pages_router() -> APIRouter:
@@ -60,6 +60,11 @@ def pages_router() -> APIRouter:
     async def runs(request: Request, visitor: CurrentVisitor) -> Response:
         """Return the page that compares reports of past missions."""
         return page(request, visitor, "runs.html")
+
+    @router.get("/teach")
+    async def teach(request: Request, visitor: CurrentVisitor) -> Response:
+        """Return the page on which the network is taught a class."""
+        return page(request, visitor, "teach.html")
 
     @router.get("/docs")
     async def docs(request: Request) -> Response:

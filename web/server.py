@@ -22,7 +22,10 @@ from web.api.localisation import localisation_router
 from web.api.map_edits import map_edits_router
 from web.api.maps import maps_router, poses_router
 from web.api.mission import mission_router
+from web.api.path_settings import path_settings_router
 from web.api.sites import sites_router
+from web.api.teach_frames import teach_frames_router
+from web.api.teach_training import teach_training_router
 from web.api.users import access_router
 from web.api.viewer_link import viewer_link_router
 from web.api.zone_drafts import drawing_router
@@ -83,12 +86,15 @@ def create_app(
         maps_router,
         poses_router,
         map_edits_router,
+        path_settings_router,
         sites_router,
         events_router,
         journal_router,
         explain_router,
         sightings_router,
         localisation_router,
+        teach_frames_router,
+        teach_training_router,
     ):
         app.include_router(router(operations), prefix="/api/v1")
     app.include_router(control_router(operations, access.control, auditor), prefix="/api/v1")

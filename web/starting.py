@@ -8,7 +8,9 @@ import select
 import socket
 import threading
 import time
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
@@ -41,13 +43,29 @@ LOADING_PROGRAM = "Loading the program"
 """First step of a start."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A step that goes on."""
+
+    line: str
+    share: float | None = None
+
+    def html(self, sentences: Mapping[str, str]) -> str:
+        step, mark, figures = self.line.partition(" …")
+        said = html.escape(sentences.get(step, step) + mark + figures)
+        if self.share is None:
+            return f"<p>{said}</p>"
+        return f'<p><label>{said}<br><progress value="{self.share:.2f}"></progress></label></p>'
+
+
 class StartingPage:
     """Answers every request with 503 and the step that the start waits for, until it is ended;
     what connects later waits for the console. A context that ends with its body."""
 
     def __init__(self, listener: socket.socket) -> None:
         """`listener` is a listening socket, which stays open at the end."""
-        self._listener, self._step = listener, f"{LOADING_PROGRAM} …"
+        self._listener = listener
+        self._steps = {LOADING_PROGRAM: _Step(f"{LOADING_PROGRAM} …")}
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="starting page", daemon=True)
 
@@ -65,9 +83,14 @@ class StartingPage:
         """End."""
         self.end()
 
-    def say(self, step: str) -> None:
-        """Show a line about what the start waits for: a step, "…", and how long it takes so far."""
-        self._step = step
+    def say(
+        self, step: str, line: str, share: float | None = None, *, is_over: bool = False
+    ) -> None:
+        """Show a step that the start waits for until it is over, beside the others: a line of its
+        name, "…" and figures, and a bar where the share that is done, 0 to 1, is known."""
+        steps = {name: shown for name, shown in self._steps.items() if name != LOADING_PROGRAM}
+        steps.pop(step, None) if is_over else steps.update({step: _Step(line, share)})
+        self._steps = steps  # another thread reads the old one
 
     def end(self) -> None:
         """Answer no more; may be called again."""
@@ -92,16 +115,15 @@ class StartingPage:
                 if not more:
                     return
                 request += more
-            body = _page(request, self._step)
+            body = _page(request, list(self._steps.values()))
             head = "\r\n".join((*_HEADERS, f"Content-Length: {len(body)}", "", ""))
             connection.sendall(head.encode() + body)
 
 
-def _page(request: bytes, line: str) -> bytes:
-    """Return the page with a line in the language that a request asks for."""
+def _page(request: bytes, steps: Sequence[_Step]) -> bytes:
+    """Return the page with the steps in the language that a request asks for."""
     fields = (field.partition(b":") for field in request.split(b"\r\n")[1:])
     headers = Headers(raw=[(name.strip().lower(), value.strip()) for name, _, value in fields])
     language = language_of(headers)
-    step, mark, duration = line.partition(" …")
-    said = CATALOGS[language].sentences.get(step, step) + mark + duration
-    return _PAGES[language].replace("<!--step-->", html.escape(said)).encode()
+    shown = "\n".join(step.html(CATALOGS[language].sentences) for step in steps)
+    return _PAGES[language].replace("<!--steps-->", shown).encode()

@@ -1,12 +1,91 @@
-"""The processes of a Chromium that this process has started."""
+"""A headless Chromium that this process has started: its processes, and what a page holds."""
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from app.bench.process_use import process_use
+from navcore.errors import BewareNavError
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+ARGUMENTS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--no-first-run",
+)
+"""No graphics card, as on a server; the sandbox needs privileges; nothing else is fetched."""
+
+
+class NoBrowser(BewareNavError):  # noqa: N818 - named after what happened, as all of them
+    """Chromium or Playwright is not installed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageUse:
+    """What a page holds at a moment."""
+
+    script_mb: float
+    """Memory of its scripts, MB (10⁶ bytes)."""
+    elements: int
+    """Number of nodes of the document, with those that scripts hold."""
+    pss_mb: float
+    """Memory of all processes of Chromium, shared pages divided among them, MB; Linux only."""
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Run a headless Chromium; raises `NoBrowser` without Chromium or Playwright."""
+    executable = shutil.which("chromium")
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        executable = None
+    if executable is None:
+        raise NoBrowser(
+            "the page is not measured: chromium or the Python package playwright is not installed"
+        )
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable, args=list(ARGUMENTS))
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def page_use(page: Page) -> PageUse:
+    """Return what a page holds."""
+    session = page.context.new_cdp_session(page)
+    try:
+        session.send("Performance.enable")
+        rows = session.send("Performance.getMetrics")["metrics"]
+    finally:
+        session.detach()
+    metrics = {row["name"]: row["value"] for row in rows}
+    return PageUse(
+        script_mb=round(metrics["JSHeapUsedSize"] / 1e6, 2),
+        elements=int(metrics["Nodes"]),
+        pss_mb=round(_chromium_mb(), 1),
+    )
+
+
+def _chromium_mb() -> float:
+    total_mb = 0.0
+    for pid, _ in processes(os.getpid()):
+        with suppress(OSError):  # it has ended meanwhile
+            total_mb += process_use(pid).pss_mb
+    return total_mb
 
 
 def processes(root: int) -> Iterator[tuple[int, str]]:

@@ -13,11 +13,12 @@ from pathlib import Path
 from rich.console import Console as Terminal
 from rich.table import Table
 
+from app.bench.chromium import NoBrowser
 from app.bench.compare import comparison_table
 from app.bench.console import console_table
 from app.bench.correction import correction_table
 from app.bench.latency import latency_table
-from app.bench.page import NoBrowser, page_tables
+from app.bench.page import page_tables
 from app.bench.parts import BenchPart
 from app.bench.planning import run_planning_bench
 from app.bench.soak import NotMeasured, soak_table

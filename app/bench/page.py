@@ -8,7 +8,6 @@ the page. Chromium has no graphics card: WebGL is drawn by the processor, which 
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -22,9 +21,8 @@ import httpx
 import numpy as np
 from rich.table import Table
 
-from app.bench.chromium import chromium_cpu_s
+from app.bench.chromium import chromium, chromium_cpu_s
 from app.bench.visit import visit_table
-from navcore.errors import BewareNavError
 from navcore.safety.gate import Cause
 from sim.scenario.load import load_scenario
 from web.port import reserve
@@ -32,13 +30,6 @@ from web.port import reserve
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-ARGUMENTS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--no-first-run",
-)
 SETTLE_S = 8.0
 POLL_S = 0.1
 START_S = 600.0
@@ -47,10 +38,6 @@ KINDS = {"gpu-process": "gpu", "renderer": "page", "browser": "main", "utility":
 LATE = {Cause.STALE_FRAME, Cause.STALE_COMMAND}
 PAINTS = """Object.values(window.paints).reduce((sum, count) => sum + count, 0)
   + (document.getElementById("viewer")?.contentWindow.framesDrawn ?? 0)"""
-
-
-class NoBrowser(BewareNavError):  # noqa: N818 - named after what happened, as all of them
-    """Chromium or Playwright is not installed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,23 +65,13 @@ CONDITIONS = (
 def page_tables(scenario: str, seconds: float) -> Iterator[Table]:
     """Yield the figures of a first visit, and the cost of every condition measured for `seconds`;
     raises `NoBrowser` without Chromium or Playwright."""
-    chromium = shutil.which("chromium")
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        chromium = None
-    if chromium is None:
-        raise NoBrowser(
-            "the page is not measured: chromium or the Python package playwright is not installed"
-        )
     columns = [*KINDS.values(), "all", "paints/s", "tick p50", "p95 ms", "late"]
     table = Table(
         "page, robot",
         *columns,
         title="Chromium's shares of a core in %; times of a tick; share of time held for lateness",
     )
-    with console_process(scenario, segmenter="colour") as program, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=list(ARGUMENTS))
+    with chromium() as browser, console_process(scenario, segmenter="colour") as program:
         yield visit_table(program, browser)
         goals = load_scenario(scenario).goals
         for condition in CONDITIONS:
@@ -109,7 +86,6 @@ def page_tables(scenario: str, seconds: float) -> Iterator[Table]:
             table.add_row(condition.title, *_row(program, page, seconds))
             if page is not None:
                 page.close()
-        browser.close()
     yield table
 
 

@@ -1,27 +1,30 @@
 """Soak test of the console: what server and simulator hold while the robot drives for long.
 
-The console runs in a process of its own and drives round the goals of a world. Every `PERIOD_S` its
-processes are looked at through `/proc`, so only Linux is measured, and its state is asked for over
-HTTP, as any program may. Sizes are proportional (PSS): pages that the two processes share count
-half in each.
+The console runs in a process of its own and drives round the goals of a world, with its map open
+in a headless Chromium where there is one. Every `PERIOD_S` the processes are looked at through
+`/proc`, so only Linux is measured, and the state is asked for over HTTP, as any program may. Sizes
+are proportional (PSS): pages that two processes share count half in each.
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import httpx
 import numpy as np
 from rich.table import Table
 
-from app.bench.page import console_process, drive_around
+from app.bench.chromium import NoBrowser, PageUse, chromium, page_use
+from app.bench.page import LATE, console_process, drive_around
 from app.bench.process_use import ProcessUse, process_use
 from app.runtime.provenance import machine, shipped_sha256, version
 from app.runtime.segmenter_choice import Kind
@@ -29,6 +32,10 @@ from navcore.errors import BewareNavError
 from navcore.files import write_whole
 from sim.scenario.load import load_scenario
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+log = logging.getLogger(__name__)
 PERIOD_S = 10.0
 """Time between two samples, seconds."""
 POLL_S = 0.1
@@ -43,6 +50,8 @@ MOVING_S = 60.0
 """Longest wait for the robot to move before a stop, seconds."""
 STOPPED_S = 5.0
 """Longest wait for a command of zero after a stop, seconds."""
+SETTLE_S = 5.0
+"""Time in which the page is loaded, seconds."""
 QUANTITIES = {
     "pss_mb": ("memory (PSS), MB", "{:.0f}"),
     "rss_mb": ("memory (RSS), MB", "{:.0f}"),
@@ -51,6 +60,14 @@ QUANTITIES = {
     "sockets": ("of these, sockets", "{:.0f}"),
 }
 """Field of `ProcessUse` → its name, and the format of its values."""
+
+
+PAGE_QUANTITIES = {
+    "pss_mb": ("Chromium's memory (PSS), MB", "{:.0f}"),
+    "script_mb": ("memory of scripts, MB", "{:.1f}"),
+    "elements": ("elements", "{:.0f}"),
+}
+"""The same of `PageUse`."""
 
 
 class NotMeasured(BewareNavError):  # noqa: N818 - named after what happened, as all of them
@@ -67,10 +84,30 @@ class Sample:
     """The console's process."""
     simulator: ProcessUse
     """The simulator's process."""
+    page: PageUse | None
+    """The page with the map; None without a browser."""
     ticks_ms: tuple[float, ...]
     """Times of the ticks seen since the sample before, milliseconds."""
+    ages_ms: tuple[float, ...]
+    """Age of the picture that the robot acts on, at each look, milliseconds."""
     driving: float
     """Share of the looks at which the mission drove."""
+    late: float
+    """Share of the looks at which the gate held the robot for lateness."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watched:
+    """What is looked at."""
+
+    program: httpx.Client
+    """Client of the console's API."""
+    server: int
+    """Number of the console's process."""
+    simulator: int
+    """Number of the simulator's process."""
+    page: Page | None
+    """The page with the map, if there is a browser."""
 
 
 def soak_table(
@@ -87,10 +124,12 @@ def soak_table(
     with console_process(scenario, segmenter=segmenter) as program:
         server, simulator = console_pids(os.getpid())
         title = program.get("/api/v1/state").json()["segmenter"]
-        drive_around(program, goals)
-        first_stops = list(_stops_ms(program))
-        samples = list(_samples(program, goals, seconds, server=server, simulator=simulator))
-        last_stops = list(_stops_ms(program))
+        with _page(program) as page:
+            watched = Watched(program=program, server=server, simulator=simulator, page=page)
+            drive_around(program, goals)
+            first_stops = list(_stops_ms(program))
+            samples = list(_samples(watched, goals, seconds))
+            last_stops = list(_stops_ms(program))
     if record is not None:
         document = {
             "command": f"bewarenav bench soak --scenario {scenario} --seconds {seconds:g} "
@@ -124,47 +163,64 @@ def _children(pid: int) -> list[int]:
     return [int(child) for task in tasks for child in (task / "children").read_text().split()]
 
 
+def process_tree(root: int) -> list[int]:
+    """Return the ids of a process and of all that it and they started."""
+    return [root, *(pid for child in _children(root) for pid in process_tree(child))]
+
+
 def _arguments(pid: int) -> list[str]:
     return Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
 
 
+@contextmanager
+def _page(program: httpx.Client) -> Iterator[Page | None]:
+    """Show the map of the console; None without a browser."""
+    try:
+        with chromium() as browser:
+            page = browser.new_page(viewport={"width": 1280, "height": 720})
+            page.goto(f"{program.base_url}/#map")
+            page.wait_for_timeout(1000 * SETTLE_S)
+            yield page
+    except NoBrowser as missing:
+        log.warning("%s", missing)
+        yield None
+
+
 def _samples(
-    program: httpx.Client,
-    goals: tuple[tuple[float, float], ...],
-    seconds: float,
-    *,
-    server: int,
-    simulator: int,
+    watched: Watched, goals: tuple[tuple[float, float], ...], seconds: float
 ) -> Iterator[Sample]:
     began_s = time.monotonic()
     while (t_s := time.monotonic() - began_s) < seconds:
-        ticks_ms, driving = _watch(program, min(PERIOD_S, seconds - t_s))
+        looks = _looks(watched.program, min(PERIOD_S, seconds - t_s))
+        ticks_ms = {look["picture_serial"]: look["tick_ms"] for look in looks}
+        ages_s = [look["frame_age_s"] for look in looks if look["frame_age_s"] is not None]
+        late = [any(reason["code"] in LATE for reason in look["reasons"]) for look in looks]
+        driving = float(np.mean([look["phase"] == "driving" for look in looks]))
         try:
             yield Sample(
                 t_s=round(time.monotonic() - began_s, 1),
-                server=process_use(server),
-                simulator=process_use(simulator),
-                ticks_ms=tuple(ticks_ms),
+                server=process_use(watched.server),
+                simulator=process_use(watched.simulator),
+                page=None if watched.page is None else page_use(watched.page),
+                ticks_ms=tuple(ticks_ms.values()),
+                ages_ms=tuple(round(1000 * age_s, 1) for age_s in ages_s),
                 driving=driving,
+                late=float(np.mean(late)),
             )
         except OSError:
             raise NotMeasured("the console ended during the soak test") from None
         if not driving:  # a goal that it gave up ended the mission
-            drive_around(program, goals)
+            drive_around(watched.program, goals)
 
 
-def _watch(program: httpx.Client, seconds: float) -> tuple[list[float], float]:
-    """Return the times of the ticks, milliseconds, and the share of looks at which it drove."""
-    ticks_ms: dict[int, float] = {}
-    looks = driving = 0
+def _looks(program: httpx.Client, seconds: float) -> list[dict[str, Any]]:
+    """Return the states of the console in a while, at least one."""
+    looks: list[dict[str, Any]] = []
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s or not looks:
-        state = _state(program)
-        ticks_ms.setdefault(state["picture_serial"], state["tick_ms"])
-        looks += 1
-        driving += state["phase"] == "driving"
+        looks.append(_state(program))
         time.sleep(POLL_S)
-    return list(ticks_ms.values()), driving / looks
+    return looks
 
 
 def _stops_ms(program: httpx.Client) -> Iterator[float]:
@@ -223,8 +279,11 @@ def _table(
     count = max(1, len(samples) // 6)
     parts = (samples[:count], warm[:count], samples[-count:])
     times_s = [sample.t_s for sample in warm]
-    for process in ("server", "simulator"):
-        for name, (words, form) in QUANTITIES.items():
+    processes = {"server": QUANTITIES, "simulator": QUANTITIES}
+    if samples[0].page is not None:
+        processes["page"] = PAGE_QUANTITIES
+    for process, quantities in processes.items():
+        for name, (words, form) in quantities.items():
             values = [getattr(getattr(sample, process), name) for sample in warm]
             medians = [
                 float(np.median([getattr(getattr(sample, process), name) for sample in part]))
@@ -235,7 +294,11 @@ def _table(
                 f"{process}: {words}", *(form.format(value) for value in medians), f"{growth:+.1f}"
             )
     ticks = [[ms for sample in part for ms in sample.ticks_ms] for part in parts]
+    ages = [[ms for sample in part for ms in sample.ages_ms] for part in parts]
+    late = [float(np.mean([sample.late for sample in part])) for part in parts]
     table.add_row("tick p99, ms", *(_percentile(times, 99) for times in ticks), "")
+    table.add_row("age of the picture p95, ms", *(_percentile(times, 95) for times in ages), "")
+    table.add_row("held for lateness", *(f"{share:.1%}" for share in late), "")
     table.add_row(
         "stop, longest, ms", _percentile(first_stops, 100), "", _percentile(last_stops, 100), ""
     )

@@ -4,17 +4,14 @@ headless Chromium with an empty cache."""
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import httpx
 from rich.table import Table
 
-from app.bench.chromium import processes
-from app.bench.process_use import process_use
+from app.bench.chromium import page_use
 from navcore.errors import BewareNavError
 
 if TYPE_CHECKING:
@@ -75,12 +72,9 @@ def visit_table(program: httpx.Client, browser: Browser) -> Table:
     clicks, seconds = _first_goal(page, program)
     table.add_row("clicks to the first goal", str(clicks))
     table.add_row("from the first click until the robot drives", f"{seconds:.2f} s")
-    metrics = _metrics(session)
-    table.add_row(
-        "script memory, elements",
-        f"{metrics['JSHeapUsedSize'] / 1e6:.1f} MB, {metrics['Nodes']:.0f}",
-    )
-    table.add_row("processes of Chromium (PSS)", f"{_chromium_mb():.0f} MB")
+    use = page_use(page)
+    table.add_row("script memory, elements", f"{use.script_mb:.1f} MB, {use.elements}")
+    table.add_row("processes of Chromium (PSS)", f"{use.pss_mb:.0f} MB")
     program.post("/api/v1/mission/cancel")
     page.close()
     return table
@@ -121,20 +115,5 @@ def _on_canvas(page: Page, x_m: float, y_m: float) -> Position:
     }
 
 
-def _metrics(session: CDPSession) -> dict[str, float]:
-    session.send("Performance.enable")
-    rows = session.send("Performance.getMetrics")["metrics"]
-    return {row["name"]: row["value"] for row in rows}
-
-
 def _kilobytes(http: float, socket: float) -> str:
     return f"{http / 1000:.1f}, {socket / 1000:.1f} kB"
-
-
-def _chromium_mb() -> float:
-    """Return the memory of Chromium's processes, shared pages divided among them."""
-    total_mb = 0.0
-    for pid, _ in processes(os.getpid()):
-        with suppress(OSError):  # it has ended meanwhile
-            total_mb += process_use(pid).pss_mb
-    return total_mb

@@ -78,10 +78,8 @@ def drive(settings: DriveSettings) -> None:
     from app.episode.latency import latency_of
     from app.episode.task import Task, check_goals, episode_of
     from app.evaluation.plots import plot_episode
-    from app.runtime.engine_memory import EngineMemory
     from app.runtime.map_persistence import load_map, save_map
-    from app.runtime.progress_lines import LOADING_NETWORK, announced
-    from app.runtime.segmentation import compose
+    from app.runtime.preparation import prepared_perception
     from navcore.config.navigator import load_config
     from navcore.config.perception import DEFAULT_PERCEPTION
     from navcore.robot.profile import HUSKY
@@ -107,11 +105,8 @@ def drive(settings: DriveSettings) -> None:
     beware = beware_list(settings.beware, task.scenario)
     config = None if settings.navigation is None else load_config(settings.navigation)
     tuning = DEFAULT_PERCEPTION if config is None else config.perception
-    # Last, because trying the engines takes seconds and the checks above take none.
-    with announced(LOADING_NETWORK):
-        perception = compose(
-            settings.segmentation.choice(), config=tuning, memory=EngineMemory.of_user()
-        )
+    # Last, because this takes seconds, and the checks above take none.
+    perception = prepared_perception(settings.segmentation.choice(), config=tuning)
     episode = episode_of(
         task, settings.seed, robot=HUSKY, beware=beware, perception=perception, config=config
     )

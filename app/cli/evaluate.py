@@ -244,17 +244,16 @@ def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
 
 
 def _detection(settings: EvaluateSettings) -> bool:
-    from app.evaluation.detection import run_detection
-    from app.runtime.engine_memory import EngineMemory
-    from app.runtime.segmentation import compose
+    from app.evaluation.detection import measure_detection
+    from app.evaluation.detection_counts import report
+    from app.runtime.preparation import prepared_perception
 
-    found = run_detection(
-        compose(settings.segmentation.choice(), memory=EngineMemory.of_user()).segmenter,
+    drives = measure_detection(
+        prepared_perception(settings.segmentation.choice()).segmenter,
         beware_list(settings.beware),
-        seed=settings.seed,
-        walks=settings.episodes or 40,
-        out=_out(settings, settings.suite),
+        seeds=range(settings.seed, settings.seed + (settings.episodes or 40)),
     )
+    found = report(drives, _out(settings, settings.suite))
     return bool(
         found["found_in_time"] >= ENOUGH_FOUND
         and found["false_items_per_10_m"] < FEW_FALSE_PER_10_M
@@ -313,8 +312,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
     from app.episode.latency import latency_of
     from app.episode.task import Task
     from app.evaluation.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
-    from app.runtime.engine_memory import EngineMemory
-    from app.runtime.segmentation import compose
+    from app.runtime.preparation import prepared_perception
     from sim.scenario.load import load_scenario
 
     world, count = settings.experiment or settings.suite, settings.episodes
@@ -349,9 +347,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         fleet=_fleet(settings),
         out=_out(settings, "-".join(filter(None, parts))),
         beware=beware_list(settings.beware, task.scenario),
-        perception=compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
-        if needs_segmenter
-        else None,
+        perception=prepared_perception(settings.segmentation.choice()) if needs_segmenter else None,
         draw_first=settings.figures,
         config=config,
     )

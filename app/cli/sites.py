@@ -5,6 +5,7 @@ The console may be running; it alone renames and deletes then, in the page or by
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +29,7 @@ DataOption = Annotated[
 NameArgument = Annotated[str, typer.Argument(metavar="NAME", help="Name of the site.")]
 NewNameArgument = Annotated[str, typer.Argument(metavar="NEW", help="Name of the new site.")]
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE.zip", help="Site archive.")]
+RemoveOption = Annotated[bool, typer.Option("--remove", help="Remove it.")]
 PairOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -125,6 +127,63 @@ def export_nav2(
     typer.echo(f"The map of site {name} is in {file}.")
 
 
+@site_cli.command("dock")
+def dock(
+    name: NameArgument,
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,DEG", help="Pose of the robot in it: metres, and its heading."),
+    ] = None,
+    remove: RemoveOption = False,
+    data: DataOption = Path("data"),
+) -> None:
+    """Set or remove the dock of a site; a running console takes it at its next start."""
+    from app.console.dock_and_tags import furnish, stored_tags
+    from navcore.geometry.transform import Pose2
+
+    with _sites(data) as sites:
+        site, pose = sites.open(name), None
+        if (numbers := _pose(at, remove, "X,Y,DEG")) is not None:
+            x_m, y_m, degrees = numbers
+            pose = Pose2(x_m=x_m, y_m=y_m, yaw_rad=math.radians(degrees))
+        furnish(site, dock=pose, tags=stored_tags(site))
+    typer.echo(f"The dock of site {name} is {'removed' if remove else 'set'}.")
+
+
+@site_cli.command("tag")
+def tag(
+    name: NameArgument,
+    number: Annotated[int, typer.Argument(metavar="NUMBER", help="Number in the family 36h11.")],
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z,DEG",
+            help="Middle of the tag and its height in metres, and the direction it faces.",
+        ),
+    ] = None,
+    size: Annotated[float, typer.Option(help="Side of its black square, metres.")] = 0.3,
+    remove: RemoveOption = False,
+    data: DataOption = Path("data"),
+) -> None:
+    """Set or remove a tag of a site; a running console takes it at its next start."""
+    from app.console.dock_and_tags import dock_of, furnish, stored_tags
+    from navcore.toml_config import from_table
+    from web.interface.sites import Tag
+
+    with _sites(data) as sites:
+        site = sites.open(name)
+        tags = {one.id: one for one in stored_tags(site)}
+        if (numbers := _pose(at, remove, "X,Y,Z,DEG")) is not None:
+            x_m, y_m, z_m, degrees = numbers
+            made = {"id": number, "x_m": x_m, "y_m": y_m, "z_m": z_m, "size_m": size}
+            made["yaw_rad"] = math.radians(degrees)
+            tags[number] = from_table(Tag, made, f"tag {number}")
+        elif tags.pop(number, None) is None:
+            raise BadConfiguration(f"site {name} has no tag {number}")
+        furnish(site, dock=dock_of(site), tags=tuple(tags[key] for key in sorted(tags)))
+    typer.echo(f"Tag {number} of site {name} is {'removed' if remove else 'set'}.")
+
+
 @site_cli.command("import-nav2")
 def import_nav2(
     name: NameArgument,
@@ -140,6 +199,21 @@ def import_nav2(
     with _sites(data) as sites:
         add_nav2(sites, name, loaded, pairs=pairs)
     typer.echo(f"Site {name} is made of {map_file}.")
+
+
+def _pose(at: str | None, remove: bool, form: str) -> list[float] | None:
+    """Return the numbers of `--at`, None for `--remove`; raises `BadConfiguration`."""
+    if (at is None) is not remove:
+        raise BadConfiguration(f"give either --at {form} or --remove")
+    if at is None:
+        return None
+    try:
+        numbers = [float(part) for part in at.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != form.count(",") + 1 or not all(map(math.isfinite, numbers)):
+        raise BadConfiguration(f"--at: expected {form}, got {at!r:.60}")
+    return numbers
 
 
 def _pairs(texts: list[str]) -> tuple[PointPair, PointPair] | None:

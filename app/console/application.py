@@ -3,6 +3,7 @@ right order."""
 
 from __future__ import annotations
 
+import functools
 import secrets
 import signal
 import socket
@@ -12,34 +13,38 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 
 import cv2
 
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.operations import LiveOperations
+from app.console.path_settings import stored_unknown_price
 from app.console.site_map import beware_of, map_of, put_in_force
-from app.console.sites import SESSION_PERIOD_S, last_place_of, mission_of
+from app.console.sites import SESSION_PERIOD_S, expected_place, mission_of
 from app.runtime.background import Background, ThreadBackground
-from app.runtime.engine_memory import EngineMemory
 from app.runtime.fault_injection import FaultInjector
+from app.runtime.live_perception import LivePerception
 from app.runtime.loop import ControlLoop, PeriodicThread, lower_other_priorities
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.map_persistence import load_map, names_in
 from app.runtime.operator_state import OperatorState
+from app.runtime.preparation import prepared_perception
 from app.runtime.progress_lines import (
-    LOADING_NETWORK,
     STARTING_ROBOT,
     WARMING_UP,
+    Progress,
     announced,
     on_stderr,
 )
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
-from app.runtime.segmentation import Perception, compose
 from app.runtime.segmenter_choice import SegmenterChoice
 from app.runtime.stage_timer import StageTimer
 from app.storage import Store
 from app.storage.site_store import SiteStore
+from app.teaching.networks import composed_at_start
+from app.teaching.service import versions_in
 from navcore.config.navigator import NavigatorConfig, load_config
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
@@ -128,10 +133,10 @@ def console(
     stands before anything else ends. `starting` is told each step, and ended before the server
     takes over its port."""
 
-    def say(line: str) -> None:
-        on_stderr(line)
+    def say(progress: Progress) -> None:
+        on_stderr(progress)
         if starting is not None:
-            starting.say(line)
+            starting.say(progress.step, progress.text(), progress.share, is_over=progress.is_over)
 
     cv2.setNumThreads(1)
     with ExitStack() as stack:
@@ -141,15 +146,15 @@ def console(
         )
         store = Store(options.data)
         stack.callback(store.close)
-        with announced(LOADING_NETWORK, say=say):
-            perception = compose(
-                options.choice,
-                config=config.perception,
-                memory=EngineMemory.of_user(),
-                apart=True,
-            )
+        composing = functools.partial(
+            prepared_perception, config=config.perception, say=say, apart=True
+        )
+        composed = composed_at_start(
+            versions_in(options.data / "teaching"), options.choice, composing
+        )
+        perception = LivePerception(composed.perception)
         with announced(WARMING_UP, say=say):
-            warm_up(perception.segmenter)
+            warm_up(perception)
         with announced(STARTING_ROBOT, say=say):
             back_end = _back_end(options, config)
         robot = back_end.robot
@@ -167,8 +172,8 @@ def console(
         controller = _controller_of(site, back_end, perception, config, stages, background)
         point_map, names = controller.navigator.map, controller.intent.beware.names
         keeper = _load_map(point_map, site, options, names)
-        last = last_place_of(site) if options.kept is None else None
-        controller.navigator.adopt_map(last)
+        expected = expected_place(site) if options.kept is None else None
+        controller.navigator.adopt_map(expected)
         stack.callback(  # when the loop has stopped
             lambda: keeper.finish(point_map, controller.intent.beware.names)
         )
@@ -184,12 +189,15 @@ def console(
             recorder=recorder,
             robot_urdf=husky_urdf(),
             perception=perception,
-            labelling=options.data / "labelling",
+            data=options.data,
             config=config,
             keeper=keeper,
             has_own_map=options.kept is None,
             world_tags=back_end.tags,
             new_beware=back_end.beware,
+            choice=options.choice,
+            network=composed.used,
+            compose=composing,
         )
         stack.callback(operations.close)
         stack.callback(operations.sites.keep_session)
@@ -280,7 +288,7 @@ def _load_map(
 def _controller_of(
     site: SiteStore,
     back_end: BackEnd,
-    perception: Perception,
+    perception: LivePerception,
     config: NavigatorConfig,
     stages: Stages,
     background: Background,
@@ -291,12 +299,15 @@ def _controller_of(
     navigator = Navigator(
         spec=back_end.spec,
         profile=HUSKY,
-        segmenter=perception.segmenter,
+        segmenter=perception,
         config=config,
         stages=timer.wrap(stages),
     )
     intent = OperatorState(
-        mission=mission_of(site), beware=beware_of(site, back_end.beware), zones=site.zones()
+        mission=mission_of(site),
+        beware=beware_of(site, back_end.beware),
+        zones=site.zones(),
+        unknown_price=stored_unknown_price(site),
     )
     return RobotController(
         navigator=navigator, profile=HUSKY, intent=intent, timer=timer, background=background
@@ -309,11 +320,18 @@ def run_console(
     listener: socket.socket | None = None,
     starting: StartingPage | None = None,
 ) -> None:
-    """Serve until the process is told to end."""
-    ended = threading.Event()
+    """Serve until the process is told to end, which ends a start at once."""
+    ended, started = threading.Event(), threading.Event()
+
+    def end(number: int, _: FrameType | None) -> None:
+        ended.set()
+        if not started.is_set():
+            raise SystemExit(128 + number)
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+        signal.signal(number, end)
     with console(options, listener=listener, starting=starting) as running:
+        started.set()
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
         if running.password is not None:
             print(

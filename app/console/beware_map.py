@@ -24,7 +24,7 @@ from navcore.mapping.layers import least_confidence
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.coloured import is_taken
 from navcore.mapping.points.erasing import Erased
-from navcore.mapping.points.point_table import Records
+from navcore.mapping.points.point_links import Records
 from navcore.mapping.views.observation import Observation, observe
 from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
 from navcore.perception.colour_segmenter import colour_masks, disjoint_layers, matches_colour

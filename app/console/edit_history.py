@@ -1,5 +1,5 @@
-"""One undo and redo for the edits of zones, beware list and map, in the order in which they were
-made."""
+"""One undo and redo for the edits of zones, beware list, map and path settings, in the order in
+which they were made."""
 
 from __future__ import annotations
 

@@ -71,23 +71,23 @@ class LiveExamples:
     def __init__(
         self,
         recent: RecentFrames,
-        network: Describer | None,
+        network: Callable[[], Describer | None],
         *,
         poses: Callable[[], Sequence[Pose2]],
         config: PerceptionConfig = DEFAULT_PERCEPTION,
     ) -> None:
-        """`network` is for this object alone, None where none runs; `poses` gives those of the map
-        by pose ID."""
+        """`network` gives the one in use, for this object alone, None where none runs; `poses`
+        gives those of the map by pose ID."""
         self._recent, self._network = recent, network
         self._poses, self._config = poses, config
         self._clicks: OrderedDict[str, _Click] = OrderedDict()
-        self._described: OrderedDict[int, FloatImage] = OrderedDict()
+        self._described: OrderedDict[tuple[str, int], FloatImage] = OrderedDict()
         self._lock = threading.Lock()
 
     @property
     def hindrance(self) -> str | None:
         """Why no class can be made by example here; None where it can."""
-        return NO_NETWORK if self._network is None else None
+        return NO_NETWORK if self._network() is None else None
 
     def click(
         self, right: float, down: float, beware: BewareList, *, frame: str | None = None
@@ -150,7 +150,8 @@ class LiveExamples:
 
     def described(self, frame: Frame) -> FloatImage:
         """Return the descriptors of a frame, computed once for each of the newest frames."""
-        network, key = self._required(), frame.stamp_ns
+        network = self._required()
+        key = network.identity, frame.stamp_ns
         with self._lock:
             known = self._described.get(key)
             if known is None:
@@ -162,7 +163,7 @@ class LiveExamples:
 
     def spread(self) -> Sequence[RecentFrame]:
         """Return some of the frames of the last minutes, evenly chosen, newest first."""
-        return self._spread() if self._network is not None else []
+        return self._spread() if self._network() is not None else []
 
     def _spread(self) -> list[RecentFrame]:
         # Those that are kept for long, or the descriptors of each new frame would be computed.
@@ -170,9 +171,10 @@ class LiveExamples:
         return list(kept[:: max(1, -(-len(kept) // MAX_FRAMES))])
 
     def _required(self) -> Describer:
-        if self._network is None:
+        network = self._network()
+        if network is None:
             raise Refused(NO_NETWORK)
-        return self._network
+        return network
 
     def _frame(self, stamp: str | None) -> RecentFrame:
         newest = self._recent.newest

@@ -27,6 +27,7 @@ from app.console.path_preview import (
     measured,
     pose_at,
 )
+from app.console.path_settings import PathSettings
 from app.console.place_editor import PlaceEditor
 from app.console.recent_frames import RecentFrames
 from app.console.saved_missions import SavedMissions
@@ -35,13 +36,18 @@ from app.console.status_message import stands_in_zone, status_message
 from app.console.zone_editor import ZoneEditor
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
+from app.runtime.live_perception import LivePerception
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.operator_state import MOVING, OperatorState
 from app.runtime.recorder import Recorder
 from app.runtime.robot_controller import RobotController
-from app.runtime.segmentation import Perception
+from app.runtime.segmentation import compose
+from app.runtime.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.storage.site_store import SiteStore
+from app.teaching.networks import Compose
+from app.teaching.service import DEFAULT_CHOICE, LiveTeaching
+from app.teaching.versions import START
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
@@ -54,6 +60,7 @@ from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from navcore.planning.path import NoPath
 from navcore.robot.driver import Command, Robot
+from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import GateDecision
 from web.interface.beware import ListPreview
@@ -85,16 +92,23 @@ class LiveOperations:
         store: Store,
         recorder: Recorder,
         robot_urdf: FilePath | None,
-        perception: Perception,
-        labelling: FilePath,
+        perception: LivePerception,
+        data: FilePath,
         config: NavigatorConfig,
         keeper: MapKeeper | None = None,
         has_own_map: bool = True,
         world_tags: TagMap | None = None,
         new_beware: BewareList | None = None,
+        choice: SegmenterChoice = DEFAULT_CHOICE,
+        network: str = START,
+        compose: Compose = compose,
     ) -> None:
-        """`keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
-        `new_beware`: beware list of a new site, by default the shipped one."""
+        """`data`: folder of what operators correct and teach.
+
+        `keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
+        `new_beware`: beware list of a new site, by default the shipped one.
+        `choice`: options of the segmenter; `network`: version of it that is in use; `compose` makes
+        another perception."""
         self._robot, self._controller, self._store, self._recorder = (
             robot,
             controller,
@@ -110,7 +124,7 @@ class LiveOperations:
         self._config = config
         self._examples = LiveExamples(
             self._recent,
-            perception.examples,
+            lambda: perception.now.examples,
             poses=lambda: controller.navigator.map.poses,
             config=config.perception,
         )
@@ -118,7 +132,7 @@ class LiveOperations:
             controller,
             point_map=controller.navigator.map,
             recent=self._recent,
-            segmenter=perception.segmenter,
+            segmenter=perception,
             config=config,
             examples=self._examples,
         )
@@ -146,15 +160,29 @@ class LiveOperations:
             change_mission=controller.change_mission,
         )
         self.map_edits = self._map_editor()
-        self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits))
+        self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits, self.path_settings))
         self.insight = LiveInsight(
             controller=controller,
             recorder=recorder,
-            labelling=LabellingFolder(labelling),
+            labelling=LabellingFolder(data / "labelling"),
             config=config,
             clock=robot,
             store=store.events,
         )
+        self.teaching = LiveTeaching(
+            data / "teaching",
+            newest=self._newest_frame,
+            beware=lambda: controller.intent.beware,
+            perception=perception,
+            choice=choice,
+            used=network,
+            compose=compose,
+        )
+
+    def _newest_frame(self) -> Frame | None:
+        """Return the frame of the newest tick, placed in the map; None before the first."""
+        decision = self._controller.tick_state.decision
+        return None if decision is None else decision.frame
 
     def _edit(self, site: SiteStore) -> None:
         """Edit the contents of a site."""
@@ -169,11 +197,18 @@ class LiveOperations:
         self.beware = BewareEditor(
             controller,
             store=site,
-            segmenter=self._perception.segmenter,
+            segmenter=self._perception,
             colours=LiveColourRules(self._recent, self._config.perception),
             follower=self._beware_map,
             examples=self._examples,
             defaults=self._new_beware,
+            number=self._number,
+        )
+
+        self.path_settings = PathSettings(
+            controller,
+            store=site,
+            configured=self._config.planning.unknown_price,
             number=self._number,
         )
 
@@ -191,7 +226,12 @@ class LiveOperations:
     @contextmanager
     def leaving_site(self) -> Iterator[None]:
         """Hold every edit of the present site; after the block they are refused."""
-        with self.zones.retired(), self.beware.retired(), self.map_edits.retired():
+        with (
+            self.zones.retired(),
+            self.beware.retired(),
+            self.map_edits.retired(),
+            self.path_settings.retired(),
+        ):
             yield
 
     def enter_site(self, site: SiteStore) -> None:
@@ -227,6 +267,7 @@ class LiveOperations:
         pose_ids = self._controller.navigator.map.pose_ids
         if decision.place.is_known and (at := pose_ids.known(decision.frame.pose)) is not None:
             self._recent.note(decision.frame, at, pose_ids[at])
+            self.teaching.note(decision.frame)
         self.insight.note_place(self._anchored.note_tick(decision.correction, pose_ids))
         request = self._controller.tick_state.request
         names = {} if request is None else request.beware.names
@@ -266,6 +307,7 @@ class LiveOperations:
             else None,
             travelled_m=self._recorder.travelled_m,
             unseen_m=picture.unseen_m if picture else None,
+            unknown_price=self.path_settings.unknown_price,
             explored_m2=self._recorder.explored_m2,
             replans=self._recorder.replans,
             tick_ms=self._controller.timer.tick_ms,
@@ -334,6 +376,7 @@ class LiveOperations:
     def close(self) -> None:
         """End the threads of this object."""
         self._back_off.stop()
+        self.teaching.close()
 
     def stop(self, source: str) -> None:
         """Latch the emergency stop and pause the mission in one step."""
@@ -398,7 +441,18 @@ class LiveOperations:
             if draft.zone is None
             else self.zones.checked(draft.zone, zone_id="draft", version=1)
         )
-        return compare(grid, self.zones.stored, plan(target), draft=zone, replaces=draft.replaces)
+        in_force = None
+        if draft.unknown_price is not None:
+            in_force = plan(target)
+            plan = self._planner(draft.start, draft.unknown_price)
+        return compare(
+            grid,
+            self.zones.stored,
+            plan(target),
+            draft=zone,
+            replaces=draft.replaces,
+            in_force=in_force,
+        )
 
     def preview_list(self, beware: BewareList) -> ListPreview:
         """Compare another beware list with the one in force on the newest map; nothing is
@@ -418,17 +472,22 @@ class LiveOperations:
             controller.intent.mission.queue,
         )
 
-    def _planner(self, start: Position | None) -> Callable[[Position], Planner]:
-        """Return what plans from a position, or from the robot's, to a goal on any grid."""
+    def _planner(
+        self, start: Position | None, unknown_price: float | None = None
+    ) -> Callable[[Position], Planner]:
+        """Return what plans from a position, or from the robot's, to a goal on any grid, at a price
+        of unseen floor or at the one in force."""
         decision, navigator = self._controller.tick_state.decision, self._controller.navigator
         tick = self._recorder.picture
         if decision is None or tick is None:
             raise Refused("there is no map yet; the camera has not delivered an image")
         pose = decision.frame.pose if start is None else pose_at(start)
+        price = self.path_settings.unknown_price if unknown_price is None else unknown_price
 
         def to(goal: Position) -> Planner:
             def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
-                route = navigator.preview(navigator.inflate_draft(grid), pose, goal)
+                costmap = navigator.inflate_draft(grid)
+                route = navigator.preview(costmap, pose, goal, unknown_price=price)
                 return measured(
                     route, zones, navigator.travel_time_s, tick.seen_mask, tick.grid_spec
                 )

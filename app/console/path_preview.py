@@ -70,16 +70,18 @@ def compare(
     *,
     draft: Zone | None,
     replaces: str | None,
+    in_force: Planner | None = None,
 ) -> Preview:
     """Plan with the stored zones and the draft and, for comparison, with the stored zones alone.
 
-    `draft` is added to `zones`, instead of the zone with the id `replaces`. Without either there is
-    no comparison.
+    `draft` is added to `zones`, instead of the zone with the id `replaces`. `in_force` plans with
+    the settings in force, where `plan` has others. Without any of these there is no comparison.
     """
     drafted = tuple(zone for zone in zones if zone.id != replaces)
     drafted = drafted if draft is None else (*drafted, draft)
     path = plan(with_zones(grid, drafted), drafted)
-    present = None if draft is None and replaces is None else plan(with_zones(grid, zones), zones)
+    is_changed = draft is not None or replaces is not None or in_force is not None
+    present = (in_force or plan)(with_zones(grid, zones), zones) if is_changed else None
     cut_by = blocking_zones(grid, drafted, plan, draft) if isinstance(path.outcome, NoPath) else ()
     return Preview(path=path, present=present, cut_by=cut_by)
 

@@ -19,6 +19,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from app.console.path_settings import SETTINGS, stored_unknown_price
 from app.console.saved_missions import MISSIONS
 from app.console.site_map import ACCEPTED, accepted_map, cell_map_of, cell_map_record
 from app.console.zone_editor import SETS
@@ -54,7 +55,7 @@ class SiteContents:
     zones: tuple[Zone, ...]
     """Zones with new ids."""
     documents: tuple[tuple[str, str, Any], ...]
-    """(kind, name, JSON) of zone sets, missions, furnishings and the accepted map."""
+    """(kind, name, JSON) of zone sets, missions, furnishings, settings and the accepted map."""
     beware: BewareList | None
     """Beware list; None for that of the package."""
     map_data: bytes | None
@@ -82,6 +83,7 @@ def pack(site: SiteStore) -> bytes:
         "beware": None if beware is None else _beware_record(beware),
         **furnishings_of(site),
         "accepted": None if accepted is None else cell_map_record(accepted),
+        "unknown_price": stored_unknown_price(site),
     }
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
@@ -129,6 +131,8 @@ def _documents(read: SiteDocument, accepted: CellMap | None) -> Iterable[tuple[s
     tags = [dataclasses.asdict(tag) for tag in read.tags]
     dock = None if read.dock is None else read.dock.model_dump()
     yield *FURNISHINGS, {"dock": dock, "tags": tags}
+    if read.unknown_price is not None:
+        yield *SETTINGS, {"unknown_price": read.unknown_price}
     if accepted is not None:
         yield *ACCEPTED, cell_map_record(accepted)
 

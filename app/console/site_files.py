@@ -5,15 +5,14 @@ The command line uses it alone, a running console as part of `app.console.sites`
 
 from __future__ import annotations
 
-import dataclasses
 import io
-import math
 import zipfile
 
 import numpy as np
 
+from app.console.dock_and_tags import dock_of, stored_tags
 from app.console.saved_missions import MISSIONS
-from app.console.site_archive import FURNISHINGS, furnishings_of, pack, unpack
+from app.console.site_archive import pack, unpack
 from app.console.site_map import ACCEPTED, cells_of, save_accepted
 from app.storage.site_store import SiteStore
 from app.storage.sites import SiteRow, SiteTable
@@ -23,13 +22,8 @@ from navcore.formats.alignment import align, placed
 from navcore.formats.keepout_mask import closed_cells
 from navcore.formats.map_image import encode
 from navcore.formats.nav2_map import Nav2Map, State, description_of, map_from_cells, yaml_text
-from navcore.geometry.transform import Pose2
-from navcore.localisation.fixes import MappedTag, TagMap, tag_map
 from navcore.mapping.changes import CellMap
-from web.interface.sites import PointPair, Site, Tag
-
-TAG_SIGMA_M, TAG_SIGMA_RAD = 0.01, math.radians(1.0)
-"""Standard deviations of the position in metres and the direction of a tag that was measured."""
+from web.interface.sites import PointPair, Site
 
 
 def describe(site: SiteStore, row: SiteRow, *, chosen: bool) -> Site:
@@ -38,8 +32,7 @@ def describe(site: SiteStore, row: SiteRow, *, chosen: bool) -> Site:
         kept = site.map_file.stat()
     except OSError:
         kept = None
-    furnishings, (kind, name) = furnishings_of(site), ACCEPTED
-    dock = furnishings["dock"]
+    kind, name = ACCEPTED
     return Site(
         name=row.name,
         chosen=chosen,
@@ -49,8 +42,8 @@ def describe(site: SiteStore, row: SiteRow, *, chosen: bool) -> Site:
         map_bytes=0 if kept is None else kept.st_size,
         map_unix_s=None if kept is None else kept.st_mtime,
         accepted=name in site.documents(kind),
-        dock=None if dock is None else Pose2(**dock),
-        tags=tuple(Tag(**tag) for tag in furnishings["tags"]),
+        dock=dock_of(site),
+        tags=stored_tags(site),
     )
 
 
@@ -58,28 +51,6 @@ def listed(sites: SiteTable, chosen: str) -> tuple[Site, ...]:
     """Return all sites by name."""
     return tuple(
         describe(sites.open(row.name), row, chosen=row.name == chosen) for row in sites.all()
-    )
-
-
-def furnish(site: SiteStore, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> None:
-    """Set dock and tags of a site."""
-    record = {
-        "dock": None if dock is None else dataclasses.asdict(dock),
-        "tags": [dataclasses.asdict(tag) for tag in tags],
-    }
-    site.save_document(*FURNISHINGS, record)
-
-
-def tags_of(site: SiteStore) -> TagMap:
-    """Return the tags of a site as the robot is told of them."""
-    return tag_map(
-        MappedTag(
-            id=tag["id"],
-            pose=Pose2(x_m=tag["x_m"], y_m=tag["y_m"], yaw_rad=tag["yaw_rad"]),
-            size_m=tag["size_m"],
-            covariance=np.diag([TAG_SIGMA_M, TAG_SIGMA_M, TAG_SIGMA_RAD]) ** 2,
-        )
-        for tag in furnishings_of(site)["tags"]
     )
 
 

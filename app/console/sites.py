@@ -10,7 +10,8 @@ from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
-from app.console import site_files
+from app.console import dock_and_tags, site_files
+from app.console.path_settings import stored_unknown_price
 from app.console.site_map import accepted_map, beware_of, cells_on, map_of, save_accepted
 from app.runtime.map_keeper import MapKeeper
 from app.runtime.operator_state import OperatorState
@@ -28,7 +29,7 @@ from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
-from web.interface.sites import AreaOut, MapChanges, Nav2Files, PointPair, Site, Tag
+from web.interface.sites import AreaOut, MapChanges, Nav2Files, PointPair, SeenTag, Site, Tag
 from web.interface.snapshots import TickSnapshot
 
 MISSION = ("mission in progress", "mission")
@@ -144,9 +145,14 @@ class LiveSites:
     def furnish(self, name: str, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> Site:
         """Set dock and tags of a site."""
         site = self._store.sites.open(name)
-        site_files.furnish(site, dock=dock, tags=tags)
+        dock_and_tags.furnish(site, dock=dock, tags=tags)
         self._use_tags()
         return self._site(site.name)
+
+    def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
+        """Return the tags in the newest image, placed by where the robot is."""
+        known = dock_and_tags.tags_of(self._store.site)
+        return dock_and_tags.seen_tags(self._controller.tick_state.decision, size_m, known)
 
     def copy(self, name: str, new_name: str) -> Site:
         """Copy a site with everything in it."""
@@ -241,6 +247,7 @@ class LiveSites:
         left, kept = self._controller.place, self._kept_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
+        price = stored_unknown_price(site)
         self._keeper.write_now()
         self.keep_session()
 
@@ -249,12 +256,17 @@ class LiveSites:
             version = max(intent.beware.version + 1, beware.version)
             listed = dataclasses.replace(beware, version=version)
             return dataclasses.replace(
-                intent, mission=mission, zones=zones, beware=listed, by_hand=None
+                intent,
+                mission=mission,
+                zones=zones,
+                beware=listed,
+                by_hand=None,
+                unknown_price=price,
             )
 
         def replace_map() -> None:
             self._controller.navigator.map.restore(stored.state)
-            self._controller.navigator.adopt_map(last_place_of(site), kept=kept)
+            self._controller.navigator.adopt_map(expected_place(site), kept=kept)
             self._keeper.use(site.map_file, stored.class_names)
 
         with self._user.leaving_site():
@@ -283,7 +295,7 @@ class LiveSites:
 
     def _use_tags(self) -> None:
         """Tell the robot of the tags of the present site, else of those of the world."""
-        tags = site_files.tags_of(self._store.site)
+        tags = dock_and_tags.tags_of(self._store.site)
         self._controller.navigator.localisation.tags = tags if tags.tags else self._world_tags
 
     def _renamed(self, name: str, new_name: str) -> SiteStore:
@@ -339,6 +351,12 @@ def last_place_of(site: SiteStore) -> Pose2 | None:
     kind, name = LAST_PLACE
     record = site.documents(kind).get(name)
     return None if record is None else Pose2(**record)
+
+
+def expected_place(site: SiteStore) -> Pose2 | None:
+    """Return T_map_base at which to look for the robot first: where it was last known to be, else
+    in the dock."""
+    return last_place_of(site) or dock_and_tags.dock_of(site)
 
 
 def _by_odometry(place: LocalisationEstimate) -> Pose2:

@@ -16,7 +16,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.planning import PLANNING_CONFIG
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE
@@ -25,7 +24,7 @@ from navcore.grid.inflation import InflatedGrid
 from navcore.grid.nearest import nearest_free
 from navcore.planning.path import NoPath
 from navcore.planning.replanner import Replanner
-from navcore.planning.string_pulling import shortcut
+from navcore.planning.string_pulling import taut_corners
 
 STEP_M, TURN_RAD = 0.1, 0.15
 """Largest motion from one frame to the next, metres and radians: 1 m/s and 1.5 rad/s at 10 Hz."""
@@ -149,8 +148,7 @@ class _InformedDriver:
         path = self._replanner.plan(cell, end)
         if isinstance(path, NoPath):
             return None
-        stretch = math.ceil(PLANNING_CONFIG.elastic_band.stretch_m / spec.resolution_m)
-        corners = shortcut(path.cells, space.across[FREE], stretch=stretch)
+        corners = taut_corners(path.cells, space.across[FREE])
         return goal if len(corners) < 3 else spec.centre(*corners[1].tolist())
 
 

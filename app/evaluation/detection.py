@@ -1,28 +1,24 @@
 """Detection benchmark: straight drives through random worlds of the test split.
 
-An object of the beware list counts once it was in view within 4 m; it is found when the map holds
-it, as any enabled class, before the robot is 1.5 m away. A map region of a class with no object of
-the list within 0.3 m is a false item. The robot avoids nothing here, because the camera must come
-near.
+Each seed makes one world and one drive through it. An object of the beware list counts once it was
+in view within 4 m; it is found when the map holds it, as any enabled class, before the robot is
+1.5 m away. A map region of a class with no object of the list within 0.3 m is a false item. The
+robot avoids nothing here, because the camera must come near.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console as Terminal
 from rich.progress import track
-from rich.table import Table
 
+from app.evaluation.detection_counts import DetectionCounts
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
@@ -77,88 +73,20 @@ class ListedObject:
     """Whether the robot has been within 1.5 m; later detections do not count."""
 
 
-@dataclass(slots=True, kw_only=True)
-class DetectionCounts:
-    """Counts over some drives."""
-
-    seen: Counter[str] = field(default_factory=Counter)
-    """Objects in view within 4 m, by class."""
-    found: Counter[str] = field(default_factory=Counter)
-    """Objects in view that the map held in time as any class of the list."""
-    named: Counter[str] = field(default_factory=Counter)
-    """Objects in view that the map held in time as their own class."""
-    false: Counter[str] = field(default_factory=Counter)
-    """False items, by the class on the map."""
-    walked_m: float = 0.0
-    """Total length of the drives."""
-
-    def summary(self) -> dict[str, Any]:
-        """Return the rates as a JSON object."""
-        total = max(self.seen.total(), 1)
-        return {
-            "things_in_view": self.seen.total(),
-            "found_in_time": round(self.found.total() / total, 4),
-            "found_by_class": {
-                name: f"{self.found[name]}/{self.seen[name]}"
-                for name in BEWARE_CLASSES
-                if self.seen[name]
-            },
-            "named_rightly": round(self.named.total() / total, 4),
-            "false_items": self.false.total(),
-            "false_items_by_class": dict(self.false),
-            "false_items_per_10_m": round(10 * self.false.total() / max(self.walked_m, 1e-9), 3),
-            "walked_m": round(self.walked_m, 1),
-        }
-
-
 def measure_detection(
-    segmenter: Segmenter, beware: BewareList, *, seed: int, walks: int
-) -> DetectionCounts:
-    """Drive once through each of `walks` worlds of the test split that `seed` makes."""
-    counts = DetectionCounts()
-    shard = shard_seed(seed, "test", TEST_SHARD)
-    renderer = SceneRenderer(seed=shard, size=(424, 240))
-    for number in track(range(walks), description="driving"):
-        rng = np.random.default_rng((WORLDS_PER_SHARD * shard + number, 2))
+    segmenter: Segmenter, beware: BewareList, *, seeds: Sequence[int]
+) -> list[DetectionCounts]:
+    """Drive once through the world of the test split that each seed makes; return the counts of
+    each drive."""
+    counts = []
+    for seed in track(seeds, description="driving"):
+        shard = shard_seed(seed, "test", TEST_SHARD)
+        renderer = SceneRenderer(seed=shard, size=(424, 240))
+        rng = np.random.default_rng((WORLDS_PER_SHARD * shard, 2))
         scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
         renderer.build(scene)
-        walk(renderer, scene, drive_poses(scene, rng), rng, segmenter, beware, counts)
+        counts.append(walk(renderer, scene, drive_poses(scene, rng), rng, segmenter, beware))
     return counts
-
-
-def run_detection(
-    segmenter: Segmenter, beware: BewareList, *, seed: int, walks: int, out: Path | None
-) -> dict[str, Any]:
-    """Measure, print a table, and write `finding.json` into `out`."""
-    counts = measure_detection(segmenter, beware, seed=seed, walks=walks)
-    summary = counts.summary()
-    table = Table(
-        "class",
-        "in view ≤ 4 m",
-        "found ≥ 1.5 m away",
-        "by its name",
-        "false items",
-        title="objects found in time",
-    )
-    for name in BEWARE_CLASSES[1:]:
-        table.add_row(
-            name,
-            *(
-                str(counter[name])
-                for counter in (counts.seen, counts.found, counts.named, counts.false)
-            ),
-        )
-    terminal = Terminal()
-    terminal.print(table)
-    terminal.print(
-        f"{summary['found_in_time']:.1%} of {summary['things_in_view']} objects found in time, "
-        f"{summary['false_items_per_10_m']:.2f} false items per 10 m, "
-        f"{summary['walked_m']:g} m driven"
-    )
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "finding.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
-    return summary
 
 
 def walk(
@@ -168,10 +96,9 @@ def walk(
     rng: np.random.Generator,
     segmenter: Segmenter,
     beware: BewareList,
-    counts: DetectionCounts,
     *,
     labels: Container[str] = BEWARE_CLASSES[1:],
-) -> None:
+) -> DetectionCounts:
     """Drive through a world that the renderer has built, and count; `labels` are the classes of the
     objects that there are to find."""
     spec = GridSpec.centred(
@@ -184,12 +111,14 @@ def walk(
         found = segmenter.segment(frame, beware)
         cloud.insert(observe(frame, found, beware, spec, ObservationConfig()), frame, found)
         _observe(objects, cloud, beware, frame, true_depth_m, truth)
+    counts = DetectionCounts(
+        false=_false_items(objects, cloud, beware), walked_m=STEP_M * (len(poses) - 1)
+    )
     for listed in objects:
         counts.seen[listed.name] += listed.in_view
         counts.found[listed.name] += listed.in_view and listed.found_as is not None
         counts.named[listed.name] += listed.in_view and listed.found_as == listed.name
-    counts.false += _false_items(objects, cloud, beware)
-    counts.walked_m += STEP_M * (len(poses) - 1)
+    return counts
 
 
 def picture(

@@ -59,6 +59,8 @@ class EventDetector:
             self._zones(now_s, before.zones, intent.zones)
             if before.beware is not intent.beware:
                 self._beware(now_s, before.beware, intent.beware)
+            if before.unknown_price != intent.unknown_price:
+                self._event_log.note(now_s, "replanned", _price_text(intent.unknown_price))
         # What changes while the mission is paused is told when it goes on.
         paused = intent.mission.phase is Phase.PAUSED
         if decision is not None and decision is not self._decision and not paused:
@@ -171,6 +173,12 @@ def _what_happened(name: str, before: Zone | None, after: Zone | None) -> str | 
         is_on = after.enabled
         return f"Zone “{name}” was switched on." if is_on else f"Zone “{name}” was switched off."
     return f"Zone “{name}” was changed." if before != after else None
+
+
+def _price_text(price: float | None) -> str:
+    if price is None:
+        return "Unseen floor costs again what the configuration says."
+    return f"A metre of unseen floor now costs as much as {price:g} m of seen floor."
 
 
 def _end(route: Route | None) -> Position | None:

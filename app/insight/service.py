@@ -288,7 +288,7 @@ class LiveInsight:
             and np.array_equal(route.points[-1], goal)
         ):
             path = route.outcome
-        price = self._config.planning.unknown_price
+        price = intent.unknown_price or self._config.planning.unknown_price
         explored = self._controller.navigator.map.explored
         return ExplanationQuery(
             unseen=explored.unseen_on(decision.occupancy.spec) if price > 1 else None,

@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from app.map_planner.stored_map import PlanMap
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.nearest import nearest_reachable
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
-from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
+from navcore.planning.string_pulling import taut_corners
 
 Point = tuple[float, float]
 
@@ -37,7 +38,7 @@ class Answer:
     path: npt.NDArray[np.float64]
     """(N, 2) centres (x, y) of the cells."""
     waypoints: npt.NDArray[np.float64]
-    """(M, 2) corners of the path and its end."""
+    """(M, 2) corners of the taut path and its end."""
     plan_ms: float
     """Duration of the search on the inflated cells, milliseconds."""
 
@@ -65,11 +66,14 @@ def ask(plan_map: PlanMap, start: Point, goal: Point, *, nearest: bool) -> Answe
         length=found.length * spec.resolution_m if found else None,
         cells=found.cells if found else np.empty((0, 2), dtype=np.int64),
         path=spec.centres(found.cells) if found else np.empty((0, 2)),
-        waypoints=choose_waypoints(found, spec, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD)
-        if found
-        else np.empty((0, 2)),
+        waypoints=_waypoints(found, plan_map) if found else np.empty((0, 2)),
         plan_ms=plan_ms,
     )
+
+
+def _waypoints(found: Path, plan_map: PlanMap) -> npt.NDArray[np.float64]:
+    corners = taut_corners(found.cells, CellMask.of(~plan_map.blocked).plane)
+    return plan_map.spec.centres(np.vstack([corners[1:-1], corners[-1:]]))
 
 
 def explain(plan_map: PlanMap, start: Point, goal: Point, outcome: NoPath) -> str:

@@ -1,6 +1,7 @@
-"""The console's threads: think (the navigator's tick) and command (sends to the robot at 20 Hz).
+"""The console's threads: segment (labels of the next frame), think (the navigator's tick) and
+command (sends to the robot at 20 Hz).
 
-A third thread, sense, belongs to the link of each robot back end and keeps the newest frame. The
+A fourth thread, sense, belongs to the link of each robot back end and keeps the newest frame. The
 web server and viser have their own. Command waits for nothing but its own clock: whatever hangs
 above it, it sends zero when the command has expired.
 """
@@ -17,6 +18,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from app.runtime.robot_controller import COMMAND_PERIOD_S, RobotController
+from app.runtime.segmentation_ahead import SegmentationAhead, SegmentedFrame
 from navcore.geometry.transform import STANDSTILL
 from navcore.navigator import TickResult
 from navcore.robot.driver import Robot
@@ -29,9 +31,9 @@ MAX_RETRY_S = 2.0
 """Longest wait after a failed tick, seconds; each failure doubles the wait."""
 JOIN_S = 2.0
 """Longest wait for the end of a thread, seconds."""
-ROBOT_THREADS = frozenset({"sense", "think", "command", "to-simulator", "MainThread"})
-"""Names of the threads that keep their priority; the main thread only waits, and threads that it
-starts inherit its priority."""
+ROBOT_THREADS = frozenset({"sense", "segment", "think", "command", "to-simulator", "MainThread"})
+"""Names of the threads that keep the priority they have; the main thread only waits, and threads
+that it starts inherit its priority."""
 LOW_PRIORITY_NICENESS = 5
 """Niceness of all other threads: on a busy machine each gets a third of the CPU share of a robot
 thread."""
@@ -73,19 +75,22 @@ class ControlLoop:
         self._robot, self._controller = robot, controller
         self._on_decision, self._on_verdict = on_decision, on_verdict
         self._ended = threading.Event()
+        self._ahead = SegmentationAhead(controller.segment)
         self._threads = [
             threading.Thread(target=self._think, name="think", daemon=True),
             threading.Thread(target=self._command, name="command", daemon=True),
         ]
 
     def start(self) -> None:
-        """Start both threads."""
+        """Start the threads."""
+        self._ahead.start()
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
-        """Send zero and end both threads; a second call has no effect."""
+        """Send zero and end the threads; a second call has no effect."""
         self._ended.set()
+        self._ahead.stop()
         think, command = self._threads
         command.join(timeout=JOIN_S)
         self._robot.send(STANDSTILL)
@@ -96,11 +101,11 @@ class ControlLoop:
         retry_s = FRAME_WAIT_S
         while not self._ended.is_set():
             try:
-                newest = self._robot.wait_frame(frame, FRAME_WAIT_S)
-                if newest is None:
+                segmented = self._next(frame)
+                if segmented is None:
                     continue
-                frame = newest
-                decision = self._controller.think(frame, clock=self._robot.now_ns)
+                frame = segmented.frame
+                decision = self._controller.think(frame, clock=self._robot.now_ns, ahead=segmented)
                 if decision is not None:
                     self._on_decision(decision)
                 retry_s = FRAME_WAIT_S
@@ -111,6 +116,21 @@ class ControlLoop:
                 self._controller.note_failure(frame, error)
                 self._ended.wait(retry_s)
                 retry_s = min(2 * retry_s, MAX_RETRY_S)
+
+    def _next(self, last: Frame | None) -> SegmentedFrame | None:
+        """Wait for the next frame with its labels, and begin with the one after it if that is there
+        already; None when no frame comes in time."""
+        ahead, beware = self._ahead, self._controller.intent.beware
+        if ahead.in_flight is None:
+            newest = self._robot.wait_frame(last, FRAME_WAIT_S)
+            if newest is None:
+                return None
+            ahead.begin(newest, beware)
+        segmented = ahead.take()
+        newest = self._robot.newest_frame()
+        if newest is not None and newest is not segmented.frame:
+            ahead.begin(newest, beware)
+        return segmented
 
     def _command(self) -> None:
         due = last = time.monotonic()

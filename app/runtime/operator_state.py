@@ -31,6 +31,9 @@ class OperatorState:
     """Newest command of teleoperation; None when there is none."""
     searching: bool = False
     """Whether the robot turns round to find its place in the map."""
+    unknown_price: float | None = None
+    """Cost of a metre of path over unseen floor, in metres of seen floor; None for that of the
+    configuration."""
 
 
 class StateHolder(Protocol):

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 
 from app.runtime.background import Background, InlineBackground
 from app.runtime.operator_state import MOVING, OperatorState
+from app.runtime.segmentation_ahead import SegmentedFrame
 from app.runtime.stage_timer import TICK, StageTimer
 from app.runtime.stop_reasons import planner_stops
 from app.runtime.tick_state import TickState
@@ -26,9 +27,11 @@ from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
 from navcore.localisation.cell_margins import CellMargins
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.mapping.point_map import PointMap
+from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator, TickResult
+from navcore.perception.labels import Labels
 from navcore.planning.path import Path
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
@@ -78,9 +81,8 @@ class RobotController:
         self.navigator = navigator
         self.timer = timer or StageTimer()
         """Durations of the ticks and their stages."""
-        self._tick = self.timer.timed(TICK, navigator.tick)
         self.profile = profile
-        self._lock = threading.Lock()
+        self._lock, self._segmenting = threading.Lock(), threading.Lock()
         self._intent = intent
         self._tick_state = TickState()
         self._sent = STANDSTILL
@@ -191,10 +193,18 @@ class RobotController:
             self._search = SearchTurn()
             self._search_begins = True
 
-    def think(self, frame: Frame, *, clock: Callable[[], int]) -> TickResult | None:
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """Label a frame for `think`, one at a time, in any thread. Raises `BadFrame`."""
+        with self._segmenting:
+            return self.navigator.segment(frame, beware)
+
+    def think(
+        self, frame: Frame, *, clock: Callable[[], int], ahead: SegmentedFrame | None = None
+    ) -> TickResult | None:
         """Run one tick; None when the frame was refused or shows nothing new.
 
-        `clock` gives the time in ns and dates the command when the tick has ended.
+        `clock` gives the time in ns and dates the command when the tick has ended. `ahead`: the
+        same frame, labelled beside the tick before.
         """
         with self._lock:
             intent = self._intent
@@ -230,7 +240,7 @@ class RobotController:
             )
             return None
         try:
-            decision: TickResult = self._tick(frame, request)
+            decision = self._timed_tick(frame, request, ahead)
         except BadFrame as error:
             self._tick_state = dataclasses.replace(
                 self._tick_state, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None
@@ -279,6 +289,16 @@ class RobotController:
                     lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission
                 )
         return decision
+
+    def _timed_tick(
+        self, frame: Frame, request: NavigationRequest, ahead: SegmentedFrame | None
+    ) -> TickResult:
+        """Run the tick; its duration counts the segmentation, wherever that was done."""
+        with self.timer.measure(TICK, before_ms=0.0 if ahead is None else ahead.took_ms):
+            labels = None
+            if ahead is not None:
+                labels = ahead.labels_by(request.beware) or self.segment(frame, request.beware)
+            return self.navigator.tick(frame, request, labels)
 
     def _corrected_twist(self, decision: TickResult) -> Twist:
         """Return the twist of a tick; a standstill while a large correction waits for it."""
@@ -472,4 +492,5 @@ def request_of(intent: OperatorState) -> NavigationRequest:
         zones=intent.zones,
         goal_yaw_rad=goal.yaw_rad if goal else None,
         leave=intent.mission.phase is Phase.LEAVING,
+        unknown_price=intent.unknown_price,
     )

@@ -6,9 +6,10 @@ import dataclasses
 import functools
 import logging
 import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+import signal
+from collections.abc import Callable
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from navcore.perception.esanet.inference.network_file import (
 )
 from navcore.perception.esanet.inference.selection import (
     EngineBenchmark,
+    TrialStep,
     benchmark_engines,
     open_inference,
     probe_images,
@@ -40,6 +42,8 @@ from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Segmenter
 
 log = logging.getLogger(__name__)
+Watch = Callable[[TrialStep], None]
+"""Is told of each step of the trials of the engines."""
 CAMERA = Size(height=240, width=424)
 """Image size of the simulated D455; weights without a working size of their own use the nearest."""
 RANDOM_CLASSES = 12
@@ -98,13 +102,15 @@ def compose(
     memory: EngineMemory | None = None,
     inference: InferenceConfig | None = None,
     apart: bool = False,
+    watch: Watch = lambda step: None,
 ) -> Perception:
     """Compose the chosen segmenter.
 
     With `memory` the engine that it remembers for this network and machine is taken unmeasured, as
     long as it is not too slow; a measured one is remembered. `inference` asks to measure in any
     case, in its way. With `apart` a network is read, exported and its engines are measured in a
-    process of its own: what torch and the engines that were tried took ends with it.
+    process of its own: what torch and the engines that were tried took ends with it. `watch` is
+    told of each step of the trials.
 
     Raises `BadConfiguration` when a network was chosen explicitly and cannot run; with `auto` and
     the shipped weights this gives a warning, and the colour rules are used.
@@ -118,7 +124,7 @@ def compose(
         return colour_perception(config=config)
     try:
         prepare = _prepared_apart if apart else _prepared
-        opened = prepare(choice, choice.weights or shipped, memory, inference)
+        opened = prepare(choice, choice.weights or shipped, memory, inference, watch)
     except BadConfiguration as error:
         if choice.kind == "network" or choice.weights is not None:
             raise
@@ -162,20 +168,36 @@ class _Opened:
     trials: tuple[EngineBenchmark, ...] = ()
 
 
+_Exported = tuple[SegmenterChoice, NetworkFile | None, str, tuple[EngineBenchmark, ...]]
+
+
 def _prepared_apart(
     choice: SegmenterChoice,
     path: Path,
     memory: EngineMemory | None,
     inference: InferenceConfig | None,
+    watch: Watch,
 ) -> _Opened:
     """`_prepared` in a process of its own; only the engine is opened in this one."""
     context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(
+        target=_export_to, args=(sender, choice, path, memory, inference), daemon=True
+    )
+    process.start()
+    sender.close()
     try:
-        with ProcessPoolExecutor(1, mp_context=context) as process:
-            done = process.submit(_exported, choice, path, memory, inference).result()
-    except BrokenProcessPool:
+        while isinstance(message := receiver.recv(), TrialStep):
+            watch(message)
+    except EOFError:
         raise BadConfiguration(f"{path}: the process that prepares the network ended") from None
-    chosen, file, name, trials = done
+    finally:
+        receiver.close()
+        process.terminate()  # it has sent everything, or the start is given up
+        process.join()
+    if isinstance(message, Exception):
+        raise message
+    chosen, file, name, trials = message
     if file is None:
         whole = open_network(path, camera=CAMERA)
         file = (whole.smaller() or whole) if chosen.smaller else whole
@@ -183,15 +205,31 @@ def _prepared_apart(
     return _Opened(choice=chosen, file=file, engine=engine, trials=trials)
 
 
+def _export_to(
+    sender: Connection,
+    choice: SegmenterChoice,
+    path: Path,
+    memory: EngineMemory | None,
+    inference: InferenceConfig | None,
+) -> None:
+    """Send each step of the trials, and at the end what `_exported` returns or raises."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program that waits for it ends it
+    try:
+        sender.send(_exported(choice, path, memory, inference, sender.send))
+    except Exception as error:
+        sender.send(error)
+
+
 def _exported(
     choice: SegmenterChoice,
     path: Path,
     memory: EngineMemory | None,
     inference: InferenceConfig | None,
-) -> tuple[SegmenterChoice, NetworkFile | None, str, tuple[EngineBenchmark, ...]]:
+    watch: Watch,
+) -> _Exported:
     """Return what `_prepared` returns, with the ONNX file for the engine in place of the network,
     and the name of the engine in place of the engine; no file for torch, which reads its own."""
-    opened = _prepared(choice, path, memory, inference)
+    opened = _prepared(choice, path, memory, inference, watch)
     name, file = opened.engine.name, opened.file
     if name.startswith("torch"):
         return opened.choice, None, name, opened.trials
@@ -204,6 +242,7 @@ def _prepared(
     path: Path,
     memory: EngineMemory | None,
     inference: InferenceConfig | None,
+    watch: Watch,
 ) -> _Opened:
     """Read the network, and open the engine that was asked for, that is remembered, or that is the
     best by measurement."""
@@ -211,11 +250,11 @@ def _prepared(
     key = key_of(file.sha256, live=choice.live, threads=choice.threads)
     known = None
     if memory is not None and choice.engine == "auto" and inference is None:
-        known = _remembered(memory.recall(key), choice, file)
+        known = _remembered(memory.recall(key), choice, file, watch)
     if known is not None:
         chosen, file, engine = known
         return _Opened(choice=chosen, file=file, engine=engine)
-    chosen, file, engine, trials = _measured(choice, file, inference or InferenceConfig())
+    chosen, file, engine, trials = _measured(choice, file, inference or InferenceConfig(), watch)
     taken = next((trial for trial in trials if trial.name == engine.name), None)
     if memory is not None and taken is not None:
         memory.remember(
@@ -225,7 +264,7 @@ def _prepared(
 
 
 def _remembered(
-    known: ChosenEngine | None, choice: SegmenterChoice, file: NetworkFile
+    known: ChosenEngine | None, choice: SegmenterChoice, file: NetworkFile, watch: Watch
 ) -> tuple[SegmenterChoice, NetworkFile, Inference] | None:
     """Open a remembered engine; None without one, and for one that no longer runs or has become
     too slow."""
@@ -237,7 +276,9 @@ def _remembered(
         engine, _ = open_inference(file, known.name, threads=choice.threads)
         images = probe_images(file.size, file.depth)
         engine.logits(*images[0])  # the first image of an engine takes longest
+        watch(TrialStep(done=0, all=1, is_timed=True))
         now_ms = float(np.median(run_times_ms(engine, images, CHECK)))
+        watch(TrialStep(done=1, all=1, is_timed=False))
     except BadConfiguration as error:
         log.warning("segmentation: %s does not run any more: %s", known.name, error)
         return None
@@ -253,12 +294,14 @@ def _remembered(
 
 
 def _measured(
-    choice: SegmenterChoice, file: NetworkFile, inference: InferenceConfig
+    choice: SegmenterChoice, file: NetworkFile, inference: InferenceConfig, watch: Watch
 ) -> tuple[SegmenterChoice, NetworkFile, Inference, tuple[EngineBenchmark, ...]]:
     """Open the engine that was asked for, or the best one by measurement."""
     if choice.smaller:
         file = file.smaller() or file
-    engine, trials = open_inference(file, choice.engine, threads=choice.threads, config=inference)
+    engine, trials = open_inference(
+        file, choice.engine, threads=choice.threads, config=inference, watch=watch
+    )
     fastest_ms = min((trial.p50_ms for trial in trials if trial.is_accurate), default=0.0)
     if choice.live and fastest_ms > SLOW_MS and (smaller := file.smaller()) is not None:
         log.warning(
@@ -268,7 +311,7 @@ def _measured(
         )
         file, choice = smaller, dataclasses.replace(choice, smaller=True)
         engine, trials = open_inference(
-            file, choice.engine, threads=choice.threads, config=inference
+            file, choice.engine, threads=choice.threads, config=inference, watch=watch
         )
     return choice, file, engine, trials
 

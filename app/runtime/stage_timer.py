@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from typing import Any
 
@@ -45,13 +46,20 @@ class StageTimer:
 
         @wraps(function)
         def timed(*arguments: Any, **named: Any) -> Any:
-            start = self._clock_s()
-            try:
+            with self.measure(stage):
                 return function(*arguments, **named)
-            finally:
-                self.ms[stage].append((self._clock_s() - start) * 1e3)
 
         return timed
+
+    @contextmanager
+    def measure(self, stage: str, *, before_ms: float = 0.0) -> Iterator[None]:
+        """Note the duration of a block under a stage, even when it raises, and `before_ms` with it
+        for what was done elsewhere."""
+        start_s = self._clock_s()
+        try:
+            yield
+        finally:
+            self.ms[stage].append(before_ms + (self._clock_s() - start_s) * 1e3)
 
     def summary(self, stage: str) -> dict[str, float]:
         """p50, p99 and max of a stage in milliseconds; zeros when it never ran."""

@@ -254,11 +254,13 @@ class StartConfig:
     """Number of points in a scan from which a map that shows nothing there speaks against the
     place."""
     probation_m: float = ranged(0.0, 50.0, default=4.0)
-    """Distance in metres over which scans must have fitted after the start; a radian counts as half
-    a metre."""
-    doubt_m: float = ranged(0.1, 50.0, default=1.5)
-    """Distance in metres over which telling scans do not fit, before that, from which the place was
-    wrong."""
+    """Distance in metres after which a place that the first looks have confirmed may be confirmed
+    for good by all that was seen since; a radian counts as half a metre."""
+    unfit_m: float = ranged(0.1, 500.0, default=6.0)
+    """Distance in metres over which too little of what was seen fits there, from which the place is
+    given up."""
+    doubts: int = ranged(1, 100, default=2)
+    """Number of searches in succession that must speak against the place."""
     decide_s: float = ranged(0.1, 60.0, default=3.0)
     """Time in seconds after which a place that was not confirmed is looked for in the whole map,
     unless too little is in view to tell."""

@@ -11,7 +11,7 @@ from navcore.config.localisation import LocalisationConfig
 from navcore.config.mapping import MappingConfig
 from navcore.config.people import PeopleConfig
 from navcore.config.perception import ObservationConfig, PerceptionConfig
-from navcore.config.planning import MAX_VERTEX_ANGLE_DEG, PlanningConfig
+from navcore.config.planning import PlanningConfig
 from navcore.config.zone_margins import ZoneMarginConfig
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.toml_config import from_table, ranged, read_toml
@@ -25,10 +25,6 @@ class NavigatorConfig:
     safety_margin_m: float = ranged(0.0, 1.0, default=0.15)
     """Clearance in metres added to half the vehicle's width to give the inflation radius, s_m in
     the paper."""
-    max_vertex_angle_deg: float = ranged(135.1, 179.9, default=MAX_VERTEX_ANGLE_DEG)
-    """Angle in degrees between the two neighbours of a path cell below which the cell is a
-    waypoint, θ_th in the paper. A path turns by at least 45°: with less than 135° bends would be
-    left out, and the lines between waypoints would cross obstacles."""
     start_relief_m: float = ranged(0.0, 2.0, default=0.6)
     """Distance in metres within which a robot that stands inside the inflation looks for the free
     cell to plan from."""

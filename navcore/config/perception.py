@@ -336,6 +336,17 @@ class PeopleTrackerConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ColourEvidenceConfig:
+    """What a colour rule says about a class that the network knows."""
+
+    fits: float = ranged(1.0, 1000.0, default=4.0)
+    """Factor of the odds of a class at a pixel that fits its colour rule."""
+    misses: float = ranged(0.001, 1.0, default=0.2)
+    """Factor of the odds of a class at a pixel that the network labels as it and that its colour
+    rule does not fit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PerceptionConfig:
     """Everything that can be set about labels, ground and people."""
 
@@ -346,6 +357,8 @@ class PerceptionConfig:
     """Height of the ground."""
     colour: ColourSegmenterConfig = field(default_factory=ColourSegmenterConfig)
     """Colour rules."""
+    evidence: ColourEvidenceConfig = field(default_factory=ColourEvidenceConfig)
+    """Colour rules of classes that the network knows."""
     depth: DepthFilterConfig = field(default_factory=DepthFilterConfig)
     """Labels that depth refutes."""
     overhang: OverhangConfig = field(default_factory=OverhangConfig)

@@ -6,18 +6,13 @@ from dataclasses import dataclass, field
 
 from navcore.toml_config import ranged
 
-MAX_VERTEX_ANGLE_DEG = 170.0
-"""Default of `NavigatorConfig.max_vertex_angle_deg`, θ_th in the paper: keeps every corner of an
-8-connected path, whose largest angle at a corner is 135°."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElasticBandConfig:
     """The elastic band that moves the path away from obstacles."""
 
     stretch_m: float = ranged(0.5, 100.0, default=8.0)
-    """Length in metres of the path that is straightened and relaxed; the local planner sees no
-    further."""
+    """Length in metres of the path that is relaxed; the local planner sees no further."""
     extra_clearance_m: float = ranged(0.0, 2.0, default=0.1)
     """Clearance in metres beyond the circle in which the robot turns, kept where there is room for
     it."""

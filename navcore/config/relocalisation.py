@@ -37,6 +37,11 @@ class PlaceSearchConfig:
     wall_crossings: int = ranged(0, 10_000, default=3)
     """Number of lines of sight of the map's own scans that may cross a wall by chance; what more of
     them cross is seen over or through."""
+    seen_lines: int = ranged(1, 10_000, default=3)
+    """Number of lines of sight of the map's own scans that must cross a cell of floor to show that
+    nothing stands there."""
+    clear_m: float = ranged(0.05, 2.0, default=0.25)
+    """Distance in metres from every surface of the map within which no floor counts as clear."""
     facing_deg: float = ranged(5.0, 90.0, default=20.0)
     """Largest angle in degrees between the normals of a point and of its surface."""
 
@@ -69,12 +74,17 @@ class RelocalisationConfig:
     """Refinement and fit of a place."""
     second_share: float = ranged(0.1, 1.0, default=0.9)
     """Share of the best score that the second best place must stay below."""
-    least_fit_share: float = ranged(0.1, 1.0, default=0.85)
-    """Share of the points of several scans that must fit."""
-    tracked_share: float = ranged(0.1, 1.0, default=0.8)
-    """Share of the points of single scans that must fit, averaged over a second."""
+    least_fit_share: float = ranged(0.1, 1.0, default=0.5)
+    """Share of the points of several scans that must fit; a map has seen one side of most things,
+    and what it has not seen speaks neither for a place nor against it."""
+    tracked_share: float = ranged(0.1, 1.0, default=0.9)
+    """Share of the points of single scans, of those of which the map tells, that must fit, averaged
+    over a second."""
     through_walls_share: float = ranged(0.0, 1.0, default=0.1)
     """Share of the lines of sight through walls of the map that a place must stay below."""
+    contradicted_share: float = ranged(0.0, 1.0, default=0.05)
+    """Share of the points where the map has seen that nothing stands that a place must stay
+    below."""
     confirm_m: float = ranged(0.5, 50.0, default=2.0)
     """Distance in metres to drive before new scans may confirm a place."""
     confirm_turn_deg: float = ranged(30.0, 720.0, default=120.0)
@@ -93,6 +103,8 @@ class RelocalisationConfig:
     """Distance in metres around the operator's position within which the robot is looked for."""
     click_deg: float = ranged(5.0, 180.0, default=30.0)
     """Angle in degrees around the operator's heading within which it is looked for."""
+    click_fit_share: float = ranged(0.1, 1.0, default=0.85)
+    """Share of the points of the newest scan that must fit at an operator's place."""
     click_sigma_m: float = ranged(0.01, 1.0, default=0.08)
     """Standard deviation in metres, along its least certain direction, above which an operator's
     place is refused: in a corridor it could be anywhere along it."""

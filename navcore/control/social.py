@@ -152,17 +152,15 @@ def clear_of_people(
 ) -> Bools:
     """Return (A, S) whether the motion up to each of (A, S, 3) poses, base frame, reached at (A, S)
     times in seconds, keeps clear of all people who walk."""
-    gaps = _gaps(
-        people.walking,
-        poses,
-        times_s,
-        profile.length_m / 2,
-        profile.width_m / 2,
-        rules.headway_s,
-        config.sample_s,
-    )
     return np.asarray(
-        np.logical_and.accumulate(gaps > rules.personal_m + rules.personal_per_s * times_s, axis=1)
+        _are_clear(
+            people.walking,
+            poses,
+            times_s,
+            (profile.length_m / 2, profile.width_m / 2),
+            (rules.personal_m, rules.personal_per_s),
+            _later_s(rules.headway_s, config.sample_s),
+        )
     )
 
 
@@ -184,10 +182,8 @@ def waiting_index(
         people.walking,
         np.vstack([np.zeros((1, 3)), poses])[None],
         np.concatenate([[0.0], times_s])[None],
-        profile.length_m / 2,
-        profile.width_m / 2,
-        rules.waiting_s,
-        config.sample_s,
+        (profile.length_m / 2, profile.width_m / 2),
+        _later_s(rules.waiting_s, config.sample_s),
     )[0].tolist()
     enough = rules.personal_m + config.waiting_margin_m
     waiting = np.flatnonzero(np.array(gaps) > enough).max(initial=-1)
@@ -249,37 +245,74 @@ def _gap(x: float, y: float, profile: RobotProfile) -> float:
     )
 
 
+def _later_s(headway_s: float, sample_s: float) -> Floats:
+    """Return the moments from 0 to a headway, in seconds, at which a person is looked at."""
+    moments = max(math.ceil(headway_s / sample_s), 1)
+    return np.asarray(headway_s * np.arange(moments + 1) / moments)
+
+
 @compiled
 def _gaps(
+    walking: Floats, poses: Floats, times_s: Floats, half: tuple[float, float], later_s: Floats
+) -> Floats:
+    """(A, S) least distance of the footprint at each pose to where any person is then, or arrives
+    at the moments after it."""
+    count, steps = times_s.shape
+    gaps = np.full((count, steps), np.inf)
+    for a in range(count):
+        for s in range(steps):
+            heading = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
+            for p in range(len(walking)):
+                x, y = walking[p, 0] - poses[a, s, 0], walking[p, 1] - poses[a, s, 1]
+                person = x, y, walking[p, 2], walking[p, 3]
+                squared = _least_squared_gap(person, heading, half, times_s[a, s], later_s)
+                gaps[a, s] = min(gaps[a, s], math.sqrt(squared) - walking[p, 4])
+    return gaps
+
+
+_ROUNDING_M = 1e-6
+"""Distance in metres far above the rounding error of a bound."""
+
+
+@compiled
+def _are_clear(
     walking: Floats,
     poses: Floats,
     times_s: Floats,
-    half_length: float,
-    half_width: float,
-    headway_s: float,
-    sample_s: float,
-) -> Floats:
-    """(A, S) least distance of the footprint at each pose to where any person is then, or arrives
-    within the headway."""
+    half: tuple[float, float],
+    personal: tuple[float, float],
+    later_s: Floats,
+) -> Bools:
+    """(A, S) whether the gap to every person is larger than `personal`, metres and metres per
+    second of the time, up to each pose.
+
+    A person who is too far off to come that near within the headway is not looked at, and nothing
+    after the first pose that is not clear.
+    """
     count, steps = times_s.shape
-    gaps, moments = np.full((count, steps), np.inf), max(math.ceil(headway_s / sample_s), 1)
-    later_s = np.empty(moments + 1)
-    for moment in range(moments + 1):
-        later_s[moment] = headway_s * moment / moments
+    clear = np.zeros((count, steps), dtype=np.bool_)
+    reach_m = np.empty(len(walking))
+    for p in range(len(walking)):
+        walked_m = later_s[-1] * math.hypot(walking[p, 2], walking[p, 3])
+        reach_m[p] = math.hypot(half[0], half[1]) + walking[p, 4] + walked_m + _ROUNDING_M
     for a in range(count):
         for s in range(steps):
-            cos, sin = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
+            time_s = times_s[a, s]
+            gap_m = personal[0] + personal[1] * time_s
+            is_clear = True
             for p in range(len(walking)):
                 x, y = walking[p, 0] - poses[a, s, 0], walking[p, 1] - poses[a, s, 1]
-                squared = _least_squared_gap(
-                    (x, y, walking[p, 2], walking[p, 3]),
-                    (cos, sin),
-                    (half_length, half_width),
-                    times_s[a, s],
-                    later_s,
-                )
-                gaps[a, s] = min(gaps[a, s], math.sqrt(squared) - walking[p, 4])
-    return gaps
+                vx, vy = walking[p, 2], walking[p, 3]
+                far_m = reach_m[p] + max(gap_m, 0.0)
+                if (x + time_s * vx) ** 2 + (y + time_s * vy) ** 2 > far_m**2:
+                    continue
+                heading = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
+                squared = _least_squared_gap((x, y, vx, vy), heading, half, time_s, later_s)
+                is_clear = is_clear and math.sqrt(squared) - walking[p, 4] > gap_m
+            if not is_clear:
+                break
+            clear[a, s] = True
+    return clear
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})

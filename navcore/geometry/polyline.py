@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from navcore.compiled import compiled
-from navcore.geometry.arrays import Floats, Points
+from navcore.geometry.arrays import Floats, Indices, Points
 from navcore.geometry.transform import Pose2
 
 Corners = tuple[tuple[float, float], ...]
@@ -39,6 +39,15 @@ def resample(line: Points, spacing_m: float) -> Points:
     return points_at(
         line, metres, np.linspace(0.0, metres[-1], max(2, math.ceil(metres[-1] / spacing_m) + 1))
     )
+
+
+def subdivided(line: Points, spacing_m: float) -> tuple[Points, Indices]:
+    """Return (K, 2) points along a polyline of (N, 2) points, evenly on each of its segments and at
+    most `spacing_m` apart, and the (N,) indices at which its own points are among them."""
+    pieces = np.maximum(np.ceil(np.hypot(*np.diff(line, axis=0).T) / spacing_m), 1)
+    corners = np.concatenate([[0], np.cumsum(pieces)]).astype(np.int64)
+    numbers = np.arange(corners[-1] + 1)
+    return np.column_stack([np.interp(numbers, corners, axis) for axis in line.T]), corners
 
 
 @compiled

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 from navcore.config.localisation import LocalisationConfig
 from navcore.geometry.arrays import FloatImage
-from navcore.geometry.transform import Matrix, Pose2
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.fixes import TagMap, fixes_of
@@ -61,7 +61,7 @@ class Localisation:
         self._probation: Probation | None = None
         self._place_map: PlaceMap | None = None
         self._relocaliser: Relocaliser | None = None
-        self._is_lost = False
+        self._is_lost, self._T_map_odom = False, IDENTITY
 
     def update(
         self, frame: Frame, labels: Labels, people: tuple[Track, ...], ground_m: FloatImage
@@ -87,14 +87,29 @@ class Localisation:
         self._loops.note(self.tracker.take_edges())
         estimate = self._confirmed(self._fixed(frame, estimate), frame)
         was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
-        if not self._is_lost:
+        self._T_map_odom = estimate.T_map_odom
+        if not self._is_searching:
             self._relocaliser = None
             return estimate
-        if not was_lost:
+        if self._is_lost and not was_lost and not len(self.tracker.saved_map):
             self._place_map = None  # the map has grown since it was searched last
+        return self._searched(estimate, frame)
+
+    @property
+    def _is_searching(self) -> bool:
+        """Whether the place is looked for in the whole map: that of a lost robot, or, beside the
+        one at which it started, whatever speaks against that."""
+        return self._is_lost or self._start is not None or self._probation is not None
+
+    def _searched(self, estimate: LocalisationEstimate, frame: Frame) -> LocalisationEstimate:
+        """Return the estimate of a robot that is looked for in the whole map."""
+        if self._relocaliser is None and self._place_map is not None:
+            self._relocaliser = Relocaliser(self._place_map, self._config.relocalisation)
         if self._relocaliser is None or self.tracker.scan is None:
             return estimate
         self._relocaliser.observe(self.tracker.scan, frame.pose, frame.stamp_ns)
+        if not self._is_lost:
+            return estimate
         proposal = self._relocaliser.proposal
         if proposal.state is RelocalisationState.ACCEPTED and proposal.T_map_odom is not None:
             self.tracker.place(proposal.T_map_odom @ frame.pose, proposal.covariance, frame)
@@ -126,7 +141,7 @@ class Localisation:
         is_lost = estimate.state is LocalisationState.LOST
         share, points = self.tracker.saved_share, 0 if self.scan is None else len(self.scan)
         if self._probation is not None and not is_lost:
-            verdict = self._probation.after(share, points, self.tracker.moved_m)
+            verdict = self._probation.after(self.tracker.moved_m)
             self._probation = None if verdict is not None else self._probation
             if verdict is False:
                 return self._lost(estimate, frame)
@@ -137,7 +152,7 @@ class Localisation:
             return _between(estimate, estimate.T_map_base)
         self._start = None
         if verdict:
-            self._probation = Probation(self._config.start)
+            self._probation = Probation(self._config.start, self._config.relocalisation)
             return estimate
         if self._last is not None:
             self._start, last = StartCheck(self._config.start), self._last
@@ -153,7 +168,7 @@ class Localisation:
 
     def next_task(self) -> Task | None:
         """Return what to compute now beside the tick; None for nothing."""
-        if not self._is_lost:
+        if not self._is_searching:
             may_close = self.closures is None and not len(self.tracker.saved_map)
             return self._loops.next_task(self.tracker.own_map.keyframe) if may_close else None
         rules = self._config.relocalisation
@@ -165,7 +180,8 @@ class Localisation:
                 keyframes=self.searched_map.keyframes,
                 config=rules,
             )
-        task = None if self._relocaliser is None else self._relocaliser.next_task()
+        given = None if self._is_lost else self._T_map_odom
+        task = None if self._relocaliser is None else self._relocaliser.next_task(given)
         if task is None:
             return None
         return SearchPlaces(task=task, place_map=self._place_map, config=rules)
@@ -176,13 +192,15 @@ class Localisation:
             if not self._is_lost:
                 self.closures = outcome
             return
-        if not self._is_lost:
+        if not self._is_searching:
             return
         if isinstance(outcome, PlaceMap):
             self._place_map = outcome
-            self._relocaliser = Relocaliser(outcome, self._config.relocalisation)
-        elif self._relocaliser is not None:
+            return
+        if self._relocaliser is not None:
             self._relocaliser.take(outcome)
+        if self._probation is not None:
+            self._probation.take(outcome)
 
     @property
     def keyframes(self) -> tuple[Keyframe, ...]:
@@ -192,7 +210,9 @@ class Localisation:
     @property
     def proposal(self) -> PlaceProposal | None:
         """What the search says; None while the place is known."""
-        return None if self._relocaliser is None else self._relocaliser.proposal
+        if self._relocaliser is None or not self._is_lost:
+            return None
+        return self._relocaliser.proposal
 
     @property
     def scan(self) -> Scan | None:

@@ -1,5 +1,5 @@
 """Confirmation of the place at which a robot starts in a saved map: by its first looks, and by what
-it sees on its first metres."""
+it has seen on its first metres."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ import math
 import numpy as np
 
 from navcore.config.localisation import StartConfig
+from navcore.config.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Matrix
+from navcore.localisation.relocalisation.place_fit import is_same_place, rivals_of
+from navcore.localisation.relocalisation.relocalisation import SearchResult
 
 
 class StartCheck:
@@ -53,23 +56,35 @@ class StartCheck:
 class Probation:
     """The first metres from a place that the first looks have confirmed.
 
-    Rooms are alike: a wrong map fits, too, where the robot stands. What it sees on its way has to
-    fit as well for some metres, or the place was wrong.
+    Rooms are alike: a wrong map fits, too, where the robot stands. What the robot has seen on its
+    way has to fit as well, nothing of the map may speak against it, and neither another place of
+    the map nor the mirrored scans may fit as well.
     """
 
-    def __init__(self, config: StartConfig) -> None:
-        self._config = config
-        self._fitting_m = self._doubt_m = 0.0
+    def __init__(self, config: StartConfig, rules: RelocalisationConfig) -> None:
+        self._config, self._rules = config, rules
+        self._driven_m = self._unfit_m = 0.0
+        self._fits, self._doubts = True, 0
+        self._verdict: bool | None = None
 
-    def after(self, share: float | None, points: int, moved_m: float) -> bool | None:
-        """Return whether the place is right after one more frame, as `StartCheck.after` takes it,
-        at which the robot has moved by some metres; None while it is open."""
-        config = self._config
-        if share is not None and share >= config.share:
-            self._fitting_m += moved_m
-            self._doubt_m = max(self._doubt_m - moved_m, 0.0)
-        elif points >= config.telling_points:
-            self._doubt_m += moved_m
-        if self._doubt_m >= config.doubt_m:
-            return False
-        return True if self._fitting_m >= config.probation_m else None
+    def take(self, result: SearchResult) -> None:
+        """Receive what a search says about the place."""
+        given, rules = result.given, self._rules
+        self._fits = given is None or given.fit_share >= rules.least_fit_share
+        if given is None or self._verdict is not None:
+            return
+        others = [one for one in result.everything if not is_same_place(one, given, rules)]
+        rivals = rivals_of(given, [*others, *result.mirrored], rules)
+        is_worse = any(rules.second_share * one.score >= given.score for one in rivals)
+        self._doubts = self._doubts + 1 if is_worse or given.contradiction(rules) else 0
+        if self._doubts >= self._config.doubts:
+            self._verdict = False
+        elif self._driven_m >= self._config.probation_m and not (self._doubts or rivals):
+            self._verdict = True if self._fits else None
+
+    def after(self, moved_m: float) -> bool | None:
+        """Return whether the place is right after one more frame, before which the robot has moved
+        by some metres; None while it is open."""
+        self._driven_m += moved_m
+        self._unfit_m = 0.0 if self._fits else self._unfit_m + moved_m
+        return False if self._unfit_m >= self._config.unfit_m else self._verdict

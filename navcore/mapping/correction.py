@@ -21,14 +21,8 @@ from navcore.mapping.explored.patch import FLOOR, Explored
 from navcore.mapping.explored.submap import PackedSubmap, explored_at
 from navcore.mapping.layers import LayerRules, layer_planes
 from navcore.mapping.points.placing import place, pose_rows
-from navcore.mapping.points.point_table import (
-    POINT,
-    Cells,
-    PointTable,
-    Records,
-    link_points,
-    unlink_one,
-)
+from navcore.mapping.points.point_links import Cells, Records, link_points, unlink_one
+from navcore.mapping.points.point_table import POINT, PointTable
 from navcore.mapping.points.pose_ids import PoseIds, check_movable
 
 

@@ -44,8 +44,9 @@ from navcore.mapping.points.confidence import initial_confidence, update_confide
 from navcore.mapping.points.erasing import Erased, put_back, take
 from navcore.mapping.points.fading import faded
 from navcore.mapping.points.placing import base_points, place, pose_rows
+from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_queries import points_in, redundant_points
-from navcore.mapping.points.point_table import POINT, MapPoints, PointTable, Records, levels_of
+from navcore.mapping.points.point_table import POINT, MapPoints, PointTable, levels_of
 from navcore.mapping.points.pose_ids import PoseIds, check_movable
 from navcore.mapping.points.rejections import Rejection, Rejections
 from navcore.mapping.storage.map_state import MapState

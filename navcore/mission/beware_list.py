@@ -90,6 +90,9 @@ class ColourRule:
     fallback: bool = False
     """Whether the rule applies only without a network for the class: a rule may take a blue chair
     leg for a cup, where a network does not."""
+    alone: bool = False
+    """Whether the rule counts by itself even where a network knows the class; else the network and
+    the rule weigh each other's evidence."""
     pattern: ColourPattern | None = None
     """Second colour that must alternate with this one along the floor; None for a plain colour."""
 

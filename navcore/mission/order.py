@@ -23,3 +23,6 @@ class NavigationRequest:
     leave: bool = False
     """Whether to leave the beware area that the robot is in by the shortest path; then `goal` is
     None."""
+    unknown_price: float | None = None
+    """Cost of a metre of path over floor that was not seen yet, in metres of seen floor; None for
+    `planning.unknown_price` of the configuration."""

@@ -24,7 +24,8 @@ def rule_at(
     config: ColourPickingConfig = _DEFAULT,
 ) -> ColourRule:
     """Return the rule of the region around a pixel of an (H, W, 3) image; `heights_m` is (H, W)
-    above the floor, not finite where nothing was measured.
+    above the floor, not finite where nothing was measured. It counts alone, whatever a network says
+    of what the operator has pointed at.
 
     Raises `Refused` for a pixel that is too grey or too dark to have a hue.
     """
@@ -61,6 +62,7 @@ def rule_at(
         min_saturation=round(least[0], 2),
         min_value=round(least[1], 2),
         max_height_m=_largest_height_m(heights_m[region], config),
+        alone=True,
     )
 
 

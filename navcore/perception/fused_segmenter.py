@@ -7,9 +7,19 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
+from navcore.config.perception import (
+    DEFAULT_PERCEPTION,
+    ColourEvidenceConfig,
+    PerceptionConfig,
+)
+from navcore.geometry.arrays import Bools, FloatImage
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
-from navcore.perception.colour_segmenter import colour_masks, disjoint_layers, topmost_label
+from navcore.perception.colour_segmenter import (
+    ColourMask,
+    colour_masks,
+    disjoint_layers,
+    topmost_label,
+)
 from navcore.perception.depth_filter import (
     heights_above_floor,
     reject_flat_regions,
@@ -23,15 +33,19 @@ from navcore.robot.profile import DepthSensor
 UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
 """Confidence that speaks neither for a label nor against it: its log-odds are 0, and it is below
 every threshold of at least one half."""
-_D455 = DepthSensor()
+_D455, _EVIDENCE = DepthSensor(), DEFAULT_PERCEPTION.evidence
+_NOT_CERTAIN = np.nextafter(np.float32(1), np.float32(0))
+"""Largest confidence of what is weighed: on the map only rules that speak alone are certain."""
 
 
 class FusedSegmenter:
-    """A network and the colour rules together: a label of either counts, unless depth refutes it.
+    """A network and the colour rules together, unless depth refutes them.
 
-    The label of a pixel is the network's where it is confident enough of an enabled class; else
-    that of the colour rule; else the network's, whatever its confidence. The map is made of the
-    labels of both, except for the colour of a person's shoes. Before that, regions of the network
+    Where the network knows a class, its colour rule does not speak alone: both weigh each other's
+    evidence (`weigh`), unless the rule is marked `alone`. Rules that speak alone are certain: the
+    label of a pixel is the network's where it is confident enough of an enabled class; else that of
+    such a rule; else the network's, whatever its confidence. The map is made of the labels of both,
+    except for the colour of a person's shoes. Before that, regions of the network
     are rejected that are flat prints, bleed over the outline of an object (`depth_filter`), or are
     the base of a taller object (`overhang_filter`); where the latter is undecided, the region
     counts neither for nor against. Rules marked `fallback` are for classes that the network does
@@ -60,36 +74,48 @@ class FusedSegmenter:
             self._without_refuted(labels, frame, heights_m, beware)
             for labels in seen.all_hypotheses[1:]
         )
-        entries = filter(self._has_rule, beware.classes)
-        masks = colour_masks(frame, heights_m, entries, self._config)
-        if not masks and not examples:
+        fitting = self._colour_masks(frame, heights_m, seen, beware)
+        masks = {entry.class_id: fits for entry, fits in fitting}
+        weighed = [entry.class_id for entry in beware.classes if self._is_weighed(entry)]
+        for class_id in weighed:
+            filtered = weigh(filtered, class_id, masks.get(class_id), self._config.evidence)
+        alone = [mask for mask in fitting if mask[0].class_id not in weighed]
+        if not alone and not examples:
             return filtered
+        shape = filtered.class_ids.shape
+        fused = fuse(filtered, topmost_label(alone, shape), beware)
+        for labels in examples:
+            fused = _filled(fused, labels, beware)
+        layers = disjoint_layers(alone, shape)
+        return dataclasses.replace(fused, hypotheses=(filtered, *layers, *examples))
+
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        """Return what finds an entry; of an example and a colour rule, the rule is named."""
+        if self._is_weighed(entry):
+            return LabelSource.WEIGHED
+        if self._has_rule(entry):
+            return LabelSource.BOTH if self._is_known(entry) else LabelSource.COLOUR
+        return self._network.source_of(entry)
+
+    def _colour_masks(
+        self, frame: Frame, heights_m: FloatImage, seen: Labels, beware: BewareList
+    ) -> list[ColourMask]:
+        """Return what fits the colour rules, but for the shoes of a person."""
+        masks = colour_masks(frame, heights_m, filter(self._has_rule, beware.classes), self._config)
         people = (
             np.isin(seen.class_ids, beware.people_ids)
             & (seen.confidence >= self._config.min_person_confidence)
             & (heights_m > self._config.colour.obstacle_above_m)
         )
-        if people.any():
-            overhang = self._config.overhang
-            masks = [
-                (entry, fits & ~base_regions(fits, people, frame, overhang))
-                for entry, fits in masks
-            ]
-        shape = filtered.class_ids.shape
-        fused = fuse(filtered, topmost_label(masks, shape), beware)
-        for labels in examples:
-            fused = _filled(fused, labels, beware)
-        layers = disjoint_layers(masks, shape)
-        return dataclasses.replace(fused, hypotheses=(filtered, *layers, *examples))
-
-    def source_of(self, entry: BewareClass) -> LabelSource:
-        """Return what finds an entry; of an example and a colour rule, the rule is named."""
-        if self._has_rule(entry):
-            return LabelSource.BOTH if self._is_known(entry) else LabelSource.COLOUR
-        return self._network.source_of(entry)
+        if not masks or not people.any():
+            return masks
+        overhang = self._config.overhang
+        return [
+            (entry, fits & ~base_regions(fits, people, frame, overhang)) for entry, fits in masks
+        ]
 
     def _without_refuted(
-        self, seen: Labels, frame: Frame, heights_m: npt.NDArray[np.float32], beware: BewareList
+        self, seen: Labels, frame: Frame, heights_m: FloatImage, beware: BewareList
     ) -> Labels:
         """Return the network's labels without those that depth refutes."""
         config, sensor = self._config, self._sensor
@@ -109,6 +135,36 @@ class FusedSegmenter:
 
     def _has_rule(self, entry: BewareClass) -> bool:
         return entry.colour is not None and not (entry.colour.fallback and self._is_known(entry))
+
+    def _is_weighed(self, entry: BewareClass) -> bool:
+        rule = entry.colour
+        return rule is not None and not rule.alone and not rule.fallback and self._is_known(entry)
+
+
+def weigh(
+    seen: Labels, class_id: int, fits: Bools | None, config: ColourEvidenceConfig = _EVIDENCE
+) -> Labels:
+    """Return the network's labels with the evidence of the colour rule of a class that it knows.
+
+    The rule multiplies the odds of the class (Bayes): by `config.fits` at the (H, W) pixels `fits`
+    that fit it, None for no pixel, else by `config.misses`. Of a pixel with another label of
+    confidence p the network leaves the class at most min(p, 1 − p); its label becomes the class
+    where that is then more likely than not.
+    """
+    own = seen.class_ids == class_id
+    concerned = np.flatnonzero(own if fits is None else own | fits)
+    if not len(concerned):
+        return seen
+    is_own, said = own.ravel()[concerned], seen.confidence.ravel()[concerned]
+    fit = np.zeros_like(is_own) if fits is None else fits.ravel()[concerned]
+    claim = np.minimum(np.where(is_own, said, np.minimum(said, 1 - said)), _NOT_CERTAIN)
+    odds = np.where(fit, np.float32(config.fits), np.float32(config.misses)) * claim
+    posterior = np.minimum(odds / (odds + 1 - claim), _NOT_CERTAIN).astype(np.float32)
+    changed = is_own | (posterior > UNDECIDED)
+    pixels = concerned[changed]
+    class_ids, confidence = seen.class_ids.copy(), seen.confidence.copy()
+    class_ids.ravel()[pixels], confidence.ravel()[pixels] = class_id, posterior[changed]
+    return Labels(class_ids=class_ids, confidence=confidence)
 
 
 def fuse(seen: Labels, coloured: npt.NDArray[np.uint8], beware: BewareList) -> Labels:

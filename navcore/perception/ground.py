@@ -78,6 +78,9 @@ def cell_heights(frame: Frame, max_slope: float, config: GroundConfig = _DEFAULT
         (config.sampled_rows, config.sampled_columns, config.min_pixels),
         (config.band_m, config.object_height_m),
     )
+    if not (np.abs(measured) > config.tolerance_m).any():  # of NaN, too
+        # Nor is then any median of them, or mean: all of it counts as level.
+        return np.zeros_like(measured)
     order, distance_m = _cells_outward(config.cell_m, config.cells_ahead, config.cells_aside)
     heights = _grow_ground(
         _median_filter(measured),

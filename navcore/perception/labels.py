@@ -44,6 +44,9 @@ class LabelSource(StrEnum):
     NETWORK = "network"
     COLOUR = "colour rule"
     BOTH = "network and colour rule"
+    """Each of them by itself."""
+    WEIGHED = "network, weighed with colour rule"
+    """The network, with the colour rule as further evidence."""
     PROTOTYPE = "example"
     NOTHING = "nothing"
 

@@ -45,6 +45,7 @@ class GlobalPlanner:
     ) -> None:
         self._space, self._explored = space, explored
         self._profile, self._config = profile, config
+        self._price = config.planning.unknown_price
         self._replanner, self._weighted = Replanner(space), WeightedPlanner()
         self.lacking: Box | None = None
         """Part of the map that the grid has to contain before the newest route can be believed: a
@@ -64,16 +65,17 @@ class GlobalPlanner:
     ) -> Route | None:
         """Return the shortest route, or None without a goal.
 
-        `replan` runs only when the costmap, the goal or the robot's cell has changed since the
-        last call. `keep_outs` are the zones of the navigator's own that the costmap contains
-        beside the operator's.
+        `replan` runs only when the costmap, the goal, the price of unseen floor or the robot's cell
+        has changed since the last call. `keep_outs` are the zones of the navigator's own that the
+        costmap contains beside the operator's.
         """
         self.lacking = None
         if request.goal is None and not request.leave:
             return None
+        self._price = self._price_of(request.unknown_price)
         cell = costmap.spec.cell(pose.x_m, pose.y_m)
         seen_m2 = self._explored.area_m2 if self._price > 1 else None  # else unseen floor is free
-        key = (costmap.version, request.goal, cell, seen_m2)
+        key = (costmap.version, request.goal, cell, self._price, seen_m2)
         if self._newest is None or self._newest[0] != key:
             if request.goal is None:
                 route = self.escape(costmap, pose, (*request.zones, *keep_outs))
@@ -117,16 +119,27 @@ class GlobalPlanner:
         self.lacking = lacking
         return alternative or self._built(outcome, goal, costmap.spec)
 
-    def preview(self, costmap: Costmap, pose: Pose2, goal: tuple[float, float]) -> Route:
-        """Plan from scratch over any costmap; changes nothing and may run in any thread."""
+    def preview(
+        self,
+        costmap: Costmap,
+        pose: Pose2,
+        goal: tuple[float, float],
+        *,
+        unknown_price: float | None = None,
+    ) -> Route:
+        """Plan from scratch over any costmap; changes nothing and may run in any thread.
+
+        `unknown_price`: as in `NavigationRequest`.
+        """
         start = self._start(costmap, pose)
         if start is None:
             return no_route(Reason.START_BLOCKED)
         space, budget = FreeSpace.of(costmap.blocked), self._config.plan_budget
         ends = start, costmap.spec.cell(*goal)
-        if self._price > 1:
+        price = self._price_of(unknown_price)
+        if price > 1:
             unseen, free = self._explored.unseen_on(costmap.spec), ~costmap.blocked
-            outcome = plan_weighted(free, unseen, self._price, *ends, max_expansions=budget)
+            outcome = plan_weighted(free, unseen, price, *ends, max_expansions=budget)
         else:
             outcome = plan_in(space, SearchWorkspace(space), *ends, max_expansions=budget)
         return build_route(
@@ -208,9 +221,8 @@ class GlobalPlanner:
         route = self._built(path, spec.centre(*neighbour), spec)
         return dataclasses.replace(route, outcome=NoPath(reason=Reason.GOAL_BLOCKED))
 
-    @property
-    def _price(self) -> float:
-        return self._config.planning.unknown_price
+    def _price_of(self, asked: float | None) -> float:
+        return self._config.planning.unknown_price if asked is None else asked
 
     def _search(self, costmap: Costmap, start: Cell, goal: Cell) -> Path | NoPath:
         """The path of the live search: the shortest, or the cheapest where unseen floor costs."""

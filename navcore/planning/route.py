@@ -1,8 +1,7 @@
-"""A route: a path of cells in metres, with its waypoints and the smoothed path to drive."""
+"""A route: a path of cells in metres, with its waypoints and the smoothed path through them."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -11,13 +10,12 @@ import numpy.typing as npt
 
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import Points
-from navcore.geometry.polyline import length_m, resample
+from navcore.geometry.polyline import length_m, resample, subdivided
 from navcore.grid.bitplane import BitPlane
 from navcore.grid.grid import GridSpec
 from navcore.planning.elastic_band import relax
 from navcore.planning.path import NoPath, Path, Reason
-from navcore.planning.string_pulling import shortcut
-from navcore.planning.waypoints import choose_waypoints
+from navcore.planning.string_pulling import taut_corners
 from navcore.robot.profile import RobotProfile
 
 NO_POINTS: Points = np.empty((0, 2))
@@ -34,9 +32,9 @@ class Route:
     """(N, 2) the path in metres of the map frame; without one the path to a viewpoint before the
     blockage, or (0, 2)."""
     waypoints: Points
-    """(M, 2) corners and end of the path."""
+    """(M, 2) the corners of the taut path, where the elastic band holds them, and its end."""
     track: Points
-    """(K, 2) the smoothed path that the local planner follows."""
+    """(K, 2) the smoothed path through the waypoints, which the local planner follows."""
 
     @property
     def length_m(self) -> float | None:
@@ -56,20 +54,17 @@ def build_route(
     plane of the free cells."""
     if isinstance(outcome, NoPath):
         return no_route(outcome.reason)
-    corners = choose_waypoints(
-        outcome, spec, max_vertex_angle_rad=math.radians(config.max_vertex_angle_deg)
-    )
-    band = config.planning.elastic_band
-    taut = shortcut(outcome.cells, free, stretch=math.ceil(band.stretch_m / spec.resolution_m))
+    band, taut = config.planning.elastic_band, taut_corners(outcome.cells, free)
     # The goal is a point, not a cell: the last centre gives way to it.
-    points, track = (np.vstack([spec.centres(cells[:-1]), goal]) for cells in (outcome.cells, taut))
+    points, line = (np.vstack([spec.centres(cells[:-1]), goal]) for cells in (outcome.cells, taut))
+    track, corners = subdivided(line, spec.resolution_m)
     kept_m = profile.width_m / 2 + config.safety_margin_m
     wanted_m = profile.circumscribed_radius_m + band.extra_clearance_m - kept_m
-    track = relax(resample(track, spec.resolution_m), free, spec, wanted_m=wanted_m, config=band)
+    track = relax(track, free, spec, wanted_m=wanted_m, config=band)
     return Route(
         outcome=outcome,
         points=read_only(points),
-        waypoints=read_only(np.vstack([corners[:-1], goal])),
+        waypoints=read_only(track[[*corners[1:-1], -1]]),
         track=read_only(resample(track, spec.resolution_m)),
     )
 

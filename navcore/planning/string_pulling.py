@@ -1,8 +1,9 @@
-"""String pulling: the path shortened to straight lines between corners over its first stretch; the
+"""String pulling: a path of cells shortened to straight lines between the corners that it needs; a
 grid has only eight directions.
 
 Many paths on the grid are equally short, and the one that is found may deviate far from the
-straight line between corners. Pulled taut it is never longer, and crosses free cells only.
+straight line between corners. Pulled taut it is never longer, and crosses free cells only. Its
+corners are the waypoints.
 """
 
 from __future__ import annotations
@@ -14,35 +15,46 @@ from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import ONE, PAD, BitPlane
 
 
-def shortcut(cells: Indices, free: BitPlane, *, stretch: int) -> Indices:
-    """Return the (M, 2) corners (row, col) of the taut path; from the first corner more than
-    `stretch` cells along it is the path itself.
+def taut_corners(cells: Indices, free: BitPlane) -> Indices:
+    """Return the (M, 2) corners (row, col) of the taut path, its first and last cell among them.
 
     `cells` is (N, 2), all cells of a path; `free` is the plane of the free cells. Between two
     corners the straight line of their centres crosses free cells only, and passes no blocked cell's
-    corner.
+    corner. No corner can be left out: those before and after it do not see each other.
     """
-    return cells[_corners(np.ascontiguousarray(cells), free, stretch)]
+    return cells[_corners(np.ascontiguousarray(cells), free)]
 
 
 @compiled
-def _corners(cells: Indices, free: BitPlane, stretch: int) -> Indices:
-    """Indices of the cells that remain: from each the furthest that is visible without a break."""
-    kept = np.empty(len(cells), dtype=np.int64)
-    kept[0], count, at = 0, 1, 0
-    while at < len(cells) - 1:
-        further = at + 1
-        if at < stretch:
-            while (
-                further < len(cells) - 1
-                and further < at + stretch
-                and line_of_sight(free, cells[at], cells[further + 1])
-            ):
-                further += 1
-        at = further
-        kept[count] = at
+def _corners(cells: Indices, free: BitPlane) -> Indices:
+    """Indices of the cells that remain."""
+    kept = np.zeros(len(cells), dtype=np.int64)
+    count = 1
+    while kept[count - 1] < len(cells) - 1:
+        corner = _furthest_visible(cells, free, kept[count - 1])
+        while count > 1 and line_of_sight(free, cells[kept[count - 2]], cells[corner]):
+            count -= 1
+        kept[count] = corner
         count += 1
     return kept[:count]
+
+
+@compiled
+def _furthest_visible(cells: Indices, free: BitPlane, at: int) -> int:
+    """Index of a cell that is visible from the cell `at`, while the one after it is not, or of the
+    last; by doubled steps and then bisection, because long lines of sight take long to check."""
+    near, last, step = at + 1, len(cells) - 1, 1
+    far = min(near + step, last)
+    while near < last and line_of_sight(free, cells[at], cells[far]):
+        near, step = far, 2 * step
+        far = min(near + step, last)
+    while far - near > 1:
+        middle = (near + far) // 2
+        if line_of_sight(free, cells[at], cells[middle]):
+            near = middle
+        else:
+            far = middle
+    return near
 
 
 @compiled

@@ -19,7 +19,13 @@ from babel.messages.catalog import Catalog
 from web.languages.catalog import ROBOT, page_texts
 
 REPOSITORY = Path(__file__).parents[2]
-PAGES = ("web/page/index.html", "web/page/runs.html", "web/gateway/login.html", "web/starting.html")
+PAGES = (
+    "web/page/index.html",
+    "web/page/runs.html",
+    "web/page/teach.html",
+    "web/gateway/login.html",
+    "web/starting.html",
+)
 SENTENCES = (
     "app/console/anchored_items.py",
     "app/console/back_off.py",
@@ -33,6 +39,7 @@ SENTENCES = (
     "app/console/operations.py",
     "app/console/status_message.py",
     "app/console/path_preview.py",
+    "app/console/path_settings.py",
     "app/console/place_editor.py",
     "app/console/saved_missions.py",
     "app/console/site_archive.py",
@@ -49,6 +56,14 @@ SENTENCES = (
     "app/storage/sites.py",
     "app/storage/store.py",
     "app/storage/users.py",
+    "app/teaching/frame_archive.py",
+    "app/teaching/frame_store.py",
+    "app/teaching/frames.py",
+    "app/teaching/networks.py",
+    "app/teaching/plan.py",
+    "app/teaching/region.py",
+    "app/teaching/trainings.py",
+    "app/teaching/versions.py",
     "navcore/control/motion.py",
     "navcore/costmap/cell_description.py",
     "navcore/files.py",
@@ -92,6 +107,7 @@ SENTENCES = (
     "web/gateway/sentences.py",
     "web/schemas/drafts.py",
     "web/schemas/fields.py",
+    "web/schemas/teaching.py",
     "web/schemas/zones.py",
 )
 """Modules whose strings the page shows."""

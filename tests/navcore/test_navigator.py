@@ -167,13 +167,21 @@ def test_somebodys_lane_bends_the_path_and_is_told_to_whoever_looks(navigator: N
     assert after.closed == () and length_m(after) == straight  # … so it is opened
 
 
-def test_the_waypoints_are_the_corners_of_the_path_and_end_at_the_goal(
+def test_the_track_passes_the_waypoints_which_are_few_and_end_at_the_goal(
     navigator: Navigator,
 ) -> None:
     route = navigator.tick(picture(WALL), ORDER).route
     assert route is not None
-    assert tuple(route.waypoints[-1]) == GOAL
-    assert 1 < len(route.waypoints) < len(route.points) / 3
+    assert tuple(route.waypoints[-1]) == tuple(route.track[-1]) == GOAL
+    assert 2 <= len(route.waypoints) <= 4
+    off_m = np.hypot(*(route.waypoints[:, None] - route.track).transpose(2, 0, 1)).min(axis=1)
+    assert off_m.max() < 0.6 * SPEC.resolution_m
+
+
+def test_on_free_ground_the_goal_is_the_only_waypoint(navigator: Navigator) -> None:
+    route = navigator.tick(picture(), ORDER).route
+    assert route is not None
+    assert route.waypoints.tolist() == [list(GOAL)]
 
 
 def test_the_nearest_free_cell_is_the_nearest_by_brute_force() -> None:

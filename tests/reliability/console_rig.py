@@ -16,6 +16,7 @@ import httpx
 
 from app.console.operations import LiveOperations
 from app.runtime.fault_injection import FaultInjector
+from app.runtime.live_perception import LivePerception
 from app.runtime.loop import ControlLoop
 from app.runtime.recorder import Recorder
 from app.runtime.segmentation import colour_perception
@@ -104,8 +105,8 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
             store=store,
             recorder=recorder,
             robot_urdf=None,
-            perception=colour_perception(),
-            labelling=Path(folder) / "labelling",
+            perception=LivePerception(colour_perception()),
+            data=Path(folder),
             config=NavigatorConfig(),
         )
         loop = ControlLoop(

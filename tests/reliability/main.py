@@ -14,7 +14,7 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from navcore.warmup import warm_up
-from tests.reliability import hostile, planning, startup, stopping, storage, teleop
+from tests.reliability import ending, hostile, planning, startup, stopping, storage, teleop
 from tests.reliability.result import Measurement
 
 
@@ -174,6 +174,13 @@ ROWS = (
         promise="refused, and the key is named",
         measure=startup.bad_values,
         trials=100,
+    ),
+    Promise(
+        number=20,
+        fault="SIGTERM while driving, and a start on the same data",
+        promise="ends with code 0 within 5 s, nothing stored is lost, the next robot stands",
+        measure=ending.ended_consoles,
+        trials=20,
     ),
     Promise(
         number=22,

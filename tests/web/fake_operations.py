@@ -7,7 +7,11 @@ import dataclasses
 import itertools
 import json
 import math
+import shutil
+import tempfile
 import threading
+import uuid
+import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path as FilePath
 from typing import Any
@@ -30,11 +34,15 @@ from app.console.path_preview import (
     pose_at,
     with_zones,
 )
+from app.console.path_settings import PathSettings
 from app.console.recent_frames import RecentFrames
 from app.console.saved_missions import SavedMissions
 from app.console.zone_editor import ZoneEditor
 from app.insight.explanation import ExplanationQuery
+from app.runtime.live_perception import LivePerception
 from app.runtime.operator_state import OperatorState
+from app.runtime.segmentation import colour_perception
+from app.teaching.service import LiveTeaching
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.speed_limits import travel_time_s
@@ -55,8 +63,9 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan
+from navcore.planning.string_pulling import taut_corners
 from navcore.planning.unseen_parts import Parts, unseen_m, unseen_parts
-from navcore.planning.waypoints import DEFAULT_VERTEX_ANGLE_RAD, choose_waypoints
+from navcore.planning.weighted_planner import plan_weighted
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import Cause, StopReason
@@ -142,7 +151,9 @@ class FakeOperations:
         self.point_map.pose_ids.id_of(Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0))
         self.recent = RecentFrames()
         segmenter = ColourSegmenter() if network is None else FusedSegmenter(network)
-        self.examples = LiveExamples(self.recent, network, poses=lambda: self.point_map.poses)
+        self.examples = LiveExamples(
+            self.recent, lambda: network, poses=lambda: self.point_map.poses
+        )
         self.beware_map = BewareMap(
             self,
             point_map=self.point_map,
@@ -161,7 +172,8 @@ class FakeOperations:
             calendar_s=lambda: self.calendar_s,
             number=number,
         )
-        self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits))
+        self.path_settings = PathSettings(self, store=store, configured=1.0, number=number)
+        self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits, self.path_settings))
         self.map_edits = MapEditor(
             self,
             point_map=self.point_map,
@@ -188,7 +200,20 @@ class FakeOperations:
         self._seen[:, -30:] = False
         self._see()
         self.insight = FakeInsight(self._case, lambda: self._pose)
+        self.teaching = self._teaching()
         self.place = FakePlace(self._move_to, lambda: self._intent.mission.phase)
+
+    def _teaching(self) -> LiveTeaching:
+        """Return the real one in a folder that lives as long as this robot."""
+        folder = FilePath(tempfile.gettempdir()) / f"taught-{uuid.uuid4().hex}"
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        recent = self.recent
+        return LiveTeaching(
+            folder,
+            newest=lambda: None if recent.newest is None else recent.newest.frame,
+            beware=lambda: self._intent.beware,
+            perception=LivePerception(colour_perception()),
+        )
 
     # Reading
 
@@ -231,6 +256,7 @@ class FakeOperations:
                 distance_to_goal_m=self._length(self._path),
                 travelled_m=STEP_M * (len(self._driven) - 1),
                 unseen_m=picture.unseen_m if picture else None,
+                unknown_price=self.path_settings.unknown_price,
                 explored_m2=float(self._seen.sum()) * SPEC.resolution_m**2,
                 replans=self._counts["replans"],
                 tick_ms=12.5,
@@ -335,9 +361,10 @@ class FakeOperations:
             return compare(
                 self._picture.grid,
                 self.zones.stored,
-                self._planner(pose, goal),
+                self._planner(pose, goal, draft.unknown_price),
                 draft=zone,
                 replaces=draft.replaces,
+                in_force=None if draft.unknown_price is None else self._planner(pose, goal),
             )
 
     def preview_list(self, beware: BewareList) -> ListPreview:
@@ -355,9 +382,25 @@ class FakeOperations:
                 self._intent.mission.queue,
             )
 
-    def _planner(self, pose: Pose2, goal: tuple[float, float]) -> Planner:
+    def _planned(
+        self, blocked: BoolGrid, pose: Pose2, goal: tuple[float, float], price: float
+    ) -> tuple[Path | NoPath, npt.NDArray[np.float64]]:
+        ends = SPEC.cell(pose.x_m, pose.y_m), SPEC.cell(*goal)
+        if price > 1:
+            outcome = plan_weighted(~blocked, ~self._seen, price, *ends)
+        else:
+            outcome = plan(blocked, *ends)
+        if isinstance(outcome, NoPath):
+            return outcome, np.empty((0, 2))
+        return outcome, SPEC.centres(outcome.cells)
+
+    def _planner(
+        self, pose: Pose2, goal: tuple[float, float], unknown_price: float | None = None
+    ) -> Planner:
+        price = self.path_settings.unknown_price if unknown_price is None else unknown_price
+
         def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
-            outcome, points = _planned(_inflated(grid), pose, goal)
+            outcome, points = self._planned(_inflated(grid), pose, goal, price)
             length = self._length(points)
             time_s = None if length is None else travel_time_s(points, zones, HUSKY)
             return PathPreview(
@@ -431,6 +474,12 @@ class FakeOperations:
             self._intent = edit(self._intent)
             self._see()
             return self._intent
+
+    def unsee(self, left: float, right: float, low: float, high: float) -> None:
+        """Forget that a rectangle of floor was seen."""
+        with self._lock:
+            self._seen &= ~_box(left, right, low, high)
+            self._see()
 
     def block_by_red(self) -> None:
         """Paint the floor red from wall to wall."""
@@ -509,11 +558,11 @@ class FakeOperations:
         if self._intent.mission.queue:
             counts["replans"] += 1
             goal = self._intent.mission.queue[0]
-            outcome, self._path = _planned(blocked, self._pose, (goal.x_m, goal.y_m))
+            price = self.path_settings.unknown_price
+            outcome, self._path = self._planned(blocked, self._pose, (goal.x_m, goal.y_m), price)
             if isinstance(outcome, Path):
-                waypoints = choose_waypoints(
-                    outcome, SPEC, max_vertex_angle_rad=DEFAULT_VERTEX_ANGLE_RAD
-                )
+                corners = taut_corners(outcome.cells, CellMask.of(~blocked).plane)
+                waypoints = SPEC.centres(corners[1:])
         rgb, labels = _frame()
         depth_m = _depth()
         frame = Frame(
@@ -621,13 +670,6 @@ def _grid(
 
 def _inflated(grid: OccupancyGrid) -> BoolGrid:
     return inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M)
-
-
-def _planned(
-    blocked: BoolGrid, pose: Pose2, goal: tuple[float, float]
-) -> tuple[Path | NoPath, npt.NDArray[np.float64]]:
-    outcome = plan(blocked, SPEC.cell(pose.x_m, pose.y_m), SPEC.cell(*goal))
-    return outcome, SPEC.centres(outcome.cells) if isinstance(outcome, Path) else np.empty((0, 2))
 
 
 def _frame() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:

@@ -12,7 +12,7 @@ from navcore.formats.alignment import align
 from navcore.formats.nav2_map import read
 from navcore.geometry.transform import Pose2
 from navcore.mapping.changes import ChangeKind
-from web.interface.sites import AreaOut, MapChanges, Nav2Files, PointPair, Site, Tag
+from web.interface.sites import AreaOut, MapChanges, Nav2Files, PointPair, SeenTag, Site, Tag
 
 AREAS = tuple(
     AreaOut(
@@ -91,6 +91,12 @@ class FakeSites:
         """Implement the port."""
         self._sites[name] = dataclasses.replace(self._named(name), dock=dock, tags=tags)
         return self._sites[name]
+
+    def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
+        """Implement the port: a tag of number 12 straight ahead."""
+        known = {tag.id for tag in self._named(self._chosen).tags}
+        tag = Tag(id=12, x_m=3.0, y_m=0.5, z_m=0.6, yaw_rad=3.1416, size_m=size_m, sigma_m=0.02)
+        return (SeenTag(tag=tag, known=12 in known),)
 
     def copy(self, name: str, new_name: str) -> Site:
         """Implement the port."""

@@ -12,7 +12,7 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 
-from app.runtime.progress_lines import LOADING_NETWORK, STARTING_ROBOT, WARMING_UP
+from app.runtime.progress_lines import COMPILING, LOADING_NETWORK, STARTING_ROBOT, WARMING_UP
 from web.languages.catalog import CATALOGS, COOKIE
 from web.port import reserve
 from web.starting import LOADING_PROGRAM, StartingPage
@@ -34,7 +34,7 @@ def get(url: str, timeout_s: float = 5.0, headers: dict[str, str] | None = None)
 
 def test_the_page_shows_the_step_and_loads_itself_again(listener: socket.socket) -> None:
     with StartingPage(listener) as page:
-        page.say("Warming up <first time> … 20 s")
+        page.say("Warming up <first time>", "Warming up <first time> … 20 s")
         for path in ("", "api/v1/state"):
             answer = get(url_of(listener) + path)
             assert answer.status_code == 503
@@ -50,8 +50,8 @@ def test_the_page_and_its_steps_are_in_the_language_of_the_browser(
 ) -> None:
     words = CATALOGS["de"]
     with StartingPage(listener) as page:
-        for step in (LOADING_PROGRAM, LOADING_NETWORK, WARMING_UP, STARTING_ROBOT):
-            page.say(f"{step} … 20 s")
+        for step in (LOADING_PROGRAM, LOADING_NETWORK, COMPILING, WARMING_UP, STARTING_ROBOT):
+            page.say(step, f"{step} … 20 s")
             for headers in (
                 {"Accept-Language": "fr, de-AT;q=0.7"},
                 {"Accept-Language": "es", "Cookie": f"{COOKIE}=de"},
@@ -61,7 +61,24 @@ def test_the_page_and_its_steps_are_in_the_language_of_the_browser(
                 assert words.text("The console is starting") in text
                 assert f"<p>{words.sentences[step]} … 20 s</p>" in text
             english = get(url_of(listener)).text
+            page.say(step, "", is_over=True)
             assert '<html lang="en">' in english and f"<p>{step} … 20 s</p>" in english
+
+
+def test_steps_that_go_on_at_one_time_are_shown_with_a_bar_each_until_they_are_over(
+    listener: socket.socket,
+) -> None:
+    with StartingPage(listener) as page:
+        page.say("Compiling", "Compiling … 50 / 200", 0.25)
+        page.say("Trying", "Trying … 1 / 4", 0.25)
+        page.say("Compiling", "Compiling … 100 / 200", 0.5)
+        both = get(url_of(listener)).text
+        page.say("Compiling", "Compiling … 200 / 200", 1.0, is_over=True)
+        one = get(url_of(listener)).text
+    assert LOADING_PROGRAM not in both, "the program is loaded"
+    assert '100 / 200<br><progress value="0.50">' in both
+    assert '1 / 4<br><progress value="0.25">' in both
+    assert "Trying" in one and "Compiling" not in one
 
 
 def test_a_request_that_is_none_is_answered_in_english(listener: socket.socket) -> None:

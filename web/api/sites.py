@@ -12,7 +12,7 @@ from navcore.errors import BadConfiguration, NotKnown
 from navcore.geometry.transform import Pose2
 from web.gateway.problems import JsonResponse, refusals
 from web.interface.operations import RobotService
-from web.interface.sites import SITE_NAME, MapChanges, Nav2Files, Site
+from web.interface.sites import SITE_NAME, MapChanges, Nav2Files, SeenTag, Site
 from web.schemas.sites import AcceptIn, Nav2ImportIn, SiteChangesIn, SiteIn, SitesOut
 
 SiteName = Annotated[str, Path(pattern=SITE_NAME)]
@@ -102,6 +102,14 @@ def sites_router(operations: RobotService) -> APIRouter:
         """Return a zip of Nav2 files: `map.yaml` without the zones, `keepout_mask.yaml` beside
         it."""
         return _file(operations.sites.export_nav2(find(name).name), f"{name}.nav2.zip")
+
+    @router.get("/tags/seen", response_model=list[SeenTag], responses=refusals(409))
+    def seen_tags(
+        size_m: Annotated[float, Query(ge=0.01, le=10, description="side of the black square")],
+    ) -> tuple[SeenTag, ...]:
+        """Return the markers in the newest image and where they are, to be added to the tags of the
+        site. Refused while the robot does not know where it is."""
+        return operations.sites.seen_tags(size_m)
 
     @router.get("/map/changes", response_model=MapChanges, responses=refusals(409))
     def get_changes() -> MapChanges:

@@ -10,12 +10,17 @@ from starlette.types import Message, Receive, Scope
 
 from web.gateway.problems import problem
 from web.interface.sites import MAX_ARCHIVE_BYTES
+from web.interface.teaching import MAX_UPLOAD_BYTES
 
 MAX_BODY_BYTES = 1_000_000
 """Largest body in bytes."""
 BODY_TIMEOUT_S = 10.0
 """Time limit of the arrival of a body, seconds."""
-LARGE_BODIES = {"/api/v1/sites/import": (MAX_ARCHIVE_BYTES, 120.0)}
+LARGE_BODIES = {
+    "/api/v1/sites/import": (MAX_ARCHIVE_BYTES, 120.0),
+    "/api/v1/teach/frames.zip": (MAX_UPLOAD_BYTES, 300.0),
+    "/api/v1/teach/networks": (MAX_UPLOAD_BYTES, 300.0),
+}
 """Path → largest body in bytes and its time limit in seconds, where these differ."""
 
 

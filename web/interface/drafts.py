@@ -110,7 +110,7 @@ class SavedMission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PreviewDraft:
-    """Goal or zone to preview without applying it."""
+    """Goal, zone or setting to preview without applying it."""
 
     goal: tuple[float, float] | None = None
     """Goal (x, y) in metres of the map frame; None for the present goal."""
@@ -121,6 +121,8 @@ class PreviewDraft:
     replaces: str | None = None
     """Id of the stored zone that is left out, because `zone` replaces it or it is to be deleted;
     None for none."""
+    unknown_price: float | None = None
+    """Cost of a metre of unseen floor in metres of seen floor; None for the one in force."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +148,7 @@ class Preview:
     path: PathPreview
     """Path with the draft."""
     present: PathPreview | None
-    """Path without the draft: between the same positions under the stored zones, or to the present
-    goal for a draft without a zone. None without a goal."""
+    """Path without the draft: between the same positions under the stored zones and the settings in
+    force, or to the present goal for a draft without a zone. None without a goal."""
     cut_by: tuple[str, ...] = ()
     """Names of the zones that cut the goal off; empty if none does."""

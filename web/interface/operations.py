@@ -34,6 +34,7 @@ from web.interface.insight import Diagnostics
 from web.interface.localisation import PlaceEdits
 from web.interface.sites import Sites
 from web.interface.snapshots import Cloud, State, TickSnapshot
+from web.interface.teaching import Teaching
 
 Existing = Literal["ask", "replace", "keep", "skip"]
 """What happens to an imported zone with the outline of a stored one: a refusal that names them, the
@@ -149,9 +150,20 @@ class MapEdits(Protocol):
         """Repeat the edit that was undone last and return its description."""
 
 
+class PathSettings(Protocol):
+    """Settings of the path, kept with the site; a change applies from the next tick on."""
+
+    @property
+    def unknown_price(self) -> float:
+        """Cost of a metre of path over unseen floor, in metres of seen floor."""
+
+    def set_unknown_price(self, price: float) -> None:
+        """Set the cost of a metre of unseen floor in metres of seen floor."""
+
+
 class AllEdits(Protocol):
-    """Edits of zones, beware list and map together, in the order in which they were made since the
-    start of the console."""
+    """Edits of zones, beware list, map and path settings together, in the order in which they were
+    made since the start of the console."""
 
     @property
     def history(self) -> EditHistory:
@@ -192,8 +204,12 @@ class RobotService(Protocol):
         """What the operator erases from the map."""
 
     @property
+    def path_settings(self) -> PathSettings:
+        """Settings of the path."""
+
+    @property
     def edits(self) -> AllEdits:
-        """One undo for zones, beware list and map."""
+        """One undo for zones, beware list, map and path settings."""
 
     @property
     def place(self) -> PlaceEdits:
@@ -206,6 +222,10 @@ class RobotService(Protocol):
     @property
     def insight(self) -> Diagnostics:
         """Explanations, detections and measurements."""
+
+    @property
+    def teaching(self) -> Teaching:
+        """Frames, training and networks by which the operator teaches a class."""
 
     def state(self) -> State:
         """Return the newest snapshot."""

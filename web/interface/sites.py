@@ -6,6 +6,7 @@ those of `web.interface.operations`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
@@ -43,6 +44,22 @@ class Tag:
     """Direction that its face looks in, radians of the map frame."""
     size_m: float = ranged(0.01, 10.0)
     """Side of the black square in metres."""
+    sigma_m: float = ranged(0.001, 10.0, default=0.01)
+    """Standard deviation of the position in metres; by default as a person measures with a tape."""
+    sigma_rad: float = ranged(0.001, 3.2, default=round(math.radians(1.0), 4))
+    """Standard deviation of the direction in radians."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeenTag:
+    """A marker in the newest image."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
+
+    tag: Tag
+    """Where it is, by where the robot is and sees it."""
+    known: bool
+    """Whether the site has a marker of this number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +158,10 @@ class Sites(Protocol):
 
     def furnish(self, name: str, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> Site:
         """Set the dock and the tags of a site."""
+
+    def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
+        """Return the markers in the newest image, by number; `size_m` is the side of their black
+        square. Refused while the robot does not know where it is."""
 
     def copy(self, name: str, new_name: str) -> Site:
         """Copy a site with everything in it."""

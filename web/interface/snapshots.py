@@ -88,6 +88,8 @@ class State:
     """Distance driven since the start, metres."""
     unseen_m: float | None = None
     """Length of the planned path over floor that was not seen yet, metres; null without a path."""
+    unknown_price: float = 1.0
+    """Cost of a metre of path over floor that was not seen yet, in metres of seen floor."""
     explored_m2: float
     """Area of the floor seen since the start, square metres."""
     replans: int

@@ -30,6 +30,7 @@ import { enableButtons } from "./mission/buttons.js";
 import { showFigures } from "./mission/figures.js";
 import { showGoals } from "./mission/goals.js";
 import { onProposal, showPlace } from "./localisation/place.js";
+import { showPathSettings } from "./mission/path_settings.js";
 import { showStatus } from "./mission/status.js";
 import "./mission/teleop.js";
 import * as sites from "./sites/sites.js";
@@ -75,6 +76,7 @@ function showState(next) {
   enableButtons(state);
   showFigures(state);
   showGoals(state);
+  showPathSettings(state);
   lightRows();
   follow();
   map.update({ state });

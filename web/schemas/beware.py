@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr
-from typing_extensions import TypedDict
 
 from navcore.mission.beware_list import (
     LARGEST_CLASS_ID,
@@ -23,7 +22,7 @@ from web.images import palette
 from web.interface.beware import BewareEdits, ListPreview
 from web.interface.wire import DOCUMENTED, Points, Position, documented_as, rounded, values_of
 from web.schemas.drafts import PathPreviewOut, PixelIn, difference
-from web.schemas.fields import Body, Changes, Closed, Entry, body_model
+from web.schemas.fields import Body, Changes, Closed, Entry, Limits, body_model
 
 BewareEntry = Annotated[BewareClass, Body(ignored=("display", "found_by"))]
 BewareChanges = Annotated[
@@ -68,15 +67,6 @@ class ListedClass(BewareClass):
     """Colour of the class in the console, `#rrggbb`."""
     found_by: str
     """Part of the segmenter that detects the class."""
-
-
-class Limits(TypedDict):
-    """Range of a number, both ends included."""
-
-    low: float
-    """Smallest value."""
-    high: float
-    """Largest value."""
 
 
 LIMITS: dict[str, Limits] = {

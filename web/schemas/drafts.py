@@ -10,7 +10,7 @@ from navcore.mission.zone import MAX_CORNERS
 from navcore.planning.path import NoPath
 from web.interface.drafts import PathPreview, PreviewDraft, ZoneDraft
 from web.interface.wire import DOCUMENTED, Position, polyline
-from web.schemas.fields import MAX_NAME, Closed, Corner, Metres, Share
+from web.schemas.fields import MAX_NAME, Closed, Corner, Metres, Share, UnknownPrice
 from web.schemas.mission import GoalIn
 from web.schemas.zones import ZoneIn
 
@@ -34,7 +34,7 @@ class PlaceIn(Closed):
 
 
 class PreviewIn(Closed):
-    """Draft of a goal, of a zone, or of both."""
+    """Draft of a goal, of a zone, of a setting, or of several."""
 
     goal: GoalIn | None = None
     """Goal; null for the present one."""
@@ -46,6 +46,8 @@ class PreviewIn(Closed):
     """Zone as it would be stored; takes precedence over `polygon`."""
     replaces: Annotated[StrictStr, Field(max_length=MAX_NAME)] | None = None
     """Id of the stored zone that the draft replaces, or that is to be deleted."""
+    unknown_price: UnknownPrice | None = None
+    """Cost of a metre of unseen floor in metres of seen floor; null for the one in force."""
 
     def draft(self) -> PreviewDraft:
         """Return the draft."""
@@ -54,7 +56,13 @@ class PreviewIn(Closed):
             zone = ZoneDraft(name="the draft", polygon=tuple(self.polygon))
         goal = None if self.goal is None else (self.goal.x_m, self.goal.y_m)
         start = None if self.start is None else (self.start.x_m, self.start.y_m)
-        return PreviewDraft(goal=goal, start=start, zone=zone, replaces=self.replaces)
+        return PreviewDraft(
+            goal=goal,
+            start=start,
+            zone=zone,
+            replaces=self.replaces,
+            unknown_price=self.unknown_price,
+        )
 
 
 class PathPreviewOut(BaseModel):

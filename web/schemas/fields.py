@@ -23,10 +23,22 @@ from pydantic import (
     create_model,
 )
 from pydantic_core import CoreSchema, core_schema
+from typing_extensions import TypedDict
 
+from navcore.config.planning import PlanningConfig
 from navcore.mission.prototype import MAX_CHANNELS
 from navcore.toml_config import from_table
 from web.interface.wire import descriptions
+
+
+class Limits(TypedDict):
+    """Range of a number, both ends included."""
+
+    low: float
+    """Smallest value."""
+    high: float
+    """Largest value."""
+
 
 MAX_NAME = 80
 """Largest length of a name in characters."""
@@ -53,6 +65,10 @@ def number(low: float, high: float) -> Any:
 Metres = Annotated[float, number(-FAR_M, FAR_M)]
 Share = Annotated[float, number(0.0, 1.0)]
 Radians = Annotated[float, number(-MAX_ANGLE_RAD, MAX_ANGLE_RAD)]
+_PRICE = PlanningConfig.__dataclass_fields__["unknown_price"].metadata
+UNKNOWN_PRICE_RANGE: Limits = {"low": _PRICE["low"], "high": _PRICE["high"]}
+"""Range of the price of unseen floor."""
+UnknownPrice = Annotated[float, number(_PRICE["low"], _PRICE["high"])]
 Corner = tuple[Metres, Metres]
 Name = Annotated[StrictStr, Field(min_length=1, max_length=MAX_NAME), AfterValidator(_printable)]
 Label = Annotated[

@@ -11,7 +11,7 @@ from navcore.mission.mission import MAX_GOALS
 from web.interface.sites import SITE_NAME, PointPair, Site, Tag
 from web.interface.wire import DOCUMENTED
 from web.schemas.beware import BewareEntry
-from web.schemas.fields import Body, Closed, Corner, Metres, Name, Radians
+from web.schemas.fields import Body, Closed, Corner, Metres, Name, Radians, UnknownPrice
 from web.schemas.mission import GoalIn
 from web.schemas.zones import MAX_FILE, MAX_IMPORT, ImportedFeatureIn
 
@@ -142,3 +142,6 @@ class SiteDocument(Closed):
     """Fiducial markers."""
     accepted: dict[str, Any] | None
     """Accepted map, packed; null without one."""
+    unknown_price: UnknownPrice | None = None
+    """Cost of a metre of unseen floor in metres of seen floor; null for that of the
+    configuration."""

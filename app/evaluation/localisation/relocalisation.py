@@ -62,7 +62,8 @@ def place_map(keyframes: Iterable[Keyframe], config: LocalisationConfig) -> Plac
     surfaces = ScanMap(config.match)
     surfaces.replace(keyframes)
     known = surfaces.surfaces
-    return place_map_of(known[:, :2], known[:, 2:4] * known[:, 5:], config.relocalisation.search)
+    normals = known[:, 2:4] * known[:, 5:]
+    return place_map_of(known[:, :2], normals, config.relocalisation.search, surfaces.keyframes)
 
 
 def mirrored(keyframes: Iterable[Keyframe]) -> list[Keyframe]:

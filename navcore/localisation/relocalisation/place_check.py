@@ -47,11 +47,17 @@ def check_place(
         reason = (
             "too little is seen to check the place; drive on or turn round"
             if len(submap) < config.search.least_points
-            else f"only {fit.fit_share:.0%} of what is seen fits there"
+            else _share_of(fit)
         )
         return PlaceCheck(is_accepted=False, reason=reason, fit=fit)
     reason = doubt_of(places, config) or _uncertainty_of(places[0], config)
+    if places[0].fit_share < config.click_fit_share:
+        reason = _share_of(places[0])
     return PlaceCheck(is_accepted=not reason, reason=reason, fit=places[0])
+
+
+def _share_of(fit: PlaceFit) -> str:
+    return f"only {fit.fit_share:.0%} of what is seen fits there"
 
 
 def _uncertainty_of(fit: PlaceFit, config: RelocalisationConfig) -> str:

@@ -40,6 +40,23 @@ class PlaceFit:
     """Share of the points that lie at a surface that faces as they do, 0 to 1."""
     through_walls_share: float
     """Share of the lines of sight that cross a surface of the map, 0 to 1."""
+    contradicted_share: float
+    """Share of the points that lie where the map has seen that nothing stands, 0 to 1."""
+
+    @property
+    def agreeing_share(self) -> float | None:
+        """Share that fits of the points of which the map tells whether they do, 0 to 1; None
+        without any. The others are new: the side of a wall that the map has not seen."""
+        told = self.fit_share + self.contradicted_share
+        return self.fit_share / told if told > 0.0 else None
+
+    def contradiction(self, rules: RelocalisationConfig) -> str:
+        """Return what of the map speaks against the place; "" for nothing."""
+        if self.contradicted_share >= rules.contradicted_share:
+            return f"{self.contradicted_share:.0%} of what is seen stands where the map is clear"
+        if self.through_walls_share >= rules.through_walls_share:
+            return f"{self.through_walls_share:.0%} of the lines of sight cross walls of the map"
+        return ""
 
 
 def doubt_of(places: Sequence[PlaceFit], rules: RelocalisationConfig) -> str:
@@ -50,10 +67,26 @@ def doubt_of(places: Sequence[PlaceFit], rules: RelocalisationConfig) -> str:
     best = places[0]
     if best.fit_share < rules.least_fit_share:
         return f"only {best.fit_share:.0%} of what is seen fits at the best place"
-    if best.through_walls_share >= rules.through_walls_share:
-        return f"{best.through_walls_share:.0%} of the lines of sight cross walls of the map"
-    alike = sum(place.score >= rules.second_share * best.score for place in places)
+    if contradiction := best.contradiction(rules):
+        return contradiction
+    alike = 1 + len(rivals_of(best, places[1:], rules))
     return f"{alike} places fit alike; drive on until something differs" if alike > 1 else ""
+
+
+def is_same_place(one: PlaceFit, two: PlaceFit, rules: RelocalisationConfig) -> bool:
+    """Return whether two fits of a submap are the same place."""
+    a, b = one.T_map_base, two.T_map_base
+    turn = abs(wrap_angle(a.yaw_rad - b.yaw_rad))
+    return a.distance_to(b.x_m, b.y_m) < rules.same_m and turn < math.radians(rules.same_deg)
+
+
+def rivals_of(
+    best: PlaceFit, others: Sequence[PlaceFit], rules: RelocalisationConfig
+) -> list[PlaceFit]:
+    """Return those of other places that fit nearly as well, and that nothing of the map speaks
+    against."""
+    least = rules.second_share * best.score
+    return [one for one in others if one.score >= least and not one.contradiction(rules)]
 
 
 def fit_place(submap: Submap, near: Pose2, place_map: PlaceMap, config: PlaceFitConfig) -> PlaceFit:
@@ -66,6 +99,7 @@ def fit_place(submap: Submap, near: Pose2, place_map: PlaceMap, config: PlaceFit
             score=0.0,
             fit_share=0.0,
             through_walls_share=0.0,
+            contradicted_share=0.0,
         )
     hessian = np.zeros((3, 3))
     for step in range(config.steps):
@@ -110,6 +144,7 @@ def evaluate_place(
         score=float(np.where(found, likelihood, 0.0).mean()),
         fit_share=float(found.mean()),
         through_walls_share=rays / len(submap),
+        contradicted_share=float((place_map.is_clear(points) & ~found).mean()),
     )
 
 

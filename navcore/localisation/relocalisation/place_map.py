@@ -17,7 +17,8 @@ from scipy.spatial import cKDTree
 
 from navcore.compiled import compiled
 from navcore.config.relocalisation import PlaceSearchConfig
-from navcore.geometry.arrays import Floats, Indices, Points
+from navcore.geometry.arrays import Bools, Floats, Indices, Points
+from navcore.localisation.relocalisation.clear_floor import clear_floor
 from navcore.localisation.scans.scan import Keyframe
 
 DIRECTIONS = 8
@@ -70,13 +71,23 @@ class PlaceMap:
     walls: Floats
     """(rows, cols, 2, 4) up to two surfaces with a normal in each cell: x, y and normal; zeros for
     none."""
+    clear: Bools
+    """(rows, cols) cells where the map has seen that nothing stands; none without its keyframes."""
     tree: cKDTree
     """Nearest surfaces."""
+
+    def is_clear(self, points: Points) -> Bools:
+        """Return which of (N, 2) points in metres of the map lie where it is clear."""
+        corner = np.array(self.lattice[:2])
+        cols, rows = np.floor((points - corner) / self.lattice.cell_m).astype(np.int64).T
+        inside = (rows >= 0) & (rows < self.clear.shape[0])
+        inside &= (cols >= 0) & (cols < self.clear.shape[1])
+        return np.asarray(inside & self.clear[np.where(inside, rows, 0), np.where(inside, cols, 0)])
 
     @property
     def memory_mb(self) -> float:
         """Memory of the tables in megabytes."""
-        return (self.bounds.nbytes + self.walls.nbytes) / 2**20
+        return (self.bounds.nbytes + self.walls.nbytes + self.clear.nbytes) / 2**20
 
 
 def place_map_of(
@@ -89,7 +100,8 @@ def place_map_of(
     (0, 0) where unknown. Takes about a second for 100 × 100 m.
 
     `keyframes`: those of the map. What their own lines of sight cross is a table or a gap and no
-    wall; without them every surface counts as a wall.
+    wall, and floor that they cross is clear; without them every surface counts as a wall, and no
+    floor as clear.
     """
     cell = config.cell_m
     surfaces, normals = np.array(surfaces, dtype=np.float64), np.array(normals, dtype=np.float64)
@@ -110,13 +122,13 @@ def place_map_of(
         pose, scan = keyframe.T_map_base, keyframe.scan
         origins.append(np.broadcast_to(pose.to_parent(scan.origin), scan.points_base.shape))
         ends.append(pose.to_parent(scan.points_base))
+    tree, clear = cKDTree(surfaces), np.zeros((rows, cols), dtype=np.bool_)
     if ends:
-        _remove_seen_through(
-            walls, lattice, np.vstack(origins), np.vstack(ends), config.wall_crossings
-        )
-    for array in (bounds, walls):
+        sights = np.vstack(origins), np.vstack(ends)
+        _remove_seen_through(walls, lattice, *sights, config.wall_crossings)
+        clear = clear_floor(*sights, tree, lattice[:2], (rows, cols), config)
+    for array in (bounds, walls, clear):
         array.flags.writeable = False
-    tree = cKDTree(surfaces)
     return PlaceMap(
         surfaces=surfaces,
         normals=normals,
@@ -124,6 +136,7 @@ def place_map_of(
         lattice=lattice,
         bounds=bounds,
         walls=walls,
+        clear=clear,
         tree=tree,
     )
 

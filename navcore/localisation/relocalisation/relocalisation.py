@@ -14,7 +14,13 @@ from enum import StrEnum
 
 from navcore.config.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
-from navcore.localisation.relocalisation.place_fit import PlaceFit, doubt_of, evaluate_place
+from navcore.localisation.relocalisation.place_fit import (
+    PlaceFit,
+    doubt_of,
+    evaluate_place,
+    fit_place,
+    rivals_of,
+)
 from navcore.localisation.relocalisation.place_map import PlaceMap
 from navcore.localisation.relocalisation.place_search import PlaceSearch
 from navcore.localisation.relocalisation.submap import Submap, submap_of
@@ -64,6 +70,9 @@ class SearchTask:
     """Scans since the place was first found; None while these are too few to confirm it."""
     has_only_turned: bool = False
     """Whether the newest scans were taken at one position."""
+    given: Pose2 | None = None
+    """T_map_base at which `everything` was seen if a place to be checked is right; None without
+    one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,6 +85,11 @@ class SearchResult:
     """Places of all scans."""
     newest: tuple[PlaceFit, ...]
     """Places of the new scans alone."""
+    mirrored: tuple[PlaceFit, ...]
+    """Places of the mirrored scans, the control: none of them is real, so what a wrong place scores
+    in this map is seen by them."""
+    given: PlaceFit | None = None
+    """Fit near the place to be checked; None without one, or if too little was seen."""
 
 
 def search_task(
@@ -86,17 +100,24 @@ def search_task(
 ) -> SearchResult | None:
     """Return the places of a task, or None if it was cancelled, which is asked every few
     milliseconds."""
+    everything = task.everything
+    given = None
+    if task.given is not None and len(everything) >= config.search.least_points:
+        given = fit_place(everything, task.given, place_map, config.fit)
     found: list[tuple[PlaceFit, ...]] = []
-    for submap in (task.everything, task.newest):
-        if submap is None:
-            found.append(())
+    for submap in (everything, task.newest, everything.mirrored):
+        is_control = len(found) == 2
+        if submap is None or (is_control and given is None and doubt_of(found[0], config)):
+            found.append(())  # nothing would be believed anyway
             continue
         search = PlaceSearch(submap, place_map, config)
         while not search.advance():
             if is_cancelled():
                 return None
         found.append(tuple(search.candidates()))
-    return SearchResult(task=task, everything=found[0], newest=found[1])
+    return SearchResult(
+        task=task, everything=found[0], newest=found[1], mirrored=found[2], given=given
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,8 +166,9 @@ class Relocaliser:
         if self._leading is not None and len(scan):
             self._track(scan, T_odom_base, stamp_ns)
 
-    def next_task(self) -> SearchTask | None:
-        """Return what to search now, or None until enough new has been seen."""
+    def next_task(self, T_map_odom: Pose2 | None = None) -> SearchTask | None:
+        """Return what to search now, or None until enough new has been seen; `T_map_odom` is a
+        place to be checked beside."""
         driven_m, turned_rad = self._searched_at
         if not self._views or not (
             self._driven_m - driven_m >= self._config.search_m
@@ -155,8 +177,12 @@ class Relocaliser:
             return None
         self._searched_at = (self._driven_m, self._turned_rad)
         newest, has_only_turned = self._newest()
+        everything = _submap(self._views)
         return SearchTask(
-            everything=_submap(self._views), newest=newest, has_only_turned=has_only_turned
+            everything=everything,
+            newest=newest,
+            has_only_turned=has_only_turned,
+            given=None if T_map_odom is None else T_map_odom @ everything.T_odom_base,
         )
 
     def take(self, result: SearchResult) -> PlaceProposal:
@@ -164,7 +190,7 @@ class Relocaliser:
         if self.proposal.state is RelocalisationState.ACCEPTED:
             return self.proposal
         best = result.everything[0] if result.everything else None
-        doubt = doubt_of(result.everything, self._config)
+        doubt = doubt_of(result.everything, self._config) or self._mirror_doubt(result)
         if best is None or doubt:
             self._leading = None
             self.proposal = PlaceProposal(
@@ -217,7 +243,9 @@ class Relocaliser:
             self._map,
             self._config.fit,
         )
-        self._shares = [*self._shares, fit.fit_share][-SMOOTHED_SCANS:]
+        if fit.agreeing_share is None:
+            return  # the map shows nothing here that would tell
+        self._shares = [*self._shares, fit.agreeing_share][-SMOOTHED_SCANS:]
         if sum(self._shares) / len(self._shares) < self._config.tracked_share:
             self._tracked_since_ns = None
         elif self._tracked_since_ns is None:
@@ -240,15 +268,33 @@ class Relocaliser:
         """Return what the leading place still lacks, or nothing."""
         if result.task.newest is None:
             return "one place fits; drive on or turn round to confirm it"
-        if doubt := doubt_of(result.newest, self._config):
+        again = self._again(result)
+        if result.newest and not again:
+            return "what has been seen since fits better elsewhere"
+        if doubt := doubt_of(again, self._config):
             return f"not confirmed yet: {doubt}"
         if result.task.has_only_turned and not self._is_beyond_doubt(result):
             return "one place fits from here; drive on to confirm it"
-        if not self._is_same(result.newest[0].T_map_base, result.everything[0].T_map_base):
-            return "what has been seen since fits better elsewhere"
         tracked_ns = 0 if self._tracked_since_ns is None else self._now_ns - self._tracked_since_ns
         if self._tracked_since_ns is None or tracked_ns < self._config.tracked_s * 1e9:
             return f"scans have fitted there for {tracked_ns / 1e9:.1f} s"
+        return ""
+
+    def _again(self, result: SearchResult) -> tuple[PlaceFit, ...]:
+        """Return the best place again as the new scans alone show it; none if they fit clearly
+        better elsewhere."""
+        rules, best = self._config, result.everything[0]
+        for place in result.newest:
+            is_best = place.score >= rules.second_share * result.newest[0].score
+            if is_best and self._is_same(place.T_map_base, best.T_map_base):
+                return (place,)
+        return ()
+
+    def _mirror_doubt(self, result: SearchResult) -> str:
+        """Return the doubt in a place that fits no better than the mirrored scans do: a map in
+        which these find a place would be believed wherever the robot is."""
+        if rivals_of(result.everything[0], result.mirrored, self._config):
+            return "what has been seen fits as well when mirrored; drive on until something differs"
         return ""
 
     def _is_beyond_doubt(self, result: SearchResult) -> bool:

@@ -38,6 +38,18 @@ class Submap:
         """Return the number of points."""
         return len(self.points)
 
+    @property
+    def mirrored(self) -> Submap:
+        """What a mirror along the robot's heading shows: surfaces of the same kind, at no place of
+        any map."""
+        flip = np.array([1.0, -1.0])
+        return Submap(
+            points=self.points * flip,
+            normals=self.normals * flip,
+            origins=self.origins * flip,
+            T_odom_base=self.T_odom_base,
+        )
+
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
         for array in (self.points, self.normals, self.origins):

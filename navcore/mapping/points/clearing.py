@@ -10,7 +10,7 @@ from navcore.geometry.arrays import FloatImage, Indices
 from navcore.geometry.camera import Pinhole
 from navcore.geometry.transform import Matrix
 from navcore.grid.grid import Box
-from navcore.mapping.points.point_table import Cells, Records
+from navcore.mapping.points.point_links import Cells, Records
 from navcore.mission.beware_list import NOTHING
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from navcore.geometry.arrays import Bools
-from navcore.mapping.points.point_table import Records
+from navcore.mapping.points.point_links import Records
 from navcore.mission.beware_list import ColourRule
 from navcore.perception.colour_segmenter import matches_colour
 

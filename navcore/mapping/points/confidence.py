@@ -22,7 +22,8 @@ from navcore.geometry.camera import Pinhole
 from navcore.geometry.transform import Matrix, invert
 from navcore.grid.grid import Box
 from navcore.mapping.points.clearing import pixel_of
-from navcore.mapping.points.point_table import Cells, PointTable, Records
+from navcore.mapping.points.point_links import Cells, Records
+from navcore.mapping.points.point_table import PointTable
 from navcore.mission.beware_list import NOTHING
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame

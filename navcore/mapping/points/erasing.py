@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.geometry.arrays import Indices, Points
+from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_queries import points_in
-from navcore.mapping.points.point_table import PointTable, Records
+from navcore.mapping.points.point_table import PointTable
 from navcore.mission.beware_list import NOTHING
 
 

@@ -16,7 +16,8 @@ from navcore.compiled import compiled
 from navcore.geometry.arrays import Floats, Indices
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
-from navcore.mapping.points.point_table import OFF_GRID, POINT, Records
+from navcore.mapping.points.point_links import Records
+from navcore.mapping.points.point_table import OFF_GRID, POINT
 
 ROUNDING_M = 1e-3
 """Distance in metres beside the grid within which a point counts as in the cell at its border."""

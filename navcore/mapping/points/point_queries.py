@@ -8,7 +8,8 @@ import numpy.typing as npt
 
 from navcore.compiled import compiled
 from navcore.grid.bitplane import ONE, PAD, BitPlanes
-from navcore.mapping.points.point_table import Cells, Records
+from navcore.mapping.points.cell_set import distinct
+from navcore.mapping.points.point_links import Cells, Records
 
 
 @compiled
@@ -22,12 +23,13 @@ def refresh_planes(
     class_ids: npt.NDArray[np.uint8],
     planes: BitPlanes,
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
-    """Recompute the bits of (N,) cells in the plane of each class; return class and cell of every
-    changed bit.
+    """Recompute the bits of (N,) cells, some of them several times, in the plane of each class;
+    return class and cell of every changed bit.
 
     A cell is occupied in a class if it has a point of the class with at least the confidence
     `least` (64,), and in class 0 also if the `prior` map occupies it.
     """
+    cells = distinct(cells)
     changed_class = np.empty(len(cells) * len(class_ids), dtype=np.uint8)
     changed_cell = np.empty(len(cells) * len(class_ids), dtype=np.int64)
     count = 0

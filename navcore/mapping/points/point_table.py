@@ -12,13 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
 from navcore.geometry.arrays import Indices
 from navcore.grid.growth import Growth
+from navcore.mapping.points.point_links import (
+    Cells,
+    Records,
+    add_points,
+    link,
+    link_points,
+    remove_points,
+)
 from navcore.mapping.views.voxels import BIN_M, HEIGHT_BINS, LOWEST_M
 
-Cells = npt.NDArray[np.int32]
-Records = npt.NDArray[np.void]
 POINT = np.dtype(
     [
         ("x", "f4"),
@@ -95,7 +100,7 @@ class PointTable:
         two. With `one_per_cell` that holds for the whole cell instead of the voxel.
         """
         self._reserve(len(new))
-        self.count, raised = _add(
+        self.count, raised = add_points(
             self.records, self.changed, self.count, self.first, new, one_per_cell
         )
         return bool(raised)
@@ -129,7 +134,7 @@ class PointTable:
 
     def remove(self, indices: npt.NDArray[np.int64]) -> None:
         """Remove points by index; the last points fill the gaps."""
-        self.count = _remove(
+        self.count = remove_points(
             self.records,
             self.changed,
             self.count,
@@ -200,99 +205,3 @@ def levels_of(z_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     """Return the (N,) height bins of (N,) heights in metres."""
     levels = np.floor((z_m.astype(np.float64) - LOWEST_M) / BIN_M)
     return np.clip(levels, 0, HEIGHT_BINS - 1).astype(np.uint8)
-
-
-@compiled
-def link(records: Records, count: int, first: Cells) -> None:
-    """Link the points of each cell in the order of their indices; no cell has a link before."""
-    for index in range(count):
-        link_one(records, first, index)
-
-
-@compiled
-def link_points(records: Records, first: Cells, indices: Indices) -> None:
-    """Link (N,) points that have no links to the others of their cells."""
-    for index in indices:
-        link_one(records, first, index)
-
-
-@compiled
-def link_one(records: Records, first: Cells, index: int) -> None:
-    """Add a point to the links of its cell."""
-    cell = records[index].cell
-    records[index].next = 0
-    if cell >= 0:
-        records[index].next = first[cell]
-        first[cell] = index + 1
-
-
-@compiled
-def unlink_one(records: Records, first: Cells, index: int) -> None:
-    """Take a point out of the links of its cell."""
-    if records[index].cell >= 0:
-        _relink(records, first, records[index].cell, index + 1, records[index].next)
-
-
-@compiled
-def _add(
-    records: Records,
-    changed: npt.NDArray[np.bool_],
-    count: int,
-    first: Cells,
-    new: Records,
-    one_per_cell: bool,
-) -> tuple[int, bool]:
-    raised = False
-    for index in range(len(new)):
-        cell, class_id, level = new[index].cell, new[index].class_id, new[index].level
-        at, best = first[cell] if cell >= 0 else 0, -1
-        while at > 0:
-            held = records[at - 1]
-            if held.class_id == class_id and (one_per_cell or held.level == level):
-                # The most confident one, and of equal ones the first: whatever the order of links.
-                surer = best < 0 or held.confidence > records[best].confidence
-                if surer or (held.confidence == records[best].confidence and at - 1 < best):
-                    best = at - 1
-            at = held.next
-        if best >= 0:
-            if new[index].confidence > records[best].confidence:
-                records[best].confidence = new[index].confidence
-                changed[best] = raised = True
-            continue
-        records[count] = new[index]
-        changed[count] = True
-        link_one(records, first, count)
-        count += 1
-    return count, raised
-
-
-@compiled
-def _remove(
-    records: Records,
-    changed: npt.NDArray[np.bool_],
-    count: int,
-    first: Cells,
-    indices: npt.NDArray[np.int64],
-) -> int:
-    """Remove indices in falling order, so that no point that fills a gap is still to be removed."""
-    for index in indices:
-        unlink_one(records, first, index)
-        count -= 1
-        if index != count:
-            if records[count].cell >= 0:
-                _relink(records, first, records[count].cell, count + 1, index + 1)
-            records[index] = records[count]
-            changed[index] = True
-    return count
-
-
-@compiled
-def _relink(records: Records, first: Cells, cell: int, old: int, new: int) -> None:
-    """Redirect the link to `old` in a cell's chain to `new`."""
-    if first[cell] == old:
-        first[cell] = new
-        return
-    at = first[cell]
-    while records[at - 1].next != old:
-        at = records[at - 1].next
-    records[at - 1].next = new

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import closing
 from pathlib import Path
 
@@ -10,11 +11,14 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli.sites import site_cli
+from app.console.dock_and_tags import dock_of, stored_tags
 from app.console.site_map import accepted_map
 from app.storage import Store
+from app.storage.sites import site_table
 from navcore.errors import BadConfiguration, BadGeometry, BewareNavError, NotKnown, StorageFailed
 from navcore.formats import nav2_map
 from navcore.formats.nav2_map import map_from_cells
+from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.zone import Zone
 
@@ -84,3 +88,32 @@ def test_a_nav2_map_is_placed_by_two_points(tmp_path: Path) -> None:
     out = tmp_path / "nav2.zip"
     site(data, "export-nav2", "moved", str(out))
     assert out.read_bytes().startswith(b"PK")
+
+
+def test_dock_and_tags_are_set_and_removed_and_bad_ones_are_refused_by_name(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    site(data, "new", "hall")
+    site(data, "dock", "hall", "--at", "1.5,-2,90")
+    site(data, "tag", "hall", "12", "--at", "4,0.5,0.6,180", "--size", "0.2")
+    site(data, "tag", "hall", "7", "--at", "3,0.5,0.6,180")
+    with site_table(data) as sites:
+        stored = sites.open("hall")
+        assert dock_of(stored) == Pose2(x_m=1.5, y_m=-2.0, yaw_rad=math.radians(90))
+        assert [(tag.id, tag.x_m, tag.size_m) for tag in stored_tags(stored)] == [
+            (7, 3.0, 0.3),
+            (12, 4.0, 0.2),
+        ]
+    site(data, "dock", "hall", "--remove")
+    site(data, "tag", "hall", "12", "--remove")
+    with site_table(data) as sites:
+        assert dock_of(sites.open("hall")) is None
+        assert [tag.id for tag in stored_tags(sites.open("hall"))] == [7]
+    for bad, said in (
+        (("tag", "hall", "12", "--remove"), "no tag 12"),
+        (("tag", "hall", "5", "--at", "1,2,3"), "expected X,Y,Z,DEG"),
+        (("tag", "hall", "5", "--at", "1,2,3,4", "--size", "0"), "tag 5.size_m"),
+        (("dock", "hall", "--at", "1,nan,3"), "expected X,Y,DEG"),
+        (("dock", "hall"), "either --at X,Y,DEG or --remove"),
+    ):
+        with pytest.raises(BadConfiguration, match=said):
+            site(data, *bad)

@@ -59,7 +59,7 @@ def beware_editor(
     segmenter = ColourSegmenter() if network is None else FusedSegmenter(network)
     point_map = point_map or PointMap(SPEC, config.map)
     listed = OperatorState(mission=Mission(), beware=beware or default_beware_list())
-    examples = LiveExamples(recent, network, poses=lambda: point_map.poses)
+    examples = LiveExamples(recent, lambda: network, poses=lambda: point_map.poses)
     follower = BewareMap(
         PlainMap(point_map),
         point_map=point_map,

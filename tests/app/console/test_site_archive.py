@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.console.dock_and_tags import furnish
 from app.console.site_archive import DOCUMENT, MAX_DOCUMENT_BYTES, pack
-from app.console.site_files import add, add_nav2, export_nav2, furnish, listed
+from app.console.site_files import add, add_nav2, export_nav2, listed
 from app.console.site_map import accepted_map, map_of, save_accepted
 from app.storage import Store
 from app.storage.site_store import MAP_FILE

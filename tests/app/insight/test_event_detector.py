@@ -202,3 +202,15 @@ def test_a_page_of_the_log_is_the_newest_of_what_was_asked_for(
     wanted = [number for number, kind in kept if kind == "zone" and number > since][-limit:]
     assert [entry.id for entry in page.entries] == wanted
     assert page.newest == len(kinds) and page.oldest == (kept[0][0] if kept else 0)
+
+
+def test_a_new_price_of_unseen_floor_is_told() -> None:
+    event_log, will = EventLog(), intent()
+    detector = EventDetector(event_log, will)
+    for now_s, price in enumerate((None, 3.0, 3.0, None)):
+        dearer = dataclasses.replace(will, unknown_price=price)
+        detector.on_tick(float(now_s), dearer, None, HERE)
+    assert written(event_log) == [
+        ("replanned", "A metre of unseen floor now costs as much as 3 m of seen floor."),
+        ("replanned", "Unseen floor costs again what the configuration says."),
+    ]

@@ -23,7 +23,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet import build
 from navcore.perception.esanet.inference import selection
 from navcore.perception.esanet.inference.network_file import open_network
-from navcore.perception.esanet.inference.selection import EngineBenchmark, open_inference
+from navcore.perception.esanet.inference.selection import EngineBenchmark, TrialStep, open_inference
 from navcore.perception.esanet.network.preprocess import DepthStatistics
 from navcore.perception.esanet.weights.weights_file import WeightsCard, save
 from navcore.perception.fused_segmenter import FusedSegmenter
@@ -103,7 +103,7 @@ def test_a_network_is_fused_with_the_colour_rules_and_knows_entries_by_name_and_
     beware = default_beware_list()
     found = {entry.name: perception.segmenter.source_of(entry) for entry in beware.classes}
     assert (found["red floor"], found["book"], found["cup"]) == (
-        LabelSource.BOTH,
+        LabelSource.WEIGHED,
         LabelSource.NETWORK,
         LabelSource.NETWORK,
     )
@@ -149,6 +149,24 @@ def test_a_network_prepared_apart_is_refused_as_in_the_process_and_torch_can_run
         compose(SegmenterChoice(weights=damaged(tmp_path)), apart=True)
     choice = SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1)
     assert "torch f32" in compose(choice, apart=True).title
+
+
+def test_each_trial_of_an_engine_is_reported_and_says_when_the_machine_should_be_quiet(
+    tmp_path: Path,
+) -> None:
+    steps: list[TrialStep] = []
+    compose(
+        SegmenterChoice(weights=weights(tmp_path), threads=1),
+        inference=InferenceConfig(trial_s=0.0, fast_enough_ms=0.0),
+        apart=True,
+        watch=steps.append,
+    )
+    count = steps[-1].all
+    assert count >= 2 and steps[-1].done == count
+    assert [step.done for step in steps] == sorted(step.done for step in steps)
+    timed = [number for number, step in enumerate(steps) if step.is_timed]
+    assert len(timed) >= 2
+    assert not any(steps[number + 1].is_timed for number in timed), "each ends with its engine"
 
 
 def test_other_weights_are_another_campaign_and_the_same_choice_gives_the_same_one(

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import numpy.typing as npt
+from hypothesis import given
+from hypothesis import strategies as st
 
-from navcore.control.social import PEOPLE_CONFIG, PeopleState, waiting_index
+from navcore.control.social import (
+    NO_PEOPLE,
+    PEOPLE_CONFIG,
+    SOCIAL_CONFIG,
+    PeopleState,
+    clear_of_people,
+    waiting_index,
+)
 from navcore.geometry.transform import Pose2
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY
+from tests.navcore.laws import law
 
 Poses = npt.NDArray[np.float64]
 SPEED_MPS = 0.5
@@ -74,3 +85,34 @@ def test_a_robot_in_the_path_of_a_person_drives_on_to_where_it_obstructs_no_more
         3.0, 0.0, 0.9, 0.0
     )  # leaves, and may come back at any moment: the robot stands on the line of this person
     assert waits_at(towards, -math.pi / 3) > 0.9
+
+
+@law(40)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_motion_is_clear_of_people_exactly_up_to_the_first_pose_that_is_not(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    walking = rng.uniform(-1.0, 1.0, (int(rng.integers(1, 5)), 5)) * (4.0, 4.0, 1.5, 1.5, 0.0)
+    walking[:, 4] = rng.uniform(0.2, 0.5, len(walking))
+    poses = rng.uniform(-1.0, 1.0, (3, 6, 3)) * (2.0, 2.0, math.pi)
+    times_s = rng.uniform(0.0, 3.0, (3, 6))
+    rules, moments = (
+        PEOPLE_CONFIG,
+        max(math.ceil(PEOPLE_CONFIG.headway_s / SOCIAL_CONFIG.sample_s), 1),
+    )
+    later_s = rules.headway_s * np.arange(moments + 1) / moments
+    at_s = (times_s[..., None] + later_s)[:, :, None, :]  # pose by pose, for people and moments
+    x, y = (
+        walking[:, axis, None] + at_s * walking[:, 2 + axis, None] - poses[:, :, None, None, axis]
+        for axis in (0, 1)
+    )
+    cos, sin = np.cos(poses[..., 2])[..., None, None], np.sin(poses[..., 2])[..., None, None]
+    gaps = np.hypot(
+        np.maximum(np.abs(cos * x + sin * y) - HUSKY.length_m / 2, 0.0),
+        np.maximum(np.abs(cos * y - sin * x) - HUSKY.width_m / 2, 0.0),
+    )
+    least_m = (gaps - walking[:, 4, None]).min(axis=(2, 3))
+    expected = np.logical_and.accumulate(
+        least_m > rules.personal_m + rules.personal_per_s * times_s, axis=1
+    )
+    people = dataclasses.replace(NO_PEOPLE, walking=walking)
+    assert np.array_equal(clear_of_people(people, poses, times_s, HUSKY, rules), expected)

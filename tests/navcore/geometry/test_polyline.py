@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.geometry.polyline import length_m, metres_along, points_at, resample
+from navcore.geometry.polyline import length_m, metres_along, points_at, resample, subdivided
 from tests.navcore.laws import law
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -44,3 +46,18 @@ def test_the_length_is_the_arc_length_at_the_last_point() -> None:
     line = np.random.default_rng(3).normal(size=(50, 2))
     assert length_m(line) == pytest.approx(metres_along(line)[-1])
     assert length_m(line[:1]) == 0.0
+
+
+@law(60)
+@given(SEEDS, st.integers(1, 12))
+def test_a_subdivided_line_keeps_its_points_and_is_even_on_each_segment(
+    seed: int, corners: int
+) -> None:
+    line = np.random.default_rng(seed).uniform(-3, 3, (corners, 2))
+    points, at = subdivided(line, 0.3)
+    np.testing.assert_array_equal(points[at], line)
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    assert steps.max(initial=0.0) <= 0.3 + 1e-9
+    for first, last in pairwise(at):
+        np.testing.assert_allclose(steps[first:last], steps[first])
+    assert length_m(points) == pytest.approx(length_m(line))

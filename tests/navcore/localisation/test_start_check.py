@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from navcore.config.localisation import LocalisationConfig, StartConfig
+from navcore.config.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.localisation import Localisation
+from navcore.localisation.relocalisation.place_fit import PlaceFit
+from navcore.localisation.relocalisation.relocalisation import SearchResult, SearchTask
+from navcore.localisation.relocalisation.submap import Submap
 from navcore.localisation.start_check import Probation, StartCheck
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
@@ -34,15 +38,59 @@ def test_what_fits_is_believed_and_what_does_not_or_is_nowhere_on_the_map_is_not
     assert verdict_of(None, FEW) is True
 
 
-def test_on_the_first_metres_scans_have_to_fit_too() -> None:
-    def after(share: float | None, points: int) -> bool | None:
-        probation = Probation(RULES)
-        verdicts = (probation.after(share, points, 0.1) for _ in range(100))
-        return next((verdict for verdict in verdicts if verdict is not None), None)
+def fit(
+    score: float = 0.8, *, x_m: float = 0.0, share: float = 0.9, clear: float = 0.0
+) -> PlaceFit:
+    return PlaceFit(
+        T_map_base=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0),
+        covariance=np.eye(3),
+        score=score,
+        fit_share=share,
+        through_walls_share=0.0,
+        contradicted_share=clear,
+    )
 
-    assert after(0.9, MANY) is True
-    assert after(0.5, MANY) is False and after(None, MANY) is False
-    assert after(None, FEW) is None
+
+def verdict_after(
+    metres: float,
+    given: PlaceFit | None,
+    *others: PlaceFit,
+    mirrored: tuple[PlaceFit, ...] = (),
+) -> bool | None:
+    """Verdict after searches that all say the same, each half a metre."""
+    seen = Submap(
+        points=np.zeros((1, 2)),
+        normals=np.zeros((1, 2)),
+        origins=np.zeros((1, 2)),
+        T_odom_base=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0),
+    )
+    task = SearchTask(everything=seen, newest=None)
+    found = (*others, *(() if given is None else (given,)))
+    result = SearchResult(task=task, everything=found, newest=(), mirrored=mirrored, given=given)
+    probation, verdict = Probation(RULES, RelocalisationConfig()), None
+    for _ in range(round(metres / 0.5)):
+        verdict = probation.after(0.5)
+        probation.take(result)
+    return probation.after(0.0) if verdict is None else verdict
+
+
+def test_what_was_seen_on_the_first_metres_has_to_fit_and_nothing_may_speak_against_it() -> None:
+    assert verdict_after(RULES.probation_m - 0.5, fit()) is None
+    assert verdict_after(RULES.probation_m, fit()) is True
+    assert verdict_after(1.5, fit(clear=0.2)) is False
+    assert verdict_after(RULES.unfit_m - 0.5, fit(share=0.3)) is None
+    assert verdict_after(RULES.unfit_m + 1.0, fit(share=0.3)) is False
+
+
+def test_a_place_that_another_one_or_the_mirrored_scans_fit_better_was_wrong() -> None:
+    assert verdict_after(1.5, fit(0.6), fit(0.8, x_m=9.0)) is False
+    assert verdict_after(1.5, fit(0.6), mirrored=(fit(0.8, x_m=9.0),)) is False
+    assert verdict_after(9.0, fit(0.6), fit(0.8, x_m=9.0, clear=0.2)) is True
+
+
+def test_a_place_that_fits_like_another_or_of_which_too_little_is_seen_stays_open() -> None:
+    assert verdict_after(50.0, fit(), fit(x_m=9.0)) is None
+    assert verdict_after(50.0, None) is None
 
 
 def kept_where_the_map_shows_nothing() -> int:

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.config.perception import DEFAULT_PERCEPTION
 from navcore.mission.beware_list import NOTHING, PERSON, BewareClass, BewareList, ColourRule
 from navcore.perception.colour_segmenter import ColourSegmenter
-from navcore.perception.fused_segmenter import FusedSegmenter, fuse
+from navcore.perception.fused_segmenter import FusedSegmenter, fuse, weigh
 from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
 from tests.navcore.laws import law
@@ -64,8 +65,48 @@ def test_the_network_wins_where_it_is_confident_and_the_paint_where_it_is_not() 
     assert painted_part(FusedSegmenter(Oracle(2, 0.9, "book")).segment(FRAME, off)) == ({1}, {2})
 
 
-def test_both_may_find_the_same_class_and_the_rule_is_certain_of_it() -> None:
+ALONE = LIST.replaced(
+    dataclasses.replace(entry, colour=dataclasses.replace(RED_RULE, alone=True))
+    if entry == RED_FLOOR
+    else entry
+    for entry in LIST.classes
+)
+
+
+def test_where_the_network_knows_the_class_its_colour_counts_only_with_the_network() -> None:
+    sure, unsure = Oracle(NOTHING, 0.97, "red floor"), Oracle(NOTHING, 0.6, "red floor")
+    assert painted_part(FusedSegmenter(sure).segment(FRAME, LIST)) == ({NOTHING}, {NOTHING})
+    assert painted_part(FusedSegmenter(unsure).segment(FRAME, LIST)) == ({1}, {NOTHING})
+    # The same paint alone: the operator trusts the colour, or no network knows the class.
+    assert painted_part(FusedSegmenter(sure).segment(FRAME, ALONE)) == ({1}, {NOTHING})
+    unaware = Oracle(NOTHING, 0.97, "book")
+    assert painted_part(FusedSegmenter(unaware).segment(FRAME, LIST)) == ({1}, {NOTHING})
+
+
+def test_network_and_colour_strengthen_and_weaken_each_other_and_are_never_certain() -> None:
     labels = FusedSegmenter(Oracle(1, 0.6, "red floor")).segment(FRAME, LIST)
+    red = (FRAME.rgb == RED).all(axis=2)
+    evidence = DEFAULT_PERCEPTION.evidence
+    for part, factor in ((red, evidence.fits), (~red, evidence.misses)):
+        odds = labels.confidence[part] / (1 - labels.confidence[part])
+        np.testing.assert_allclose(odds, factor * 0.6 / 0.4, rtol=1e-4)
+    certain = FusedSegmenter(Oracle(1, 1.0, "red floor")).segment(FRAME, LIST)
+    assert (certain.confidence < 1).all()
+
+
+@law(50)
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.booleans())
+def test_more_of_the_network_is_never_less_of_the_class(a: float, b: float, fit: bool) -> None:
+    low, high = sorted((a, b))
+    said = Labels(
+        class_ids=np.ones((1, 2), np.uint8), confidence=np.array([[low, high]], np.float32)
+    )
+    less, more = weigh(said, 1, np.full((1, 2), fit)).confidence[0]
+    assert 0 <= less <= more < 1
+
+
+def test_both_may_find_the_same_class_and_a_rule_alone_is_certain_of_it() -> None:
+    labels = FusedSegmenter(Oracle(1, 0.6, "red floor")).segment(FRAME, ALONE)
     red = (FRAME.rgb == RED).all(axis=2)
     assert set(np.unique(labels.class_ids)) == {1}
     assert (labels.confidence[red] == 1).all()
@@ -234,11 +275,12 @@ def test_the_source_of_a_class_is_stated_also_when_there_is_none() -> None:
     both = FusedSegmenter(Oracle(0, 1.0, "red floor", "cup"))
     snake = BewareClass(name="snake", class_id=9)
     assert [both.source_of(entry) for entry in (RED_FLOOR, CUP, BOOK, snake)] == [
-        LabelSource.BOTH,
+        LabelSource.WEIGHED,
         LabelSource.NETWORK,
         LabelSource.NOTHING,
         LabelSource.NOTHING,
     ]
+    assert both.source_of(ALONE.named("red floor")) is LabelSource.BOTH
     assert FusedSegmenter(Oracle(0, 1.0)).source_of(CUP) is LabelSource.COLOUR
     assert [ColourSegmenter().source_of(entry) for entry in (CUP, BOOK)] == [
         LabelSource.COLOUR,

@@ -17,6 +17,7 @@ from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.beware_list import BewareList
+from navcore.mission.order import NavigationRequest
 from navcore.planning.global_planner import GlobalPlanner
 from navcore.planning.path import Path
 from navcore.robot.profile import HUSKY
@@ -26,8 +27,9 @@ SPEC = GridSpec.centred(size_m=(12.0, 8.0), resolution_m=0.1)
 POSE, GOAL = Pose2(x_m=-5.0, y_m=0.0, yaw_rad=0.0), (5.0, 0.0)
 
 
-def metres_unseen(price: float) -> float:
-    """Metres of the live and of the previewed path over a band that was not seen; both agree."""
+def metres_unseen(price: float, asked: float | None = None) -> float:
+    """Metres of the live and of the previewed path over a band that was not seen, at the price of a
+    configuration or at one that is asked for; both agree."""
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     seen = ~nothing
     seen[20:, 50:70] = False
@@ -37,12 +39,16 @@ def metres_unseen(price: float) -> float:
     planner = GlobalPlanner(FreeSpace.of(nothing), explored, HUSKY, config)
     grid = OccupancyGrid(spec=SPEC, geometric=nothing, beware={}, zones=nothing)
     costmap = Costmap.of(grid, nothing, version=1)
+    request = NavigationRequest(
+        goal=GOAL, beware=BewareList(classes=()), zones=(), unknown_price=asked
+    )
     routes = (
-        planner.plan(costmap, POSE, GOAL, BewareList(classes=())),
-        planner.preview(costmap, POSE, GOAL),
+        planner.route(costmap, POSE, request, (), GlobalPlanner.plan),
+        planner.preview(costmap, POSE, GOAL, unknown_price=asked),
     )
     found = []
     for route in routes:
+        assert route is not None
         assert isinstance(route.outcome, Path)
         cells = route.outcome.cells
         found.append(float((~seen[cells[:, 0], cells[:, 1]]).sum()) * SPEC.resolution_m)
@@ -54,6 +60,11 @@ def test_unseen_floor_is_free_by_default_and_avoided_at_a_price() -> None:
     assert NavigatorConfig().planning.unknown_price == 1.0
     assert metres_unseen(1.0) == pytest.approx(2.0, abs=0.2)
     assert metres_unseen(5.0) == 0.0
+
+
+def test_a_price_that_is_asked_for_takes_the_place_of_the_configured_one() -> None:
+    assert metres_unseen(1.0, asked=5.0) == 0.0
+    assert metres_unseen(5.0, asked=1.0) == pytest.approx(2.0, abs=0.2)
 
 
 def test_a_price_below_one_is_refused() -> None:

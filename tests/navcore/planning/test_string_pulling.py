@@ -1,5 +1,5 @@
-"""The taut track is never longer than the path, never leaves the free cells, and is straight on
-free ground."""
+"""The taut path is never longer than the path, never leaves the free cells, is straight on free
+ground, and has no corner that it does not need."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid
 from navcore.planning.path import Path
 from navcore.planning.planner import plan
-from navcore.planning.string_pulling import line_of_sight, shortcut
+from navcore.planning.string_pulling import line_of_sight, taut_corners
 from tests.navcore.laws import law
 
 Ints = npt.NDArray[np.int64]
@@ -60,35 +60,70 @@ def test_a_line_of_sight_crosses_the_cells_that_plain_clipping_finds(seed: int) 
         assert (there[1] - here[1]) != 0
 
 
-@law(60)
-@given(st.integers(0, 2**32 - 1))
-def test_the_track_is_no_longer_than_the_path_and_crosses_free_cells_only(seed: int) -> None:
+def pulled(seed: int) -> tuple[Path, Ints, BoolGrid] | None:
+    """A path across random rectangles and specks, its corners and the blocked cells."""
     rng = np.random.default_rng(seed)
-    blocked: BoolGrid = rng.random((30, 30)) < 0.2
-    blocked[0, 0] = blocked[29, 29] = False
-    path = plan(blocked, (0, 0), (29, 29))
+    blocked: BoolGrid = rng.random((30, 30)) < rng.choice([0.0, 0.05, 0.2])
+    for row, col, high, wide in rng.integers((0, 0, 1, 1), (30, 30, 9, 9), (4, 4)):
+        blocked[row : row + high, col : col + wide] = True
+    start, goal = ((int(r), int(c)) for r, c in rng.integers(0, 30, (2, 2)))
+    blocked[start] = blocked[goal] = False
+    path = plan(blocked, start, goal)
     if not isinstance(path, Path):
+        return None
+    return path, taut_corners(path.cells, CellMask.of(~blocked).plane), blocked
+
+
+@law(100)
+@given(st.integers(0, 2**32 - 1))
+def test_the_corners_are_cells_of_the_path_in_order_with_both_ends(seed: int) -> None:
+    if (found := pulled(seed)) is None:
         return
-    track = shortcut(path.cells, CellMask.of(~blocked).plane, stretch=60)
-    assert track[0].tolist() == [0, 0]
-    assert track[-1].tolist() == [29, 29]
-    assert length(track) <= path.length + 1e-9
-    for here, there in pairwise(track):
+    path, corners, _ = found
+    order = [path.cells.tolist().index(cell) for cell in corners.tolist()]
+    assert (order[0], order[-1]) == (0, len(path.cells) - 1)
+    assert order == sorted(set(order))
+
+
+@law(100)
+@given(st.integers(0, 2**32 - 1))
+def test_the_line_through_the_corners_is_no_longer_and_crosses_free_cells_only(seed: int) -> None:
+    if (found := pulled(seed)) is None:
+        return
+    path, corners, blocked = found
+    assert length(corners) <= path.length + 1e-9
+    for here, there in pairwise(corners):
         assert not any(blocked[cell] for cell in crossed(here, there))
 
 
-def test_on_free_ground_the_track_is_the_straight_line() -> None:
-    path = plan(np.zeros((40, 40), dtype=np.bool_), (2, 3), (30, 11))
-    assert isinstance(path, Path)
-    track = shortcut(path.cells, CellMask.of(np.ones((40, 40), dtype=np.bool_)).plane, stretch=100)
-    np.testing.assert_array_equal(track, [[2, 3], [30, 11]])
+@law(100)
+@given(st.integers(0, 2**32 - 1))
+def test_no_corner_can_be_left_out(seed: int) -> None:
+    if (found := pulled(seed)) is None:
+        return
+    _, corners, blocked = found
+    plane = CellMask.of(~blocked).plane
+    for before, after in zip(corners, corners[2:], strict=False):
+        assert not line_of_sight(plane, before, after)
 
 
-def test_beyond_the_stretch_the_track_is_the_path_itself() -> None:
-    free = np.ones((10, 60), dtype=np.bool_)
-    path = plan(~free, (5, 0), (5, 59))
+@law(60)
+@given(st.integers(0, 2**32 - 1))
+def test_on_free_ground_there_is_no_corner_between(seed: int) -> None:
+    start, goal = np.random.default_rng(seed).integers(0, 300, (2, 2))
+    free = np.ones((300, 300), dtype=np.bool_)
+    path = plan(~free, (int(start[0]), int(start[1])), (int(goal[0]), int(goal[1])))
     assert isinstance(path, Path)
-    track = shortcut(path.cells, CellMask.of(free).plane, stretch=20)
-    np.testing.assert_array_equal(track[:2], [[5, 0], [5, 20]])
-    assert len(track) < len(path.cells)
-    np.testing.assert_array_equal(track[-10:], path.cells[-10:])
+    corners = taut_corners(path.cells, CellMask.of(free).plane)
+    expected = [start, goal] if len(path.cells) > 1 else [start]
+    np.testing.assert_array_equal(corners, expected)
+
+
+def test_round_a_wall_there_are_two_corners_where_the_staircase_has_many() -> None:
+    blocked = np.zeros((40, 60), dtype=np.bool_)
+    blocked[:30, 28:32] = True
+    path = plan(blocked, (3, 7), (12, 55))
+    assert isinstance(path, Path)
+    corners = taut_corners(path.cells, CellMask.of(~blocked).plane)
+    assert len(corners) == 4
+    assert (abs(corners[1:3] - (30, 29.5)) < 10).all()

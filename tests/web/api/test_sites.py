@@ -64,13 +64,24 @@ def test_a_name_that_is_no_plain_file_name_is_refused(client: httpx.Client, name
 def test_dock_and_tags_are_set_one_by_one_and_removed_by_null(client: httpx.Client) -> None:
     dock = {"x_m": 1.0, "y_m": -2.0, "yaw_rad": 0.5}
     tag = {"id": 7, "x_m": 3.0, "y_m": 1.0, "z_m": 0.4, "yaw_rad": math.pi, "size_m": 0.16}
+    measured = {"sigma_m": 0.01, "sigma_rad": 0.0175}
     assert client.patch("/api/v1/sites/default", json={"dock": dock}).json()["dock"] == dock
     site = client.patch("/api/v1/sites/default", json={"tags": [tag]}).json()
-    assert (site["dock"], site["tags"]) == (dock, [tag])
+    assert (site["dock"], site["tags"]) == (dock, [tag | measured])
     site = client.patch("/api/v1/sites/default", json={"dock": None}).json()
-    assert (site["dock"], site["tags"]) == (None, [tag])
+    assert (site["dock"], site["tags"]) == (None, [tag | measured])
     for bad in ({"tags": [{**tag, "size_m": 0.0}]}, {"dock": {"x_m": 1.0}}, {"colour": "red"}):
         assert client.patch("/api/v1/sites/default", json=bad).status_code == 422
+
+
+def test_tags_in_view_are_returned_as_they_can_be_stored(client: httpx.Client) -> None:
+    (seen,) = client.get("/api/v1/tags/seen?size_m=0.16").json()
+    assert (seen["tag"]["id"], seen["tag"]["size_m"], seen["known"]) == (12, 0.16, False)
+    site = client.patch("/api/v1/sites/default", json={"tags": [seen["tag"]]}).json()
+    assert site["tags"] == [seen["tag"]]
+    assert client.get("/api/v1/tags/seen?size_m=0.16").json()[0]["known"]
+    for bad in ("", "?size_m=0", "?size_m=nan", "?size_m=1e9"):
+        assert client.get(f"/api/v1/tags/seen{bad}").status_code == 422
 
 
 def test_an_archive_larger_than_other_bodies_is_taken(

@@ -58,14 +58,27 @@ def test_a_class_is_edited_with_a_preview_and_one_undo_takes_the_last_edit_back(
     expect(row(page, "bottle")).to_have_count(0)
 
 
-def test_what_the_network_detects_is_not_said_to_be_detected_by_its_colour_rule(
+def test_the_inspector_says_whether_the_colour_of_a_class_that_the_network_knows_counts_alone(
     page: Page, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(operations.beware, "finder", lambda _: LabelSource.NETWORK)
+    finders = {"red floor": LabelSource.WEIGHED}
+    monkeypatch.setattr(
+        operations.beware, "finder", lambda entry: finders.get(entry.name, LabelSource.NETWORK)
+    )
     page.reload()
     await_map(page)
+    row(page, "cup").get_by_test_id("beware-edit").click()
+    eyes, alone = page.get_by_test_id("entry-eyes"), page.get_by_test_id("entry-alone")
+    expect(eyes).to_have_text("Detected by: network")
+    page.get_by_test_id("entry-cancel").click()
     row(page, "red floor").get_by_test_id("beware-edit").click()
-    expect(page.get_by_test_id("entry-eyes")).to_have_text("Detected by: network")
+    expect(eyes).to_have_text("Detected by: network, weighed with colour rule")
+    alone.check()
+    expect(eyes).to_have_text("Detected by: network and colour rule")
+    page.get_by_test_id("entry-apply").click()
+    expect(page.get_by_test_id("entry")).to_be_hidden()
+    colour = operations.beware.list.named("red floor").colour
+    assert colour is not None and colour.alone
 
 
 def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(

@@ -17,6 +17,7 @@ from web.server import ConsoleServer
 SIZES = {"desktop": (1440, 900), "laptop": (1280, 720), "tablet": (1024, 768), "phone": (390, 844)}
 OPENED_BY = {
     "missions": "missions",
+    "path-menu": "path-settings",
     "zone-sets": "zone-sets",
     "zone-files": "zone-files",
     "beware-versions": "beware-versions-button",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from tests.web.api.test_sites import YAML
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import await_map, on_page
 from tests.web.page.test_overlays import press
+from web.interface.sites import Site
 
 UNNAMED = """() => [...document.querySelectorAll('#sites :is(button, input, canvas)')]
   .filter((node) => !(node.labels?.length || node.getAttribute('aria-label') || node.title ||
@@ -134,3 +136,48 @@ def test_a_nav2_map_is_placed_by_two_clicks_in_each_frame(
     expect(row(panel, "hall")).to_be_visible()
     placed = operations.sites.placed
     assert placed is not None and abs(placed.yaw_rad - 1.5708) < 0.1
+
+
+def test_dock_and_tags_are_set_by_the_robots_place_the_map_and_the_camera(
+    panel: Locator, operations: FakeOperations
+) -> None:
+    page = panel.page
+
+    def site() -> Site:
+        return operations.sites.all()[0]
+
+    expect(panel.get_by_test_id("dock-text")).to_contain_text("No dock yet")
+    press(panel.get_by_test_id("dock-here"))
+    expect(panel.get_by_test_id("dock-text")).to_contain_text("facing")
+    here, pose = site().dock, operations.state().pose
+    assert here is not None and pose.x_m is not None
+    assert (here.x_m, here.y_m) == pytest.approx((pose.x_m, pose.y_m), abs=0.01)
+    press(panel.get_by_test_id("dock-pick"))
+    expect(panel).to_be_hidden()
+    page.mouse.click(*on_page(page, -3.0, 3.0))
+    expect(page.get_by_test_id("hint")).to_contain_text("direction in which it faces")
+    page.mouse.click(*on_page(page, -3.0, 4.0))
+    expect(panel).to_be_visible()
+    dock = site().dock
+    assert dock is not None
+    assert (dock.x_m, dock.y_m) == pytest.approx((-3.0, 3.0), abs=0.1)
+    assert dock.yaw_rad == pytest.approx(math.pi / 2, abs=0.1)
+    press(panel.get_by_test_id("tags-look"))
+    expect(panel.get_by_test_id("seen-tag")).to_contain_text("Tag 12, 30 cm, at 3.00, 0.50")
+    press(panel.get_by_test_id("tag-add"))
+    expect(panel.get_by_test_id("tag")).to_have_count(1)
+    panel.get_by_test_id("tag-number").fill("7")
+    press(panel.get_by_test_id("tag-pick"))
+    page.mouse.click(*on_page(page, -4.0, 3.0))
+    page.mouse.click(*on_page(page, -3.0, 3.0))
+    expect(panel.get_by_test_id("tag")).to_have_count(2)
+    assert [tag.id for tag in site().tags] == [7, 12]
+    assert site().tags[0].yaw_rad == pytest.approx(0.0, abs=0.1)
+    press(panel.get_by_test_id("tag-remove").first)
+    expect(panel.get_by_test_id("tag")).to_have_count(1)
+    press(panel.get_by_test_id("dock-drive"))
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+    press(panel.get_by_test_id("dock-remove"))
+    expect(panel.get_by_test_id("dock-text")).to_contain_text("No dock yet")
+    assert site().dock is None
+    assert page.evaluate(UNNAMED) == []

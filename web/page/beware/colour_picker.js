@@ -55,6 +55,7 @@ function fillFields() {
   const values = [first, last, 100 * rule.min_saturation, 100 * rule.min_value];
   SLIDERS.forEach((name, i) => set(field(name), { value: String(Math.round(values[i])) }));
   set(field("height"), { value: String(rule.max_height_m) });
+  field("alone").checked = Boolean(rule.alone);
 }
 
 function readFields() {
@@ -65,6 +66,7 @@ function readFields() {
     min_saturation: saturation / 100,
     min_value: value / 100,
     max_height_m: Number(field("height").value),
+    alone: field("alone").checked,
   };
   onChange();
   look();
@@ -127,7 +129,7 @@ element("entry-unrule").onclick = () => {
   showRule(null);
   onChange();
 };
-for (const name of [...SLIDERS, "height"]) field(name).oninput = readFields;
+for (const name of [...SLIDERS, "height", "alone"]) field(name).oninput = readFields;
 // Before the click that drafts a zone.
 image.parentElement.addEventListener(
   "click",

@@ -97,10 +97,17 @@ const missing = () => {
   return `${field(wrong).title}: ${t("{low} to {high}", { low: min, high: max })}`;
 };
 
+const isKnown = () => Boolean(stored?.found_by.startsWith("network"));
+
+function withNetwork(rule) {
+  if (!rule || rule.fallback) return "network";
+  return rule.alone ? "network and colour rule" : "network, weighed with colour rule";
+}
+
 // What the draft would be detected by; what runs now is only known for the stored entry.
 function eyes() {
   // The network goes on to know a class that is renamed.
-  if (stored?.found_by.startsWith("network")) return sentence(ruleOf() ? stored.found_by : "network");
+  if (isKnown()) return sentence(withNetwork(ruleOf()));
   if (!ruleOf()) return exampleOf() && t("example");
   return ruleOf().pattern ? t("pattern of colours") : t("colour rule");
 }
@@ -108,6 +115,7 @@ function eyes() {
 function describe() {
   const by = eyes();
   const note = element("entry-eyes");
+  element("entry-alone").parentElement.hidden = !isKnown();
   setText(
     note,
     by

@@ -11,14 +11,14 @@ import { countText, fold, levelOf, LEVELS, newFold, rowFor } from "./log_folding
 const KINDS = {
   stopped: t("■ stopped"),
   released: t("▶ released"),
-  replanned: t("⤳ path"),
+  replanned: t("↝ path"),
   goal: t("⚑ goal"),
   mission: t("● mission"),
   seen: t("◉ seen"),
   zone: t("⬠ zone"),
   beware: t("▲ beware"),
   labelled: t("✎ labelled"),
-  place: t("⌖ place"),
+  place: t("⊕ place"),
   map: t("⌫ map edited"),
 };
 const LEVEL_NAMES = { detail: t("everything"), notice: t("goals, zones, stops"), alert: t("stops") };

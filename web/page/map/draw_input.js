@@ -15,7 +15,7 @@ const SCALES_M = [1, 2, 5, 10, 20, 50, 100];
 const MIN_SCALE_PX = 60;
 const SELECTED = "#ff7b00";
 
-function drawPreview(path) {
+export function drawPreview(path) {
   line(path, "#00000080", 5, [8, 6]);
   line(path, COLOURS.draft, 3, [8, 6]);
 }

@@ -5,8 +5,9 @@ import { onListDraft } from "../beware/entry.js";
 import { drawScheduler } from "../core/draw_scheduler.js";
 import { isLight, onTheme } from "../core/theme.js";
 import { onOffer } from "../mission/goals.js";
+import { onPathDraft, pathDraft } from "../mission/path_settings.js";
 import { draft, isDrawing, onDraft } from "../zones/draft.js";
-import { drawDraft, drawListDraft, drawScale, drawSketch } from "./draw_input.js";
+import { drawDraft, drawListDraft, drawPreview, drawScale, drawSketch } from "./draw_input.js";
 import {
   drawCandidates,
   drawCommandedMotion,
@@ -117,6 +118,7 @@ function draw() {
   drawCandidatePlaces();
   drawProposal();
   drawListDraft();
+  drawPreview(pathDraft.path);
   if (isDrawing()) drawDraft();
   drawSketch();
   drawPicked();
@@ -169,4 +171,5 @@ onLayers(repaint);
 onTheme(repaint);
 onView(redraw);
 onOffer(redraw);
+onPathDraft(redraw);
 onSelect(redraw);

@@ -1,4 +1,4 @@
-// Tools that take one point of the map: measuring a distance, and telling the robot where it is.
+// Tools that take a point of the map: measuring a distance, and a pose, e.g. where the robot is.
 
 import { distance, rounded } from "../core/geometry.js";
 import { number } from "../core/language.js";
@@ -14,10 +14,10 @@ export function startMeasuring(from) {
   sketch.measure = { from, to: from };
 }
 
-// The robot is at `at`; where the pointer goes next gives its heading.
-export function startPlacing(at) {
+// A pose at `at`; where the pointer goes next gives its heading. `then` takes the pose.
+export function startPlacing(at, then = propose) {
   setMode("place");
-  sketch.robot = { at, yaw: 0 };
+  sketch.robot = { at, yaw: 0, then };
 }
 
 export function pointTo(at) {
@@ -37,7 +37,7 @@ export function finishAt(at) {
   if (!robot || distance(robot.at, at) <= MIN_ARROW_M) return;
   setMode("navigate");
   const [x, y] = robot.at;
-  propose({ x_m: rounded(x), y_m: rounded(y), yaw_rad: robot.yaw });
+  robot.then({ x_m: rounded(x), y_m: rounded(y), yaw_rad: rounded(robot.yaw) });
 }
 
 onDraft(() => {

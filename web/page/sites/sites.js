@@ -7,6 +7,7 @@ import { formatTime } from "../core/format.js";
 import { number, sentence, t, tn } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import * as changes from "./changes.js";
+import { buildDockAndTags, load } from "./dock_tags.js";
 import { buildPlacing } from "./placing.js";
 
 const CONFIRM_MS = 4000;
@@ -41,6 +42,7 @@ export function update({ site }) {
   chosen = site;
   setText(opener, t("Site {site} ▾", { site }));
   if (panel.open) refresh();
+  else attempt(() => load(site));
   return !isFirst;
 }
 
@@ -48,6 +50,7 @@ async function refresh() {
   const { sites } = await get("/sites");
   reconcile(list, sites, (site) => site.name, itemOf, fill);
   only.hidden = sites.length > 1;
+  await load(chosen);
   await changes.refresh();
 }
 
@@ -229,6 +232,7 @@ function build() {
   panel.append(
     make("header", {}, make("h2", {}, t("Sites")), make("span", { id: "sites-said", role: "status" }), closing),
     make("section", {}, list, only, making, files, placing.form),
+    buildDockAndTags({ hide: close, show: open }),
     changes.section,
   );
 }

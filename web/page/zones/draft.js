@@ -23,7 +23,7 @@ const MAX_UNDO = 200;
 const HINTS = {
   navigate: "",
   measure: t("Click where the measurement ends. Esc cancels."),
-  place: t("Drag or click in the direction in which the robot faces. Esc cancels."),
+  place: t("Drag or click in the direction in which it faces. Esc cancels."),
   goal: t("Click the floor to add a goal, drag to give it a heading; hover to see the path. Esc when done."),
   polygon:
     t("Click the corners. Double-click or Enter finishes the zone, Backspace undoes, Esc cancels."),

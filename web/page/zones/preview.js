@@ -38,11 +38,12 @@ export function asker(route, read) {
   };
 }
 
-export const askPreview = asker("/preview", (answer, question) => ({
+export const readPreview = (answer, question) => ({
   ...verdict(answer, question),
   path: answer.path,
   present: answer.present?.path ?? [],
-}));
+});
+export const askPreview = asker("/preview", readPreview);
 
 function verdict(answer, question) {
   if (!answer.found) {

@@ -12,16 +12,17 @@ import numpy.typing as npt
 from navcore.errors import BadConfiguration
 
 _LOG2_E = np.float32(math.log2(math.e))
-_C0, _C1, _C2, _C3, _C4, _C5, _C6 = (
-    np.float32(math.log(2) ** n / math.factorial(n)) for n in range(7)
-)
-"""Coefficients of the series of 2^x, for x from 0 to 1."""
+_C0, _C1, _C2, _C3, _C4, _C5 = (np.float32(math.log(2) ** n / math.factorial(n)) for n in range(6))
+"""Coefficients of the series of 2^x, for x from −1/2 to 1/2."""
 _NEGLIGIBLE = np.float32(-60.0)
 """Smallest exponent of two relative to the largest logit; smaller ones are clipped, because they do
 not change the sum."""
+_HALF = np.float32(0.5)
 _BIAS, _MANTISSA = np.int32(127), np.int32(23)
 """Exponent bias and number of mantissa bits of float32."""
-_Axis = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float32]]
+_Index = npt.NDArray[np.uint64]
+"""Unsigned, as numba asks of each signed index whether it counts from the end."""
+_Axis = tuple[_Index, _Index, npt.NDArray[np.float32]]
 
 
 def most_likely(
@@ -53,18 +54,19 @@ def most_likely(
 def _axis(length: int, wanted: int) -> _Axis:
     """Return the index before and after each output position, and its fraction between the two."""
     at = np.maximum((np.arange(wanted) + 0.5) * (length / wanted) - 0.5, 0.0)
-    before = np.floor(at).astype(np.int64)
-    return before, np.minimum(before + 1, length - 1), (at - before).astype(np.float32)
+    before = np.floor(at)
+    after = np.minimum(before + 1, length - 1)
+    return before.astype(np.uint64), after.astype(np.uint64), (at - before).astype(np.float32)
 
 
 @numba.njit(cache=True, nogil=True)
 def _most_likely(
     logits: npt.NDArray[np.float32],
-    above: npt.NDArray[np.int64],
-    below: npt.NDArray[np.int64],
+    above: _Index,
+    below: _Index,
     down: npt.NDArray[np.float32],
-    left: npt.NDArray[np.int64],
-    right: npt.NDArray[np.int64],
+    left: _Index,
+    right: _Index,
     along: npt.NDArray[np.float32],
     winners: npt.NDArray[np.uint8],
     confidence: npt.NDArray[np.float32],
@@ -89,17 +91,17 @@ def _most_likely(
         for k in range(1, classes):
             for j in range(width):
                 higher = row[k, j] > best[j]
-                winner[j] = k if higher else winner[j]
+                winner[j] = np.int32(k) if higher else winner[j]
                 best[j] = row[k, j] if higher else best[j]
         for k in range(classes):
             for j in range(width):
                 # e^x = 2^whole · 2^part, the first by its exponent bits, the second by its series:
-                # error 2e-6 at most.
+                # error 3e-6 at most. np.floor, as math.floor gives an int64.
                 twos = max((row[k, j] - best[j]) * _LOG2_E, _NEGLIGIBLE)
-                whole = math.floor(twos)
-                part = np.float32(twos - whole)
+                whole = np.floor(twos + _HALF)
+                part = twos - whole
                 series = _C0 + part * (
-                    _C1 + part * (_C2 + part * (_C3 + part * (_C4 + part * (_C5 + part * _C6))))
+                    _C1 + part * (_C2 + part * (_C3 + part * (_C4 + part * _C5)))
                 )
                 bits[j] = (np.int32(whole) + _BIAS) << _MANTISSA
                 total[j] += series * power[j]

@@ -58,6 +58,22 @@ class EngineBenchmark:
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialStep:
+    """How far the trials of the engines are."""
+
+    done: int
+    """Number of engines that have been tried."""
+    all: int
+    """Number of engines to try at most."""
+    is_timed: bool
+    """Whether an engine is being timed, so that the machine should be left alone."""
+
+
+def _unwatched(step: TrialStep) -> None:
+    """Tell no one."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidate:
     """An engine that may be tried."""
@@ -81,14 +97,17 @@ def open_inference(
     *,
     threads: int = THREADS,
     config: InferenceConfig = DEFAULT_CONFIG,
+    watch: Callable[[TrialStep], None] = _unwatched,
 ) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
     """Open an engine by name, or with `auto` the best one here; return it with its measurements.
+
+    `watch` is told of each step of the trials.
 
     Names are `torch`, `onnxruntime` or `openvino`, in f32 unless followed by `bf16` or `int8`.
     Raises `BadConfiguration` when the engine is not installed or cannot run the network.
     """
     if engine == "auto":
-        return choose(file, threads=threads, config=config)
+        return choose(file, threads=threads, config=config, watch=watch)
     name = engine.replace("-", " ")
     for candidate in candidates(file, threads, config):
         if candidate.name == (name if " " in name else f"{name} f32"):
@@ -102,7 +121,11 @@ def open_inference(
 
 
 def choose(
-    file: NetworkFile, *, threads: int = THREADS, config: InferenceConfig = DEFAULT_CONFIG
+    file: NetworkFile,
+    *,
+    threads: int = THREADS,
+    config: InferenceConfig = DEFAULT_CONFIG,
+    watch: Callable[[TrialStep], None] = _unwatched,
 ) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
     """Measure the installed engines, the presumably fastest first, until one is accurate and fast
     enough; else take the most exact one that is not clearly slower than the fastest.
@@ -111,7 +134,7 @@ def choose(
     robot waits for."""
     good: list[tuple[Inference, EngineBenchmark]] = []
     trials = []
-    for engine, trial in benchmark_engines(file, threads=threads, config=config):
+    for engine, trial in benchmark_engines(file, threads=threads, config=config, watch=watch):
         trials.append(trial)
         if engine is not None and trial.is_accurate:
             good.append((engine, trial))
@@ -134,7 +157,11 @@ def choose(
 
 
 def benchmark_engines(
-    file: NetworkFile, *, threads: int = THREADS, config: InferenceConfig = DEFAULT_CONFIG
+    file: NetworkFile,
+    *,
+    threads: int = THREADS,
+    config: InferenceConfig = DEFAULT_CONFIG,
+    watch: Callable[[TrialStep], None] = _unwatched,
 ) -> Iterator[tuple[Inference | None, EngineBenchmark]]:
     """Yield each engine with its measurement; None for an engine that failed.
 
@@ -144,7 +171,8 @@ def benchmark_engines(
     found = candidates(file, threads, config)
     classes = len(file.class_names)
     reference = _reference(found, images, classes)
-    for candidate in found:
+    for done, candidate in enumerate(found):
+        watch(TrialStep(done=done, all=len(found), is_timed=False))
         try:
             engine = candidate.build()
             predictions = _predictions(engine, images, classes)
@@ -156,7 +184,9 @@ def benchmark_engines(
         agreement = float(
             np.mean([np.mean(a == b) for a, b in zip(predictions, reference, strict=True)])
         )
+        watch(TrialStep(done=done, all=len(found), is_timed=True))
         p50_ms, p99_ms = np.percentile(run_times_ms(engine, images, config), [50, 99])
+        watch(TrialStep(done=done + 1, all=len(found), is_timed=False))
         yield (
             engine,
             EngineBenchmark(

@@ -75,7 +75,7 @@ class EsaNet(nn.Module):
         unless H and W are multiples of 32.
         """
         check_inputs(rgb, depth)
-        skips, fused = self._encode(rgb, depth)
+        skips, fused = self.encode(rgb, depth)
         outputs: Tensor | Outputs = self.decoder(self.context_module(fused), skips)
         return outputs
 
@@ -83,10 +83,10 @@ class EsaNet(nn.Module):
         """Return the logits (B, classes, H, W) and the features (B, C, H/4, W/4) before the
         classifier; otherwise as `forward` outside train mode."""
         check_inputs(rgb, depth)
-        skips, fused = self._encode(rgb, depth)
+        skips, fused = self.encode(rgb, depth)
         return self.decoder.with_features(self.context_module(fused), skips)
 
-    def _encode(self, rgb: Tensor, depth: Tensor) -> tuple[list[Tensor], Tensor]:
+    def encode(self, rgb: Tensor, depth: Tensor) -> tuple[list[Tensor], Tensor]:
         """Return the skips at 1/4, 1/8, 1/16 for the decoder, and the fused map at 1/32.
 
         Each rgb stage continues from the fused map; the depth encoder never sees colour.

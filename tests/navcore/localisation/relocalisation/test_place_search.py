@@ -13,9 +13,13 @@ from hypothesis import strategies as st
 
 from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.geometry.arrays import Points
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.relocalisation.place_check import check_place
-from navcore.localisation.relocalisation.place_fit import evaluate_place, fit_place
+from navcore.localisation.relocalisation.place_fit import (
+    doubt_of,
+    evaluate_place,
+    fit_place,
+)
 from navcore.localisation.relocalisation.place_map import (
     FULL,
     PlaceMap,
@@ -222,3 +226,38 @@ def test_what_the_map_itself_was_seen_through_is_no_wall() -> None:
         shown = Keyframe(pose_id=0, T_map_base=Pose2(x_m=-1.0, y_m=0.5, yaw_rad=0.0), scan=scan)
         made = place_map_of(surfaces, normals, CONFIG.search, [shown])
         assert seen_through_walls(made.walls, made.lattice, *sight, 0.3, 0.35) == crossings
+
+
+def test_what_stands_where_the_map_is_clear_contradicts_a_place() -> None:
+    """A wall that fits, and before it a box: on floor that the map has seen, on floor that it has
+    not (the control), and where the map has a surface that faces another way."""
+    y = np.arange(-2.0, 2.0, 0.05)
+    wall, facing = np.column_stack([np.full(len(y), 3.0), y]), np.tile([-1.0, 0.0], (len(y), 1))
+    box = np.column_stack([np.full(20, 1.5), np.linspace(-0.4, 0.4, 20)])
+    seen = Submap(
+        points=np.vstack([wall, box]),
+        normals=np.vstack([facing, np.tile([-1.0, 0.0], (20, 1))]),
+        origins=np.zeros((len(y) + 20, 2)),
+        T_odom_base=IDENTITY,
+    )
+    wall_scan = Scan(
+        points_base=wall,
+        variance_m2=np.full(len(y), 1e-4),
+        normals=facing,
+        origin=np.zeros(2),
+    )
+    looks = [Keyframe(pose_id=k, T_map_base=IDENTITY, scan=wall_scan) for k in range(3)]
+    behind = (
+        np.vstack([wall, box + np.array([0.1, 0.0])]),
+        np.vstack([facing, np.tile([1.0, 0.0], (20, 1))]),
+    )
+    rules = RelocalisationConfig()
+    for surfaces, normals, keyframes, share in (
+        (wall, facing, looks, 20 / (len(y) + 20)),
+        (wall, facing, [], 0.0),
+        (*behind, looks, 0.0),
+    ):
+        place_map = place_map_of(surfaces, normals, rules.search, keyframes)
+        fit = evaluate_place(seen, IDENTITY, place_map, rules.fit)
+        assert fit.contradicted_share == pytest.approx(share)
+        assert ("clear" in doubt_of([fit], rules)) is (share > 0.0)

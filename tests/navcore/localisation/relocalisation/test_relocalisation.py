@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from app.evaluation.localisation.relocalisation import mirrored
 from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
@@ -18,6 +19,7 @@ from navcore.localisation.relocalisation.relocalisation import (
     Relocaliser,
     search_task,
 )
+from navcore.localisation.scans.scan import Keyframe, Scan
 from tests.navcore.localisation.plan_worlds import (
     Drive,
     PlanWorld,
@@ -42,7 +44,11 @@ def mapped(world: PlanWorld, poses: Drive) -> PlaceMap:
     """The place map of a drive with true poses."""
     rng = np.random.default_rng(99)
     views = [(at, world.scan(at, rng)) for at in poses]
-    return place_map_of(*surfaces_of(views), CONFIG.search)
+    return place_map_of(*surfaces_of(views), CONFIG.search, keyframes_of(views))
+
+
+def keyframes_of(views: list[tuple[Pose2, Scan]]) -> list[Keyframe]:
+    return [Keyframe(pose_id=k, T_map_base=at, scan=scan) for k, (at, scan) in enumerate(views)]
 
 
 @cache
@@ -50,9 +56,16 @@ def office_map(seed: int) -> PlaceMap:
     return mapped(office(seed, rooms=ROOMS), tour(seed, rooms=ROOMS)[::2])
 
 
-def mirrored(place_map: PlaceMap) -> PlaceMap:
-    flip = np.array([-1.0, 1.0])
-    return place_map_of(place_map.surfaces * flip, place_map.normals * flip, CONFIG.search)
+@cache
+def mirrored_map(seed: int) -> PlaceMap:
+    """The place map of a mirrored office, whose y points the other way."""
+    rng, world = np.random.default_rng(99), office(seed, rooms=ROOMS)
+    views = [(at, world.scan(at, rng)) for at in tour(seed, rooms=ROOMS)[::2]]
+    surfaces, normals = surfaces_of(views)
+    flip = np.array([1.0, -1.0])
+    return place_map_of(
+        surfaces * flip, normals * flip, CONFIG.search, mirrored(keyframes_of(views))
+    )
 
 
 def relocalised(
@@ -130,7 +143,25 @@ def test_a_turn_alone_would_believe_the_like_of_a_room_in_a_wrong_map() -> None:
 def test_a_mirrored_map_is_never_believed() -> None:
     for room in (1, 4):
         world, true = office(1, rooms=ROOMS), room_drive(1, room)
-        assert relocalised(world, true, mirrored(office_map(1)), seed=room)[1] is None
+        assert relocalised(world, true, mirrored_map(1), seed=room)[1] is None
+
+
+def test_what_fits_as_well_when_mirrored_is_not_believed() -> None:
+    """A map in which the control finds a place tells nothing; without its place, one is believed
+    so far as to be confirmed."""
+    world, true = office(1, rooms=ROOMS), room_drive(1, 0)
+    relocaliser, rng = Relocaliser(office_map(1)), np.random.default_rng(0)
+    for k, at in enumerate(true):
+        relocaliser.observe(world.scan(at, rng), at, k * 200_000_000)
+    task = relocaliser.next_task()
+    assert task is not None
+    result = search_task(task, office_map(1))
+    assert result is not None and result.everything
+    assert relocaliser.take(result).state is RelocalisationState.CONFIRMING
+    alike = dataclasses.replace(result, mirrored=result.everything)
+    doubted = relocaliser.take(alike)
+    assert doubted.state is RelocalisationState.AMBIGUOUS
+    assert "mirrored" in doubted.reason
 
 
 def test_equal_rooms_are_ambiguous_and_all_of_them_are_named() -> None:

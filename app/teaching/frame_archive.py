@@ -1,0 +1,112 @@
+"""Captured frames as a zip archive of a data set, out and in.
+
+An archive comes from anywhere: its names must be plain paths inside, sizes are bounded before
+anything is unpacked, and every image is read before the first is stored.
+"""
+
+from __future__ import annotations
+
+import io
+import tempfile
+import zipfile
+import zlib
+from pathlib import Path, PurePosixPath
+
+from app.teaching.frame_record import UNITS_PER_M
+from app.teaching.frame_store import FrameStore
+from navcore.errors import BadConfiguration, Refused, StorageFailed
+from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS
+from navcore.learning.data.dataset import Dataset, load_dataset
+from web.interface.teaching import MAX_UPLOAD_BYTES, Annotation
+
+_LISTS = {f"{split}_{kind}.txt" for split in SPLITS for kind in KINDS}
+_FAILURES = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    ValueError,
+    RuntimeError,
+    NotImplementedError,
+)
+
+
+def exported(store: FrameStore) -> bytes:
+    """Return all frames as a zip archive; raises `Refused` without one."""
+    content = io.BytesIO()
+    with store.held(), zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
+        if not store.all():
+            raise Refused("there is no captured frame to export")
+        dataset = load_dataset(store.folder)
+        files = [path for listed in dataset.files.values() for triple in listed for path in triple]
+        for path in (CARD_NAME, *sorted(_LISTS), *files):
+            archive.write(store.folder / path, path)
+    return content.getvalue()
+
+
+def add_archive(store: FrameStore, data: bytes) -> int:
+    """Add the frames of an archive and return their number; all or none.
+
+    Raises `BadConfiguration` with what is damaged, `Refused` when they do not fit into the folder.
+    """
+    with tempfile.TemporaryDirectory(prefix="frames-") as name:
+        folder = Path(name)
+        _unpack(data, folder)
+        try:
+            return _add_all(store, load_dataset(folder))
+        except BadConfiguration as error:
+            text = str(error).replace(f"{folder.resolve()}/", "").replace(str(folder.resolve()), "")
+            raise BadConfiguration(f"the archive: {text}") from None
+
+
+def _add_all(store: FrameStore, dataset: Dataset) -> int:
+    if dataset.card.depth.units_per_m != UNITS_PER_M:
+        raise BadConfiguration(
+            f"depth in {dataset.card.depth.units_per_m:g} units per metre, expected {UNITS_PER_M:g}"
+        )
+    places = [(split, index) for split in SPLITS for index in range(dataset.count(split))]
+    for split, index in places:
+        dataset.read(split, index)  # all of them before the first is stored
+    added: list[str] = []
+    with store.held():
+        try:
+            for split, index in places:
+                sample = dataset.read(split, index)
+                annotation = Annotation(class_names=dataset.card.class_names, labels=sample.labels)
+                added.append(store.add_images(sample.rgb, sample.depth, annotation).id)
+        except (Refused, StorageFailed):
+            for name in added:
+                store.delete(name)
+            raise
+    return len(added)
+
+
+def _unpack(data: bytes, folder: Path) -> None:
+    """Write the entries of an archive below a folder."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+            if sum(entry.file_size for entry in entries) > MAX_UPLOAD_BYTES:
+                raise BadConfiguration(f"the archive unpacks to more than {MAX_UPLOAD_BYTES} bytes")
+            for entry in entries:
+                target = folder / _inside(entry.filename)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                with archive.open(entry) as file:
+                    target.write_bytes(file.read(entry.file_size + 1))
+    except BadConfiguration:
+        raise
+    except _FAILURES as error:
+        raise BadConfiguration(f"the archive is damaged: {error!s:.200}") from None
+    except OSError as error:
+        raise StorageFailed(f"the archive cannot be unpacked: {error.strerror or error}") from None
+
+
+def _inside(name: str) -> str:
+    path = PurePosixPath(name)
+    known = name == CARD_NAME or name in _LISTS
+    plain = len(path.parts) == 3 and path.parts[0] in SPLITS and path.parts[1] in KINDS
+    if not (known or plain) or ".." in path.parts or "\\" in name or "\0" in name:
+        raise BadConfiguration(
+            f"the archive holds {name!r:.120}, expected the files of a data set: {CARD_NAME}, "
+            "lists, and train/rgb/NAME.png"
+        )
+    return name

@@ -1,0 +1,332 @@
+"""Folder of captured frames: a data set in the layout of the official code that grows by captures
+and annotations.
+
+Colours, depth and labels lie as `navcore.learning.data.dataset` reads them, all in the split
+`train`; camera and pose of each frame lie beside them. A frame is complete when its record is
+there, which is written last, and annotated when its labels are not all void. Every write replaces a
+file in one go.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import io
+import json
+import threading
+from pathlib import Path
+
+import numpy as np
+
+from app.teaching.frame_record import UNITS_PER_M, FrameRecord, depth_mm_of, read_record, record_of
+from app.teaching.rules import CaptureRules
+from app.teaching.thumbnails import is_near_duplicate
+from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
+from navcore.files import write_whole
+from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, DatasetCard, DepthSums
+from navcore.learning.data.images import (
+    DepthArray,
+    LabelArray,
+    RgbArray,
+    read_depth,
+    read_labels,
+    read_rgb,
+    write_grey,
+    write_rgb,
+)
+from navcore.learning.data.writer import write_text
+from navcore.robot.frame import Frame
+from web.interface.teaching import NOTHING_NAME, Annotation, CapturedFrame, FrameSource
+
+DEFAULT = CaptureRules()
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class _Stored:
+    """A frame of the folder, and the labels that occur in its annotation."""
+
+    record: FrameRecord
+    labels: tuple[int, ...]
+
+
+class FrameStore:
+    """Bounded folder of frames; safe to use from any thread."""
+
+    def __init__(self, folder: Path, rules: CaptureRules = DEFAULT) -> None:
+        self.folder, self.rules = folder, rules
+        self._lock = threading.RLock()
+        self._stored: dict[str, _Stored] | None = None
+        self._class_names: list[str] = [NOTHING_NAME]
+        self._bytes_used = 0
+        self.dropped = 0
+        """Number of near-duplicates that were not kept since the start."""
+
+    def all(self) -> list[CapturedFrame]:
+        """Return all frames, oldest first."""
+        with self._lock:
+            return [self._shown(one) for one in self._open().values()]
+
+    @property
+    def bytes_used(self) -> int:
+        """Size of the stored frames in bytes."""
+        with self._lock:
+            self._open()
+            return self._bytes_used
+
+    def add_frame(self, frame: Frame, source: FrameSource) -> CapturedFrame | None:
+        """Store a frame that is placed in the map; None for a near-duplicate of a stored one.
+
+        Raises `Refused` when the folder is full, `StorageFailed` when it cannot be written.
+        """
+        with self._lock:
+            depth_mm = depth_mm_of(frame)
+            record = record_of(self._next_name(), frame.rgb, depth_mm, source, frame)
+            if self._is_known(record):
+                self.dropped += 1
+                return None
+            return self._add(record, frame.rgb, depth_mm, np.zeros_like(depth_mm, dtype=np.uint8))
+
+    def add_images(
+        self, rgb: RgbArray, depth_mm: DepthArray, annotation: Annotation
+    ) -> CapturedFrame:
+        """Store an uploaded image with its annotation, near-duplicate or not."""
+        with self._lock:
+            record = record_of(self._next_name(), rgb, depth_mm, "upload")
+            return self._add(record, rgb, depth_mm, self._labels_of(record, annotation))
+
+    def delete(self, name: str) -> None:
+        """Delete a frame: first its record, so that a crash leaves no half of it listed."""
+        with self._lock:
+            record = self._known(name).record
+            size = self._size_of(record)
+            try:
+                for path in (record.path, *record.files):
+                    (self.folder / path).unlink(missing_ok=True)
+            except OSError as error:
+                raise StorageFailed(
+                    f"{self.folder}: the frame cannot be deleted: {error.strerror or error}"
+                ) from error
+            del self._open()[name]
+            self._bytes_used -= size
+            self._publish()
+
+    def images(self, name: str) -> tuple[RgbArray, DepthArray]:
+        """Return colours (H, W, 3) and depth (H, W) in millimetres of a frame."""
+        files = self._known(name).record.files
+        return read_rgb(self.folder / files[0]), read_depth(self.folder / files[1])
+
+    def picture(self, name: str) -> bytes:
+        """Return the colours of a frame as PNG."""
+        try:
+            return (self.folder / self._known(name).record.files[0]).read_bytes()
+        except OSError as error:
+            raise StorageFailed(f"{self.folder}: {name}: {error.strerror or error}") from None
+
+    def annotation(self, name: str) -> Annotation:
+        """Return the annotation of a frame."""
+        with self._lock:
+            path = self.folder / self._known(name).record.files[2]
+            return Annotation(class_names=tuple(self._class_names), labels=read_labels(path))
+
+    def annotate(self, name: str, annotation: Annotation) -> CapturedFrame:
+        """Replace the annotation of a frame; raises `BadConfiguration` for labels that do not fit
+        it."""
+        with self._lock:
+            stored = self._known(name)
+            labels = self._labels_of(stored.record, annotation)
+            self._write_card(self._sums())  # first: no label without the name of its class
+            write_whole(self.folder / stored.record.files[2], _as_npy(labels))
+            self._open()[name] = dataclasses.replace(stored, labels=_occurring(labels))
+            return self._shown(self._open()[name])
+
+    def held(self) -> contextlib.AbstractContextManager[bool]:
+        """Return the lock under which nothing in the folder changes."""
+        return self._lock
+
+    def _add(
+        self, record: FrameRecord, rgb: RgbArray, depth_mm: DepthArray, labels: LabelArray
+    ) -> CapturedFrame:
+        stored = self._open()
+        if len(stored) >= self.rules.max_frames or self._bytes_used >= self.rules.max_bytes:
+            raise Refused(
+                f"the folder of captured frames is full ({len(stored)} frames, "
+                f"{self._bytes_used / 1e6:.0f} MB); delete frames that are not needed"
+            )
+        sums = _added(self._sums(), record.sums)
+        try:
+            sums.statistics(units_per_m=UNITS_PER_M)
+        except BadConfiguration as error:
+            raise Refused(f"the image cannot be learned from: {error}") from None
+        self._write(record, rgb, depth_mm, labels, sums)
+        stored[record.id] = _Stored(record=record, labels=_occurring(labels))
+        self._bytes_used += self._size_of(record)
+        self._publish()
+        return self._shown(stored[record.id])
+
+    def _write(
+        self,
+        record: FrameRecord,
+        rgb: RgbArray,
+        depth_mm: DepthArray,
+        labels: LabelArray,
+        sums: DepthSums,
+    ) -> None:
+        """Write the files of a frame; nothing of it stays when the disk refuses one."""
+        colours, depth, label = (self.folder / path for path in record.files)
+        try:
+            for split in SPLITS:
+                for kind in KINDS:
+                    (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
+            (self.folder / record.path).parent.mkdir(parents=True, exist_ok=True)
+            self._write_card(sums)
+            write_rgb(colours, rgb)
+            write_grey(depth, depth_mm)
+            write_whole(label, _as_npy(labels))
+            write_whole(self.folder / record.path, record.as_json())
+        except (OSError, StorageFailed) as error:
+            for path in (colours, depth, label, self.folder / record.path):
+                with contextlib.suppress(OSError):
+                    path.unlink(missing_ok=True)
+            raise StorageFailed(
+                f"the frame cannot be stored, those stored before are intact: {error}"
+            ) from error
+
+    def _labels_of(self, record: FrameRecord, annotation: Annotation) -> LabelArray:
+        """Return an annotation in the numbers of this folder, to which new classes are added."""
+        given, names = annotation.labels, annotation.class_names
+        if given.shape != (record.height, record.width):
+            raise BadConfiguration(
+                f"the annotation has {given.shape[0]} × {given.shape[1]} pixels, the frame "
+                f"{record.height} × {record.width}"
+            )
+        folded = [name.strip().casefold() for name in names]
+        if len(set(folded)) != len(folded) or "" in folded:
+            raise BadConfiguration("the annotation names a class twice, or one without a name")
+        if int(given.max(initial=0)) > len(names):
+            raise BadConfiguration(
+                f"label {given.max()} is beyond the {len(names)} classes of the annotation"
+            )
+        numbers = np.zeros(256, dtype=np.uint8)
+        for label in _occurring(given):
+            numbers[label] = self._number_of(names[label - 1])
+        return np.asarray(numbers[given], dtype=np.uint8)
+
+    def _number_of(self, name: str) -> int:
+        """Return the label of a class, which is appended if it is new: labels on disk keep their
+        meaning."""
+        self._open()
+        folded = [known.casefold() for known in self._class_names]
+        if name.casefold() not in folded:
+            self._class_names.append(name)
+            return len(self._class_names)
+        return folded.index(name.casefold()) + 1
+
+    def _shown(self, stored: _Stored) -> CapturedFrame:
+        record = stored.record
+        return CapturedFrame(
+            id=record.id,
+            source=record.source,
+            width=record.width,
+            height=record.height,
+            annotated=bool(stored.labels),
+            class_names=tuple(self._class_names[label - 1] for label in stored.labels),
+        )
+
+    def _known(self, name: str) -> _Stored:
+        with self._lock:
+            found = self._open().get(name)
+        if found is None:
+            raise NotKnown(f"no captured frame is called {name!r:.40}")
+        return found
+
+    def _is_known(self, record: FrameRecord) -> bool:
+        look = record.look
+        return any(
+            is_near_duplicate(look, other.record.look, self.rules)
+            for other in self._open().values()
+        )
+
+    def _next_name(self) -> str:
+        names = self._open()
+        return f"{int(max(names, default='000000')) + 1:06d}"
+
+    def _open(self) -> dict[str, _Stored]:
+        """Return the frames by name, read from the folder of an earlier session at first; a frame
+        that a crash left incomplete, or that is damaged, is left out."""
+        if self._stored is not None:
+            return self._stored
+        found: dict[str, _Stored] = {}
+        if (self.folder / CARD_NAME).exists():
+            self._class_names = self._names_on_card()
+            for path in sorted(self.folder.glob("train/camera/*.json")):
+                with contextlib.suppress(BadConfiguration, OSError):
+                    record = read_record(path)
+                    labels = read_labels(self.folder / record.files[2])
+                    self._size_of(record)
+                    if int(labels.max(initial=0)) <= len(self._class_names):
+                        found[record.id] = _Stored(record=record, labels=_occurring(labels))
+        self._stored = found
+        self._bytes_used = sum(self._size_of(one.record) for one in found.values())
+        if found:
+            self._publish()
+        return found
+
+    def _names_on_card(self) -> list[str]:
+        try:
+            card = json.loads((self.folder / CARD_NAME).read_text(encoding="utf-8"))
+            return [str(name) for name in card["class_names"]]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise StorageFailed(
+                f"{self.folder / CARD_NAME} cannot be read: {error}; move the folder away"
+            ) from None
+
+    def _size_of(self, record: FrameRecord) -> int:
+        return sum((self.folder / path).stat().st_size for path in record.files)
+
+    def _sums(self) -> DepthSums:
+        sums = DepthSums()
+        for one in self._open().values():
+            sums = _added(sums, one.record.sums)
+        return sums
+
+    def _publish(self) -> None:
+        """Write the lists and the card."""
+        listed = [one.record.files for one in self._open().values()]
+        for split in SPLITS:
+            for column, kind in enumerate(KINDS):
+                lines = [files[column] for files in listed] if split == "train" else []
+                write_text(
+                    self.folder / f"{split}_{kind}.txt", "".join(f"{line}\n" for line in lines)
+                )
+        if listed:
+            self._write_card(self._sums())
+
+    def _write_card(self, sums: DepthSums) -> None:
+        sizes = {(one.record.height, one.record.width) for one in self._open().values()}
+        card = DatasetCard(
+            class_names=tuple(self._class_names),
+            depth=sums.statistics(units_per_m=UNITS_PER_M),
+            counts=Counts(train=len(self._open())),
+            sizes=tuple(sorted(sizes)),
+            source={"made_by": "frames captured and annotated in the operator console"},
+        )
+        write_text(self.folder / CARD_NAME, json.dumps(dataclasses.asdict(card), indent=1))
+
+
+def _added(one: DepthSums, other: DepthSums) -> DepthSums:
+    return DepthSums(
+        pixels=one.pixels + other.pixels,
+        total=one.total + other.total,
+        squares=one.squares + other.squares,
+    )
+
+
+def _occurring(labels: LabelArray) -> tuple[int, ...]:
+    """Return the labels of an image but void, in ascending order."""
+    return tuple(np.unique(labels[labels > 0]).tolist())
+
+
+def _as_npy(labels: LabelArray) -> bytes:
+    content = io.BytesIO()
+    np.save(content, np.ascontiguousarray(labels), allow_pickle=False)
+    return content.getvalue()

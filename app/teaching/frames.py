@@ -1,0 +1,163 @@
+"""Captured frames of a running console: capture by a click and while driving, annotation."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import queue
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from app.teaching import frame_archive
+from app.teaching.frame_store import FrameStore
+from app.teaching.region import grown_region
+from app.teaching.rules import CaptureRules
+from navcore.errors import BadConfiguration, BewareNavError, Refused
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.robot.frame import Frame
+from web.interface.teaching import (
+    NOTHING_NAME,
+    Annotation,
+    CapturedFrame,
+    FrameFolderState,
+)
+
+JOIN_S = 2.0
+"""Longest wait for the end of the thread, seconds."""
+DEFAULT = CaptureRules()
+log = logging.getLogger(__name__)
+
+
+class LiveFrames:
+    """Satisfies `web.interface.teaching.FrameFolder`.
+
+    `note` is called by the think thread and only hands a frame over; a thread of this object writes
+    it.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        newest: Callable[[], Frame | None],
+        class_names: Callable[[], Sequence[str]],
+        rules: CaptureRules = DEFAULT,
+    ) -> None:
+        """`newest` gives the newest frame, placed in the map; `class_names` are those that the
+        network may learn."""
+        self.store = FrameStore(folder, rules)
+        self._newest, self._class_names = newest, class_names
+        self._capturing, self._trouble = False, None  # type: tuple[bool, str | None]
+        self._waiting: queue.Queue[Frame | None] = queue.Queue(maxsize=1)
+        self._thread: threading.Thread | None = None
+        self._guard = threading.Lock()
+        self._noted: Pose2 | None = None
+
+    def state(self) -> FrameFolderState:
+        """Return what the folder holds."""
+        frames, rules = self.store.all(), self.store.rules
+        return FrameFolderState(
+            folder=str(self.store.folder),
+            frames=len(frames),
+            annotated=sum(frame.annotated for frame in frames),
+            bytes_used=self.store.bytes_used,
+            max_frames=rules.max_frames,
+            max_bytes=rules.max_bytes,
+            capturing=self._capturing,
+            dropped=self.store.dropped,
+            trouble=self._trouble,
+        )
+
+    def all(self) -> Sequence[CapturedFrame]:
+        """Return all frames, oldest first."""
+        return self.store.all()
+
+    def capture(self) -> CapturedFrame | None:
+        """Store the newest frame; None for a near-duplicate."""
+        frame = self._newest()
+        if frame is None:
+            raise Refused("the camera has delivered no image yet")
+        return self.store.add_frame(frame, "operator")
+
+    def capture_while_driving(self, on: bool) -> None:
+        """Set whether frames are captured while the robot moves."""
+        with self._guard:
+            self._trouble = None if on else self._trouble
+            self._capturing = on
+            if on and self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="capture", daemon=True)
+                self._thread.start()
+
+    def note(self, frame: Frame) -> None:
+        """Capture a frame that is placed in the map, if frames are captured and the last one is
+        written."""
+        if not self._capturing or not self._has_moved(frame.pose):
+            return
+        with contextlib.suppress(queue.Full):
+            self._waiting.put_nowait(frame)
+            self._noted = frame.pose
+
+    def close(self) -> None:
+        """End the capture and its thread."""
+        with self._guard:
+            self._capturing, thread = False, self._thread
+        if thread is not None:
+            self._waiting.put(None)
+            thread.join(JOIN_S)
+
+    def delete(self, frame_id: str) -> None:
+        """Delete a frame and its annotation."""
+        self.store.delete(frame_id)
+
+    def picture(self, frame_id: str) -> bytes:
+        """Return the colours of a frame as PNG."""
+        return self.store.picture(frame_id)
+
+    def annotation(self, frame_id: str) -> Annotation:
+        """Return the annotation of a frame."""
+        return self.store.annotation(frame_id)
+
+    def annotate(self, frame_id: str, annotation: Annotation) -> CapturedFrame:
+        """Replace the annotation of a frame."""
+        known = {name.casefold() for name in (NOTHING_NAME, *self._class_names())}
+        stored = {name.casefold() for name in self.store.annotation(frame_id).class_names}
+        for name in annotation.class_names:
+            if name.casefold() not in known | stored:
+                raise BadConfiguration(
+                    f"{name!r:.60} is not on the beware list; add the class there first"
+                )
+        return self.store.annotate(frame_id, annotation)
+
+    def region(self, frame_id: str, row: int, col: int, tolerance: float) -> npt.NDArray[np.bool_]:
+        """Return the region around a pixel."""
+        return grown_region(*self.store.images(frame_id), row, col, tolerance)
+
+    def export(self) -> bytes:
+        """Return all frames as a zip archive."""
+        return frame_archive.exported(self.store)
+
+    def add_archive(self, data: bytes) -> int:
+        """Add the frames of an archive."""
+        return frame_archive.add_archive(self.store, data)
+
+    def _has_moved(self, pose: Pose2) -> bool:
+        """Return whether the robot has moved enough for another look to be worth comparing."""
+        last, rules = self._noted, self.store.rules
+        return (
+            last is None
+            or last.distance_to(pose.x_m, pose.y_m) >= rules.step_m / 2
+            or abs(wrap_angle(last.yaw_rad - pose.yaw_rad)) >= rules.step_rad / 2
+        )
+
+    def _run(self) -> None:
+        while (frame := self._waiting.get()) is not None:
+            try:
+                self.store.add_frame(frame, "drive")
+            except BewareNavError as error:
+                # A full folder or disk stays full: no further attempt until the operator asks.
+                self._capturing, self._trouble = False, str(error)
+                log.warning("the capture of frames ended: %s", error)

@@ -1,0 +1,289 @@
+"""Networks of a running console: versions, the exchange of the one in use, and the way back."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import logging
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.runtime.live_perception import LivePerception
+from app.runtime.segmentation import Perception
+from app.runtime.segmenter_choice import SegmenterChoice
+from app.teaching.versions import (
+    MAX_VERSIONS,
+    MODEL_NAME,
+    START,
+    VersionStore,
+    check_version_name,
+    write_version,
+)
+from navcore.errors import BadConfiguration, BewareNavError, Refused, StorageFailed
+from navcore.files import write_whole
+from navcore.perception.esanet.inference.network_file import SHIPPED
+from web.interface.teaching import NetworkVersion
+
+CHECK_S = 120.0
+"""Time limit of the check of an uploaded file, seconds."""
+MAX_HEADER_BYTES = 1 << 20
+JOIN_S = 30.0
+"""Longest wait for an exchange at the end, seconds."""
+log = logging.getLogger(__name__)
+Compose = Callable[[SegmenterChoice], Perception]
+Try = Callable[[Perception], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ComposedPerception:
+    """Perception of a start of the console."""
+
+    perception: Perception
+    """What segments."""
+    used: str
+    """Version in use."""
+
+
+def composed_at_start(
+    versions: VersionStore, choice: SegmenterChoice, compose: Compose
+) -> ComposedPerception:
+    """Compose the version that was in use last, unless other weights or the colour rules were asked
+    for; that of the start when it cannot run any more."""
+    used = versions.used()
+    if used and used[-1] != START and choice.weights is None and choice.kind != "colour":
+        try:
+            weights = versions.weights_of(used[-1])
+            taught = dataclasses.replace(choice, kind="network", weights=weights)
+            return ComposedPerception(perception=compose(taught), used=used[-1])
+        except BewareNavError as error:
+            log.warning("the network %r cannot be used: %s", used[-1], error)
+    return ComposedPerception(perception=compose(choice), used=START)
+
+
+class LiveNetworks:
+    """Satisfies `web.interface.teaching.Networks`."""
+
+    def __init__(
+        self,
+        versions: VersionStore,
+        live: LivePerception,
+        *,
+        choice: SegmenterChoice,
+        used: str,
+        compose: Compose,
+        try_out: Try,
+    ) -> None:
+        """`choice`: options of the start. `compose` makes a perception, `try_out` runs it on a
+        frame before it is used."""
+        self.versions = versions
+        self._live, self._choice, self._compose, self._try = live, choice, compose, try_out
+        self._used = [name for name in versions.used() if used != START] or [START]
+        self._before: Perception | None = None
+        self._exchange: str | None = None
+        self._trouble: str | None = None
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def used(self) -> str | None:
+        """Name of the version in use; None while the colour rules drive alone."""
+        return None if self._live.now.choice.kind == "colour" else self._used[-1]
+
+    @property
+    def exchange(self) -> str | None:
+        """Name of the version that is being prepared."""
+        return self._exchange
+
+    @property
+    def trouble(self) -> str | None:
+        """Why the last exchange did not take place."""
+        return self._trouble
+
+    def all(self) -> Sequence[NetworkVersion]:
+        """Return all versions, that of the start first."""
+        weights = self._choice.weights or SHIPPED
+        start = []
+        if weights.is_file():
+            start = [
+                NetworkVersion(
+                    name=START, origin="start", sha256=_sha256(weights), class_names=_names(weights)
+                )
+            ]
+        return [*start, *self.versions.all()]
+
+    def start_of(self, name: str | None) -> tuple[str, Path]:
+        """Return name and weights file of a version, by default of the one in use."""
+        name = name or self.used or START
+        weights = self._weights_of(name)
+        if not weights.is_file():
+            raise Refused("there is no network to start from; upload one")
+        return name, weights
+
+    def use(self, name: str) -> None:
+        """Prepare a version in a thread, then use it."""
+        choice = self._choice_of(name)
+        with self._lock:
+            if self._exchange is not None:
+                raise Refused(f"the network {self._exchange!r} is being prepared; wait for it")
+            if name == self._used[-1] and self.used is not None:
+                raise Refused(f"the network {name!r} is in use already")
+            self._exchange, self._trouble = name, None
+        self._thread = threading.Thread(
+            target=self._prepare, args=(name, choice), name="exchange", daemon=True
+        )
+        self._thread.start()
+
+    def roll_back(self) -> str:
+        """Use the version that was in use before, at once where it is still in memory."""
+        with self._lock:
+            if self._exchange is not None:
+                raise Refused(f"the network {self._exchange!r} is being prepared; wait for it")
+            if len(self._used) < 2:
+                raise Refused("no other network was in use before")
+            name, before = self._used[-2], self._before
+            if before is not None:
+                self._take(before, self._used[:-1])
+                self._before = None
+                return name
+            self._exchange, self._trouble = name, None
+        self._thread = threading.Thread(
+            target=self._prepare,
+            args=(name, self._choice_of(name)),
+            kwargs={"used": self._used[:-1]},
+            name="exchange",
+            daemon=True,
+        )
+        self._thread.start()
+        return name
+
+    def add(self, name: str, data: bytes) -> NetworkVersion:
+        """Check an uploaded file in a process of its own, which may read it, and store it."""
+        check_version_name(name)
+        folder = self.versions.folder / name
+        with self._lock:
+            if folder.exists():
+                raise Refused(f"there is a version {name!r} already; take another name")
+            if len(self.versions.all()) >= MAX_VERSIONS:
+                raise Refused(f"there are {MAX_VERSIONS} versions; delete one first")
+            with tempfile.TemporaryDirectory(prefix="weights-") as checked:
+                path = Path(checked) / MODEL_NAME
+                write_whole(path, data)
+                _check(path)
+                version = NetworkVersion(
+                    name=name,
+                    origin="upload",
+                    sha256=_sha256(path),
+                    class_names=_names(path),
+                    created_unix_s=round(time.time(), 1),
+                )
+            try:
+                folder.mkdir(parents=True)
+            except OSError as error:
+                raise StorageFailed(f"{folder}: cannot be made: {error.strerror}") from error
+            write_whole(folder / MODEL_NAME, data)
+            write_version(folder, version)
+        return version
+
+    def delete(self, name: str) -> None:
+        """Delete a version."""
+        with self._lock:
+            if name == START:
+                raise Refused("the network of the start is no version that can be deleted")
+            if name in (self._used[-1], self._exchange):
+                raise Refused(f"the network {name!r} is in use; use another one first")
+            self.versions.delete(name)
+            kept = [used for used in self._used if used != name]
+            if kept != self._used:
+                self._used, self._before = kept, None
+                self.versions.note_used(kept)
+
+    def close(self) -> None:
+        """Wait for an exchange that is going on."""
+        if self._thread is not None:
+            self._thread.join(JOIN_S)
+
+    def _prepare(
+        self, name: str, choice: SegmenterChoice, used: Sequence[str] | None = None
+    ) -> None:
+        try:
+            perception = self._composed(choice)
+            self._try(perception)
+            with self._lock:
+                before = self._live.now
+                self._take(perception, list(used or (*self._used, name)))
+                self._before = before if used is None else None
+            log.info("the network %r is in use: %s", name, perception.title)
+        except BewareNavError as error:
+            self._trouble = str(error)
+            log.warning("the network %r is not used: %s", name, error)
+        except Exception as error:
+            self._trouble = f"{type(error).__name__}: {error}"
+            log.exception("the network %r is not used", name)
+        finally:
+            self._exchange = None
+
+    def _composed(self, choice: SegmenterChoice) -> Perception:
+        """Compose with the engine in use, which needs no measurement; with the best one where that
+        one cannot run this network."""
+        now = self._live.now.choice
+        if choice.kind == "colour" or now.kind != "network":
+            return self._compose(choice)
+        try:
+            return self._compose(
+                dataclasses.replace(choice, engine=now.engine, smaller=now.smaller)
+            )
+        except BadConfiguration as error:
+            log.info("%s cannot run the network: %s", now.engine, error)
+            return self._compose(choice)
+
+    def _take(self, perception: Perception, used: list[str]) -> None:
+        """Use a perception from the next frame on: first on disk, so that a restart keeps it."""
+        self.versions.note_used(used)
+        self._live.exchange(perception)
+        self._used = used
+
+    def _choice_of(self, name: str) -> SegmenterChoice:
+        if name == START:
+            return self._choice
+        return dataclasses.replace(
+            self._choice, kind="network", weights=self.versions.weights_of(name)
+        )
+
+    def _weights_of(self, name: str) -> Path:
+        return self._choice.weights or SHIPPED if name == START else self.versions.weights_of(name)
+
+
+def _check(path: Path) -> None:
+    """Raise `BadConfiguration` for a file that is no network."""
+    command = [sys.executable, "-m", "app", "weights", "info", str(path)]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=CHECK_S, check=False)
+    except subprocess.TimeoutExpired:
+        raise BadConfiguration("the file: could not be checked in time") from None
+    if done.returncode:
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        said = lines[-1].replace(f"{path}: ", "") if lines else "is no network"
+        raise BadConfiguration(f"the file: {said:.300}")
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _names(path: Path) -> tuple[str, ...]:
+    """Return the classes of a weights file from its header, without reading the weights; empty for
+    another kind of file."""
+    try:
+        with path.open("rb") as file:
+            length = int.from_bytes(file.read(8), "little")
+            header = json.loads(file.read(min(length, MAX_HEADER_BYTES)))
+        return tuple(map(str, json.loads(header["__metadata__"]["class_names"])))
+    except (OSError, ValueError, KeyError, TypeError):
+        return ()

@@ -1,0 +1,157 @@
+"""Plan of a training run: its images, its start and its recipe, checked and put down on disk.
+
+The images are linked into the folder of the run as a data set, annotated ones only: what is
+deleted or annotated later does not change a run that has begun. Every fourth frame of a class is
+held back and never trained on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.teaching.frame_store import FrameStore
+from app.teaching.json_files import json_of
+from navcore.errors import BadConfiguration, Refused, StorageFailed
+from navcore.files import read_whole, write_whole
+from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, Split
+from navcore.learning.data.dataset import load_dataset
+from navcore.learning.data.writer import write_text
+from navcore.learning.training.teaching_recipe import TeachingRecipe
+from navcore.toml_config import from_table
+from web.interface.teaching import NOTHING_NAME, CapturedFrame
+
+PLAN_NAME, DATA_NAME = "plan.json", "data"
+MAX_PLAN_BYTES = 1_000_000
+LEAST_FRAMES = 3
+"""Smallest number of annotated frames that show a class: two to learn from, one held back."""
+HELD_EVERY = 4
+"""One of this many frames of a class is held back."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingPlan:
+    """What a run trains; the file `plan.json`."""
+
+    name: str
+    """Name of the version that comes of it."""
+    start_name: str
+    """Name of the version that it starts from."""
+    start_path: str
+    """Weights file that it starts from."""
+    class_names: tuple[str, ...]
+    """Annotated classes, those that the network knows among them."""
+    created_unix_s: float
+    """When it was planned, seconds since 1970."""
+    threads: int
+    """Number of threads that compute."""
+    size: tuple[int, int] | None = None
+    """Working size of the network (height, width); None for that of the start."""
+    recipe: TeachingRecipe
+    """Numbers of the training."""
+
+
+def taught_names(frames: Sequence[CapturedFrame]) -> tuple[str, ...]:
+    """Return the annotated classes but `background`, in the order of their first frame."""
+    names = [name for frame in frames for name in frame.class_names]
+    return tuple(name for name in dict.fromkeys(names) if name != NOTHING_NAME)
+
+
+def held_back(frames: Sequence[CapturedFrame]) -> set[str]:
+    """Return the ids of the frames to hold back: of those of each class the second, the sixth, …
+
+    Raises `Refused` when there are too few frames of a class.
+    """
+    names = taught_names(frames)
+    if not names:
+        raise Refused(
+            "nothing is annotated; mark the pixels of a class in at least "
+            f"{LEAST_FRAMES} captured frames"
+        )
+    held: set[str] = set()
+    for name in names:
+        showing = [frame.id for frame in frames if name in frame.class_names]
+        if len(showing) < LEAST_FRAMES:
+            raise Refused(
+                f"{name}: {len(showing)} annotated frames show it, at least {LEAST_FRAMES} are "
+                "needed: two to learn from and one to check with"
+            )
+        if not held & set(showing):
+            held.update(showing[1::HELD_EVERY])
+    for name in names:
+        left = [f.id for f in frames if name in f.class_names and f.id not in held]
+        if not left:
+            raise Refused(f"{name}: all frames that show it are held back; annotate one more of it")
+    return held
+
+
+def prepare(
+    folder: Path, store: FrameStore, plan: TrainingPlan, asked: Sequence[str] = ()
+) -> TrainingPlan:
+    """Put a run down in a new folder and return its plan with the annotated classes.
+
+    `asked` are classes that must be among them. Raises `Refused` for too few frames and a class
+    without pixels, `StorageFailed` when the disk is full; then nothing is left of the folder.
+    """
+    with store.held():
+        frames = [frame for frame in store.all() if frame.annotated]
+        for name in asked:
+            if name not in taught_names(frames):
+                raise Refused(f"{name}: no pixel of any captured frame is annotated as it")
+        held = held_back(frames)
+        plan = dataclasses.replace(plan, class_names=taught_names(frames))
+        try:
+            _link(folder / DATA_NAME, store.folder, frames, held)
+            write_whole(folder / PLAN_NAME, json_of(plan))
+        except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise StorageFailed(
+                f"{folder}: the run cannot be prepared: {error.strerror or error}"
+            ) from error
+        except StorageFailed:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+    return plan
+
+
+def read_plan(folder: Path) -> TrainingPlan:
+    """Read the plan of a run; raises `BadConfiguration`."""
+    path = folder / PLAN_NAME
+    try:
+        table = json.loads(read_whole(path, at_most=MAX_PLAN_BYTES))
+    except (ValueError, RecursionError) as error:
+        raise BadConfiguration(f"{path}: not readable: {error!s:.200}") from None
+    return from_table(TrainingPlan, table, str(path))
+
+
+def _link(data: Path, source: Path, frames: Sequence[CapturedFrame], held: set[str]) -> None:
+    """Make the data set of a run of links to the stored images."""
+    dataset = load_dataset(source)
+    by_name = {Path(files[0]).stem: files for files in dataset.files["train"]}
+    chosen: dict[Split, list[tuple[str, str, str]]] = {split: [] for split in SPLITS}
+    for frame in frames:
+        chosen["valid" if frame.id in held else "train"].append(by_name[frame.id])
+    for split, listed in chosen.items():
+        for files in listed:
+            for path in files:
+                target = data / path
+                target.parent.mkdir(parents=True, exist_ok=True)
+                _link_or_copy(source / path, target)
+        for column, kind in enumerate(KINDS):
+            lines = "".join(f"{files[column]}\n" for files in listed)
+            write_text(data / f"{split}_{kind}.txt", lines)
+    counts = Counts(train=len(chosen["train"]), valid=len(chosen["valid"]))
+    card = dataclasses.replace(dataset.card, counts=counts)
+    write_text(data / CARD_NAME, json.dumps(dataclasses.asdict(card), indent=1))
+
+
+def _link_or_copy(source: Path, target: Path) -> None:
+    try:
+        os.link(source, target)
+    except OSError:  # a file system without links
+        shutil.copyfile(source, target)

@@ -1,0 +1,106 @@
+"""The detection benchmark: what counts as found and as false, and the intervals of its rates."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from app.evaluation import detection
+from app.evaluation.detection_counts import DetectionCounts, summary
+from navcore.learning.data.class_names import BEWARE_CLASSES
+from navcore.mission.beware_list import NOTHING, BewareClass, default_beware_list
+from navcore.perception.labels import Labels, LabelSource
+from navcore.robot.frame import Frame
+from sim.dataset.renderer import SceneRenderer
+
+SHORT_DRIVE = 1003
+"""Seed of a drive of 0.9 m past a person and a wet-floor sign."""
+
+
+class Truth:
+    """A segmenter with the renderer's labels, or with one label of one corner of every image."""
+
+    def __init__(self, *, corner: str | None = None, blind: bool = False) -> None:
+        self.labels = np.zeros((1, 1), dtype=np.uint8)
+        self._corner, self._blind = corner, blind
+        ids = default_beware_list().ids
+        self._ids = np.array([NOTHING, *(ids.get(name, NOTHING) for name in BEWARE_CLASSES)])
+
+    def segment(self, frame: Frame, beware: object) -> Labels:
+        found = self._ids[self.labels].astype(np.uint8)
+        if self._blind or self._corner is not None:
+            found[:] = NOTHING
+        if self._corner is not None:
+            near = (frame.depth_m > 0) & (frame.depth_m < 2.0)
+            found[near] = default_beware_list().ids[self._corner]
+        return Labels(class_ids=found, confidence=np.full(found.shape, 0.99, np.float32))
+
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        return LabelSource.NETWORK
+
+
+def counts_of(truth: Truth, monkeypatch: pytest.MonkeyPatch) -> DetectionCounts:
+    """Return the counts of the short drive with a segmenter that is told the truth."""
+    render = SceneRenderer.render
+
+    def seen(self: SceneRenderer, *args: object) -> tuple[object, ...]:
+        rgb, depth_m, truth.labels = render(self, *args)  # type: ignore[arg-type]
+        return rgb, depth_m, truth.labels
+
+    monkeypatch.setattr(SceneRenderer, "render", seen)
+    [counts] = detection.measure_detection(truth, default_beware_list(), seeds=[SHORT_DRIVE])
+    return counts
+
+
+def test_a_segmenter_that_knows_the_truth_finds_everything_and_nothing_false(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts = counts_of(Truth(), monkeypatch)
+    assert counts.seen.total() == counts.found.total() == counts.named.total() == 2
+    assert counts.false.total() == 0
+    assert counts.walked_m == pytest.approx(0.9)
+
+
+def test_a_blind_one_finds_nothing_and_what_is_not_there_is_false(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    blind = counts_of(Truth(blind=True), monkeypatch)
+    assert (blind.seen.total(), blind.found.total(), blind.false.total()) == (2, 0, 0)
+    assert counts_of(Truth(corner="spill"), monkeypatch).false["spill"] >= 1
+
+
+def drive(*, found: int, seen: int, false: int, walked_m: float = 5.0) -> DetectionCounts:
+    """Return the counts of one drive past cables."""
+    return DetectionCounts(
+        seen=Counter(cable=seen),
+        found=Counter(cable=found),
+        false=Counter(cup=false),
+        walked_m=walked_m,
+    )
+
+
+def test_rates_are_of_all_drives_together_and_thin_things_are_told_apart() -> None:
+    told = summary([drive(found=1, seen=2, false=0), drive(found=2, seen=2, false=3)])
+    assert (told["found_in_time"], told["found_of_thin"], told["found_of_others"]) == (
+        0.75,
+        "3/4",
+        "0/0",
+    )
+    assert told["false_items_per_10_m"] == 3.0
+    low, high = told["found_in_time_ci95"]
+    assert low < 0.75 < high
+    assert told["false_items_per_10_m_ci95"] == (0.0, 6.0)
+
+
+def test_intervals_become_narrower_with_more_drives_and_exist_for_one() -> None:
+    few = [drive(found=1, seen=2, false=0), drive(found=2, seen=2, false=1)]
+
+    def width(drives: list[DetectionCounts]) -> float:
+        low, high = summary(drives)["false_items_per_10_m_ci95"]
+        return float(high - low)
+
+    assert width(few * 20) < width(few)
+    assert summary(few[:1])["false_items_per_10_m_ci95"] == (0.0, 0.0)
+    assert summary([drive(found=0, seen=0, false=0)])["found_in_time_ci95"] == (0.0, 1.0)

@@ -1,0 +1,158 @@
+"""Networks of a console: exchanged between two frames, rolled back, and kept over a restart."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.runtime.live_perception import LivePerception
+from app.runtime.segmentation import Perception, colour_perception
+from app.runtime.segmenter_choice import SegmenterChoice
+from app.teaching.networks import LiveNetworks, composed_at_start
+from app.teaching.versions import MODEL_NAME, START, VersionStore, write_version
+from navcore.errors import BadConfiguration, NotKnown, Refused
+from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
+from navcore.perception.labels import Labels, LabelSource, with_full_confidence
+from navcore.robot.frame import Frame
+from tests.app.teaching.scenes import frame_at
+from web.interface.teaching import NetworkVersion
+
+
+class Constant:
+    """Segmenter that calls every pixel one class."""
+
+    def __init__(self, class_id: int) -> None:
+        self._class_id = class_id
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """Return the class everywhere."""
+        return with_full_confidence(np.full(frame.depth_m.shape, self._class_id, dtype=np.uint8))
+
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        """Return that the network finds its class."""
+        return LabelSource.NETWORK if entry.class_id == self._class_id else LabelSource.NOTHING
+
+
+def perception_of(choice: SegmenterChoice) -> Perception:
+    """Return a perception whose class is the number in the name of its version; 1 at the start."""
+    name = "1" if choice.weights is None else choice.weights.parent.name.split()[-1]
+    if name == "13":
+        raise BadConfiguration("the weights are damaged")
+    return dataclasses.replace(
+        colour_perception(),
+        segmenter=Constant(int(name)),
+        title=f"network {name}",
+        choice=dataclasses.replace(choice, kind="network"),
+    )
+
+
+def store_of(folder: Path, *numbers: int) -> VersionStore:
+    """Return a folder with versions `taught N`."""
+    for number in numbers:
+        version = folder / f"taught {number}"
+        version.mkdir(parents=True)
+        (version / MODEL_NAME).write_bytes(b"weights")
+        write_version(
+            version,
+            NetworkVersion(
+                name=version.name,
+                origin="training",
+                sha256="0" * 64,
+                class_names=("background", "shoe"),
+                created_unix_s=float(number),
+            ),
+        )
+    return VersionStore(folder)
+
+
+def networks_of(versions: VersionStore, live: LivePerception) -> LiveNetworks:
+    """Return the networks of a console that started with the shipped one."""
+    return LiveNetworks(
+        versions,
+        live,
+        choice=SegmenterChoice(kind="network"),
+        used=START,
+        compose=perception_of,
+        try_out=lambda one: None,
+    )
+
+
+def eventually(holds: Callable[[], bool]) -> None:
+    """Wait until a condition holds."""
+    deadline = time.monotonic() + 30
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def label_of(live: LivePerception) -> int:
+    """Return the class that the segmenter in use gives a frame."""
+    return int(live.segment(frame_at(1.0), default_beware_list()).class_ids[0, 0])
+
+
+def test_a_network_is_exchanged_rolled_back_and_kept_over_a_restart(tmp_path: Path) -> None:
+    versions = store_of(tmp_path, 2, 3)
+    live = LivePerception(perception_of(SegmenterChoice()))
+    networks = networks_of(versions, live)
+    assert networks.used == START and label_of(live) == 1
+    for number in (2, 3):
+        networks.use(f"taught {number}")
+        eventually(lambda: networks.exchange is None)
+        assert (networks.used, label_of(live)) == (f"taught {number}", number)
+        assert live.title == f"network {number}"
+    again = composed_at_start(versions, SegmenterChoice(), perception_of)
+    assert again.used == "taught 3" and again.perception.title == "network 3"
+    assert networks.roll_back() == "taught 2"
+    assert label_of(live) == 2  # at once: it is still in memory
+    assert networks.roll_back() == START
+    eventually(lambda: networks.exchange is None)
+    assert (networks.used, label_of(live)) == (START, 1)
+    with pytest.raises(Refused, match="no other network"):
+        networks.roll_back()
+
+
+def test_a_network_that_cannot_run_changes_nothing(tmp_path: Path) -> None:
+    versions = store_of(tmp_path, 13)
+    live = LivePerception(perception_of(SegmenterChoice()))
+    networks = networks_of(versions, live)
+    networks.use("taught 13")
+    eventually(lambda: networks.exchange is None)
+    assert networks.trouble == "the weights are damaged"
+    assert (networks.used, label_of(live)) == (START, 1)
+    versions.note_used([START, "taught 13"])
+    assert composed_at_start(versions, SegmenterChoice(), perception_of).used == START
+
+
+def test_other_weights_and_the_colour_rules_are_not_replaced_at_a_start(tmp_path: Path) -> None:
+    versions = store_of(tmp_path, 2)
+    versions.note_used([START, "taught 2"])
+    for choice in (SegmenterChoice(kind="colour"), SegmenterChoice(weights=Path("own 4/x"))):
+        assert composed_at_start(versions, choice, perception_of).used == START
+
+
+def test_a_version_in_use_stays_and_an_unknown_one_is_refused(tmp_path: Path) -> None:
+    versions = store_of(tmp_path, 2, 3)
+    networks = networks_of(versions, LivePerception(perception_of(SegmenterChoice())))
+    networks.use("taught 2")
+    eventually(lambda: networks.exchange is None)
+    for name in (START, "taught 2"):
+        with pytest.raises(Refused):
+            networks.delete(name)
+    with pytest.raises(NotKnown):
+        networks.use("taught 9")
+    networks.delete("taught 3")
+    assert [one.name for one in versions.all()] == ["taught 2"]
+
+
+def test_a_damaged_upload_is_refused_in_words(tmp_path: Path) -> None:
+    networks = networks_of(VersionStore(tmp_path), LivePerception(perception_of(SegmenterChoice())))
+    with pytest.raises(BadConfiguration, match="not a safetensors file"):
+        networks.add("mine", b"no network")
+    with pytest.raises(BadConfiguration, match="name of a version"):
+        networks.add("../mine", b"")
+    assert list(tmp_path.iterdir()) == []

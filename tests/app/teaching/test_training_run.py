@@ -1,0 +1,193 @@
+"""Training runs: what they refuse, what they keep, cancelling and resuming."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from app.teaching.frame_store import FrameStore
+from app.teaching.lock import holder_of
+from app.teaching.plan import TrainingPlan, held_back, prepare
+from app.teaching.run import Cancelled, TeachingRun
+from app.teaching.trainings import LiveTrainings
+from app.teaching.versions import MODEL_NAME, VersionStore
+from navcore.errors import Refused
+from navcore.learning.training.class_teaching import ClassTeacher
+from navcore.learning.training.teaching_recipe import TeachingRecipe
+from navcore.perception.esanet import build
+from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
+from navcore.perception.esanet.weights.weights_file import WeightsCard, load, save
+from tests.app.teaching.scenes import frame_at
+from tests.app.teaching.test_frame_store import block_of
+from web.interface.teaching import CapturedFrame, TrainingOrder, TrainingRun
+
+CLASSES = ("background", "cup")
+RECIPE = TeachingRecipe(steps=6, validate_every=3, crop=32, batch=2, rehearsal=0, rendered_test=0)
+ROWS = ("conv_out", "upsample1", "upsample2")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    """Compute with one thread, as the process of a run does."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small network with random weights."""
+    path = tmp_path_factory.mktemp("start") / "start.safetensors"
+    torch.manual_seed(0)
+    card = WeightsCard(
+        variant="r18-nbt1d",
+        num_classes=len(CLASSES),
+        width=0.125,
+        class_names=CLASSES,
+        depth=DepthStatistics(mean=2000.0, std=1000.0, units_per_m=1000.0),
+        source_sha256="0" * 64,
+        size=Size(height=64, width=96),
+    )
+    save(build("r18-nbt1d", len(CLASSES), width=0.125).eval(), card, path, half=True)
+    return path
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> FrameStore:
+    """Four frames in which a shoe is annotated."""
+    store = FrameStore(tmp_path / "frames")
+    for x_m, brightness in ((1.0, 120), (2.0, 90), (3.0, 60), (4.0, 30)):
+        stored = store.add_frame(frame_at(x_m, brightness=brightness), "operator")
+        assert stored is not None
+        store.annotate(stored.id, block_of("shoe"))
+    return store
+
+
+def planned(folder: Path, frames: FrameStore, start: Path) -> Path:
+    """Prepare a run and return its folder."""
+    plan = TrainingPlan(
+        name=folder.name,
+        start_name="start",
+        start_path=str(start),
+        class_names=(),
+        created_unix_s=0.0,
+        threads=1,
+        recipe=RECIPE,
+    )
+    prepare(folder, frames, plan)
+    return folder
+
+
+def test_a_taught_class_leaves_the_weights_of_all_others_as_they_are(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    folder = planned(tmp_path / "taught 1", frames, start)
+    version = TeachingRun(folder).run()
+    assert version.class_names == (*CLASSES, "shoe") and version.taught == ("shoe",)
+    assert [one.images for one in version.figures] == ["rendered", "rendered", "captured"]
+    assert version.figures[2].old is None and version.figures[2].pixels > 0
+    old, new = (load(path).network.state_dict() for path in (start, folder / MODEL_NAME))
+    for key, tensor in new.items():
+        kept = tensor[: len(CLASSES)] if tensor.shape != old[key].shape else tensor
+        assert torch.equal(kept, old[key]), key
+
+
+def test_without_the_mask_of_rows_other_classes_change(
+    tmp_path: Path, frames: FrameStore, start: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ClassTeacher, "_keep_other_rows", lambda self: None)
+    folder = planned(tmp_path / "taught 1", frames, start)
+    TeachingRun(folder).run()
+    old, new = (load(path).network.state_dict() for path in (start, folder / MODEL_NAME))
+    key = "decoder.conv_out.weight"
+    assert not torch.equal(new[key][: len(CLASSES)], old[key])
+
+
+def test_a_resumed_run_ends_as_an_uninterrupted_one(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    whole, halved = (planned(tmp_path / name, frames, start) for name in ("a", "b"))
+    TeachingRun(whole).run()
+    run = TeachingRun(halved)
+    run._is_cancelled = lambda: bool(run.progress.losses)  # after the first validation
+    with pytest.raises(Cancelled):
+        run.run()
+    assert not (halved / MODEL_NAME).exists()
+    TeachingRun(halved).run()
+    one, other = (load(folder / MODEL_NAME).network.state_dict() for folder in (whole, halved))
+    assert all(torch.equal(one[key], other[key]) for key in one)
+
+
+def test_too_few_frames_and_a_class_without_pixels_are_refused(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    def shown(number: int, *names: str) -> CapturedFrame:
+        return CapturedFrame(
+            id=str(number),
+            source="operator",
+            width=8,
+            height=8,
+            annotated=True,
+            class_names=names,
+        )
+
+    assert held_back([shown(i, "shoe") for i in range(6)]) == {"1", "5"}
+    with pytest.raises(Refused, match="nothing is annotated"):
+        held_back([shown(1, "background")])
+    with pytest.raises(Refused, match="bag: 2 annotated frames"):
+        held_back([*(shown(i, "shoe") for i in range(3)), shown(8, "bag"), shown(9, "bag")])
+    trainings = trainings_of(tmp_path, frames, start)
+    with pytest.raises(Refused, match="no pixel"):
+        trainings.start(TrainingOrder(class_names=("bag",)))
+    assert trainings.newest() is None
+
+
+def trainings_of(tmp_path: Path, frames: FrameStore, start: Path) -> LiveTrainings:
+    """Return the training runs of a console."""
+    versions = VersionStore(tmp_path / "versions")
+    return LiveTrainings(versions, frames, lambda name: (name or "start", start))
+
+
+def eventually(holds: Callable[[], bool]) -> None:
+    """Wait until a condition holds."""
+    deadline = time.monotonic() + 200
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_the_process_of_a_run_is_of_the_lowest_priority_cancelled_and_resumed(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    trainings = trainings_of(tmp_path, frames, start)
+    folder = tmp_path / "versions" / trainings.start(TrainingOrder(steps=400, rehearsal=0)).name
+    eventually(lambda: holder_of(folder) is not None)
+    with pytest.raises(Refused, match="is running"):
+        trainings.start(TrainingOrder())
+    pid = holder_of(folder)
+    assert pid is not None and os.getpriority(os.PRIO_PROCESS, pid) == 19
+    eventually(lambda: bool(newest(trainings).losses))
+    assert trainings.cancel().phase == "cancelled"
+    steps = newest(trainings).losses[-1].step
+    assert steps < 400
+    again = trainings_of(tmp_path, frames, start)  # as after a restart of the console
+    again.resume()
+    eventually(lambda: not newest(again).running)
+    assert newest(again).phase == "done" and newest(again).looks == 1
+    assert np.isfinite([point.value for point in newest(again).losses]).all()
+    with pytest.raises(Refused, match="no training to resume"):
+        again.resume()
+
+
+def newest(trainings: LiveTrainings) -> TrainingRun:
+    """Return the newest run."""
+    run = trainings.newest()
+    assert run is not None
+    return run

@@ -1,0 +1,154 @@
+"""The pipeline of the paper's figure 3 in a running simulator: frames are captured and annotated, a
+class that the network never knew is taught, the network is exchanged without a restart, and the
+robot drives round what it would have driven over."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+import shapely
+
+from app.console.application import ConsoleOptions, RunningConsole, console
+from app.runtime.segmenter_choice import SegmenterChoice
+from navcore.perception.esanet.inference.network_file import SHIPPED
+from navcore.perception.esanet.network.preprocess import Size
+from navcore.perception.esanet.weights import weights_file
+from tests.system.conftest import state_when
+
+PATIENCE_S = 100.0
+SHOE = (-0.9, 0.0)
+ROOM = """
+name = "room with a shoe"
+size_m = [8.0, 6.0]
+start = [-3.0, 0.0, 0.0]
+goals = [[2.2, 0.0]]
+[map]
+size_m = [9.0, 7.0]
+[[walls]]
+points = [[-3.94, -2.94], [3.94, -2.94], [3.94, 2.94], [-3.94, 2.94], [-3.94, -2.94]]
+[[items]]
+kind = "shoe"
+at = [-0.9, 0.0]
+yaw_deg = 60
+size_m = [0.34, 0.16, 0.07]
+colour = [30, 120, 130]
+"""
+"""The shoe is lower than what counts as an obstacle, and no class of the shipped network."""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped network at a quarter of its working size."""
+    shipped = weights_file.load(SHIPPED)
+    path = tmp_path_factory.mktemp("weights") / "small.safetensors"
+    card = dataclasses.replace(shipped.card, size=Size(height=256, width=416), ranges=None)
+    weights_file.save(shipped.network, card, path, half=True)
+    return path
+
+
+@pytest.fixture(scope="module")
+def shoe_room(tmp_path_factory: pytest.TempPathFactory, small: Path) -> Iterator[RunningConsole]:
+    """A console in a room with a shoe between start and goal."""
+    folder = tmp_path_factory.mktemp("shoe")
+    world = folder / "room.toml"
+    world.write_text(ROOM, encoding="utf-8")
+    choice = SegmenterChoice(kind="network", weights=small, engine="torch f32", live=True)
+    options = ConsoleOptions(scenario=str(world), port=0, data=folder / "data", choice=choice)
+    with console(options) as started:
+        yield started
+
+
+def eventually(holds: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
+    """Wait until a condition holds."""
+    deadline = time.monotonic() + patience_s
+    while not holds():
+        assert time.monotonic() < deadline, "it never happened"
+        time.sleep(0.3)
+
+
+def off_the_line_m(program: httpx.Client) -> float:
+    """Return how far a path to the other end of the room passes the shoe; NaN without one."""
+    preview = program.post("/api/v1/preview", json={"goal": {"x_m": 2.2, "y_m": 0.0}})
+    path = preview.json()["path"] if preview.is_success else []
+    if len(path) < 2:
+        return float("nan")
+    return float(shapely.LineString(path).distance(shapely.Point(SHOE)))
+
+
+def shoe_in(program: httpx.Client, frame_id: str) -> tuple[int, int] | None:
+    """Return row and column of the middle of the shoe in a frame; None where it does not show
+    it."""
+    data = program.get(f"/api/v1/teach/frames/{frame_id}.png").content
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    blue, green, red = (image[..., channel].astype(int) for channel in range(3))
+    rows, cols = np.nonzero((green > red + 40) & (blue > red + 40))
+    if len(rows) < 150 or rows.max() > image.shape[0] - 3:
+        return None
+    return int(np.median(rows)), int(np.median(cols))
+
+
+def annotate(program: httpx.Client, frame_id: str, at: tuple[int, int]) -> None:
+    """Annotate the shoe in a frame by one click."""
+    url = f"/api/v1/teach/frames/{frame_id}"
+    region = program.post(f"{url}/region", json={"row": at[0], "col": at[1]})
+    assert region.status_code == 200, region.text
+    body = {"class_names": ["shoe"], "runs": region.json()["runs"]}
+    assert program.put(f"{url}/labels", json=body).status_code == 200
+
+
+def finished(run: dict[str, Any] | None) -> bool:
+    """Return whether a training has ended; fails if it has failed."""
+    assert run is not None and run["phase"] != "failed", run
+    return bool(run["phase"] == "done")
+
+
+def test_a_class_is_taught_and_avoided(shoe_room: RunningConsole) -> None:
+    with httpx.Client(base_url=shoe_room.url, trust_env=False, timeout=PATIENCE_S) as program:
+        post = program.post
+        post("/api/v1/beware", json={"name": "shoe", "margin_m": 0.1})
+        eventually(lambda: off_the_line_m(program) < 0.1, 60.0)  # it would drive over the shoe
+        program.put("/api/v1/teach/capturing", json={"on": True})
+        post("/api/v1/goals", json={"x_m": -2.1, "y_m": -0.5, "yaw_rad": 0.4})
+        post("/api/v1/mission/start")
+        state_when(program, lambda state: state["phase"] == "idle")
+        program.put("/api/v1/teach/capturing", json={"on": False})
+        frames = program.get("/api/v1/teach/frames").json()["frames"]
+        shown = {one["id"]: at for one in frames if (at := shoe_in(program, one["id"]))}
+        assert len(shown) >= 4, f"{len(frames)} frames, the shoe in {len(shown)}"
+        for frame_id, at in list(shown.items())[:2]:
+            annotate(program, frame_id, at)
+        few = post("/api/v1/teach/training", json={})
+        assert few.status_code == 409 and "at least 3" in few.text
+        for frame_id, at in list(shown.items())[2:6]:
+            annotate(program, frame_id, at)
+        none = post("/api/v1/teach/training", json={"class_names": ["cup"]})
+        assert none.status_code == 409 and "no pixel" in none.text
+
+        order = {"class_names": ["shoe"], "steps": 60, "rehearsal": 4}
+        assert post("/api/v1/teach/training", json=order).status_code == 201
+        assert "is running" in post("/api/v1/teach/training", json=order).text
+        eventually(lambda: finished(program.get("/api/v1/teach/training").json()["run"]))
+        networks = program.get("/api/v1/teach/networks").json()
+        taught = networks["versions"][-1]
+        figures = {one["name"]: one for one in taught["figures"]}
+        assert figures["shoe"]["old"] is None and figures["shoe"]["new"] > 0.4
+        assert taught["kept_share"] > 0.97 and networks["used"] == "start"
+
+        assert post("/api/v1/teach/networks/taught 1/use").status_code == 200
+        eventually(lambda: program.get("/api/v1/teach/networks").json()["used"] == "taught 1")
+        post("/api/v1/goals", json={"x_m": 2.2, "y_m": 0.0})
+        eventually(lambda: off_the_line_m(program) > 0.4)
+        post("/api/v1/mission/start")
+        state_when(program, lambda state: state["phase"] == "idle")
+        driven = np.array(program.get("/api/v1/path").json()["driven"])
+        assert np.hypot(*(driven - SHOE).T).min() > 0.4  # half of the robot is 0.33 m wide
+        assert post("/api/v1/teach/networks/rollback").json()["used"] == "start"

@@ -1,0 +1,80 @@
+"""Routes of the captured frames: capture, annotate, take along, and what is refused in words."""
+
+from __future__ import annotations
+
+import httpx
+
+from navcore.geometry.transform import Pose2
+from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH, frame_at
+from tests.web.fake_operations import FakeOperations
+
+
+def runs_of_block(label: int = 1) -> list[int]:
+    """Return the runs of an annotation of the block."""
+    rows, cols = BLOCK
+    before, width = rows.start * WIDTH + cols.start, cols.stop - cols.start
+    runs = [0, before]
+    for _ in range(rows.stop - rows.start):
+        runs += [label, width, 0, WIDTH - width]
+    runs[-1] += HEIGHT * WIDTH - sum(runs[1::2])
+    return runs
+
+
+def look(operations: FakeOperations, x_m: float = 1.0, brightness: int = 120) -> None:
+    """Show the robot a frame."""
+    frame = frame_at(x_m, brightness=brightness)
+    operations.recent.note(frame, 0, Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+
+
+def test_a_frame_is_captured_annotated_and_taken_along(
+    operations: FakeOperations, client: httpx.Client
+) -> None:
+    look(operations)
+    frame = client.post("/api/v1/teach/frames").json()["frame"]
+    assert client.post("/api/v1/teach/frames").json()["frame"] is None  # a near-duplicate
+    url = f"/api/v1/teach/frames/{frame['id']}"
+    assert client.get(f"{url}.png").content.startswith(b"\x89PNG")
+    region = client.post(f"{url}/region", json={"row": 35, "col": 30}).json()
+    assert region["runs"] == runs_of_block()
+    body = {"class_names": ["cup"], "runs": region["runs"]}
+    assert client.put(f"{url}/labels", json=body).json()["class_names"] == ["cup"]
+    stored = client.get(f"{url}/labels").json()
+    label = stored["class_names"].index("cup") + 1
+    assert stored["runs"] == runs_of_block(label)
+    archive = client.get("/api/v1/teach/frames.zip").content
+    assert client.post("/api/v1/teach/frames.zip", content=archive).json() == {"added": 1}
+    listed = client.get("/api/v1/teach/frames").json()
+    assert listed["folder"]["annotated"] == 2 and listed["folder"]["dropped"] == 1
+    assert client.delete(url).status_code == 204
+    assert client.get(f"{url}/labels").status_code == 404
+
+
+def test_what_cannot_be_an_annotation_is_refused_in_words(
+    operations: FakeOperations, client: httpx.Client
+) -> None:
+    operations.recent.forget()
+    assert "no image yet" in refusal(client.post("/api/v1/teach/frames"), 409)
+    look(operations)
+    client.post("/api/v1/teach/frames")
+    url = "/api/v1/teach/frames/000001/labels"
+    runs, few = runs_of_block(), [1, 5]
+    assert "beware list" in refused(client, url, {"class_names": ["dragon"], "runs": runs})
+    assert "twice" in refused(client, url, {"class_names": ["cup", "Cup"], "runs": runs})
+    assert "cover 5 pixels" in refused(client, url, {"class_names": ["cup"], "runs": few})
+    assert "beyond" in refused(client, url, {"class_names": [], "runs": runs})
+    many = {"class_names": ["cup"], "runs": [2, HEIGHT * WIDTH]}
+    assert "label 2" in refused(client, url, many)
+    damaged = client.post("/api/v1/teach/frames.zip", content=b"PK\x03\x04 no more")
+    assert "damaged" in refusal(damaged, 422)
+    assert client.get("/api/v1/teach/frames").json()["folder"]["annotated"] == 0
+
+
+def refused(client: httpx.Client, url: str, body: dict[str, object]) -> str:
+    """Return the sentence by which an annotation is refused."""
+    return refusal(client.put(url, json=body), 422)
+
+
+def refusal(answer: httpx.Response, status: int) -> str:
+    """Return the sentence of a refusal."""
+    assert answer.status_code == status, answer.text
+    return str(answer.json()["error"]["message"])

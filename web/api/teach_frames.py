@@ -1,0 +1,104 @@
+"""Routes of the captured frames and their annotation."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated
+
+import numpy as np
+from fastapi import APIRouter, Path, Request, Response
+
+from navcore.errors import NotKnown
+from web.gateway.problems import JsonResponse, refusals
+from web.interface.operations import RobotService
+from web.interface.teaching import Annotation, CapturedFrame
+from web.schemas.teaching import (
+    AddedOut,
+    AnnotationIn,
+    AnnotationOut,
+    CaptureOut,
+    CapturingIn,
+    FramesOut,
+    RegionIn,
+)
+
+FrameId = Annotated[str, Path(pattern=r"^[0-9]{1,12}$")]
+_REFUSALS = refusals(409, 422, 503)
+_OF_ONE = refusals(404, 409, 422, 503)
+REGION = "region"
+"""Class name of the pixels of a grown region."""
+
+
+def teach_frames_router(operations: RobotService) -> APIRouter:
+    """Return the routes below `/api/v1`."""
+    router = APIRouter(tags=["teach"], default_response_class=JsonResponse)
+
+    def find(frame_id: str) -> CapturedFrame:
+        for frame in operations.teaching.frames.all():
+            if frame.id == frame_id:
+                return frame
+        raise NotKnown("no captured frame has this name")
+
+    @router.get("/teach/frames", response_model=FramesOut)
+    def get_frames() -> FramesOut:
+        """Return the captured frames and what the folder holds."""
+        frames = operations.teaching.frames
+        return FramesOut(folder=frames.state(), frames=list(frames.all()))
+
+    @router.post("/teach/frames", response_model=CaptureOut, responses=_REFUSALS)
+    def capture() -> CaptureOut:
+        """Store the newest frame of the camera: colours, depth, intrinsics and pose. A
+        near-duplicate of a stored one, by pose and image, is dropped."""
+        return CaptureOut(frame=operations.teaching.frames.capture())
+
+    @router.put("/teach/capturing", status_code=204, response_class=Response, responses=_REFUSALS)
+    def capture_while_driving(body: CapturingIn) -> None:
+        """Set whether frames are captured while the robot moves."""
+        operations.teaching.frames.capture_while_driving(body.on)
+
+    @router.get("/teach/frames.zip", response_class=Response, responses=_REFUSALS)
+    def export_frames() -> Response:
+        """Return all frames as a zip archive of a data set, for `bewarenav train`."""
+        headers = {"Content-Disposition": 'attachment; filename="frames.zip"'}
+        data = operations.teaching.frames.export()
+        return Response(data, media_type="application/zip", headers=headers)
+
+    @router.post("/teach/frames.zip", response_model=AddedOut, responses=_REFUSALS)
+    async def add_frames(request: Request) -> AddedOut:
+        """Add the frames of such an archive, the body of the request: all or none."""
+        data = await request.body()
+        return AddedOut(added=await asyncio.to_thread(operations.teaching.frames.add_archive, data))
+
+    @router.get("/teach/frames/{frame_id}.png", response_class=Response, responses=_OF_ONE)
+    def get_picture(frame_id: FrameId) -> Response:
+        """Return the colours of a frame."""
+        return Response(operations.teaching.frames.picture(frame_id), media_type="image/png")
+
+    @router.delete(
+        "/teach/frames/{frame_id}", status_code=204, response_class=Response, responses=_OF_ONE
+    )
+    def delete_frame(frame_id: FrameId) -> None:
+        """Delete a frame and its annotation."""
+        operations.teaching.frames.delete(frame_id)
+
+    @router.get("/teach/frames/{frame_id}/labels", response_model=AnnotationOut, responses=_OF_ONE)
+    def get_labels(frame_id: FrameId) -> AnnotationOut:
+        """Return the annotation of a frame."""
+        return AnnotationOut.of(operations.teaching.frames.annotation(frame_id))
+
+    @router.put("/teach/frames/{frame_id}/labels", response_model=CapturedFrame, responses=_OF_ONE)
+    def put_labels(frame_id: FrameId, body: AnnotationIn) -> CapturedFrame:
+        """Replace the annotation of a frame. Its classes must be on the beware list, or
+        `background`: what is none of them."""
+        frame = find(frame_id)
+        annotation = body.annotation(frame.height, frame.width)
+        return operations.teaching.frames.annotate(frame_id, annotation)
+
+    @router.post("/teach/frames/{frame_id}/region", response_model=AnnotationOut, responses=_OF_ONE)
+    def grow_region(frame_id: FrameId, body: RegionIn) -> AnnotationOut:
+        """Return the connected pixels of like colour around a pixel, without a step of depth
+        between them, as label 1; nothing is stored."""
+        found = operations.teaching.frames.region(frame_id, body.row, body.col, body.tolerance)
+        return AnnotationOut.of(Annotation(class_names=(REGION,), labels=found.astype(np.uint8)))
+
+    return router

@@ -1,0 +1,198 @@
+// Dock and tags of the site in use: set by where the robot stands, by the map or by what the camera
+// sees; shown on the map.
+
+import { get, request } from "../core/api.js";
+import { element, make, reconcile, setText } from "../core/dom.js";
+import { rounded } from "../core/geometry.js";
+import { number, t } from "../core/language.js";
+import { attempt, notify } from "../core/toasts.js";
+import { propose } from "../localisation/place.js";
+import { overlays, redraw } from "../map/map.js";
+import { startPlacing } from "../map/pick.js";
+import { canvas, toWorld } from "../map/view.js";
+import { world } from "../map/world.js";
+import { addGoal } from "../mission/goals.js";
+import { setMode } from "../zones/draft.js";
+
+const DOCK = "#ffd166";
+const TAG = "#f78fb3";
+const ARROW_M = 0.5;
+const NOTHING = { name: null, dock: null, tags: [] };
+let site = NOTHING;
+
+const degrees = (yaw) => number((yaw * 180) / Math.PI, 0);
+const placeOf = ({ x_m: x, y_m: y, yaw_rad: yaw }) =>
+  t("at {x}, {y}, facing {degrees}°", { x: number(x, 2), y: number(y, 2), degrees: degrees(yaw) });
+
+const textOf = (tag) =>
+  t("Tag {number}, {size} cm, {place}, {height} m high, known to {sigma} cm", {
+    number: tag.id,
+    size: number(100 * tag.size_m, 0),
+    place: placeOf(tag),
+    height: number(tag.z_m, 1),
+    sigma: number(100 * tag.sigma_m, 0),
+  });
+
+// The site in use is another one, or has changed.
+export async function load(name) {
+  take(await get(`/sites/${encodeURIComponent(name)}`));
+}
+
+// Told of what is drawn and what the section shows.
+let taken = () => {};
+
+function take(read) {
+  site = read;
+  taken();
+  redraw();
+}
+
+const change = (changes) =>
+  attempt(async () => take(await request("PATCH", `/sites/${encodeURIComponent(site.name)}`, changes)));
+
+// A tag takes the place of that of its number.
+const withTag = (tag) => [...site.tags.filter(({ id }) => id !== tag.id), tag].sort((a, b) => a.id - b.id);
+
+// `hide` and `show` close and open the panel, which covers the map.
+export function buildDockAndTags({ hide, show }) {
+  // Ask for a pose on the map: a click for the position, another one or a drag for the direction.
+  function pickPose(what, then) {
+    setMode("navigate");
+    element("tab-map").click();
+    hide();
+    notify(what, { good: true });
+    const asked = ({ offsetX, offsetY }) =>
+      startPlacing(toWorld(offsetX, offsetY), (pose) => {
+        then(pose);
+        show();
+      });
+    canvas.addEventListener("click", asked, { once: true });
+  }
+
+  const button = (testId, text, onclick, title = text) =>
+    make("button", { type: "button", title, "data-testid": testId, onclick }, text);
+
+  const dockText = make("p", { role: "status", "data-testid": "dock-text" });
+  const dockHere = button("dock-here", t("The robot stands in it now"), () => {
+    const { x_m, y_m, yaw_rad } = world.state.pose;
+    change({ dock: { x_m: rounded(x_m), y_m: rounded(y_m), yaw_rad: rounded(yaw_rad) } });
+  });
+  const dockPick = button("dock-pick", t("Set it on the map …"), () =>
+    pickPose(t("Click the middle of the robot in its dock, then the direction in which it faces."), (pose) =>
+      change({ dock: pose }),
+    ),
+  );
+  const dockDrive = button("dock-drive", t("Drive there"), () =>
+    addGoal([site.dock.x_m, site.dock.y_m], site.dock.yaw_rad),
+  );
+  const dockIn = button("dock-in", t("The robot is in it"), () => {
+    hide();
+    propose(site.dock);
+  }, t("Tell the robot that it is in the dock, if it does not know where it is"));
+  const dockRemove = button("dock-remove", "✕", () => change({ dock: null }), t("Remove the dock"));
+
+  const tagList = make("ul", { class: "list", "data-testid": "tags" });
+  const noTags = make(
+    "p",
+    { class: "empty" },
+    t("No tags yet. An AprilTag of the family 36h11 on a wall tells the robot where it is whenever it sees one."),
+  );
+  const seenList = make("ul", { class: "list", "data-testid": "seen-tags" });
+  const seenNote = make("p", { class: "empty", role: "status", "data-testid": "seen-note" });
+  const field = (testId, label, values) => {
+    const input = make("input", { type: "number", required: "", "data-testid": testId, ...values });
+    return { input, label: make("label", { class: "field" }, label, input) };
+  };
+  const size = field("tag-size", t("Side of the black square, cm"), { value: 30, min: 1, max: 1000, step: 0.1 });
+  const id = field("tag-number", t("Number"), { min: 0, max: 586, step: 1, placeholder: 12 });
+  const height = field("tag-height", t("Height of its middle, m"), { value: 0.6, min: 0, max: 20, step: 0.01 });
+
+  const look = button("tags-look", t("Tags in view"), () =>
+    attempt(async () => {
+      const seen = await get(`/tags/seen?size_m=${size.input.valueAsNumber / 100}`);
+      setText(seenNote, seen.length ? "" : t("The camera sees no tag now. Stand one to three metres before it."));
+      seenList.replaceChildren(...seen.map(seenItem));
+    }),
+  );
+
+  function seenItem({ tag, known }) {
+    const text = known ? t("Replace") : t("Add");
+    const add = button("tag-add", text, () => {
+      change({ tags: withTag(tag) });
+      add.closest("li").remove();
+    }, `${text}: ${tag.id}`);
+    return make("li", { "data-testid": "seen-tag" }, make("span", { class: "label" }, textOf(tag)), add);
+  }
+
+  function tagItem(tag) {
+    const remove = button(
+      "tag-remove",
+      "✕",
+      () => change({ tags: site.tags.filter(({ id: other }) => other !== tag.id) }),
+      t("Remove tag {number}", { number: tag.id }),
+    );
+    remove.setAttribute("aria-label", remove.title);
+    return make("li", { "data-testid": "tag" }, make("span", { class: "label" }), remove);
+  }
+
+  const form = make(
+    "form",
+    { class: "row tag-form", autocomplete: "off" },
+    size.label,
+    look,
+    id.label,
+    height.label,
+    make("button", { "data-testid": "tag-pick" }, t("Set a tag on the map …")),
+  );
+  form.onsubmit = (event) => {
+    event.preventDefault();
+    const tag = {
+      id: id.input.valueAsNumber,
+      z_m: height.input.valueAsNumber,
+      size_m: rounded(size.input.valueAsNumber / 100),
+    };
+    pickPose(t("Click where the tag is, then the direction in which it faces."), (pose) =>
+      change({ tags: withTag({ ...tag, ...pose }) }),
+    );
+  };
+
+  taken = () => {
+    const { dock, tags } = site;
+    setText(
+      dockText,
+      dock
+        ? t("The dock is {place}.", { place: placeOf(dock) })
+        : t("No dock yet: the place where the robot stands while it charges. In it, one click tells the robot where it is."),
+    );
+    for (const one of [dockDrive, dockIn, dockRemove]) one.hidden = !dock;
+    reconcile(tagList, tags, (tag) => tag.id, tagItem, (item, tag) =>
+      setText(item.querySelector(".label"), textOf(tag)),
+    );
+    noTags.hidden = tags.length > 0;
+  };
+  taken();
+  return make(
+    "section",
+    { "aria-label": t("Dock and tags"), "data-testid": "dock-tags" },
+    make("h2", {}, t("Dock and tags")),
+    dockText,
+    make("div", { class: "row" }, dockHere, dockPick, dockDrive, dockIn, dockRemove),
+    tagList,
+    noTags,
+    form,
+    seenNote,
+    seenList,
+  );
+}
+
+overlays.push(({ line, dot, placeLabel, toPage }) => {
+  const mark = ({ x_m: x, y_m: y, yaw_rad: yaw }, colour, text) => {
+    const tip = [x + ARROW_M * Math.cos(yaw), y + ARROW_M * Math.sin(yaw)];
+    line([[x, y], tip], colour, 2);
+    dot([x, y], 5, colour, { diamond: true });
+    const [px, py] = toPage([x, y]);
+    placeLabel(text, [px, py + 14], { colour });
+  };
+  if (site.dock) mark(site.dock, DOCK, t("dock"));
+  for (const tag of site.tags) mark(tag, TAG, t("tag {number}", { number: tag.id }));
+});

@@ -1,0 +1,154 @@
+// Marking of one image: region, brush, eraser, undo; every edit is saved by itself.
+
+import { get, post, request } from "../core/api.js";
+import { element, setText } from "../core/dom.js";
+import { t } from "../core/language.js";
+import { attempt } from "../core/toasts.js";
+import { classNames, colourOf, labelOf, selectedName } from "./classes.js";
+import { makeLabels, runsOf, valuesOf } from "./labels.js";
+
+const SAVE_MS = 300;
+const marks = element("marks");
+let frame = null;
+let labels = null;
+let tool = "region";
+let stroke = null;
+let timer = null;
+let saving = Promise.resolve();
+let onSaved = () => {};
+
+export const whenSaved = (act) => {
+  onSaved = act;
+};
+
+export const shownFrame = () => frame;
+
+// Show an image and its marks; the marks of the one before are saved first.
+export async function show(next) {
+  await flush();
+  frame = next;
+  labels = null;
+  element("canvas").hidden = !next;
+  for (const id of ["previous", "next", "delete"]) element(id).disabled = !next;
+  if (!next) return refresh();
+  element("picture").src = `/api/v1/teach/frames/${next.id}.png`;
+  const stored = await get(`/teach/frames/${next.id}/labels`);
+  if (frame !== next) return undefined; // another one was chosen meanwhile
+  const numbers = [0, ...stored.class_names.map(labelOf)];
+  const values = valuesOf(stored.runs, stored.width * stored.height, numbers);
+  labels = makeLabels(stored.width, stored.height, values);
+  marks.width = stored.width;
+  marks.height = stored.height;
+  return refresh();
+}
+
+function refresh() {
+  element("undo").disabled = !labels?.canUndo();
+  element("redo").disabled = !labels?.canRedo();
+  if (!labels) return;
+  const context = marks.getContext("2d");
+  const image = context.createImageData(labels.width, labels.height);
+  const pixels = new Uint32Array(image.data.buffer);
+  const colours = [0, ...classNames().map(colourOf)];
+  for (let i = 0; i < pixels.length; i += 1) pixels[i] = colours[labels.values[i]];
+  context.putImageData(image, 0, 0);
+}
+
+function edited() {
+  refresh();
+  setText(element("saved"), t("saving …"));
+  clearTimeout(timer);
+  timer = setTimeout(save, SAVE_MS);
+}
+
+function save() {
+  timer = null;
+  const body = { class_names: classNames(), runs: runsOf(labels.values) };
+  const of = frame;
+  saving = saving.then(() =>
+    attempt(async () => {
+      setText(element("saved"), t("not saved"));
+      const stored = await request("PUT", `/teach/frames/${of.id}/labels`, body);
+      setText(element("saved"), t("saved"));
+      onSaved(stored);
+    }),
+  );
+}
+
+// Save what is not saved yet, and wait for it.
+export async function flush() {
+  if (timer) {
+    clearTimeout(timer);
+    save();
+  }
+  await saving;
+}
+
+function pixelAt(event) {
+  const box = marks.getBoundingClientRect();
+  const at = (value, from, size, count) => Math.min(count - 1, Math.max(0, Math.floor(((value - from) / size) * count)));
+  return {
+    row: at(event.clientY, box.top, box.height, labels.height),
+    col: at(event.clientX, box.left, box.width, labels.width),
+  };
+}
+
+async function markRegion(at) {
+  const of = labels;
+  const body = { ...at, tolerance: Number(element("tolerance").value) };
+  const region = await post(`/teach/frames/${frame.id}/region`, body);
+  if (of !== labels) return; // another image is shown meanwhile
+  labels.remember();
+  labels.fill(region.runs, labelOf(selectedName()));
+  edited();
+}
+
+function paintTo(at) {
+  const label = tool === "eraser" ? 0 : labelOf(selectedName());
+  labels.paint(stroke, at, Number(element("size").value), label);
+  stroke = at;
+  refresh();
+}
+
+marks.onpointerdown = (event) => {
+  if (!labels || event.button) return;
+  event.preventDefault();
+  const at = pixelAt(event);
+  if (tool === "region") {
+    attempt(() => markRegion(at));
+    return;
+  }
+  marks.setPointerCapture(event.pointerId);
+  labels.remember();
+  stroke = at;
+  paintTo(at);
+};
+marks.onpointermove = (event) => {
+  if (stroke) paintTo(pixelAt(event));
+};
+marks.onpointerup = marks.onpointercancel = () => {
+  if (!stroke) return;
+  stroke = null;
+  edited();
+};
+
+export function chooseTool(name) {
+  tool = name;
+  for (const button of element("tools").children)
+    button.setAttribute("aria-checked", String(button.dataset.tool === name));
+}
+for (const button of element("tools").children) button.onclick = () => chooseTool(button.dataset.tool);
+
+export function undo() {
+  if (!labels?.canUndo() || stroke) return;
+  labels.undo();
+  edited();
+}
+
+export function redo() {
+  if (!labels?.canRedo() || stroke) return;
+  labels.redo();
+  edited();
+}
+element("undo").onclick = undo;
+element("redo").onclick = redo;

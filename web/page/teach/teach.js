@@ -1,0 +1,139 @@
+// The page on which the network is taught a class: images, marks, training, use.
+
+import { get, post, request } from "../core/api.js";
+import { element, make, reconcile, set, setText } from "../core/dom.js";
+import { sentence, t, tn } from "../core/language.js";
+import { stop } from "../core/stop.js";
+import "../core/theme.js";
+import { attempt, notify } from "../core/toasts.js";
+import { chooseClass, loadClasses } from "./classes.js";
+import { chooseTool, redo, show, shownFrame, undo, whenSaved } from "./drawing.js";
+import { refreshNetworks, upload } from "./networks.js";
+import { refreshTraining } from "./training.js";
+
+const POLL_MS = 1500;
+const TEXT = "input:not([type=checkbox]):not([type=range]):not([type=number]), textarea";
+let frames = [];
+
+async function refreshFrames() {
+  const answer = await get("/teach/frames");
+  frames = answer.frames;
+  const { folder } = answer;
+  setText(element("frame-count"), t("{marked} of {all} marked", { marked: folder.annotated, all: folder.frames }));
+  set(element("capturing"), { checked: folder.capturing });
+  setText(element("note"), folder.trouble ? sentence(folder.trouble) : "");
+  element("no-frames").hidden = frames.length > 0;
+  reconcile(element("frames"), frames, (frame) => frame.id, createFrame, refreshFrame);
+  const shown = shownFrame();
+  if (shown && !frames.some(({ id }) => id === shown.id)) await show(null);
+  if (!shownFrame() && frames.length) await choose(frames[0]);
+}
+
+function createFrame(frame) {
+  const image = make("img", { src: `/api/v1/teach/frames/${frame.id}.png`, alt: "", loading: "lazy" });
+  const button = make("button", { "data-testid": `frame-${frame.id}` }, image, make("span", {}));
+  const row = make("li", {}, button);
+  button.onclick = () => attempt(() => choose(row.item));
+  return row;
+}
+
+function refreshFrame(row, frame) {
+  const button = row.firstChild;
+  const said = frame.class_names.join(", ") || t("not marked");
+  setText(button.lastChild, `${Number(frame.id)} ${said}`);
+  button.setAttribute("aria-current", String(frame.id === shownFrame()?.id));
+}
+
+async function choose(frame) {
+  await show(frame);
+  for (const row of element("frames").children) refreshFrame(row, row.item);
+}
+
+function step(by) {
+  const at = frames.findIndex(({ id }) => id === shownFrame()?.id);
+  const next = frames[at + by];
+  if (next) attempt(() => choose(next));
+}
+
+element("capture").onclick = () =>
+  attempt(async () => {
+    const { frame } = await post("/teach/frames");
+    await refreshFrames();
+    if (frame) await choose(frame);
+    else notify(t("An image like this one is there already; move the robot or the object first."));
+  });
+element("capturing").onchange = ({ target }) =>
+  attempt(async () => {
+    await request("PUT", "/teach/capturing", { on: target.checked });
+    await refreshFrames();
+  });
+element("frames-file").onchange = ({ target }) => {
+  const file = target.files[0];
+  target.value = "";
+  if (!file) return;
+  attempt(async () => {
+    const { added } = await upload("/teach/frames.zip", file);
+    notify(tn("{n} image added", "{n} images added", added), { good: true });
+    await refreshFrames();
+  });
+};
+element("delete").onclick = () =>
+  attempt(async () => {
+    const at = frames.findIndex(({ id }) => id === shownFrame().id);
+    await request("DELETE", `/teach/frames/${shownFrame().id}`);
+    await refreshFrames();
+    if (frames.length) await choose(frames[Math.min(at, frames.length - 1)]);
+  });
+element("previous").onclick = () => step(-1);
+element("next").onclick = () => step(1);
+whenSaved(() => attempt(refreshFrames));
+
+async function stopNow() {
+  await stop("console button");
+  notify(t("The robot is stopped. The stop is released in the console."), { good: true });
+}
+element("stop").onclick = stopNow;
+
+const KEYS = {
+  r: () => chooseTool("region"),
+  b: () => chooseTool("brush"),
+  e: () => chooseTool("eraser"),
+  n: () => step(1),
+  p: () => step(-1),
+};
+document.addEventListener(
+  "keydown",
+  (event) => {
+    if (event.target.matches?.(TEXT)) return;
+    if (event.code === "Space") {
+      event.preventDefault();
+      if (!event.repeat) stopNow();
+    } else if (event.ctrlKey && event.key.toLowerCase() === "z") {
+      event.preventDefault();
+      (event.shiftKey ? redo : undo)();
+    } else if (!event.ctrlKey && !event.altKey && !event.metaKey) {
+      if (/^[1-9]$/.test(event.key) && !event.target.matches?.("input")) chooseClass(Number(event.key) - 1);
+      else KEYS[event.key.toLowerCase()]?.();
+    }
+  },
+  true,
+);
+
+async function poll() {
+  if (!document.hidden) {
+    for (const refresh of [refreshFrames, refreshTraining, refreshNetworks]) await refresh();
+  }
+}
+
+async function forever() {
+  try {
+    await poll();
+  } catch (error) {
+    setText(element("note"), error.message);
+  }
+  setTimeout(forever, POLL_MS);
+}
+
+await show(null);
+await attempt(() => loadClasses());
+forever();

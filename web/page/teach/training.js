@@ -1,0 +1,99 @@
+// The training: start, cancel, resume; its progress, curves and validation images.
+
+import { get, post } from "../core/api.js";
+import { element, make, reconcile, set, setText } from "../core/dom.js";
+import { number, sentence, t, tn } from "../core/language.js";
+import { attempt, notify } from "../core/toasts.js";
+import { flush } from "./drawing.js";
+
+const PHASES = {
+  waiting: t("starting"),
+  rendering: t("rendering known objects"),
+  encoding: t("reading the images"),
+  training: t("training"),
+  comparing: t("comparing"),
+  done: t("done"),
+  cancelled: t("cancelled"),
+  failed: t("failed"),
+};
+const ENDED = ["done", "cancelled", "failed"];
+let last = null;
+
+export async function refreshTraining() {
+  const { run } = await get("/teach/training");
+  const running = run?.running ?? false;
+  set(element("train"), { disabled: running });
+  element("cancel").hidden = !running;
+  element("resume").hidden = !run || running || run.phase === "done";
+  element("progress").hidden = !run;
+  if (!run) return;
+  const count = run.of && !ENDED.includes(run.phase) ? ` ${run.done}/${run.of}` : "";
+  setText(element("training-phase"), `${run.name}: ${PHASES[run.phase]}${count}`);
+  set(element("progress"), { value: run.phase === "done" ? 1 : run.of ? run.done / run.of : 0 });
+  setText(element("training-message"), run.message ? sentence(run.message) : "");
+  if (last !== JSON.stringify([run.name, run.losses, run.looks])) {
+    last = JSON.stringify([run.name, run.losses, run.looks]);
+    showCurves(run);
+    showLooks(run);
+  }
+}
+
+function showCurves({ losses, mious }) {
+  const curves = [];
+  for (const [name, points, digits] of [
+    [t("Loss"), losses, 3],
+    [t("Mean IoU of images held back"), mious, 2],
+  ])
+    if (points.length)
+      curves.push(make("p", {}, `${name} ${number(points.at(-1).value, digits)}`), curve(points, name));
+  element("curves").replaceChildren(...curves);
+}
+
+function curve(points, name) {
+  const [width, height] = [100, 40];
+  const largest = Math.max(...points.map((point) => point.value), 1e-6);
+  const steps = points.at(-1).step;
+  const corners = points.map(
+    (point) => `${((point.step / steps) * width).toFixed(1)},${(height * (1 - point.value / largest)).toFixed(1)}`,
+  );
+  const space = "http://www.w3.org/2000/svg";
+  const svg = document.createElementNS(space, "svg");
+  svg.setAttribute("viewBox", `0 -2 ${width} ${height + 4}`);
+  svg.setAttribute("preserveAspectRatio", "none");
+  svg.setAttribute("role", "img");
+  svg.setAttribute("aria-label", name);
+  const line = document.createElementNS(space, "polyline");
+  line.setAttribute("points", corners.join(" "));
+  svg.append(line);
+  return svg;
+}
+
+function showLooks({ looks, losses }) {
+  const version = losses.at(-1)?.step ?? 0;
+  reconcile(
+    element("looks"),
+    [...Array(looks).keys()],
+    (index) => index,
+    (index) => make("img", { alt: t("Image {n} that was held back, with what is found in it", { n: index + 1 }) }),
+    (image, index) => set(image, { src: `/api/v1/teach/training/looks/${index}.png?step=${version}` }),
+  );
+}
+
+async function act(path, body) {
+  await post(path, body);
+  await refreshTraining();
+}
+
+element("train").onclick = () =>
+  attempt(async () => {
+    await flush();
+    await act("/teach/training", {
+      start: element("start").value || null,
+      steps: Number(element("steps").value),
+    });
+    notify(tn("Training begins: {n} step", "Training begins: {n} steps", Number(element("steps").value)), {
+      good: true,
+    });
+  });
+element("cancel").onclick = () => attempt(() => act("/teach/training/cancel"));
+element("resume").onclick = () => attempt(() => act("/teach/training/resume"));
