@@ -76,8 +76,8 @@ class LiveExamples:
         poses: Callable[[], Sequence[Pose2]],
         config: PerceptionConfig = DEFAULT_PERCEPTION,
     ) -> None:
-        """`network` gives the one in use, for this object alone, None where none runs; `poses`
-        gives those of the map by pose ID."""
+        """`network` gives the network in use, one for this object alone; None where none runs.
+        `poses` gives those of the map by pose ID."""
         self._recent, self._network = recent, network
         self._poses, self._config = poses, config
         self._clicks: OrderedDict[str, _Click] = OrderedDict()
@@ -151,7 +151,7 @@ class LiveExamples:
     def described(self, frame: Frame) -> FloatImage:
         """Return the descriptors of a frame, computed once for each of the newest frames."""
         network = self._required()
-        key = network.identity, frame.stamp_ns
+        key = (network.identity, frame.stamp_ns)
         with self._lock:
             known = self._described.get(key)
             if known is None:

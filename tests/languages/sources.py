@@ -107,6 +107,7 @@ SENTENCES = (
     "web/gateway/sentences.py",
     "web/schemas/drafts.py",
     "web/schemas/fields.py",
+    "web/api/teach_frames.py",
     "web/schemas/teaching.py",
     "web/schemas/zones.py",
 )
