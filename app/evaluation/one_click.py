@@ -33,7 +33,6 @@ from app.evaluation.detection import (
     picture,
     walk,
 )
-from app.evaluation.detection_counts import DetectionCounts
 from app.evaluation.summary import rate_interval
 from navcore.errors import Refused
 from navcore.geometry.transform import Pose2
@@ -68,21 +67,21 @@ Rng = np.random.Generator
 class OneClickResult:
     """Counts over some sites."""
 
-    counts: DetectionCounts = field(default_factory=DetectionCounts)
-    """Things in view, found, and false items."""
     kinds: Counter[str] = field(default_factory=Counter)
     """Things in view, by kind."""
     found: Counter[str] = field(default_factory=Counter)
     """Things found in time, by kind."""
     false: Counter[str] = field(default_factory=Counter)
     """False items, by the kind that was clicked."""
+    walked_m: float = 0.0
+    """Total length of the walks."""
     refused: list[str] = field(default_factory=list)
     """Why no class could be made, for each site where that was so."""
 
     def summary(self) -> dict[str, Any]:
         """Return rates with 95 % intervals (Wilson; exact Poisson) as a JSON object."""
         seen, found = self.kinds.total(), self.found.total()
-        tens = max(self.counts.walked_m, 1e-9) / 10
+        tens = max(self.walked_m, 1e-9) / 10
         false = self.false.total()
         low = stats.chi2.ppf(0.025, 2 * false) / 2 if false else 0.0
         high = stats.chi2.ppf(0.975, 2 * false + 2) / 2
@@ -97,7 +96,7 @@ class OneClickResult:
             "false_items_by_kind": dict(self.false),
             "false_items_per_10_m": round(false / tens, 3),
             "false_items_per_10_m_ci95": [round(float(x) / tens, 3) for x in (low, high)],
-            "walked_m": round(self.counts.walked_m, 1),
+            "walked_m": round(self.walked_m, 1),
             "refused": self.refused,
         }
 
@@ -123,7 +122,7 @@ def measure_one_click(network: NetworkSegmenter, *, seeds: range) -> OneClickRes
         result.kinds[site.kind] += here.seen[UNSEEN]
         result.found[site.kind] += here.found[UNSEEN]
         result.false[site.kind] += here.false[UNSEEN]
-        result.counts.walked_m += here.walked_m
+        result.walked_m += here.walked_m
         log.info(
             "site %d, %s: %d of %d found in time, %d false, %.1f m%s",
             seed,
