@@ -27,6 +27,7 @@ PAGES = (
     "web/starting.html",
 )
 SENTENCES = (
+    "app/console/dock_and_tags.py",
     "app/console/anchored_items.py",
     "app/console/back_off.py",
     "app/console/beware_editor.py",
