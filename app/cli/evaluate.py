@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from navcore.config.navigator import NavigatorConfig
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
-PAPER_SUITE = "paper"
+PAPER_SUITE, ONE_CLICK_SUITE = "paper", "one-click"
+VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE)
+"""Suites in which a camera is carried through worlds and nothing drives."""
 ENOUGH_FOUND, FEW_FALSE_PER_10_M = 0.95, 1.0
 """Share of objects found in time, and rate of false detections, at which `finding` succeeds."""
 
@@ -46,7 +48,7 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, finding, localisation and paper."
+            "crossings, finding, one-click, localisation and paper."
         ),
     ]
     experiment: Annotated[
@@ -115,7 +117,7 @@ def evaluate(settings: EvaluateSettings) -> None:
     from navcore.config.navigator import load_config
     from navcore.robot.profile import load_profile
 
-    _check_options(settings, (*SUITES, CROSSINGS_SUITE, DETECTION_SUITE, LOCALISATION_SUITE))
+    _check_options(settings, (*SUITES, CROSSINGS_SUITE, *VIEWING, LOCALISATION_SUITE))
     config = (
         None
         if settings.navigation is None
@@ -143,6 +145,8 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         return _crossings(settings, config)
     if settings.suite == DETECTION_SUITE:
         return _detection(settings)
+    if settings.suite == ONE_CLICK_SUITE:
+        return _one_click(settings)
     if settings.suite == LOCALISATION_SUITE:
         return _localisation(settings, config)
     return _scenario(settings, config)
@@ -160,7 +164,7 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
         raise BadConfiguration(
             "--scenario names the world of the suite 'localisation'; other worlds are the argument"
         )
-    if settings.latency != "live" and settings.suite in (DETECTION_SUITE, LOCALISATION_SUITE):
+    if settings.latency != "live" and settings.suite in (*VIEWING, LOCALISATION_SUITE):
         raise BadConfiguration(
             "--latency is the time from an image to a command, and the suite "
             f"{settings.suite!r} judges no commands"
@@ -173,19 +177,20 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
     if settings.experiment is not None and settings.suite != PAPER_SUITE:
         raise BadConfiguration("--experiment is for the suite 'paper'; worlds are the argument")
     spread = settings.shard is not None or settings.where != EngineOptions()
-    if spread and settings.suite in (DETECTION_SUITE, LOCALISATION_SUITE):
+    if spread and settings.suite in (*VIEWING, LOCALISATION_SUITE):
         raise BadConfiguration(
             "--shard, --workers and --engine are for suites of separate episodes, and "
             f"{settings.suite!r} runs as a whole"
         )
-    drives = settings.suite != DETECTION_SUITE
+    drives = settings.suite not in VIEWING
     if not drives and settings.navigation is not None:
         raise BadConfiguration(
-            "--navigation sets how a robot drives, and in the suite 'finding' nothing does"
+            "--navigation sets how a robot drives, and in the suite "
+            f"{settings.suite!r} nothing does"
         )
     if not drives and settings.odometry is not OdometryGrade.TYPICAL:
         raise BadConfiguration(
-            "--odometry is for robots that drive, and in the suite 'finding' nothing does"
+            f"--odometry is for robots that drive, and in the suite {settings.suite!r} nothing does"
         )
 
 
@@ -252,6 +257,31 @@ def _detection(settings: EvaluateSettings) -> bool:
     return bool(
         found["found_in_time"] >= ENOUGH_FOUND
         and found["false_items_per_10_m"] < FEW_FALSE_PER_10_M
+    )
+
+
+def _one_click(settings: EvaluateSettings) -> bool:
+    from app.evaluation.one_click import ENOUGH_FOUND, FEW_FALSE_PER_10_M, run_one_click
+    from app.runtime.engine_memory import EngineMemory
+    from app.runtime.segmentation import compose
+
+    if settings.beware is not None:
+        raise BadConfiguration(
+            "--beware names the classes that are known, and in the suite 'one-click' none are"
+        )
+    perception = compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
+    if perception.examples is None:
+        raise BadConfiguration(
+            f"the suite 'one-click' needs a network with features; {perception.title} has none"
+        )
+    found = run_one_click(
+        perception.examples,
+        seeds=range(settings.seed, settings.seed + (settings.episodes or 20)),
+        out=_out(settings, settings.suite),
+    )
+    return bool(
+        found["found_in_time"] >= ENOUGH_FOUND
+        and found["false_items_per_10_m"] <= FEW_FALSE_PER_10_M
     )
 
 

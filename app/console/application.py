@@ -146,9 +146,7 @@ def console(
         )
         store = Store(options.data)
         stack.callback(store.close)
-        composing = functools.partial(
-            prepared_perception, config=config.perception, say=say, apart=True
-        )
+        composing = functools.partial(prepared_perception, config=config.perception, say=say)
         composed = composed_at_start(
             versions_in(options.data / "teaching"), options.choice, composing
         )

@@ -24,7 +24,7 @@ from navcore.mission.beware_list import (
     parse_beware_list,
 )
 from navcore.perception.labels import LabelSource, Segmenter
-from web.interface.beware import OPERATOR, BewareVersion, ColourRules
+from web.interface.beware import OPERATOR, BewareVersion, ColourRules, Examples
 from web.interface.drafts import EditHistory
 
 Removed = list[Erased]
@@ -84,6 +84,7 @@ class BewareEditor:
         segmenter: Segmenter,
         colours: CheckedColours,
         follower: MapFollower,
+        examples: Examples,
         defaults: BewareList | None = None,
         calendar_s: Callable[[], float] = time.time,
         number: Callable[[], int] | None = None,
@@ -91,7 +92,7 @@ class BewareEditor:
         """`defaults`: list of a new site, by default the shipped one. `number` counts the edits of
         all kinds."""
         self._holder, self._store, self._segmenter = holder, store, segmenter
-        self._colours, self._follower = colours, follower
+        self._colours, self._follower, self._examples = colours, follower, examples
         self._defaults = defaults or default_beware_list()
         self._calendar_s, self._number = calendar_s, number or itertools.count(1).__next__
         stored = store.beware_versions()[: MAX_UNDO + 1][::-1]
@@ -127,6 +128,11 @@ class BewareEditor:
     def colours(self) -> ColourRules:
         """Colour rules from clicks."""
         return self._colours
+
+    @property
+    def examples(self) -> Examples:
+        """Classes by example."""
+        return self._examples
 
     def finder(self, entry: BewareClass) -> LabelSource:
         """Return which part of the segmenter detects an entry of the list."""

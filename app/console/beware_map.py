@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
 
-from app.console.recent_frames import RecentFrames
+from app.console.recent_frames import RecentFrame, RecentFrames
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
+from navcore.geometry.arrays import FloatImage
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.mapping.layers import least_confidence
 from navcore.mapping.point_map import PointMap
@@ -29,7 +30,9 @@ from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
 from navcore.perception.colour_segmenter import colour_masks, disjoint_layers, matches_colour
 from navcore.perception.depth_filter import heights_above_floor
 from navcore.perception.ground import ground_heights
-from navcore.perception.labels import LabelSource, Segmenter
+from navcore.perception.labels import Labels, LabelSource, Segmenter
+from navcore.perception.prototype import prototype_labels
+from navcore.robot.frame import Frame
 
 WAIT_S = 3.0
 """Longest wait of a preview for the thread of the map, seconds."""
@@ -40,6 +43,16 @@ class MapHolder(Protocol):
 
     def edit_map(self, edit: Callable[[PointMap], None]) -> None:
         """Have the thread of the map edit it, after the edits before."""
+
+
+class FrameDescriber(Protocol):
+    """Frames with their features; `app.console.examples.LiveExamples` is one."""
+
+    def spread(self) -> Sequence[RecentFrame]:
+        """Return some of the frames of the last minutes; none where no network runs."""
+
+    def described(self, frame: Frame) -> FloatImage:
+        """Return the (h, w, D) descriptors of a frame."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,10 +78,11 @@ class BewareMap:
         recent: RecentFrames,
         segmenter: Segmenter,
         config: NavigatorConfig,
+        examples: FrameDescriber,
     ) -> None:
         """`point_map` is only read here."""
         self._holder, self._map, self._recent = holder, point_map, recent
-        self._segmenter, self._config = segmenter, config
+        self._segmenter, self._config, self._examples = segmenter, config, examples
 
     def follow(
         self, before: BewareList, after: BewareList, put_back: Iterable[Erased] = ()
@@ -77,9 +91,10 @@ class BewareMap:
         has removed; returns the list that will hold what this edit removes."""
         changes, restored = self._changes(before, after), tuple(put_back)
         removed: list[Erased] = []
-        if not changes and not restored:
+        new = self._new_examples(before, after)
+        if not changes and not restored and not new:
             return removed
-        seen = self._seen([change.entry for change in changes])
+        seen = self._seen([change.entry for change in changes]) + self._seen_by_example(new)
 
         def edit(point_map: PointMap) -> None:
             removed.extend(
@@ -104,6 +119,7 @@ class BewareMap:
         """
         changes = self._changes(before, after)
         seen = self._seen([change.entry for change in changes])
+        seen += self._seen_by_example(self._new_examples(before, after))
         taken: list[tuple[Costmap, Records, list[Records]]] = []
         done = threading.Event()
 
@@ -148,7 +164,7 @@ class BewareMap:
     def _seen(self, entries: list[BewareClass]) -> list[tuple[Observation, int]]:
         """Return what the recent frames show of the colour rules of some entries, each with the
         pose ID of its frame."""
-        poses, spec, config = self._map.poses, self._map.spec, self._config
+        poses, config = self._map.poses, self._config
         beware, seen = BewareList(classes=tuple(entries)), []
         for one in self._recent.all if entries else ():
             if one.pose_id >= len(poses) or not any(
@@ -162,11 +178,39 @@ class BewareMap:
                 continue
             layers = disjoint_layers(masks, frame.depth_m.shape)
             labels = dataclasses.replace(layers[0], hypotheses=layers)
-            labels = self._map.rejections.without(frame, labels)
-            ground_m = ground_heights(frame, config.points.max_slope, config.perception.ground)
-            observation = observe(frame, labels, beware, spec, config.points, ground_m)
-            seen.append((observation, one.pose_id))
+            seen.append((self._observed(frame, labels, beware), one.pose_id))
         return seen
+
+    def _new_examples(self, before: BewareList, after: BewareList) -> list[BewareClass]:
+        """Return the entries whose example is new; those that come back have their points still."""
+        old = {entry.class_id: entry.prototype for entry in before.classes}
+        known = before.names
+        return [
+            entry
+            for entry in after.classes
+            if self._segmenter.source_of(entry) is LabelSource.PROTOTYPE
+            and entry.prototype != old.get(entry.class_id)
+            and (entry.class_id in old or entry.class_id not in known)
+        ]
+
+    def _seen_by_example(self, entries: list[BewareClass]) -> list[tuple[Observation, int]]:
+        """Return what some of the recent frames show of entries by example, each with the pose ID
+        of its frame."""
+        beware, seen, poses = BewareList(classes=tuple(entries)), [], self._map.poses
+        for one in self._examples.spread() if entries else ():
+            if one.pose_id >= len(poses):
+                continue
+            frame, settings = one.placed(poses), self._config.perception.prototype
+            labels = prototype_labels(frame, self._examples.described(frame), entries, settings)
+            if labels.class_ids.any():
+                seen.append((self._observed(frame, labels, beware), one.pose_id))
+        return seen
+
+    def _observed(self, frame: Frame, labels: Labels, beware: BewareList) -> Observation:
+        config = self._config
+        labels = self._map.rejections.without(frame, labels)
+        ground_m = ground_heights(frame, config.points.max_slope, config.perception.ground)
+        return observe(frame, labels, beware, self._map.spec, config.points, ground_m)
 
 
 def _placed(point_map: PointMap, seen: list[tuple[Observation, int]]) -> list[Records]:

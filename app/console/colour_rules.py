@@ -15,7 +15,7 @@ from navcore.perception.colour_rule import rule_at
 from navcore.perception.colour_segmenter import colour_masks, matches_colour
 from navcore.perception.depth_filter import heights_above_floor
 from navcore.robot.frame import Frame
-from web.interface.beware import ColourLook
+from web.interface.beware import RecentLook
 
 
 class LiveColourRules:
@@ -39,16 +39,17 @@ class LiveColourRules:
             config=self._config.colour_picking,
         )
 
-    def looks(self, rule: ColourRule, at_most: int) -> Sequence[ColourLook]:
+    def looks(self, rule: ColourRule, at_most: int) -> Sequence[RecentLook]:
         """Return what a rule takes in the newest image and in older ones, evenly chosen."""
         recent = self._recent.all
         step = max((len(recent) - 1) / max(at_most - 1, 1), 1.0)
         chosen = [recent[round(step * i)] for i in range(at_most) if round(step * i) < len(recent)]
         return [
-            ColourLook(
+            RecentLook(
                 rgb=one.frame.rgb,
                 mask=self._taken(one.frame, rule),
                 age_s=(recent[0].frame.stamp_ns - one.frame.stamp_ns) / 1e9,
+                frame=str(one.frame.stamp_ns),
             )
             for one in chosen
         ]

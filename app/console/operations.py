@@ -16,6 +16,7 @@ from app.console.beware_editor import BewareEditor
 from app.console.beware_map import BewareMap
 from app.console.colour_rules import LiveColourRules
 from app.console.edit_history import AllEdits
+from app.console.examples import LiveExamples
 from app.console.goals import Goals
 from app.console.map_editor import MapEditor
 from app.console.path_preview import (
@@ -121,12 +122,19 @@ class LiveOperations:
         self._edits_before, self._new_beware = 0, new_beware
         self._number, self._recent = itertools.count(1).__next__, RecentFrames()
         self._config = config
+        self._examples = LiveExamples(
+            self._recent,
+            lambda: perception.now.examples,
+            poses=lambda: controller.navigator.map.poses,
+            config=config.perception,
+        )
         self._beware_map = BewareMap(
             controller,
             point_map=controller.navigator.map,
             recent=self._recent,
             segmenter=perception,
             config=config,
+            examples=self._examples,
         )
         self._edit(store.site)
         self.sites = LiveSites(
@@ -192,6 +200,7 @@ class LiveOperations:
             segmenter=self._perception,
             colours=LiveColourRules(self._recent, self._config.perception),
             follower=self._beware_map,
+            examples=self._examples,
             defaults=self._new_beware,
             number=self._number,
         )

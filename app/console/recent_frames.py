@@ -72,6 +72,11 @@ class RecentFrames:
         newest, kept = self._newest, tuple(self._kept)[::-1]
         return kept if newest is None or newest is kept[0] else (newest, *kept)
 
+    @property
+    def kept(self) -> tuple[RecentFrame, ...]:
+        """Frames that are kept for minutes, newest first."""
+        return tuple(self._kept)[::-1]
+
     @staticmethod
     def _age_s(older: RecentFrame, newer: RecentFrame) -> float:
         return (newer.frame.stamp_ns - older.frame.stamp_ns) / 1e9

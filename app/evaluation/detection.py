@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -34,7 +34,7 @@ from navcore.perception.labels import Segmenter
 from navcore.robot.frame import Frame
 from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
-from sim.dataset.renderer import PATTERNS, Labels, SceneRenderer
+from sim.dataset.renderer import LABELS, PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Scene
 from sim.sensors.camera import T_BASE_CAMERA
@@ -85,40 +85,32 @@ def measure_detection(
         rng = np.random.default_rng((WORLDS_PER_SHARD * shard, 2))
         scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
         renderer.build(scene)
-        counts.append(_walk(renderer, scene, rng, segmenter, beware))
+        counts.append(walk(renderer, scene, drive_poses(scene, rng), rng, segmenter, beware))
     return counts
 
 
-def _walk(
+def walk(
     renderer: SceneRenderer,
     scene: Scene,
+    poses: Sequence[Pose2],
     rng: np.random.Generator,
     segmenter: Segmenter,
     beware: BewareList,
+    *,
+    labels: Container[str] = BEWARE_CLASSES[1:],
 ) -> DetectionCounts:
+    """Drive through a world that the renderer has built, and count; `labels` are the classes of the
+    objects that there are to find."""
     spec = GridSpec.centred(
         size_m=(2 * scene.reach_m[0] + 8.0, 2 * scene.reach_m[1] + 8.0), resolution_m=CELL_M
     )
-    objects, cloud = list(_objects(scene, spec)), PointMap(spec, MappingConfig())
-    poses = _poses(scene, rng)
+    objects = [listed for listed in _objects(scene, spec) if listed.name in labels]
+    cloud = PointMap(spec, MappingConfig())
     for number, pose in enumerate(poses):
-        rgb, depth_m, labels = renderer.render(pose.matrix() @ T_BASE_CAMERA, scene)
-        true_depth_m = depth_m
-        rgb, depth_m = apply_camera_effects(
-            rgb, depth_m, renderer.intrinsics.fx, rng, like_simulator=scene.like_simulator
-        )
-        frame = Frame(
-            stamp_ns=int(number * STEP_M / SPEED_MPS * 1e9),
-            rgb=np.ascontiguousarray(rgb),
-            depth_m=depth_m.astype(np.float32),
-            intrinsics=renderer.intrinsics,
-            T_base_camera=T_BASE_CAMERA,
-            pose=pose,
-            twist=Twist(v_mps=SPEED_MPS, w_radps=0.0),
-        )
+        frame, true_depth_m, truth = picture(renderer, scene, pose, rng, number)
         found = segmenter.segment(frame, beware)
         cloud.insert(observe(frame, found, beware, spec, ObservationConfig()), frame, found)
-        _observe(objects, cloud, beware, frame, true_depth_m, labels)
+        _observe(objects, cloud, beware, frame, true_depth_m, truth)
     counts = DetectionCounts(
         false=_false_items(objects, cloud, beware), walked_m=STEP_M * (len(poses) - 1)
     )
@@ -127,6 +119,28 @@ def _walk(
         counts.found[listed.name] += listed.in_view and listed.found_as is not None
         counts.named[listed.name] += listed.in_view and listed.found_as == listed.name
     return counts
+
+
+def picture(
+    renderer: SceneRenderer, scene: Scene, pose: Pose2, rng: np.random.Generator, number: int = 0
+) -> tuple[Frame, npt.NDArray[np.float32], Labels]:
+    """Return the frame of a pose with the errors of the camera, its depth without them, and the
+    label of every pixel."""
+    rgb, depth_m, labels = renderer.render(pose.matrix() @ T_BASE_CAMERA, scene)
+    true_depth_m = depth_m
+    rgb, depth_m = apply_camera_effects(
+        rgb, depth_m, renderer.intrinsics.fx, rng, like_simulator=scene.like_simulator
+    )
+    frame = Frame(
+        stamp_ns=int(number * STEP_M / SPEED_MPS * 1e9),
+        rgb=np.ascontiguousarray(rgb),
+        depth_m=depth_m.astype(np.float32),
+        intrinsics=renderer.intrinsics,
+        T_base_camera=T_BASE_CAMERA,
+        pose=pose,
+        twist=Twist(v_mps=SPEED_MPS, w_radps=0.0),
+    )
+    return frame, true_depth_m, labels
 
 
 def _objects(scene: Scene, spec: GridSpec) -> Iterator[ListedObject]:
@@ -150,7 +164,7 @@ def _objects(scene: Scene, spec: GridSpec) -> Iterator[ListedObject]:
             )
 
 
-def _poses(scene: Scene, rng: np.random.Generator) -> list[Pose2]:
+def drive_poses(scene: Scene, rng: np.random.Generator) -> list[Pose2]:
     """Return the poses of the longest free straight drive among those drawn."""
     best: list[Pose2] = []
     for _ in range(POSE_TRIALS):
@@ -191,7 +205,7 @@ def _observe(
     rows, cols = np.nonzero(labels > 1)
     optical = back_project_pixels(rows, cols, depth_m[rows, cols], lens)
     points = (optical @ camera[:3, :3].T + camera[:3, 3])[:, :2]
-    kinds = labels[rows, cols] - 1
+    seen = labels[rows, cols]
     grid = layer_grid(cloud, beware, ())
     names = {entry.class_id: entry.name for entry in beware.enabled}
     for listed in objects:
@@ -200,7 +214,7 @@ def _observe(
         away_m = float(np.hypot(*(listed.points - (frame.pose.x_m, frame.pose.y_m)).T).min())
         if away_m <= IN_VIEW_M and not listed.in_view:
             listed.in_view = away_m > IN_TIME_M and _pixels_on(
-                listed, cloud.spec, points[kinds == BEWARE_CLASSES.index(listed.name)]
+                listed, cloud.spec, points[seen == LABELS[listed.name]]
             )
         if listed.found_as is None or listed.found_as != listed.name:
             held = [

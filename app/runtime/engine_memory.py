@@ -2,12 +2,15 @@
 
 Measuring takes seconds and, on a busy machine, ends differently at every start. So the choice is
 kept in the user's cache folder, and made again by `bewarenav doctor`, after an update of an engine,
-or when the engine has become too slow.
+or when the engine has become too slow. The network that was exported for it is kept beside it:
+then a start needs no torch.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import hashlib
 import importlib.metadata
 import json
 import os
@@ -17,9 +20,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from navcore.errors import BadConfiguration
+from navcore.files import write_whole
+from navcore.perception.esanet.inference import network_file
+from navcore.perception.esanet.inference.network_file import NetworkFile, open_network
+from navcore.perception.esanet.network.preprocess import Size
+
 PACKAGES = ("bewarenav", "torch", "onnx", "onnxruntime", "openvino")
 """Packages whose versions decide which engine is fast."""
 FILE = "engines.json"
+KEPT_NETWORKS = 4
+"""Number of exported networks that are kept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +43,8 @@ class ChosenEngine:
     """99th percentile of the time per image when it was chosen, milliseconds."""
     smaller: bool
     """Whether smaller images than in training were chosen with it."""
+    title: str = ""
+    """Title of the network for operators."""
 
 
 class EngineMemory:
@@ -56,6 +69,7 @@ class EngineMemory:
                 name=str(entry["name"]),
                 p99_ms=float(entry["p99_ms"]),
                 smaller=bool(entry["smaller"]),
+                title=str(entry["title"]),
             )
         return None
 
@@ -68,12 +82,43 @@ class EngineMemory:
             new.write_text(json.dumps(entries, indent=1), encoding="utf-8")
             new.replace(self._file)
 
+    def network(self, key: str, *, title: str, sha256: str) -> NetworkFile | None:
+        """Return the exported network that was kept under a key, with the title and the hash of the
+        weights; None without one, and for a damaged one."""
+        with suppress(BadConfiguration, OSError):
+            file = open_network(self._network_path(key), camera=Size(height=1, width=1))
+            return dataclasses.replace(file, title=title, sha256=sha256)
+        return None
+
+    def keep_network(self, key: str, onnx: bytes) -> None:
+        """Keep an exported network under a key, and the newest of the others."""
+        path = self._network_path(key)
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, onnx)
+            kept = sorted(path.parent.glob("*.onnx"), key=lambda other: other.stat().st_mtime)
+            for old in kept[:-KEPT_NETWORKS]:
+                old.unlink(missing_ok=True)
+
+    def _network_path(self, key: str) -> Path:
+        text = f"{key}; {_export_version()}"
+        name = hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
+        return self._file.parent / "networks" / f"{name}.onnx"
+
     def _read(self) -> dict[str, Any]:
         with suppress(OSError, ValueError):
             found = json.loads(self._file.read_text(encoding="utf-8"))
             if isinstance(found, dict):
                 return found
         return {}
+
+
+@functools.cache
+def _export_version() -> str:
+    """Return a hash of the program that exports a network."""
+    folder = Path(network_file.__file__).parents[1]
+    sources = b"".join(file.read_bytes() for file in sorted(folder.rglob("*.py")))
+    return hashlib.blake2b(sources, digest_size=8).hexdigest()
 
 
 def key_of(network: str, *, live: bool, threads: int) -> str:

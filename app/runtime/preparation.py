@@ -18,7 +18,6 @@ def prepared_perception(
     *,
     config: PerceptionConfig = DEFAULT_PERCEPTION,
     say: Callable[[Progress], None] = on_stderr,
-    apart: bool = False,
 ) -> Perception:
     """Compose the chosen segmenter with the engine that is remembered, while what is not in the
     cache of kernels is compiled beside it; both are done at the end.
@@ -38,5 +37,5 @@ def prepared_perception(
 
         with announced(LOADING_NETWORK, say=say, count=count):
             return compose(
-                choice, config=config, memory=EngineMemory.of_user(), apart=apart, watch=watch
+                choice, config=config, memory=EngineMemory.of_user(), apart=True, watch=watch
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import logging
 import multiprocessing
 import signal
@@ -76,6 +77,9 @@ class Perception:
     """Measurements of the engines, from which one was chosen."""
     choice: SegmenterChoice
     """Options that give the same segmenter again, with the chosen engine."""
+    examples: NetworkSegmenter | None = None
+    """The network, for another thread, of which classes by example are made; None where none runs,
+    or its file has no features."""
 
 
 def colour_perception(
@@ -175,7 +179,21 @@ def _prepared_apart(
     inference: InferenceConfig | None,
     watch: Watch,
 ) -> _Opened:
-    """`_prepared` in a process of its own; only the engine is opened in this one."""
+    """`_prepared` in a process of its own; only the engine is opened in this one.
+
+    A network that was exported at an earlier start, for the engine that is remembered, is opened
+    without that process.
+    """
+    key = None
+    if memory is not None and choice.engine == "auto" and inference is None and path.exists():
+        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        key = key_of(sha256, live=choice.live, threads=choice.threads)
+        known = memory.recall(key)
+        kept = memory.network(key, title=known.title, sha256=sha256) if known else None
+        opened = _remembered(known, choice, kept, watch) if kept else None
+        if opened is not None:
+            chosen, file, engine = opened
+            return _Opened(choice=chosen, file=file, engine=engine)
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(
@@ -198,6 +216,8 @@ def _prepared_apart(
     if file is None:
         whole = open_network(path, camera=CAMERA)
         file = (whole.smaller() or whole) if chosen.smaller else whole
+    elif memory is not None and key is not None and path.suffix != ".onnx":
+        memory.keep_network(key, file.as_onnx())
     engine, _ = open_inference(file, name, threads=choice.threads)
     return _Opened(choice=chosen, file=file, engine=engine, trials=trials)
 
@@ -255,7 +275,10 @@ def _prepared(
     taken = next((trial for trial in trials if trial.name == engine.name), None)
     if memory is not None and taken is not None:
         memory.remember(
-            key, ChosenEngine(name=engine.name, p99_ms=taken.p99_ms, smaller=chosen.smaller)
+            key,
+            ChosenEngine(
+                name=engine.name, p99_ms=taken.p99_ms, smaller=chosen.smaller, title=file.title
+            ),
         )
     return _Opened(choice=chosen, file=file, engine=engine, trials=trials)
 
@@ -331,6 +354,7 @@ def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
         identity=f"network sha256 {file.sha256}, {_by(file.size)}, {precision}, with colour rules",
         trials=opened.trials,
         choice=dataclasses.replace(opened.choice, kind="network", engine=engine.name),
+        examples=network.for_another_thread() if network.identity else None,
     )
 
 

@@ -38,6 +38,11 @@ class PrototypeConfig:
     because a few clicks show little of how a thing varies."""
     radius_slack: float = ranged(1.0, 10.0, default=1.5)
     """Factor by which a pixel may lie farther from the centre than almost all clicked cells."""
+    twin_share: float = ranged(0.0, 0.5, default=0.05)
+    """Share of the background up to which what looks like the thing is another of its kind."""
+    away_share: float = ranged(0.001, 1.0, default=0.05)
+    """Share of the background that what was taken away amounts to, so that the threshold keeps it
+    out."""
     background_share: float = ranged(0.0, 0.1, default=0.0015)
     """Share of the background that may score above the threshold."""
     min_separation: float = ranged(0.0, 1.0, default=0.5)

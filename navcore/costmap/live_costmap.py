@@ -141,7 +141,7 @@ class LiveCostmap:
     def _copied(self, class_id: int) -> CellMask:
         plane, spec = self._map.layers.plane(class_id), self._map.spec
         if plane is None:
-            return CellMask(np.zeros_like(self._inflated.space.sentinel), spec.rows, spec.cols)
+            return CellMask.empty(spec.rows, spec.cols)
         return CellMask.copied(plane, spec.rows, spec.cols)
 
     def _radius(self, margin_m: float) -> int:

@@ -11,21 +11,27 @@ from navcore.grid.grid import BoolGrid
 class CellMask:
     """Immutable set of cells of a grid, made by `of` or `copied`; safe to share between threads."""
 
-    __slots__ = ("_bools", "_plane", "cols", "rows")
+    __slots__ = ("_bools", "_is_empty", "_plane", "cols", "rows")
 
-    def __init__(self, plane: BitPlane, rows: int, cols: int) -> None:
+    def __init__(self, plane: BitPlane, rows: int, cols: int, *, is_empty: bool = False) -> None:
         """Take ownership of a plane (`navcore.grid.bitplane`); it must not be written to
-        afterwards."""
+        afterwards. With `is_empty` it is known to have no cell."""
         plane.flags.writeable = False
         self._plane, self.rows, self.cols = plane, rows, cols
         self._bools: BoolGrid | None = None
+        self._is_empty = is_empty
 
     @staticmethod
     def of(bools: BoolGrid) -> CellMask:
         """Return the True cells of a bool (rows, cols) grid."""
         plane = empty_plane(*bools.shape)
         pack(bools, plane)
-        return CellMask(plane, *bools.shape)
+        return CellMask(plane, *bools.shape, is_empty=not bools.any())
+
+    @staticmethod
+    def empty(rows: int, cols: int) -> CellMask:
+        """Return the empty set of a grid."""
+        return CellMask(empty_plane(rows, cols), rows, cols, is_empty=True)
 
     @staticmethod
     def copied(plane: BitPlane, rows: int, cols: int) -> CellMask:
@@ -49,6 +55,8 @@ class CellMask:
     def window(self, top: int, left: int, bottom: int, right: int) -> BoolGrid:
         """Return the (bottom − top, right − left) part of `bools` without unpacking the rest; the
         part must be within the grid."""
+        if self._is_empty:  # most classes of the list were never seen
+            return np.zeros((bottom - top, right - left), dtype=np.bool_)
         return window(self._plane, top, left, bottom, right)
 
 

@@ -55,10 +55,9 @@ def _changes_of(old: BewareClass, new: BewareClass) -> list[str]:
 
 
 def _prototype_change(old: Prototype | None, new: Prototype | None) -> str:
-    if new is None:
-        return "example removed"
-    clicks = f"{new.clicks} click{'s' if new.clicks != 1 else ''}"
-    return f"example {'added' if old is None else 'changed'} ({clicks})"
+    if old is None or new is None:
+        return "example added" if old is None else "example removed"
+    return "example changed"
 
 
 def _rule_change(old: ColourRule | None, new: ColourRule | None) -> str:

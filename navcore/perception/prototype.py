@@ -37,6 +37,8 @@ _ROUNDS, _MIN_HARD = 3, 500
 cells."""
 _DISTANCE_SHARE = 0.98
 """Share of the clicked cells whose distance from the centre the radius is fitted to."""
+_TWIN_SHARE = 0.9
+"""Share of the clicked cells that others of the same kind are as near to the centre as."""
 _MAX_CELLS = 2000
 """Largest number of cells of the background that a frame gives, of either kind."""
 
@@ -109,12 +111,29 @@ def fitted(
     examples: Sequence[Example],
     background: Floats,
     config: PrototypeConfig = _DEFAULT,
+    *,
+    away: Sequence[Example] = (),
 ) -> Prototype:
-    """Return the prototype of what was clicked, told from the (N, D) descriptors of the background.
+    """Return the prototype of what was clicked, told from the (N, D) descriptors of the background
+    and from what was taken away, which counts as a share of it.
 
-    Raises `Refused` where it cannot be told from it.
+    Cells of the background that are as near to the centre as most of the thing are others of its
+    kind, as long as they are few. Raises `Refused` where it cannot be told from the background.
     """
     thing = np.concatenate([example.cells for example in examples])
+    centre, own = thing.mean(axis=0), config.own_share
+    variance = own * thing.var(axis=0) + (1 - own) * background.var(axis=0)
+    spread = np.sqrt(variance) + _MIN_STD
+    distances = np.square((thing - centre) / spread).mean(axis=1)
+    is_twin = np.square((background - centre) / spread).mean(axis=1) <= np.quantile(
+        distances, _TWIN_SHARE
+    )
+    if is_twin.mean() <= config.twin_share:
+        background = background[~is_twin]
+    count = round(config.away_share * len(background))
+    for example in away:
+        times = -(-count // len(example.cells))
+        background = np.concatenate([background, np.repeat(example.cells, times, axis=0)])
     weights = _weights(thing, background, config)
     scores = thing @ weights
     threshold = float(np.quantile(background @ weights, 1 - config.background_share))
@@ -124,10 +143,6 @@ def fitted(
             "it looks too much like what is around it to be told from that; click another part of "
             "it, take away what does not belong to it, or make a colour rule"
         )
-    centre, own = thing.mean(axis=0), config.own_share
-    variance = own * thing.var(axis=0) + (1 - own) * background.var(axis=0)
-    spread = np.sqrt(variance) + _MIN_STD
-    distances = np.square((thing - centre) / spread).mean(axis=1)
     sizes_m = [example.size_m for example in examples]
     heights_m = [example.height_m for example in examples]
     return Prototype(

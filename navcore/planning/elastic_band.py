@@ -59,7 +59,9 @@ def relax(
     corner = np.array([left, top])
     forces = config.repulsion, config.contraction
     moved = _relaxed(cells - corner, clearance, wanted, *forces, config.iterations) + corner
-    return np.vstack([moved * spec.resolution_m + origin, track[count + 1 :]])
+    relaxed = track.copy()
+    relaxed[1 : len(moved) - 1] = moved[1:-1] * spec.resolution_m + origin
+    return relaxed
 
 
 @compiled

@@ -23,6 +23,7 @@ from app.console.beware_editor import BewareEditor
 from app.console.beware_map import BewareMap
 from app.console.colour_rules import LiveColourRules
 from app.console.edit_history import AllEdits
+from app.console.examples import LiveExamples
 from app.console.goals import Goals
 from app.console.map_editor import MapEditor
 from app.console.path_preview import (
@@ -59,6 +60,7 @@ from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.mission.zone_cells import rasterise
 from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.planning.path import NoPath, Path
 from navcore.planning.planner import plan
 from navcore.planning.string_pulling import taut_corners
@@ -67,6 +69,7 @@ from navcore.planning.weighted_planner import plan_weighted
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import Cause, StopReason
+from tests.navcore.perception.colour_network import ColourNetwork
 from tests.web.fake_insight import FakeInsight
 from tests.web.fake_sites import FakeSites
 from web.interface.beware import BewareVersion, ListPreview
@@ -126,7 +129,10 @@ class FakeOperations:
     """Implementation of `web.interface.operations.RobotService`; `step` moves the robot along its
     path."""
 
-    def __init__(self, *, robot_urdf: FilePath | None = None) -> None:
+    def __init__(
+        self, *, robot_urdf: FilePath | None = None, network: ColourNetwork | None = None
+    ) -> None:
+        """`network` is what classes by example are made with; None for colour rules alone."""
         self._lock = threading.RLock()
         self._intent = OperatorState(mission=Mission(), beware=default_beware_list())
         store, self.calendar_s = MemoryStore(), 1e9
@@ -143,13 +149,18 @@ class FakeOperations:
         self.map_posts: list[Callable[[PointMap], None]] = []
         self.point_map = PointMap(SPEC, MappingConfig())
         self.point_map.pose_ids.id_of(Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0))
-        self.recent, segmenter = RecentFrames(), ColourSegmenter()
+        self.recent = RecentFrames()
+        segmenter = ColourSegmenter() if network is None else FusedSegmenter(network)
+        self.examples = LiveExamples(
+            self.recent, lambda: network, poses=lambda: self.point_map.poses
+        )
         self.beware_map = BewareMap(
             self,
             point_map=self.point_map,
             recent=self.recent,
             segmenter=segmenter,
             config=NavigatorConfig(),
+            examples=self.examples,
         )
         self.beware = BewareEditor(
             self,
@@ -157,6 +168,7 @@ class FakeOperations:
             segmenter=segmenter,
             colours=LiveColourRules(self.recent),
             follower=self.beware_map,
+            examples=self.examples,
             calendar_s=lambda: self.calendar_s,
             number=number,
         )

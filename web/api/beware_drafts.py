@@ -16,12 +16,17 @@ from web.auth.roles import CurrentVisitor
 from web.gateway.etag import etag
 from web.gateway.problems import JsonResponse, refusals
 from web.images.camera import camera_jpg, mask_png, narrowed
-from web.interface.beware import BewareVersion, ColourLook
+from web.interface.beware import BewareVersion, RecentLook
 from web.interface.operations import RobotService
 from web.schemas.beware import (
     BewareDraftIn,
     BewareOut,
+    ClickIn,
+    ClickOut,
     ComparisonOut,
+    Example,
+    ExampleIn,
+    ExampleOut,
     ListPreviewOut,
     LookOut,
     LooksOut,
@@ -61,6 +66,34 @@ def beware_drafts_router(operations: RobotService) -> APIRouter:
         """Return what a colour rule takes in the newest image, and in some of the last minutes.
         Nothing is applied."""
         looks = operations.beware.colours.looks(rule, MAX_LOOKS)
+        return LooksOut(looks=[_look_of(look, is_newest=i == 0) for i, look in enumerate(looks)])
+
+    @router.post("/beware/example/click", response_model=ClickOut, responses=refusals(409, 422))
+    def click_example(click: ClickIn) -> ClickOut:
+        """Return what a click on a thing takes: its region, grown by depth and colour. The floor, a
+        wall, a place without depth and what the list knows already are refused. Nothing is
+        applied."""
+        beware = operations.beware
+        taken = beware.examples.click(click.right, click.down, beware.list, frame=click.frame)
+        mask = _data_url("png", mask_png(taken.mask))
+        return ClickOut(key=taken.key, frame=taken.frame, mask=mask)
+
+    @router.post("/beware/example", response_model=ExampleOut, responses=refusals(409, 422))
+    def try_example(example: ExampleIn) -> ExampleOut:
+        """Return the prototype of clicks on a thing, and what it takes in the newest image and in
+        some of the last minutes. Nothing is applied: the prototype belongs into a new entry of the
+        list."""
+        examples = operations.beware.examples
+        prototype = examples.made(example.clicks, example.away)
+        looks = examples.looks(prototype, MAX_LOOKS)
+        shown = [_look_of(look, is_newest=i == 0) for i, look in enumerate(looks)]
+        return ExampleOut(prototype=prototype, looks=shown)
+
+    @router.post("/beware/example/looks", response_model=LooksOut, responses=refusals(409, 422))
+    def look_at_example(prototype: Example) -> LooksOut:
+        """Return what a prototype takes in the newest image, and in some of the last minutes.
+        Nothing is applied."""
+        looks = operations.beware.examples.looks(prototype, MAX_LOOKS)
         return LooksOut(looks=[_look_of(look, is_newest=i == 0) for i, look in enumerate(looks)])
 
     @router.get("/beware/versions", response_model=VersionsOut)
@@ -106,7 +139,7 @@ def _version_of(stored: BewareVersion) -> VersionOut:
     )
 
 
-def _look_of(look: ColourLook, *, is_newest: bool) -> LookOut:
+def _look_of(look: RecentLook, *, is_newest: bool) -> LookOut:
     """Return a look; older images are sent small with their mask, the newest one has a route of its
     own."""
     width = look.mask.shape[1] if is_newest else THUMBNAIL_PX
@@ -115,6 +148,7 @@ def _look_of(look: ColourLook, *, is_newest: bool) -> LookOut:
     return LookOut(
         age_s=round(look.age_s, 1),
         share=round(float(look.mask.mean()), 4),
+        frame=look.frame,
         mask=_data_url("png", mask_png(mask)),
         picture=picture,
     )

@@ -13,9 +13,8 @@ from typing import Any
 from fastapi import APIRouter, WebSocket
 from pydantic import ValidationError
 
-from web.auth.roles import CurrentVisitor, Role
 from web.gateway.websockets import BAD_MESSAGE, POLICY_VIOLATION, until_one_ends
-from web.viewer.messages import Opacity, PageMessage
+from web.viewer.messages import PageMessage
 from web.viewer.page_link import PAGE_ID, PageLink
 from web.viewer.viewer import Viewer
 
@@ -25,7 +24,7 @@ def viewer_link_router(viewer: Viewer | None) -> APIRouter:
     router = APIRouter()
 
     @router.websocket("/viewer/{page_id}")
-    async def link(socket: WebSocket, page_id: str, visitor: CurrentVisitor) -> None:
+    async def link(socket: WebSocket, page_id: str) -> None:
         if viewer is None or PAGE_ID.fullmatch(page_id) is None:
             await socket.close(POLICY_VIOLATION)
             return
@@ -35,7 +34,7 @@ def viewer_link_router(viewer: Viewer | None) -> APIRouter:
         try:
             await until_one_ends(
                 _send(socket, mailbox),
-                _receive(socket, viewer, page_id, may_act=visitor.role.may(Role.OPERATOR)),
+                _receive(socket, viewer, page_id),
             )
         except ValidationError:
             # Only a page of another version, or another program, sends unknown messages.
@@ -53,12 +52,10 @@ async def _send(socket: WebSocket, mailbox: PageLink) -> None:
         await socket.send_text(json.dumps(message, allow_nan=False))
 
 
-async def _receive(socket: WebSocket, viewer: Viewer, page_id: str, *, may_act: bool) -> None:
+async def _receive(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
     while True:
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
             return
         received = PageMessage.validate_json(message.get("text") or "")
-        # A viewer may not change the opacity, which is common to all operators.
-        if may_act or not isinstance(received, Opacity):
-            viewer.receive(page_id, received)
+        viewer.receive(page_id, received)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
+from navcore.mission.prototype import Prototype
 from navcore.perception.labels import LabelSource
 from web.interface.drafts import EditHistory, PathPreview
 
@@ -48,8 +49,8 @@ class ListPreview:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ColourLook:
-    """What a colour rule takes in one image."""
+class RecentLook:
+    """What a colour rule or an example takes in one image."""
 
     rgb: npt.NDArray[np.uint8]
     """(H, W, 3) the image."""
@@ -57,6 +58,20 @@ class ColourLook:
     """(H, W) pixels that the rule takes."""
     age_s: float
     """Age of the image in seconds."""
+    frame: str
+    """Name of the image, in which a click can be made as long as it is kept."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExampleClick:
+    """What a click has taken of a thing."""
+
+    key: str
+    """Key of the click, under which it is kept for a while."""
+    frame: str
+    """Name of the image that was clicked."""
+    mask: npt.NDArray[np.bool_]
+    """(H, W) pixels of the thing."""
 
 
 class ColourRules(Protocol):
@@ -66,8 +81,31 @@ class ColourRules(Protocol):
         """Return the rule for what is at a position in the newest image, given as shares of width
         and height; raises `Refused` for a grey pixel, and without an image."""
 
-    def looks(self, rule: ColourRule, at_most: int) -> Sequence[ColourLook]:
+    def looks(self, rule: ColourRule, at_most: int) -> Sequence[RecentLook]:
         """Return what a rule takes in the newest image and in some older ones, newest first."""
+
+
+class Examples(Protocol):
+    """Classes by example: clicks on a thing, and what is made of them. All raise `Refused` with
+    the reason where no network runs, and for clicks that are no longer kept."""
+
+    @property
+    def hindrance(self) -> str | None:
+        """Why no class can be made by example here; None where it can."""
+
+    def click(
+        self, right: float, down: float, beware: BewareList, *, frame: str | None = None
+    ) -> ExampleClick:
+        """Return what a click takes in the newest image or in a kept one, given as shares of width
+        and height; `Refused` for floor, a wall, a place without depth and what the list knows."""
+
+    def made(self, taken: Sequence[str], away: Sequence[str] = ()) -> Prototype:
+        """Return the prototype of what some clicks have taken without what others have; `Refused`
+        where it looks too much like what is around it."""
+
+    def looks(self, prototype: Prototype, at_most: int) -> Sequence[RecentLook]:
+        """Return what a prototype takes in the newest image and in some older ones, newest
+        first."""
 
 
 class BewareEdits(Protocol):
@@ -88,6 +126,10 @@ class BewareEdits(Protocol):
     @property
     def colours(self) -> ColourRules:
         """Colour rules from clicks."""
+
+    @property
+    def examples(self) -> Examples:
+        """Classes by example."""
 
     def finder(self, entry: BewareClass) -> LabelSource:
         """Return which part of the segmenter detects an entry of the list."""

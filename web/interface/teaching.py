@@ -152,10 +152,10 @@ class ClassFigures:
     """Name of the class."""
     pixels: int
     """Number of its true pixels in these images."""
-    old: float | None
+    old: float | None = None
     """IoU of the network that the training started from; null where it does not know the class, or
     without a true pixel."""
-    new: float | None
+    new: float | None = None
     """IoU of the new network; null without a true pixel."""
     images: Literal["captured", "rendered"]
     """Images of the comparison: captured frames that were held back, or rendered ones."""

@@ -11,8 +11,8 @@ import { switchTheme } from "./core/theme.js";
 import { attempt, notify } from "./core/toasts.js";
 import { swap } from "./insight/swap.js";
 import { fit } from "./map/map.js";
-import { cancelPress } from "./map/pointer.js";
-import { select } from "./map/selection.js";
+import { cancelPress } from "./map/pointer/pointer.js";
+import { select } from "./map/pointer/selection.js";
 import { zoom } from "./map/view.js";
 import { driveByKey, togglePad } from "./mission/teleop.js";
 import {

@@ -17,10 +17,11 @@ from navcore.mission.beware_list import (
     BewareList,
     ColourRule,
 )
+from navcore.mission.prototype import Prototype
 from web.images import palette
 from web.interface.beware import BewareEdits, ListPreview
 from web.interface.wire import DOCUMENTED, Points, Position, documented_as, rounded, values_of
-from web.schemas.drafts import PathPreviewOut, difference
+from web.schemas.drafts import PathPreviewOut, PixelIn, difference
 from web.schemas.fields import Body, Changes, Closed, Entry, Limits, body_model
 
 BewareEntry = Annotated[BewareClass, Body(ignored=("display", "found_by"))]
@@ -32,10 +33,11 @@ map."""
 NewEntry = Annotated[Mapping[str, object], Entry(body_model(BewareClass, omitted=("class_id",)))]
 """Fields of a new class, without its id."""
 Rule = Annotated[ColourRule, Body()]
+Example = Annotated[Prototype, Body()]
 
 
-MAX_CELLS = 5000
-"""Largest number of cells in an answer."""
+MAX_CELLS, MAX_CLICKS = 5000, 16
+"""Largest number of cells in an answer, and of clicks that a class is made of."""
 
 
 class BewareListIn(Closed):
@@ -50,6 +52,8 @@ class BewareListIn(Closed):
     can_redo: StrictBool | None = None
     """Ignored."""
     limits: Mapping[str, object] | None = None
+    """Ignored."""
+    no_examples: str | None = None
     """Ignored."""
 
 
@@ -89,6 +93,8 @@ class BewareOut:
     """Whether `beware/redo` has an edit to repeat."""
     limits: Mapping[str, Limits]
     """Smallest and largest value of each number of a class, by its key."""
+    no_examples: str | None
+    """Why no class can be made by clicks on a thing here; null where one can."""
 
     @staticmethod
     def of(beware: BewareList, editor: BewareEdits) -> BewareOut:
@@ -108,6 +114,7 @@ class BewareOut:
             can_undo=history.undo is not None,
             can_redo=history.redo is not None,
             limits=LIMITS,
+            no_examples=editor.examples.hindrance,
         )
 
 
@@ -187,7 +194,7 @@ class RuleOut(BaseModel):
 
 
 class LookOut(BaseModel):
-    """What a colour rule takes in one image."""
+    """What a colour rule or an example takes in one image."""
 
     model_config = DOCUMENTED
 
@@ -195,10 +202,55 @@ class LookOut(BaseModel):
     """Age of the image in seconds."""
     share: float
     """Share of its pixels that the rule takes."""
+    frame: str
+    """Name of the image, in which a click can be made as long as it is kept."""
     mask: str
     """PNG of the taken pixels as a data URL; all others are transparent."""
     picture: str
     """JPEG of the image as a data URL; empty for the newest one."""
+
+
+Keys = Annotated[list[Annotated[str, Field(max_length=64)]], Field(max_length=MAX_CLICKS)]
+
+
+class ClickIn(PixelIn):
+    """Click on a thing in the camera image."""
+
+    frame: Annotated[str, Field(max_length=32)] | None = None
+    """Name of the image, as a look has it; null for the newest one."""
+
+
+class ClickOut(BaseModel):
+    """What a click has taken."""
+
+    model_config = DOCUMENTED
+
+    key: str
+    """Key of the click; it is kept for a while."""
+    frame: str
+    """Name of the image that was clicked."""
+    mask: str
+    """PNG of the pixels of the thing as a data URL; all others are transparent."""
+
+
+class ExampleIn(Closed):
+    """Clicks to make a class of."""
+
+    clicks: Annotated[Keys, Field(min_length=1)]
+    """Keys of the clicks on the thing."""
+    away: Keys = Field(default_factory=list)
+    """Keys of clicks on what does not belong to it."""
+
+
+class ExampleOut(BaseModel):
+    """A class by example, which is not applied yet."""
+
+    model_config = DOCUMENTED
+
+    prototype: Prototype
+    """Prototype, as an entry's `prototype` takes it."""
+    looks: list[LookOut]
+    """What it takes in the newest image and in those of the last minutes."""
 
 
 class LooksOut(BaseModel):

@@ -74,16 +74,6 @@ class DisplayOptions(Closed):
     """Whether the camera moves with the robot."""
 
 
-class Opacity(Closed):
-    """Opacity of the layers, the same for every operator."""
-
-    type: Literal["fade"] = "fade"
-    strength: Annotated[dict[Layer, Share], Field(max_length=len(LAYERS))] = Field(
-        default_factory=dict
-    )
-    """Opacity of layers, 0 to 1; 1 for those not named."""
-
-
 class Pointer(Closed):
     """Pointer on the 3D view, of which the page asks the point on the floor."""
 
@@ -96,5 +86,5 @@ class Pointer(Closed):
     """Share of the height of the view above the pointer."""
 
 
-Message = Draft | CameraMove | DisplayOptions | Opacity | Highlight | Pointer
+Message = Draft | CameraMove | DisplayOptions | Highlight | Pointer
 PageMessage: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])

@@ -29,8 +29,12 @@ TIMEOUT_S = 5.0
 """Time limit of a request to viser, seconds."""
 MAX_FROM_VIEWER = 256 * 1024 * 1024
 """Largest message of viser in bytes; a new client gets the whole scene."""
-_PACE = b'<script src="/page/map/frame_pacing.js"></script>'
-"""Script that keeps viser's page from drawing while it is hidden."""
+_SCRIPTS = b"".join(
+    b'<script src="/page/viewer/%s"></script>' % name
+    for name in (b"opacity.js", b"frame_pacing.js")
+)
+"""Scripts that give viser's page the opacities of its console page, and keep it from drawing while
+it is hidden."""
 
 
 class _Kind(msgspec.Struct):
@@ -82,8 +86,8 @@ async def _fetch(viewer: Viewer | None) -> Response:
         )
     async with httpx.AsyncClient(trust_env=False, timeout=TIMEOUT_S) as client:
         upstream = await client.get(f"{viewer.http_url}/")
-    # The script must load before the first frame is drawn.
-    body = upstream.content.replace(b"<head>", b"<head>" + _PACE, 1)
+    # The scripts must load before the first frame is drawn.
+    body = upstream.content.replace(b"<head>", b"<head>" + _SCRIPTS, 1)
     headers = {
         "Content-Type": upstream.headers.get("content-type", "text/html"),
         "Cache-Control": "no-cache",

@@ -34,7 +34,6 @@ from web.viewer.messages import (
     Draft,
     Highlight,
     Message,
-    Opacity,
 )
 from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER, PageLinks
 from web.viewer.viser_compat import Quiet, accept_only_needed_messages, request_header
@@ -67,7 +66,6 @@ class Viewer:
         self._highlights: dict[str, Highlight] = {}
         self._displays: dict[str, DisplayOptions] = {}
         self._clients: dict[int, _Client] = {}
-        self._strength: dict[str, float] = {}
         self._wake, self._ending = threading.Event(), threading.Event()
         self._failed: set[str] = set()
         self._due: dict[str, float] = {}
@@ -131,9 +129,6 @@ class Viewer:
                 self._displays[page_id] = message
                 for client in clients:
                     client.display.show(message)
-                self._wake.set()
-            elif isinstance(message, Opacity):
-                self._strength = {str(name): share for name, share in message.strength.items()}
                 self._wake.set()
             else:
                 for client in clients[-1:]:
@@ -204,14 +199,13 @@ class Viewer:
             clients = list(self._clients.values())
             displays = {client.page_id: self._display_of(client.page_id) for client in clients}
         shows_candidates = any("candidates" not in one.hidden for one in displays.values())
-        state, strength = self._operations.state(), self._strength
+        state = self._operations.state()
         scene = Scene(
             state=state,
             tick=tick,
             zones=(*self._operations.zones.stored, *tick.closed),
             beware=self._operations.beware.list,
             candidates=self._operations.insight.candidates if shows_candidates else lambda: None,
-            strength=strength,
         )
         for client in clients:
             if displays[client.page_id].follows:
@@ -229,8 +223,7 @@ class Viewer:
         wanted = {one.cloud_colour for one in displays.values() if "cloud" not in one.hidden}
         for colour, points in self._clouds.items():
             if colour in wanted:
-                push = partial(points.push, cloud, strength.get("cloud", 1.0))
-                self._run_guarded(f"cloud by {colour}", push)
+                self._run_guarded(f"cloud by {colour}", partial(points.push, cloud))
             else:
                 points.clear()
 

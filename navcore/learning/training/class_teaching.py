@@ -27,7 +27,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from navcore.errors import BadConfiguration, Refused
+from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
 from navcore.learning.training.batches import plain_batch
@@ -157,9 +157,10 @@ class ClassTeacher:
         return np.asarray(logits[0].argmax(dim=0).to(torch.uint8).numpy())
 
     def losses(self) -> Iterator[float]:
-        """Take the remaining steps; yield the loss of each. Raises `Refused` without images."""
+        """Take the remaining steps; yield the loss of each. Raises `BadConfiguration` without
+        images."""
         if not self.captured:
-            raise Refused("there is no image to learn from")
+            raise BadConfiguration("teaching: there is no image to learn from")
         while self.step < self.recipe.steps:
             yield self._take_step()
 

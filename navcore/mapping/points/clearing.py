@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, inlined
 from navcore.config.mapping import ClearingRules
 from navcore.geometry.arrays import FloatImage, Indices
 from navcore.geometry.camera import Pinhole
@@ -52,21 +52,35 @@ def find_outdated(
     a floor marking has no depth of its own, and neither a label lost at a grazing angle nor the
     pitch of the robot when it brakes must free it.
     """
-    found = np.empty(count, dtype=np.int64)
-    found_count = 0
-    for row in range(box[0], box[2]):
-        for col in range(box[1], box[3]):
-            at = first[row * cols + col]
-            while at > 0:
-                point = records[at - 1]
-                if _is_outdated(point, depth_m, T_camera_map, lens, clearing, max_range_m, pose_id):
-                    found[found_count] = at - 1
-                    found_count += 1
-                at = point.next
-    return found[:found_count]
+    held, found = _points_in_box(records, count, first, cols, box), 0
+    for index in held:
+        held[found] = index
+        found += _is_outdated(
+            records[index], depth_m, T_camera_map, lens, clearing, max_range_m, pose_id
+        )
+    return held[:found]
 
 
 @compiled
+def _points_in_box(records: Records, count: int, first: Cells, cols: int, box: Box) -> Indices:
+    """Return the indices of the points in a box of cells, the first ones of all cells before their
+    second ones: link by link, each would wait for the memory of the one before."""
+    held, begin, end = np.empty(count, dtype=np.int64), 0, 0
+    for row in range(box[0], box[2]):
+        for col in range(box[1], box[3]):
+            if first[row * cols + col] > 0:
+                held[end] = first[row * cols + col] - 1
+                end += 1
+    while begin < end:
+        begin, level = end, range(begin, end)
+        for at in level:
+            if records[held[at]].next > 0:
+                held[end] = records[held[at]].next - 1
+                end += 1
+    return held[:end]
+
+
+@inlined
 def _is_outdated(
     point: np.void,
     depth_m: FloatImage,
@@ -78,16 +92,11 @@ def _is_outdated(
 ) -> bool:
     height, width = depth_m.shape
     i, j, depth = pixel_of(point, t, lens, clearing.nearest_m)
-    if depth < clearing.nearest_m or depth > max_range_m:
+    in_range = clearing.nearest_m <= depth <= max_range_m
+    if not (in_range and 0 <= i < height and 0 <= j < width):
         return False
-    if i < 0 or i >= height or j < 0 or j >= width:
-        return False
+    nearest = _nearest_m(depth_m, i, j)
     tolerance = clearing.constant_m + clearing.per_m2 * depth * depth
-    nearest = np.inf
-    for r in range(max(i - 1, 0), min(i + 2, height)):
-        for c in range(max(j - 1, 0), min(j + 2, width)):
-            if 0.0 < depth_m[r, c] < nearest:
-                nearest = depth_m[r, c]
     beware = point.class_id != NOTHING  # type: ignore[attr-defined]
     flat = beware and point.z < clearing.flat_m  # type: ignore[attr-defined]
     if nearest == np.inf or nearest < depth - tolerance or flat:
@@ -95,3 +104,19 @@ def _is_outdated(
     nearer = depth < clearing.nearer_share * point.range_m  # type: ignore[attr-defined]
     again = not beware and (point.pose_id == pose_id or nearer)  # type: ignore[attr-defined]
     return bool(nearest > depth + tolerance or again)
+
+
+@inlined
+def _nearest_m(depth_m: FloatImage, i: int, j: int) -> float:
+    """Return the least depth measured at a pixel and beside it; infinite for none. Free of
+    branches, which noise would make unpredictable."""
+    far = np.float32(np.inf)
+    nearest = far
+    for row in range(i - 1, i + 2):
+        for col in range(j - 1, j + 2):
+            depth = depth_m[
+                min(max(row, 0), depth_m.shape[0] - 1), min(max(col, 0), depth_m.shape[1] - 1)
+            ]
+            depth = depth if depth > np.float32(0) else far
+            nearest = depth if depth < nearest else nearest
+    return float(nearest)

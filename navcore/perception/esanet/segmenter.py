@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -62,7 +63,7 @@ class NetworkSegmenter:
         self.identity = identity if inference.has_features else ""
         self._inference, self._config = inference, config
         self._entry_names = _entry_names(class_names, aliases or {})
-        self._depth, self._prepare = depth, Preprocessor(size, depth)
+        self._depth, self._size, self._prepare = depth, size, Preprocessor(size, depth)
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Return labels of the frame's size; the confidence is the probability of the most likely
@@ -76,6 +77,13 @@ class NetworkSegmenter:
         labels = self._labels(logits, rgb, frame, beware)
         by_example = prototype_labels(frame, describe(frame, features), entries, self._config)
         return dataclasses.replace(labels, hypotheses=(labels, by_example))
+
+    def for_another_thread(self) -> NetworkSegmenter:
+        """Return the same network for use beside this one."""
+        other = copy.copy(self)
+        other._inference = self._inference.for_another_thread()
+        other._prepare = Preprocessor(self._size, self._depth)
+        return other
 
     def described(self, frame: Frame) -> FloatImage:
         """Return the (h, w, D) descriptors of a frame, of which prototypes are made; only of a

@@ -15,7 +15,7 @@ from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.grid.grid import GridSpec
-from navcore.mission.beware_list import PERSON, BewareList
+from navcore.mission.beware_list import BewareList
 from navcore.perception.labels import Labels
 from navcore.perception.people.detector import Cells, Cluster, PersonDetector
 from navcore.perception.people.track import KalmanTrack, Track
@@ -161,11 +161,10 @@ class PeopleTracker:
     def _person_pixels(self, labels: Labels, beware: BewareList) -> Bools:
         """Return the (H, W) pixels that are a person's with enough confidence, whether that class
         is enabled or not: people are avoided in any case."""
-        for entry in beware.classes:
-            if entry.detected_as == PERSON:
-                masks = [
-                    (one.class_ids == entry.class_id) & (one.confidence >= self._min_confidence)
-                    for one in labels.all_hypotheses
-                ]
-                return np.asarray(np.logical_or.reduce(masks))
-        return np.zeros(labels.class_ids.shape, dtype=np.bool_)
+        person = np.zeros(labels.class_ids.shape, dtype=np.bool_)
+        for class_id in beware.people_ids[:1]:
+            for one in labels.all_hypotheses:
+                shown = one.class_ids == class_id
+                if shown.any():  # mostly not: then confidence need not be read
+                    person |= shown & (one.confidence >= self._min_confidence)
+        return person

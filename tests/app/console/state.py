@@ -7,6 +7,7 @@ from collections.abc import Callable
 from app.console.beware_editor import BewareEditor, BewareStore
 from app.console.beware_map import BewareMap
 from app.console.colour_rules import LiveColourRules
+from app.console.examples import LiveExamples
 from app.console.recent_frames import RecentFrames
 from app.runtime.operator_state import OperatorState, StateHolder
 from navcore.config.navigator import NavigatorConfig
@@ -14,6 +15,8 @@ from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission
 from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.perception.fused_segmenter import FusedSegmenter
+from tests.navcore.perception.colour_network import ColourNetwork
 from tests.navcore.scene import SPEC
 
 
@@ -48,17 +51,22 @@ def beware_editor(
     defaults: BewareList | None = None,
     point_map: PointMap | None = None,
     recent: RecentFrames | None = None,
+    network: ColourNetwork | None = None,
 ) -> BewareEditor:
-    """Return an editor by colour rules of a list, by default the shipped one."""
-    config, recent, segmenter = NavigatorConfig(), recent or RecentFrames(), ColourSegmenter()
+    """Return an editor of a list, by default the shipped one, by colour rules alone or with a
+    network."""
+    config, recent = NavigatorConfig(), recent or RecentFrames()
+    segmenter = ColourSegmenter() if network is None else FusedSegmenter(network)
     point_map = point_map or PointMap(SPEC, config.map)
     listed = OperatorState(mission=Mission(), beware=beware or default_beware_list())
+    examples = LiveExamples(recent, lambda: network, poses=lambda: point_map.poses)
     follower = BewareMap(
         PlainMap(point_map),
         point_map=point_map,
         recent=recent,
         segmenter=segmenter,
         config=config,
+        examples=examples,
     )
     return BewareEditor(
         holder or PlainHolder(listed),
@@ -66,5 +74,6 @@ def beware_editor(
         segmenter=segmenter,
         colours=LiveColourRules(recent),
         follower=follower,
+        examples=examples,
         defaults=defaults,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import logging
 import subprocess
 import sys
@@ -285,3 +286,37 @@ def test_a_memory_that_cannot_be_read_or_written_is_an_empty_one(
     nowhere = EngineMemory(file / "below a file" / "engines.json")
     nowhere.remember("k", engine)
     assert nowhere.recall("k") is None
+
+
+def test_a_later_start_opens_the_exported_network_without_torch_and_labels_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("onnxruntime")
+    pytest.importorskip("onnx")
+    memory, path = EngineMemory(tmp_path / "memory" / "engines.json"), weights(tmp_path)
+    choice = SegmenterChoice(weights=path, threads=1)
+    key = key_of(hashlib.sha256(path.read_bytes()).hexdigest(), live=False, threads=1)
+    engine = ChosenEngine(
+        name="onnxruntime f32", p99_ms=1e6, smaller=False, title="r18-nbt1d × 0.125"
+    )
+    memory.remember(key, engine)
+    first = compose(choice, memory=memory, apart=True)
+    (kept,) = (tmp_path / "memory" / "networks").glob("*.onnx")
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("a process was started")
+
+    with monkeypatch.context() as without:
+        without.setattr("app.runtime.segmentation.multiprocessing.get_context", refuse)
+        later = compose(choice, memory=memory, apart=True)
+        other = dataclasses.replace(choice, weights=weights(tmp_path, 2))
+        with pytest.raises(AssertionError):
+            compose(other, memory=memory, apart=True)
+    frame, beware = picture(), default_beware_list()
+    assert (first.identity, first.title) == (later.identity, later.title)
+    labels = [each.segmenter.segment(frame, beware).class_ids for each in (first, later)]
+    assert (labels[0] == labels[1]).all()
+    # A damaged file is exported again.
+    kept.write_bytes(b"no network")
+    assert compose(choice, memory=memory, apart=True).identity == first.identity
+    assert kept.read_bytes() != b"no network"

@@ -90,6 +90,7 @@ def test_a_taught_class_leaves_the_weights_of_all_others_as_they_are(
 ) -> None:
     folder = planned(tmp_path / "taught 1", frames, start)
     version = TeachingRun(folder).run()
+    assert VersionStore(tmp_path).all() == [version]
     assert version.class_names == (*CLASSES, "shoe") and version.taught == ("shoe",)
     assert [one.images for one in version.figures] == ["rendered", "rendered", "captured"]
     assert version.figures[2].old is None and version.figures[2].pixels > 0

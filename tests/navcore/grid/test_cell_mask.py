@@ -35,3 +35,16 @@ def test_a_mask_cannot_be_written_to_and_does_not_follow_what_it_was_copied_from
         copy.bools[0, 0] = False
     with pytest.raises(ValueError, match="read-only"):
         copy.plane[0, 0] = 1
+
+
+def test_an_empty_set_has_the_windows_of_any_other() -> None:
+    rows, cols = 70, 130
+    nothing = np.zeros((rows, cols), dtype=np.bool_)
+    for empty in (CellMask.empty(rows, cols), CellMask.of(nothing)):
+        assert not empty.bools.any()
+        assert empty.bools.shape == (rows, cols)
+        assert np.array_equal(empty.window(3, 5, 60, 100), nothing[3:60, 5:100])
+    one = nothing.copy()
+    one[4, 6] = True
+    assert CellMask.of(one).window(3, 5, 60, 100)[1, 1]
+    assert CellMask.empty(rows, cols).plane.shape == CellMask.of(one).plane.shape

@@ -23,6 +23,7 @@ from navcore.perception.prototype import (
     prototype_pixels,
 )
 from navcore.robot.frame import Frame
+from tests.navcore.perception.colour_network import features_of
 from tests.navcore.scene import Box, Colour, Paint, picture
 
 TOY: Colour = (200, 120, 40)
@@ -34,17 +35,8 @@ FRAME = picture(THING, WALL, SHELF)
 MIDDLE = (62, 79)
 
 
-def features(frame: Frame) -> npt.NDArray[np.float32]:
-    """Return what a network might answer: mixtures of the colours of every second pixel, noisy."""
-    rng = np.random.default_rng(5)
-    mix = rng.normal(size=(3, 12))
-    pixels = np.tanh(frame.rgb[::2, ::2] / 255.0 @ mix)
-    noisy = pixels + rng.normal(0, 0.02, pixels.shape)
-    return noisy.transpose(2, 0, 1)[None].astype(np.float32)
-
-
 def described(frame: Frame) -> npt.NDArray[np.float32]:
-    return describe(frame, features(frame))
+    return describe(frame, features_of(frame))
 
 
 def prototype(frame: Frame = FRAME, *, background: Frame | None = None) -> Prototype:
@@ -131,10 +123,10 @@ def test_other_things_near_what_was_clicked_are_no_background() -> None:
     frame = picture(THING, beside, WALL, SHELF)
     example = example_of(frame, described(frame), grown(frame, *MIDDLE))
     assert fitted("abc", [example], background_of(frame, described(frame), [example]))
-    config = dataclasses.replace(CONFIG, clear_m=0.0)
+    config = dataclasses.replace(CONFIG, clear_m=0.0, twin_share=0.0)
     nearer = dataclasses.replace(example, size_m=0.0)
     with pytest.raises(Refused, match="too much like"):
-        fitted("abc", [nearer], background_of(frame, described(frame), [nearer], config))
+        fitted("abc", [nearer], background_of(frame, described(frame), [nearer], config), config)
 
 
 def test_labels_hold_the_class_that_fits_best_with_a_confidence_above_a_half() -> None:

@@ -263,7 +263,6 @@ def test_a_viewer_of_the_3d_view_moves_the_camera_and_clicks_nothing(
                 pass  # the one before has the same page and may leave it only now
             scene(viewer, {"/floor/0_0"})
             page.send(json.dumps({"type": "draft", "mode": "goal", "corners": [], "path": []}))
-            page.send(json.dumps({"type": "fade", "strength": {"cloud": 0.5}}))
             time.sleep(0.2)
             viewer.send(msgspec.msgpack.encode(click))
             heard[name] = _next_or_none(page)

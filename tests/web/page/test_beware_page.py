@@ -77,7 +77,8 @@ def test_the_inspector_says_whether_the_colour_of_a_class_that_the_network_knows
     expect(eyes).to_have_text("Detected by: network and colour rule")
     with page.expect_request(lambda request: request.method == "PATCH") as sent:
         page.get_by_test_id("entry-apply").click()
-    assert sent.value.post_data_json["colour"]["alone"] is True
+    changes = sent.value.post_data_json
+    assert changes is not None and changes["colour"]["alone"] is True
 
 
 def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(

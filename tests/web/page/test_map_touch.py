@@ -318,8 +318,8 @@ def test_the_map_fits_what_is_known_and_keeps_the_robot_in_sight(
 def test_labels_do_not_cover_each_other(page: Page) -> None:
     boxes = page.evaluate(
         """async () => {
-          const { pen } = await import("/page/map/strokes.js");
-          const { clearLabels, placeLabel } = await import("/page/map/labels.js");
+          const { pen } = await import("/page/map/drawing/strokes.js");
+          const { clearLabels, placeLabel } = await import("/page/map/drawing/labels.js");
           const drawn = [], real = pen.fillRect;
           pen.fillRect = (...box) => drawn.push(box);
           clearLabels();

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import BrowserContext, Locator, Page, expect
 
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import eventually
@@ -85,3 +85,69 @@ def test_the_background_is_that_of_the_theme(
         return bool(np.abs(np.array(corners) - wanted).max() <= 3)
 
     eventually(page, is_behind)
+
+
+SCENE = """async () => {
+  const material = (transparent, opacity) => ({ transparent, opacity, blending: 1, blendAlpha: 0 });
+  const made = { points: material(false, 1), floor: material(true, 0.5), path: material(false, 1) };
+  const node = (one) => ({ traverse: (act) => [{}, { material: one }].forEach(act) });
+  const scene = {};
+  const nodeRefFromName = {
+    "/cloud": node(made.points), "/floor": node(made.floor), "/path": node(made.path),
+  };
+  const state = { memoizedProps: { value: { mutable: { current: { scene, nodeRefFromName } } } } };
+  const root = document.body.appendChild(document.createElement("div"));
+  document.getElementById("root")?.remove();
+  root.id = "root";
+  root.__reactContainer$test = { child: { sibling: state } };
+  await new Promise((onload) => {
+    document.head.append(Object.assign(document.createElement("script"),
+      { src: "/page/viewer/opacity.js", onload }));
+  });
+  const drawn = (detail) => {
+    window.dispatchEvent(new CustomEvent("fade", { detail }));
+    window.prepareFrame();
+    scene.onBeforeRender();
+    return structuredClone(made);
+  };
+  return [drawn({ cloud: 0.3, floor: 0.4 }), drawn({ floor: 0.4 }), drawn({})];
+}"""
+"""JavaScript: the materials of a scene as viser's page keeps it, after three changes."""
+
+
+def test_opacity_is_set_on_what_a_layer_draws_and_taken_back(page: Page) -> None:
+    both, floor, none = page.evaluate(SCENE)
+    own = none["points"]
+    assert (own["transparent"], own["opacity"], own["blending"]) == (False, 1, 1)
+    # Points have no opacity of their own: they are mixed with what is behind them.
+    assert (both["points"]["transparent"], both["points"]["blendAlpha"]) == (True, 0.3)
+    assert both["points"]["blending"] == 5 and floor["points"] == own
+    assert [one["floor"]["opacity"] for one in (both, floor, none)] == [0.2, 0.2, 0.5]
+    untouched = {"transparent": False, "opacity": 1, "blending": 1, "blendAlpha": 0}
+    assert both["path"] == floor["path"] == none["path"] == untouched
+
+
+def test_a_layer_is_faded_in_the_page_of_the_operator_who_fades_it_alone(
+    page: Page, new_context: Callable[..., BrowserContext], server: ConsoleServer
+) -> None:
+    def show_3d(shown: Page) -> Locator:
+        """Show the 3D view and its layers; returns the root of viser's page."""
+        shown.get_by_test_id("view-3d").click()
+        expect(shown.locator("body")).to_have_attribute("data-viewer", "live", timeout=60_000)
+        shown.evaluate("document.getElementById('layers-3d').showPopover()")
+        return shown.frame_locator("#viewer").locator("html")
+
+    viser = show_3d(page)
+    expect(viser).to_have_attribute("data-faded", "", timeout=60_000)
+    opacity = page.get_by_test_id("opacity-3d-floor")
+    opacity.fill("10")
+    expect(viser).to_have_attribute("data-faded", "floor", timeout=60_000)
+    # The first console is still there while another one opens, which gets the layer as it is.
+    other = new_context().new_page()
+    other.goto(f"{server.url}/#map")
+    of_other = show_3d(other)
+    expect(of_other).to_have_attribute("data-faded", "", timeout=60_000)
+    expect(viser).to_have_attribute("data-faded", "floor")
+    other.close()
+    opacity.fill("100")
+    expect(viser).to_have_attribute("data-faded", "", timeout=60_000)

@@ -1,4 +1,4 @@
-"""Each page has its own layers, colours and camera in the 3D view; the opacity is common."""
+"""Each page has its own layers, colours and camera in the 3D view."""
 
 from __future__ import annotations
 

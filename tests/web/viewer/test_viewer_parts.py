@@ -140,8 +140,7 @@ def test_only_tiles_that_changed_are_sent_again() -> None:
         assert layer.push(cloud_of(points, 1)) == 0
         moved = np.vstack([points, [[1.0, 1.0, 0.5]]]).astype(np.float32)
         assert layer.push(cloud_of(moved, 2)) == 1
-        assert layer.push(cloud_of(moved, 2), 0.5) == 25
-        assert layer.push(cloud_of(moved[moved[:, 0] > 8.0], 3), 0.5) == 0
+        assert layer.push(cloud_of(moved[moved[:, 0] > 8.0], 3)) == 0
     finally:
         server.stop()
 

@@ -5,6 +5,7 @@ import { element, make, reconcile, set, setText, setValue } from "../core/dom.js
 import { decimal, sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import * as entryForm from "./entry.js";
+import { point } from "./example.js";
 import * as files from "./files.js";
 import { handleOf } from "./order.js";
 import { swatchOf } from "./swatch.js";
@@ -25,10 +26,17 @@ export function build(onNewList) {
     };
   }
   element("beware-add").onclick = () => entryForm.open(null, null, limits);
+  element("beware-this").onclick = () => {
+    entryForm.open(null, null, limits);
+    point();
+  };
 }
 
 export function show(beware) {
   ({ limits, version } = beware);
+  set(element("beware-this"), { disabled: beware.no_examples !== null });
+  set(element("beware-this-note"), { hidden: beware.no_examples === null });
+  setText(element("beware-this-note"), sentence(beware.no_examples ?? ""));
   reconcile(
     element("beware"),
     beware.classes,

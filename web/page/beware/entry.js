@@ -8,6 +8,7 @@ import { attempt } from "../core/toasts.js";
 import { isDrawing, onDraft, setMode } from "../zones/draft.js";
 import { asker, changeText } from "../zones/preview.js";
 import { onRule, ruleOf, showRule } from "./colour_picker.js";
+import { exampleOf, onExample, showExample } from "./example.js";
 
 const form = element("entry");
 const field = (name) => element(`entry-${name}`);
@@ -56,6 +57,7 @@ export function open(entry, listVersion, limits) {
   }
   element("entry-remove").hidden = !entry;
   showRule(entry?.colour ?? null);
+  showExample(entry?.prototype ?? null);
   describe();
   if (!entry) field("name").focus();
 }
@@ -65,6 +67,7 @@ export function close() {
   form.hidden = true;
   stored = null;
   showRule(null, false);
+  showExample(null);
   ask(null);
   showOnMap({ appear: [], go: [], path: [] });
 }
@@ -75,6 +78,7 @@ function changes() {
     name: field("name").value.trim(),
     network_class: field("network").value.trim() || null,
     colour: ruleOf(),
+    prototype: exampleOf(),
   };
   for (const [name, [key, factor]] of Object.entries(NUMBERS)) {
     const { value } = field(name);
@@ -104,7 +108,7 @@ function withNetwork(rule) {
 function eyes() {
   // The network goes on to know a class that is renamed.
   if (isKnown()) return sentence(withNetwork(ruleOf()));
-  if (!ruleOf()) return null;
+  if (!ruleOf()) return exampleOf() && t("example");
   return ruleOf().pattern ? t("pattern of colours") : t("colour rule");
 }
 
@@ -116,7 +120,7 @@ function describe() {
     note,
     by
       ? t("Detected by: {by}", { by })
-      : t("▲ Nothing can see it yet: the network does not know it, and it has no colour rule."),
+      : t("▲ Nothing can see it yet: the network does not know it, and it has no colour rule and no example."),
   );
   note.classList.toggle("lost", note.textContent.startsWith("▲"));
   const lacking = missing();
@@ -196,4 +200,5 @@ element("entry-remove").onclick = () => attempt(() => send("DELETE", address()))
 element("entry-cancel").onclick = close;
 form.addEventListener("input", describe);
 onRule(describe);
+onExample(describe);
 onDraft(() => isDrawing() && close());

@@ -4,8 +4,8 @@
 import { element, make } from "../core/dom.js";
 import { t } from "../core/language.js";
 import { isLight } from "../core/theme.js";
-import { paletteOf } from "../map/cells.js";
-import { COLOURS } from "../map/strokes.js";
+import { paletteOf } from "../map/ground/cells.js";
+import { COLOURS } from "../map/drawing/strokes.js";
 import { swatch, swatchOf } from "./swatch.js";
 
 // Layer → its colour, pattern and shape.

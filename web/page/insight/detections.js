@@ -7,7 +7,7 @@ import { element, make, setText } from "../core/dom.js";
 import { formatAge } from "../core/format.js";
 import { number, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
-import { offerUndo } from "../map/erase.js";
+import { offerUndo } from "../map/pointer/erase.js";
 import { openMissed } from "./missed_object.js";
 
 // While the tab is closed, the counts are updated only every so many ticks.

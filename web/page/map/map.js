@@ -7,22 +7,22 @@ import { isLight, onTheme } from "../core/theme.js";
 import { onOffer } from "../mission/goals.js";
 import { onPathDraft, pathDraft } from "../mission/path_settings.js";
 import { draft, isDrawing, onDraft } from "../zones/draft.js";
-import { drawDraft, drawListDraft, drawPreview, drawScale, drawSketch } from "./draw_input.js";
+import { drawDraft, drawListDraft, drawPreview, drawScale, drawSketch } from "./drawing/draw_input.js";
 import {
   drawCandidates,
   drawCommandedMotion,
   drawGoals,
   drawPeople,
   drawRobot,
-} from "./draw_robot.js";
-import { copyGround, isGroundCurrent, zonesChanged } from "./ground.js";
-import { drawCandidatePlaces, drawProposal, drawUncertainty } from "./draw_place.js";
-import { drawPicked, drawSelection, drawZoneNames } from "./draw_selection.js";
-import { clearLabels, placeLabel } from "./labels.js";
+} from "./drawing/draw_robot.js";
+import { copyGround, isGroundCurrent, zonesChanged } from "./ground/ground.js";
+import { drawCandidatePlaces, drawProposal, drawUncertainty } from "./drawing/draw_place.js";
+import { drawPicked, drawSelection, drawZoneNames } from "./drawing/draw_selection.js";
+import { clearLabels, placeLabel } from "./drawing/labels.js";
 import { drawLayer, onLayers } from "./layers.js";
-import { onSelect } from "./selection.js";
-import { COLOURS, dot, fill, line, pen } from "./strokes.js";
-import * as tiles from "./tiles.js";
+import { onSelect } from "./pointer/selection.js";
+import { COLOURS, dot, fill, line, pen } from "./drawing/strokes.js";
+import * as tiles from "./ground/tiles.js";
 import { canvas, centreOnRobot, fit as fitTo, keepInSight, onView, shows, toPage, view } from "./view.js";
 import { looksAlike, takeValues, world } from "./world.js";
 

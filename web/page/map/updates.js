@@ -7,7 +7,7 @@ import { oneAtATime, pause } from "../core/updates.js";
 import * as freshness from "../insight/freshness.js";
 import { onLayers, strength } from "./layers.js";
 import * as map from "./map.js";
-import * as tiles from "./tiles.js";
+import * as tiles from "./ground/tiles.js";
 
 const MAP_MS = 400;
 const PATH_MS = 300;

@@ -8,7 +8,7 @@ import { number, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { propose } from "../localisation/place.js";
 import { overlays, redraw } from "../map/map.js";
-import { startPlacing } from "../map/pick.js";
+import { startPlacing } from "../map/pointer/pick.js";
 import { canvas, toWorld } from "../map/view.js";
 import { world } from "../map/world.js";
 import { addGoal } from "../mission/goals.js";

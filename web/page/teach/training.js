@@ -90,6 +90,7 @@ element("train").onclick = () =>
     await act("/teach/training", {
       start: element("start").value || null,
       steps: Number(element("steps").value),
+      rehearsal: Number(element("rehearsal").value),
     });
     notify(tn("Training begins: {n} step", "Training begins: {n} steps", Number(element("steps").value)), {
       good: true,

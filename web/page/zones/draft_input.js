@@ -1,7 +1,7 @@
 // Input in the form of a draft changes the draft.
 
 import { element } from "../core/dom.js";
-import { askWhatToErase } from "../map/map_menu.js";
+import { askWhatToErase } from "../map/pointer/map_menu.js";
 import { asZone, changed, draft, redo, setMode, setTool, snapshot, undo } from "./draft.js";
 import { field, note, parseCorners, showKind } from "./draft_form.js";
 import { finish } from "./store_draft.js";

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
-
-import numpy as np
 
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
-from web.images.palette import Rgb
 from web.interface.insight import Candidates
 from web.interface.snapshots import State, TickSnapshot
-from web.viewer.layers.geometry import faded
 
 
 def _nothing() -> None:
@@ -34,13 +30,6 @@ class Scene:
     """Beware list in force."""
     candidates: Callable[[], Candidates | None] = _nothing
     """Return the motion primitives of the local planner; None while they are hidden."""
-    strength: Mapping[str, float] = field(default_factory=dict)
-    """Opacity of layers, 0 to 1; 1 for those not named."""
-
-    def faded(self, colour: Rgb, layer: str) -> Rgb:
-        """Return a colour with the opacity of its layer."""
-        r, g, b = faded(np.array(colour, dtype=np.uint8), self.strength.get(layer, 1.0)).tolist()
-        return r, g, b
 
 
 class Layer(Protocol):

@@ -17,7 +17,6 @@ from navcore.compiled import compiled
 from navcore.mission.beware_list import NOTHING
 from web.images.encode import class_colours
 from web.interface.snapshots import Cloud
-from web.viewer.layers.geometry import faded
 
 BUDGET = 200_000
 """Largest number of shown points."""
@@ -58,15 +57,15 @@ class CloudLayer:
         self._sums.clear()
         self._shown = None
 
-    def push(self, cloud: Cloud, strength: float = 1.0) -> int:
+    def push(self, cloud: Cloud) -> int:
         """Send the changed tiles and return their number."""
-        if self._shown == (cloud.serial, strength):
+        if self._shown == cloud.serial:
             return 0
-        self._shown = (cloud.serial, strength)
+        self._shown = cloud.serial
         tile_of, tiles, sums = index_tiles(cloud)
         self._halvings = halvings(int((tile_of >= 0).sum()), self._budget, self._halvings)
-        if self._drawn_as != (strength, self._halvings):
-            self._drawn_as = (strength, self._halvings)
+        if self._drawn_as != self._halvings:
+            self._drawn_as = self._halvings
             self._sums.clear()
         changed = np.array(
             [self._sums.get(tile) != total for tile, total in zip(tiles, sums, strict=True)],
@@ -85,21 +84,17 @@ class CloudLayer:
             self._push_tile(
                 tiles[index],
                 cloud.points_map[members],
-                self._colours(cloud, members, strength),
+                self._colours(cloud, members),
             )
         return int(changed.sum())
 
-    def _colours(self, cloud: Cloud, members: npt.NDArray[np.intp], strength: float) -> Colours:
+    def _colours(self, cloud: Cloud, members: npt.NDArray[np.intp]) -> Colours:
         points = cloud.points_map[members]
         if self._mode == "camera":
-            rgb = cloud.rgb[members]
-        else:
-            rgb = (
-                height_shading(points)
-                if self._mode == "height"
-                else class_shading(points, cloud.class_ids[members])
-            )
-        return faded(rgb, strength)
+            return cloud.rgb[members]
+        if self._mode == "height":
+            return height_shading(points)
+        return class_shading(points, cloud.class_ids[members])
 
     def _push_tile(self, tile: Tile, points: Points, rgb: Colours) -> None:
         middle = np.array(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import viser
 
 from web.images.encode import UNKNOWN_ALPHA, paint_floor
@@ -26,19 +25,15 @@ class FloorLayer:
         self._tiles = TileVersions()
         self._images: dict[Tile, Any] = {}
         self._shown = 0
-        self._strength = 1.0
 
     def push(self, scene: Scene) -> None:
         """Send the tiles in which a cell changed, or all for another beware list."""
-        tick, strength = scene.tick, scene.strength.get(self.name, 1.0)
-        newest, versions = self._tiles.update(tick, scene.beware)
-        since = self._shown if strength == self._strength else -1
-        self._strength = strength
-        for tile, _ in changed_since(versions, since):
-            self._push_tile(tile, scene, strength)
+        newest, versions = self._tiles.update(scene.tick, scene.beware)
+        for tile, _ in changed_since(versions, self._shown):
+            self._push_tile(tile, scene)
         self._shown = newest
 
-    def _push_tile(self, tile: Tile, scene: Scene, strength: float) -> None:
+    def _push_tile(self, tile: Tile, scene: Scene) -> None:
         tick, spec = scene.tick, scene.tick.grid_spec
         part = top, left, bottom, right = tile_cells(tile, tick)
         image = paint_floor(tick, scene.beware, part)
@@ -46,7 +41,6 @@ class FloorLayer:
             old.remove()
         if not image[..., 3].max() > UNKNOWN_ALPHA:
             return
-        image[..., 3] = (image[..., 3] * strength).astype(np.uint8)
         metre = spec.resolution_m
         x, y = (
             spec.origin_x_m + (left + right) / 2 * metre,

@@ -9,8 +9,6 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 
-BACKGROUND = (27, 30, 36)
-"""Colour of the scene's background, RGB."""
 Floats = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.uint32]
 
@@ -33,13 +31,6 @@ def polyline_segments(points: Floats, z: float) -> npt.NDArray[np.float32]:
     """Return the segments (N − 1, 2, 3) of a polyline (N, 2) at a height."""
     lifted = np.column_stack([points, np.full(len(points), z)]).astype(np.float32)
     return np.stack([lifted[:-1], lifted[1:]], axis=1)
-
-
-def faded(colours: npt.NDArray[np.uint8], strength: float) -> npt.NDArray[np.uint8]:
-    """Return colours (N, 3) mixed with the scene's background, for nodes without an opacity."""
-    if strength >= 1.0:
-        return colours
-    return np.asarray(np.array(BACKGROUND) * (1 - strength) + colours * strength).astype(np.uint8)
 
 
 @cache

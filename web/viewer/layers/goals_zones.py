@@ -79,28 +79,27 @@ class ZoneLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._shown: dict[str, tuple[Zone, float]] = {}
+        self._shown: dict[str, Zone] = {}
         self._nodes: dict[str, list[Any]] = {}
 
     def push(self, scene: Scene) -> None:
         """Add, replace and remove zones."""
-        wanted = {zone.id: (zone, scene.strength.get(self.name, 1.0)) for zone in scene.zones}
+        wanted = {zone.id: zone for zone in scene.zones}
         with self._server.atomic():
             for key in [key for key, shown in self._shown.items() if wanted.get(key) != shown]:
                 for node in self._nodes.pop(key):
                     node.remove()
                 del self._shown[key]
-            for key, (zone, strength) in wanted.items():
+            for key, zone in wanted.items():
                 if key not in self._shown:
-                    self._shown[key] = zone, strength
-                    self._nodes[key] = self._add(zone, strength)
+                    self._shown[key], self._nodes[key] = zone, self._add(zone)
 
-    def _add(self, zone: Zone, strength: float) -> list[Any]:
+    def _add(self, zone: Zone) -> list[Any]:
         scene, colour = (
             self._server.scene,
             palette.zone_colour(zone) if zone.enabled else palette.DRIVEN,
         )
-        opacity = strength * (0.35 if zone.enabled else 0.12)
+        opacity = 0.35 if zone.enabled else 0.12
         corners = np.array(zone.polygon)
         base = f"/zones/{zone.id}"
         nodes = [

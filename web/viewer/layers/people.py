@@ -28,20 +28,19 @@ class PeopleLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._shown: tuple[tuple[Track, ...], palette.Rgb] = ((), palette.PERSON)
+        self._shown: tuple[Track, ...] = ()
         self._node: Any = None
 
     def push(self, scene: Scene) -> None:
         """Redraw all people when one has moved."""
         people = scene.tick.people
-        colour = scene.faded(palette.PERSON, self.name)
-        if (people, colour) == self._shown:
+        if people == self._shown:
             return
-        self._shown = (people, colour)
+        self._shown = people
         if people:
             segments = np.concatenate([outline_and_prediction(track) for track in people])
             self._node = self._server.scene.add_line_segments(
-                "/people/ways", segments, colour, thickness=0.05
+                "/people/ways", segments, palette.PERSON, thickness=0.05
             )
         elif self._node is not None:
             self._node.remove()

@@ -35,8 +35,8 @@ class PrimitivesLayer:
 
     def push(self, scene: Scene) -> None:
         """Redraw the primitives of each tick; nothing while they are hidden."""
-        found, strength = scene.candidates(), scene.strength.get(self.name, 1.0)
-        key = None if found is None else (found.serial, strength)
+        found = scene.candidates()
+        key = None if found is None else found.serial
         if key == self._shown:
             return
         self._shown = key
@@ -45,9 +45,7 @@ class PrimitivesLayer:
             return
         segments, is_free = primitive_segments(found)
         colours = np.where(
-            is_free[:, None, None],
-            scene.faded(palette.GOAL, self.name),
-            scene.faded(BLOCKED, self.name),
+            is_free[:, None, None], np.array(palette.GOAL), np.array(BLOCKED)
         ).repeat(2, axis=1)
         self._draw("arcs", segments, colours, 0.02)
         if found.chosen is None:
@@ -56,7 +54,7 @@ class PrimitivesLayer:
             line = polyline_segments(
                 found.arcs[found.chosen][: max(int(found.free[found.chosen]), 2)], ARC_Z + LIFT
             )
-            yellow = np.broadcast_to(scene.faded(CHOSEN, self.name), line.shape)
+            yellow = np.broadcast_to(CHOSEN, line.shape)
             self._draw("chosen", line, yellow, 0.06)
 
     def _draw(

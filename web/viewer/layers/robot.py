@@ -17,7 +17,7 @@ from web.images import palette
 from web.images.camera import with_overlay
 from web.interface.snapshots import State
 from web.viewer.layers.base import Scene
-from web.viewer.layers.geometry import faded, polyline_segments
+from web.viewer.layers.geometry import polyline_segments
 
 DRIVEN_Z, PATH_Z = 0.03, 0.05
 """Heights of the lines in metres."""
@@ -84,19 +84,17 @@ class CameraLayer:
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         self._frustum: Any = None
-        self._serial, self._colour = -1, palette.DRAFT
+        self._serial = -1
 
     def push(self, scene: Scene) -> None:
         """Update image and pose together, because they belong together."""
-        tick, colour = scene.tick, scene.faded(palette.DRAFT, "camera")
-        if (tick.serial == self._serial and colour == self._colour) or not np.isfinite(
-            tick.T_map_camera
-        ).all():
+        tick = scene.tick
+        if tick.serial == self._serial or not np.isfinite(tick.T_map_camera).all():
             return
-        self._serial, self._colour = tick.serial, colour
+        self._serial = tick.serial
         wxyz = viser.transforms.SO3.from_matrix(tick.T_map_camera[:3, :3]).wxyz
         position = tick.T_map_camera[:3, 3]
-        image = faded(_shrunk(with_overlay(tick, scene.beware)), scene.strength.get("camera", 1.0))
+        image = _shrunk(with_overlay(tick, scene.beware))
         if self._frustum is None:
             intrinsics = tick.intrinsics
             self._frustum = self._server.scene.add_camera_frustum(
@@ -105,7 +103,7 @@ class CameraLayer:
                 aspect=intrinsics.width / intrinsics.height,
                 scale=FRUSTUM_SCALE,
                 thickness=0.012,
-                color=colour,
+                color=palette.DRAFT,
                 image=image,
                 format="jpeg",
                 jpeg_quality=70,
@@ -115,7 +113,7 @@ class CameraLayer:
             )
             return
         with self._server.atomic():
-            self._frustum.image, self._frustum.color = image, colour
+            self._frustum.image = image
             self._frustum.wxyz = wxyz
             self._frustum.position = position
 
@@ -128,25 +126,26 @@ class PathLayer:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._planned, self._driven = _Line(server, "/path/planned"), _Line(server, "/driven/line")
+        self._planned = _Line(server, "/path/planned", PATH_Z, palette.PATH, 0.1)
+        self._driven = _Line(server, "/driven/line", DRIVEN_Z, palette.DRIVEN, 0.05)
         self._waypoints: Any = None
-        self._shown: tuple[Floats, palette.Rgb] = (np.empty((0, 2)), palette.PATH)
+        self._shown: Floats = np.empty((0, 2))
 
     def push(self, scene: Scene) -> None:
         """Send the changed parts."""
         tick = scene.tick
         with self._server.atomic():
-            self._planned.show(tick.path, PATH_Z, scene.faded(palette.PATH, "path"), 0.1)
-            self._push_waypoints(tick.waypoints, scene.faded(palette.PATH, "waypoints"))
+            self._planned.show(tick.path)
+            self._push_waypoints(tick.waypoints)
         driven = tick.driven
         if len(driven) > MAX_DRIVEN:
             driven = driven[np.linspace(0, len(driven) - 1, MAX_DRIVEN).round().astype(int)]
-        self._driven.show(driven, DRIVEN_Z, scene.faded(palette.DRIVEN, "driven"), 0.05)
+        self._driven.show(driven)
 
-    def _push_waypoints(self, points: Floats, colour: palette.Rgb) -> None:
-        if colour == self._shown[1] and np.array_equal(points, self._shown[0]):
+    def _push_waypoints(self, points: Floats) -> None:
+        if np.array_equal(points, self._shown):
             return
-        self._shown = (points, colour)
+        self._shown = points
         if self._waypoints is not None:
             self._waypoints.remove()
             self._waypoints = None
@@ -155,7 +154,7 @@ class PathLayer:
             self._waypoints = self._server.scene.add_point_cloud(
                 "/waypoints/points",
                 np.column_stack([finite, np.full(len(finite), 0.12)]),
-                colour,
+                palette.PATH,
                 point_size=0.13,
                 point_shape="diamond",
                 precision="float32",
@@ -165,20 +164,19 @@ class PathLayer:
 class _Line:
     """Polyline near the floor, sent only when it changed."""
 
-    def __init__(self, server: viser.ViserServer, name: str) -> None:
+    def __init__(
+        self, server: viser.ViserServer, name: str, z: float, colour: palette.Rgb, thickness: float
+    ) -> None:
         self._server, self._name = server, name
+        self._z, self._colour, self._thickness = z, colour, thickness
         self._node: Any = None
-        self._shown: tuple[Floats, palette.Rgb] | None = None
+        self._shown: Floats = np.empty((0, 2))
 
-    def show(self, points: Floats, z: float, colour: palette.Rgb, thickness: float) -> None:
+    def show(self, points: Floats) -> None:
         """Show (N, 2) points in metres of the map frame; fewer than two hide the line."""
-        if (
-            self._shown is not None
-            and colour == self._shown[1]
-            and np.array_equal(points, self._shown[0])
-        ):
+        if np.array_equal(points, self._shown):
             return
-        self._shown = (points, colour)
+        self._shown = points
         finite = points[np.isfinite(points).all(axis=1)]
         if len(finite) < 2:
             if self._node is not None:
@@ -186,7 +184,10 @@ class _Line:
                 self._node = None
             return
         self._node = self._server.scene.add_line_segments(
-            self._name, polyline_segments(finite, z), colour, thickness=thickness
+            self._name,
+            polyline_segments(finite, self._z),
+            self._colour,
+            thickness=self._thickness,
         )
 
 

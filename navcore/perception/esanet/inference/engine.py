@@ -31,6 +31,9 @@ class Inference(Protocol):
     def has_features(self) -> bool:
         """Whether `logits_and_features` can be called: not for every ONNX file."""
 
+    def for_another_thread(self) -> Inference:
+        """Return the same network, with its weights shared, for use beside this one."""
+
     def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
         """Return the logits, and the features (1, C, h/4, w/4) that the classifier makes them of,
         valid until the next call."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
 import importlib.util
 import sys
@@ -47,6 +48,10 @@ class OnnxRuntimeInference:
         """Run the network as `Inference` specifies."""
         return self._run([OUTPUT], rgb, depth)[0]
 
+    def for_another_thread(self) -> OnnxRuntimeInference:
+        """Return itself: sessions can be run by any thread."""
+        return self
+
     def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
         """Run the network as `Inference` specifies."""
         logits, features = self._run([OUTPUT, FEATURES], rgb, depth)
@@ -79,13 +84,13 @@ class OpenVinoInference:
             settings["INFERENCE_PRECISION_HINT"] = (
                 "f32" if precision == "f32" or not has_bf16() else "bf16"
             )
-            compiled = core.compile_model(core.read_model(content), "CPU", settings)
-            self._request = compiled.create_infer_request()
+            self._compiled = core.compile_model(core.read_model(content), "CPU", settings)
+            self._request = self._compiled.create_infer_request()
         except Exception as error:
             raise _bad("openvino", error) from None
         names = [
             {name for port in ports for name in port.get_names()}
-            for ports in (compiled.inputs, compiled.outputs)
+            for ports in (self._compiled.inputs, self._compiled.outputs)
         ]
         _check_ports(*names)
         self.has_features = FEATURES in names[1]
@@ -94,6 +99,12 @@ class OpenVinoInference:
         """Run the network as `Inference` specifies; the next call reuses the memory of the
         logits."""
         return self._run(rgb, depth, OUTPUT)[0]
+
+    def for_another_thread(self) -> OpenVinoInference:
+        """Return the network with memory of its own for inputs and outputs."""
+        other = copy.copy(self)
+        other._request = self._compiled.create_infer_request()
+        return other
 
     def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
         """Run the network as `Inference` specifies; the next call reuses the memory of both."""

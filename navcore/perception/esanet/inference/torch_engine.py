@@ -35,6 +35,10 @@ class TorchInference:
         """Run the network as `Inference` specifies."""
         return self.logits_and_features(rgb, depth)[0]
 
+    def for_another_thread(self) -> TorchInference:
+        """Return itself: it holds nothing between two calls."""
+        return self
+
     def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
         """Run the network as `Inference` specifies."""
         if self._threads is not None and torch.get_num_threads() != self._threads:

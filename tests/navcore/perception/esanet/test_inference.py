@@ -329,6 +329,9 @@ class Slow:
 
     has_features = False
 
+    def for_another_thread(self) -> Slow:
+        return self
+
     def logits_and_features(self, rgb: Batch, depth: Batch) -> tuple[Batch, Batch]:
         raise NotImplementedError
 

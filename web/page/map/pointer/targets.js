@@ -1,10 +1,10 @@
 // What lies below a pixel of the map: a goal, a person, a sighting or a zone; and a point in words.
 
-import { isInside } from "../core/geometry.js";
-import { decimal, number, t } from "../core/language.js";
-import { cellAt } from "./tiles.js";
-import { toPage, toWorld } from "./view.js";
-import { world } from "./world.js";
+import { isInside } from "../../core/geometry.js";
+import { decimal, number, t } from "../../core/language.js";
+import { cellAt } from "../ground/tiles.js";
+import { toPage, toWorld } from "../view.js";
+import { world } from "../world.js";
 
 const GRAB_PX = 11;
 const FLAG_PX = { left: -4, right: 26, top: -33, bottom: 8 };

@@ -1,14 +1,14 @@
 // What the operator is drawing on the map, and the scale bar.
 
-import { midpoints } from "../core/geometry.js";
-import { decimal } from "../core/language.js";
-import { isLight } from "../core/theme.js";
-import { listDraft } from "../beware/entry.js";
-import { draft, outline } from "../zones/draft.js";
+import { midpoints } from "../../core/geometry.js";
+import { decimal } from "../../core/language.js";
+import { isLight } from "../../core/theme.js";
+import { listDraft } from "../../beware/entry.js";
+import { draft, outline } from "../../zones/draft.js";
 import { placeLabel } from "./labels.js";
 import { arrow, COLOURS, cross, dot, fill, flag, line, pen } from "./strokes.js";
-import { canvas, toPage, view } from "./view.js";
-import { sketch, world } from "./world.js";
+import { canvas, toPage, view } from "../view.js";
+import { sketch, world } from "../world.js";
 
 const HEADING_M = 0.6;
 const SCALES_M = [1, 2, 5, 10, 20, 50, 100];

@@ -1,15 +1,15 @@
 // What is selected or below the pointer, and what is measured, on the map.
 
-import { distance } from "../core/geometry.js";
-import { decimal, number, t } from "../core/language.js";
-import { draft } from "../zones/draft.js";
-import { colourOf } from "../zones/zones.js";
+import { distance } from "../../core/geometry.js";
+import { decimal, number, t } from "../../core/language.js";
+import { draft } from "../../zones/draft.js";
+import { colourOf } from "../../zones/zones.js";
 import { placeLabel, shortened } from "./labels.js";
-import { strength } from "./layers.js";
-import { isLit, selectedItem, selection } from "./selection.js";
+import { strength } from "../layers.js";
+import { isLit, selectedItem, selection } from "../pointer/selection.js";
 import { arrow, COLOURS, dot, line, pen } from "./strokes.js";
-import { toPage, view } from "./view.js";
-import { sketch, world } from "./world.js";
+import { toPage, view } from "../view.js";
+import { sketch, world } from "../world.js";
 
 const RING_PX = 14;
 const NAMED_FROM_PX = 36; // a smaller zone is named only below the pointer

@@ -4,7 +4,7 @@ import { connect } from "../core/api.js";
 import { clicked, draft, isDrawing, moveCorner, onDraft, outline } from "../zones/draft.js";
 import { finish } from "../zones/store_draft.js";
 import { address, drawViewerNow, setConnected } from "./viewer.js";
-import { goalMark, sketch } from "./world.js";
+import { goalMark, sketch } from "../map/world.js";
 
 const MAX_PREVIEW_POINTS = 4000;
 // Modes of which the 3D view knows nothing.
@@ -54,12 +54,6 @@ export function look(at, place) {
 export function showDisplay(options) {
   display = { type: "show", ...options };
   link.send(display);
-  drawViewerNow();
-}
-
-// Opacity of the layers, for every page.
-export function fade(strength) {
-  link.send({ type: "fade", strength });
   drawViewerNow();
 }
 

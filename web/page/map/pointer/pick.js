@@ -1,11 +1,11 @@
 // Tools that take a point of the map: measuring a distance, and a pose, e.g. where the robot is.
 
-import { distance, rounded } from "../core/geometry.js";
-import { number } from "../core/language.js";
-import { propose } from "../localisation/place.js";
-import { notify } from "../core/toasts.js";
-import { draft, onDraft, setMode } from "../zones/draft.js";
-import { sketch } from "./world.js";
+import { distance, rounded } from "../../core/geometry.js";
+import { number } from "../../core/language.js";
+import { propose } from "../../localisation/place.js";
+import { notify } from "../../core/toasts.js";
+import { draft, onDraft, setMode } from "../../zones/draft.js";
+import { sketch } from "../world.js";
 
 const MIN_ARROW_M = 0.15;
 

@@ -1,9 +1,9 @@
 // The pointer on the map: pan and zoom, select and drag, goals with a heading, zones by corner or
 // freehand.
 
-import { element, setText } from "../core/dom.js";
-import { isInside, midpoints, roundedPoint } from "../core/geometry.js";
-import { acceptOffer, offer } from "../mission/goals.js";
+import { element, setText } from "../../core/dom.js";
+import { isInside, midpoints, roundedPoint } from "../../core/geometry.js";
+import { acceptOffer, offer } from "../../mission/goals.js";
 import {
   clicked,
   draft,
@@ -17,16 +17,16 @@ import {
   setFreehand,
   setMode,
   snapshot,
-} from "../zones/draft.js";
-import { askPreview } from "../zones/preview.js";
-import { finish } from "../zones/store_draft.js";
-import { redraw } from "./map.js";
+} from "../../zones/draft.js";
+import { askPreview } from "../../zones/preview.js";
+import { finish } from "../../zones/store_draft.js";
+import { redraw } from "../map.js";
 import { moveGoal, openMenu } from "./map_menu.js";
 import { finishAt, pointTo } from "./pick.js";
 import { hover, isSelected, select, selectedItem } from "./selection.js";
 import { targetAt } from "./targets.js";
-import { canvas, pan, toPage, toWorld, view, zoom } from "./view.js";
-import { sketch, sketchChanged, world } from "./world.js";
+import { canvas, pan, toPage, toWorld, view, zoom } from "../view.js";
+import { sketch, sketchChanged, world } from "../world.js";
 
 const CLICK_PX = 4;
 const GRAB_PX = 11;

@@ -1,8 +1,8 @@
 // The cells of the map as an image. It is painted here, so that a layer can be switched and faded
 // without another request.
 
-import { patternOf } from "../beware/swatch.js";
-import { strength } from "./layers.js";
+import { patternOf } from "../../beware/swatch.js";
+import { strength } from "../layers.js";
 
 const SEEN = 1;
 const OBSTACLE = 2;

@@ -1,7 +1,7 @@
 // What is selected on the map and in the lists: a zone, a goal, a sighting or a person. Its row and
 // its shape light up together.
 
-import { world } from "./world.js";
+import { world } from "../world.js";
 
 // `kind`: "zone", "goal", "sighting", "person" or null.
 export const selection = { kind: null, id: null };

@@ -1,6 +1,6 @@
 // Strokes on the map: lines, dots, flags, tags and textures, at points in metres of the map frame.
 
-import { canvas, toPage, toWorld, view } from "./view.js";
+import { canvas, toPage, toWorld, view } from "../view.js";
 
 export const COLOURS = {
   path: "#0a84ff",

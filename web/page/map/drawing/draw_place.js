@@ -1,12 +1,12 @@
 // The robot's place on the map: its uncertainty, the places between which it is unsure, and what the
 // camera sees at a place that is proposed.
 
-import { t } from "../core/language.js";
-import { proposal } from "../localisation/place.js";
+import { t } from "../../core/language.js";
+import { proposal } from "../../localisation/place.js";
 import { placeLabel } from "./labels.js";
 import { COLOURS, dot, pen } from "./strokes.js";
-import { toPage, view } from "./view.js";
-import { world } from "./world.js";
+import { toPage, view } from "../view.js";
+import { world } from "../world.js";
 
 const SMALLEST_PX = 4;
 const FITS = "#7ef0c2";

@@ -1,19 +1,19 @@
 // The menu of a point of the map, by right click, long press or the menu key: what is there, and what
 // can be done with it.
 
-import { request } from "../core/api.js";
-import { element, make } from "../core/dom.js";
-import { t } from "../core/language.js";
-import { attempt, notify } from "../core/toasts.js";
-import { addGoal } from "../mission/goals.js";
-import { proposeCircle, setMode } from "../zones/draft.js";
-import { removeZone, switchZone } from "../zones/zones.js";
+import { request } from "../../core/api.js";
+import { element, make } from "../../core/dom.js";
+import { t } from "../../core/language.js";
+import { attempt, notify } from "../../core/toasts.js";
+import { addGoal } from "../../mission/goals.js";
+import { proposeCircle, setMode } from "../../zones/draft.js";
+import { removeZone, switchZone } from "../../zones/zones.js";
 import { choicesFor, discAt, historyItems } from "./erase.js";
 import { startMeasuring, startPlacing } from "./pick.js";
 import { select } from "./selection.js";
 import { describe, targetAt } from "./targets.js";
-import { canvas, toWorld } from "./view.js";
-import { world } from "./world.js";
+import { canvas, toWorld } from "../view.js";
+import { world } from "../world.js";
 
 const menu = element("map-menu");
 const EDGE_PX = 8;

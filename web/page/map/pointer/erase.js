@@ -1,8 +1,8 @@
 // Erasing from the map, with its undo. What the camera sees there later comes back.
 
-import { get, post } from "../core/api.js";
-import { sentence, t } from "../core/language.js";
-import { attempt, notify } from "../core/toasts.js";
+import { get, post } from "../../core/api.js";
+import { sentence, t } from "../../core/language.js";
+import { attempt, notify } from "../../core/toasts.js";
 
 const RADIUS_M = 0.3;
 const CHOICES = [

@@ -1,9 +1,10 @@
-// What the 3D view shows: each page has its own layers and colours, remembered by the browser; the
-// opacity is common to all.
+// What the 3D view shows: each page has its own layers, colours and opacities, remembered by the
+// browser.
 
 import { element, loadSetting, make, saveSetting } from "../core/dom.js";
 import { t } from "../core/language.js";
-import { fade, look, showDisplay } from "./viewer_link.js";
+import { fadeViewer } from "./viewer.js";
+import { look, showDisplay } from "./link.js";
 
 const KEY = "console.viewer";
 const LAYERS = [
@@ -20,7 +21,13 @@ const LAYERS = [
   ["zones", t("zones")],
 ];
 const WITHOUT_OPACITY = new Set(["goals", "robot"]);
-const settings = { hidden: ["candidates"], colour: "camera", follows: false, ...loadSetting(KEY, {}) };
+const settings = {
+  hidden: ["candidates"],
+  colour: "camera",
+  follows: false,
+  strength: {}, // by layer, 0 to 1; 1 for those not named
+  ...loadSetting(KEY, {}),
+};
 const colour = element("cloud-colour");
 const followButton = document.querySelector("[data-look=follow]");
 
@@ -32,13 +39,7 @@ function changed() {
 function send() {
   followButton.setAttribute("aria-pressed", String(settings.follows));
   showDisplay({ cloud_colour: settings.colour, hidden: settings.hidden, follows: settings.follows });
-}
-
-function sendOpacity() {
-  const faded = [...document.querySelectorAll("[data-strength]")].filter(
-    (range) => Number(range.value) < 100,
-  );
-  fade(Object.fromEntries(faded.map((range) => [range.dataset.strength, Number(range.value) / 100])));
+  fadeViewer(settings.strength);
 }
 
 function layerRow([name, text]) {
@@ -54,19 +55,21 @@ function layerRow([name, text]) {
   check.checked = !settings.hidden.includes(name);
   const row = make("li", {}, make("label", {}, check, make("span", {}, text)));
   if (WITHOUT_OPACITY.has(name)) return row;
-  row.append(
-    make("input", {
-      type: "range",
-      min: 10,
-      max: 100,
-      step: 10,
-      value: 100,
-      "data-strength": name,
-      "aria-label": t("Opacity of {text}", { text }),
-      title: t("Opacity, the same for every open console"),
-      onchange: sendOpacity,
-    }),
-  );
+  const range = make("input", {
+    type: "range",
+    min: 10,
+    max: 100,
+    step: 10,
+    value: Math.round(100 * (settings.strength[name] ?? 1)),
+    "data-testid": `opacity-3d-${name}`,
+    "aria-label": t("Opacity of {text}", { text }),
+    title: t("Opacity"),
+    oninput: () => {
+      settings.strength[name] = Number(range.value) / 100;
+      changed();
+    },
+  });
+  row.append(range);
   return row;
 }
 

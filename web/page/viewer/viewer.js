@@ -18,6 +18,7 @@ export const address = `/viewer/${pageId}`;
 export const webgl = findRenderer();
 let frame = null;
 let isShown = false;
+let strengths = {};
 let timer = 0;
 let onLive = () => {};
 const frameListeners = [];
@@ -43,6 +44,12 @@ export function showViewer(shown) {
 // Draw now, however seldom the view is drawn otherwise.
 export function drawViewerNow() {
   if (isShown) frame?.contentWindow?.dispatchEvent(new Event("seen"));
+}
+
+// Set the opacity of layers, 0 to 1 by name: `opacity.js` in viser's page draws with it.
+export function fadeViewer(strength) {
+  strengths = strength;
+  frame?.contentWindow?.dispatchEvent(new CustomEvent("fade", { detail: strengths }));
 }
 
 // Whether viser's page is connected, as the console says.
@@ -95,6 +102,7 @@ function prepare() {
   // viser's own panel and notices would cover the scene; the console has all that an operator needs.
   contentDocument?.head.append(contentDocument.createElement("style"));
   showTheme();
+  fadeViewer(strengths);
 }
 
 // The colour behind the scene is the one behind the map.

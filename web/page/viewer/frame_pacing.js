@@ -37,6 +37,7 @@
     const beganMs = performance.now();
     hasChanged = false;
     window.framesDrawn += 1;
+    window.prepareFrame();
     for (const draw of draws) {
       try {
         draw(now);

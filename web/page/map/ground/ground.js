@@ -1,13 +1,13 @@
 // What does not move below the robot: cells, grid lines and zones. Drawn once for a part of the
 // world, and copied from then on.
 
-import { draft } from "../zones/draft.js";
-import { colourOf } from "../zones/zones.js";
-import { drawLayer } from "./layers.js";
-import { COLOURS, drawGrid, drawOn, fill, line, pen, texture } from "./strokes.js";
+import { draft } from "../../zones/draft.js";
+import { colourOf } from "../../zones/zones.js";
+import { drawLayer } from "../layers.js";
+import { COLOURS, drawGrid, drawOn, fill, line, pen, texture } from "../drawing/strokes.js";
 import * as tiles from "./tiles.js";
-import { canvas, toPage, view, viewKey } from "./view.js";
-import { world } from "./world.js";
+import { canvas, toPage, view, viewKey } from "../view.js";
+import { world } from "../world.js";
 
 const ground = { canvas: new OffscreenCanvas(1, 1), key: "" };
 let zonesVersion = 0;

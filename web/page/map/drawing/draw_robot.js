@@ -1,12 +1,12 @@
 // The robot, its goals, the people around it and its candidate motions on the map.
 
-import { t } from "../core/language.js";
-import { offer } from "../mission/goals.js";
+import { t } from "../../core/language.js";
+import { offer } from "../../mission/goals.js";
 import { placeLabel, shortened } from "./labels.js";
-import { isLit } from "./selection.js";
+import { isLit } from "../pointer/selection.js";
 import { arrow, COLOURS, cross, dot, flag, line, pen } from "./strokes.js";
-import { toPage, view } from "./view.js";
-import { sketch, world } from "./world.js";
+import { toPage, view } from "../view.js";
+import { sketch, world } from "../world.js";
 
 const AHEAD_S = 2;
 const STEP_S = 0.1;

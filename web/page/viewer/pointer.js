@@ -3,10 +3,10 @@
 
 import { clicked, draft } from "../zones/draft.js";
 import { finish } from "../zones/store_draft.js";
-import { cancelPress, placeGoal } from "./pointer.js";
+import { cancelPress, placeGoal } from "../map/pointer/pointer.js";
 import { onFrame } from "./viewer.js";
-import { askFloor, onFloor, sendDraft } from "./viewer_link.js";
-import { onSketch, sketch } from "./world.js";
+import { askFloor, onFloor, sendDraft } from "./link.js";
+import { onSketch, sketch } from "../map/world.js";
 
 const HEADING_PX = 18;
 const HOVER_MS = 100;

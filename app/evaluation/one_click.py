@@ -1,0 +1,282 @@
+"""Benchmark of classes by example: things that no network was trained on, clicked three times.
+
+Each walk is a site of its own: a random world of the test split with two things of one kind of
+`sim.models.unseen_items`. The operator's part: three frames around the first thing, a click into
+the middle of what it covers there, and eight frames of another drive as background. Then the robot
+walks past the second one, as in `detection`: found in time is what the map holds as that class
+before the robot is 1.5 m away; every other region of the class is a false item. A site whose first
+thing is seen from no free place is left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import logging
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console as Terminal
+from rich.progress import track
+from scipy import stats
+
+from app.evaluation.detection import (
+    CLEARANCE_M,
+    TEST_SHARD,
+    drive_poses,
+    picture,
+    walk,
+)
+from app.evaluation.detection_counts import DetectionCounts
+from app.evaluation.summary import rate_interval
+from navcore.errors import Refused
+from navcore.geometry.transform import Pose2
+from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.mission.prototype import Prototype
+from navcore.perception.esanet.segmenter import NetworkSegmenter
+from navcore.perception.example import grown
+from navcore.perception.fused_segmenter import FusedSegmenter
+from navcore.perception.prototype import background_of, example_of, fitted
+from navcore.robot.frame import Frame
+from sim.dataset.generate import shard_seed
+from sim.dataset.renderer import PATTERNS, UNSEEN_LABEL, SceneRenderer
+from sim.dataset.room_generator import random_scene
+from sim.dataset.scene import UNSEEN, Scene, SolidObject, Spot
+from sim.models.unseen_items import UNSEEN_ITEMS
+
+log = logging.getLogger(__name__)
+CLICKS, BACKGROUNDS = 3, 8
+"""Number of clicks, and of frames of the background."""
+CLICK_M, CLICK_PX = (1.0, 2.4), 80
+"""Range of the distance of a click, and the number of pixels that the thing then has."""
+TRIALS = 300
+"""Number of random places and poses that are tried."""
+ENOUGH_FOUND, FEW_FALSE_PER_10_M = 0.8, 1.0
+"""Share of things found in time, and rate of false items, at which the benchmark succeeds."""
+LIST_ID = 1
+"""Class id of the thing."""
+Rng = np.random.Generator
+
+
+@dataclass(slots=True, kw_only=True)
+class OneClickResult:
+    """Counts over some sites."""
+
+    counts: DetectionCounts = field(default_factory=DetectionCounts)
+    """Things in view, found, and false items."""
+    kinds: Counter[str] = field(default_factory=Counter)
+    """Things in view, by kind."""
+    found: Counter[str] = field(default_factory=Counter)
+    """Things found in time, by kind."""
+    false: Counter[str] = field(default_factory=Counter)
+    """False items, by the kind that was clicked."""
+    refused: list[str] = field(default_factory=list)
+    """Why no class could be made, for each site where that was so."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return rates with 95 % intervals (Wilson; exact Poisson) as a JSON object."""
+        seen, found = self.kinds.total(), self.found.total()
+        tens = max(self.counts.walked_m, 1e-9) / 10
+        false = self.false.total()
+        low = stats.chi2.ppf(0.025, 2 * false) / 2 if false else 0.0
+        high = stats.chi2.ppf(0.975, 2 * false + 2) / 2
+        return {
+            "things_in_view": seen,
+            "found_in_time": round(found / max(seen, 1), 4),
+            "found_in_time_ci95": [round(x, 3) for x in rate_interval(found, max(seen, 1))],
+            "found_by_kind": {
+                kind: f"{self.found[kind]}/{count}" for kind, count in sorted(self.kinds.items())
+            },
+            "false_items": false,
+            "false_items_by_kind": dict(self.false),
+            "false_items_per_10_m": round(false / tens, 3),
+            "false_items_per_10_m_ci95": [round(float(x) / tens, 3) for x in (low, high)],
+            "walked_m": round(self.counts.walked_m, 1),
+            "refused": self.refused,
+        }
+
+
+def measure_one_click(network: NetworkSegmenter, *, seeds: range) -> OneClickResult:
+    """Click and walk once on the site of each seed."""
+    result, segmenter = OneClickResult(), FusedSegmenter(network)
+    renderer = SceneRenderer(seed=shard_seed(1, "test", TEST_SHARD), size=(424, 240))
+    for seed in track(seeds, description="walking"):
+        rng = np.random.default_rng((seed, 25))
+        site = _site(renderer, rng, kind=list(UNSEEN_ITEMS)[seed % len(UNSEEN_ITEMS)])
+        renderer.build(site.scene)
+        classes: tuple[BewareClass, ...] = ()
+        try:
+            prototype = _taught(network, renderer, site, rng)
+            if prototype is None:
+                continue
+            classes = (BewareClass(name=UNSEEN, class_id=LIST_ID, prototype=prototype),)
+        except Refused as refusal:
+            result.refused.append(f"{seed}, {site.kind}: {refusal}")
+        beware = BewareList(classes=classes)
+        here = walk(renderer, site.scene, site.drive, rng, segmenter, beware, labels={UNSEEN})
+        result.kinds[site.kind] += here.seen[UNSEEN]
+        result.found[site.kind] += here.found[UNSEEN]
+        result.false[site.kind] += here.false[UNSEEN]
+        result.counts.walked_m += here.walked_m
+        log.info(
+            "site %d, %s: %d of %d found in time, %d false, %.1f m%s",
+            seed,
+            site.kind,
+            here.found[UNSEEN],
+            here.seen[UNSEEN],
+            here.false[UNSEEN],
+            here.walked_m,
+            "" if classes else "; refused",
+        )
+    return result
+
+
+def run_one_click(network: NetworkSegmenter, *, seeds: range, out: Path | None) -> dict[str, Any]:
+    """Measure, print the rates, and write `one-click.json` into `out`."""
+    summary = measure_one_click(network, seeds=seeds).summary()
+    (low, high), (least, most) = (
+        summary[f"{key}_ci95"] for key in ("found_in_time", "false_items_per_10_m")
+    )
+    Terminal().print(
+        f"{summary['found_in_time']:.1%} of {summary['things_in_view']} things found in time "
+        f"({low:.1%} to {high:.1%}), {summary['false_items_per_10_m']:.2f} false items per 10 m "
+        f"({least:.2f} to {most:.2f}), {summary['walked_m']:g} m walked; "
+        f"found by kind: {summary['found_by_kind']}; false by kind: "
+        f"{summary['false_items_by_kind']}; refused: {summary['refused'] or 'none'}"
+    )
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "one-click.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    return summary
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Site:
+    """A world with two things of one kind."""
+
+    kind: str
+    scene: Scene
+    drive: list[Pose2]
+    """Poses of the walk."""
+    first: Spot
+    """Place of the thing that is clicked."""
+
+
+def _site(renderer: SceneRenderer, rng: Rng, *, kind: str) -> _Site:
+    """Return a random world in which both things have a place: the second beside the far half of
+    the walk, the first anywhere."""
+    while True:
+        scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
+        drive = drive_poses(scene, rng)
+        tint, by = rng.uniform(-30, 30, 3), rng.uniform(0.7, 1.2)
+        _, size_m, usual = UNSEEN_ITEMS[kind]
+        red, green, blue = (
+            int(np.clip(c * by + t, 10, 250)) for c, t in zip(usual, tint, strict=True)
+        )
+        radius_m = 0.7 * max(size_m[:2])
+        for beside in (True, False):
+            spot = _free_spot(scene, rng, radius_m, drive[len(drive) // 2 :] if beside else None)
+            if spot is None:
+                break
+            scene = _with_thing(scene, rng, kind, (red, green, blue), spot)
+        else:
+            assert spot is not None
+            return _Site(kind=kind, scene=scene, drive=drive, first=spot)
+
+
+def _free_spot(scene: Scene, rng: Rng, radius_m: float, beside: list[Pose2] | None) -> Spot | None:
+    """Return a free place, before one of some given poses; None if there is none."""
+    for _ in range(TRIALS):
+        if beside:
+            pose = beside[int(rng.integers(len(beside)))]
+            turn, away = pose.yaw_rad + rng.uniform(-0.9, 0.9), rng.uniform(0.4, 1.4)
+            x_m, y_m = pose.x_m + away * math.cos(turn), pose.y_m + away * math.sin(turn)
+        else:
+            x_m, y_m = (rng.uniform(-reach, reach) for reach in scene.reach_m)
+        spot = Spot(x_m=float(x_m), y_m=float(y_m), radius_m=radius_m)
+        inside = abs(x_m) < scene.reach_m[0] and abs(y_m) < scene.reach_m[1]
+        if inside and _is_free(scene, spot):
+            return spot
+    return None
+
+
+def _is_free(scene: Scene, spot: Spot) -> bool:
+    return all(
+        math.hypot(spot.x_m - other.x_m, spot.y_m - other.y_m) > spot.radius_m + other.radius_m
+        for other in scene.blocked
+    )
+
+
+def _with_thing(
+    scene: Scene, rng: Rng, kind: str, colour: tuple[int, int, int], spot: Spot
+) -> Scene:
+    """Return the scene with one more thing, its size a little its own."""
+    build, (x, y, z), _ = UNSEEN_ITEMS[kind]
+    by_x, by_y, by_z = (float(by) for by in rng.uniform(0.95, 1.05, 3))
+    pose = Pose2(x_m=spot.x_m, y_m=spot.y_m, yaw_rad=float(rng.uniform(-math.pi, math.pi)))
+    thing = SolidObject(
+        label=UNSEEN, solids=build((x * by_x, y * by_y, z * by_z), colour), pose=pose
+    )
+    return dataclasses.replace(
+        scene, objects=(*scene.objects, thing), blocked=(*scene.blocked, spot)
+    )
+
+
+def _taught(
+    network: NetworkSegmenter, renderer: SceneRenderer, site: _Site, rng: Rng
+) -> Prototype | None:
+    """Return the prototype of three clicks, None where the thing is seen from no free place; raises
+    `Refused` where it cannot be made."""
+    clicked = list(_views(renderer, site, rng))
+    if not clicked:
+        return None
+    described = [network.described(frame) for frame, _ in clicked]
+    examples = [
+        example_of(frame, cells, grown(frame, *_middle(truth & (frame.depth_m > 0))))
+        for (frame, truth), cells in zip(clicked, described, strict=True)
+    ]
+    other = drive_poses(site.scene, rng)
+    frames = [
+        picture(renderer, site.scene, pose, rng)[0]
+        for pose in other[:: max(1, len(other) // BACKGROUNDS)]
+    ]
+    seen = [(frame, cells) for (frame, _), cells in zip(clicked, described, strict=True)]
+    seen += [(frame, network.described(frame)) for frame in frames]
+    background = [background_of(frame, cells, examples) for frame, cells in seen]
+    return fitted(network.identity, examples, np.concatenate(background))
+
+
+def _views(
+    renderer: SceneRenderer, site: _Site, rng: Rng
+) -> Iterator[tuple[Frame, npt.NDArray[np.bool_]]]:
+    """Yield up to three frames that show the first thing, with its pixels."""
+    yielded = 0
+    for _ in range(TRIALS):
+        turn, away = float(rng.uniform(-math.pi, math.pi)), float(rng.uniform(*CLICK_M))
+        x_m = site.first.x_m - away * math.cos(turn)
+        y_m = site.first.y_m - away * math.sin(turn)
+        stand = Spot(x_m=x_m, y_m=y_m, radius_m=CLEARANCE_M)
+        if not _is_free(site.scene, stand):
+            continue
+        yaw = turn + float(rng.uniform(-0.3, 0.3))
+        pose = Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw)
+        frame, _, labels = picture(renderer, site.scene, pose, rng)
+        truth = labels == UNSEEN_LABEL
+        if truth.sum() >= CLICK_PX:
+            yield frame, truth
+            yielded += 1
+        if yielded == CLICKS:
+            return
+
+
+def _middle(pixels: npt.NDArray[np.bool_]) -> tuple[int, int]:
+    """Return the (row, col) of the pixel nearest to the middle of a thing, where one clicks."""
+    rows, cols = np.nonzero(pixels)
+    nearest = np.argmin(np.hypot(rows - rows.mean(), cols - cols.mean()))
+    return int(rows[nearest]), int(cols[nearest])

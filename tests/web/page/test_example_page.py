@@ -1,0 +1,60 @@
+"""*Beware of this* in the page: a click on a thing, a name, Enter; and without a network."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.navcore.perception.colour_network import ColourNetwork
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import await_map
+from tests.web.page.test_beware_page import names, row
+
+BOX, FLOOR = (45 / 320, 75 / 180), (0.1, 0.95)
+
+
+def click_camera(page: Page, right: float, down: float) -> None:
+    """Click into the camera image, at shares of its width and height."""
+    camera = page.get_by_test_id("camera")
+    box = camera.bounding_box()
+    assert box is not None
+    camera.click(position={"x": right * box["width"], "y": down * box["height"]})
+
+
+class TestWithNetwork:
+    @pytest.fixture
+    def operations(self) -> FakeOperations:
+        """Return a robot whose network has features."""
+        return FakeOperations(network=ColourNetwork())
+
+    def test_a_thing_is_clicked_named_and_in_the_list_with_enter(
+        self, page: Page, operations: FakeOperations
+    ) -> None:
+        await_map(page)
+        page.get_by_test_id("beware-this").click()
+        note = page.get_by_test_id("entry-example-note")
+        expect(note).to_contain_text("Click the thing in the camera image")
+        click_camera(page, *FLOOR)
+        expect(page.get_by_text("there is only floor there").first).to_be_visible()
+        click_camera(page, *BOX)
+        expect(page.get_by_test_id("camera-mask")).to_be_visible()
+        expect(note).to_contain_text("1 click; it takes")
+        expect(page.get_by_test_id("entry-eyes")).to_have_text("Detected by: example")
+        page.keyboard.type("crate")
+        expect(page.get_by_test_id("entry-apply")).to_be_enabled()
+        page.keyboard.press("Enter")
+        expect(row(page, "crate").get_by_test_id("found-by")).to_have_text("example")
+        assert operations.beware.list.named("crate").prototype is not None
+        expect(page.get_by_test_id("entry")).to_be_hidden()
+        expect(page.get_by_test_id("camera-mask")).to_be_hidden()
+        page.get_by_test_id("map-canvas").focus()
+        page.keyboard.press("Control+z")
+        expect(row(page, "crate")).to_have_count(0)
+        assert "crate" not in names(operations)
+
+
+def test_without_a_network_the_page_says_why_the_button_is_off(page: Page) -> None:
+    await_map(page)
+    expect(page.get_by_test_id("beware-this")).to_be_disabled()
+    note = page.get_by_test_id("beware-this-note")
+    expect(note).to_contain_text("only colour rules run here")

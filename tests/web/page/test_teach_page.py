@@ -1,0 +1,116 @@
+"""The page on which the network is taught: marking by mouse and keys, and the stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import httpx
+import numpy as np
+import numpy.typing as npt
+from playwright.sync_api import BrowserContext, Page, expect
+
+from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH
+from tests.web.api.test_teaching import look
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, eventually
+from web.server import ConsoleServer
+
+ON_BLOCK = (30, 37)
+"""Column and row of a pixel of the block."""
+
+
+def opened(
+    new_context: Callable[..., BrowserContext], server: ConsoleServer, width: int, height: int
+) -> Page:
+    """Return the page in a window of a size."""
+    page = new_context(viewport={"width": width, "height": height}).new_page()
+    page.goto(f"{server.url}/teach")
+    return page
+
+
+def click_pixel(page: Page, col: float, row: float) -> None:
+    """Click the middle of a pixel of the image."""
+    box = page.get_by_test_id("marks").bounding_box()
+    assert box is not None
+    scale = box["width"] / WIDTH
+    page.mouse.click(box["x"] + (col + 0.5) * scale, box["y"] + (row + 0.5) * scale)
+
+
+def marked(client: httpx.Client, name: str) -> npt.NDArray[np.bool_]:
+    """Return the stored pixels of a class in the first frame."""
+    stored = client.get("/api/v1/teach/frames/000001/labels").json()
+    flat = np.repeat(stored["runs"][0::2], stored["runs"][1::2]).reshape(HEIGHT, WIDTH)
+    names = stored["class_names"]
+    return np.asarray(flat == names.index(name) + 1 if name in names else flat < 0)
+
+
+def test_an_object_is_marked_by_mouse_and_keys_and_every_edit_is_saved(
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+) -> None:
+    page = opened(new_context, server, 1440, 900)
+    look(operations)
+    page.get_by_test_id("capture").click()
+    expect(page.get_by_test_id("frame-000001")).to_contain_text("not marked")
+    page.get_by_test_id("capture").click()
+    expect(page.locator(".toast")).to_contain_text("there already")
+    page.get_by_test_id("new-class").fill("shoe")
+    page.get_by_test_id("add-class").click()
+    expect(page.get_by_test_id("class")).to_have_value("shoe")
+    click_pixel(page, *ON_BLOCK)
+    expected = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    expected[BLOCK] = True
+    eventually(page, lambda: np.array_equal(marked(client, "shoe"), expected))
+    expect(page.get_by_test_id("frame-000001")).to_contain_text("shoe")
+
+    page.keyboard.press("e")
+    expect(page.get_by_test_id("tool-eraser")).to_have_attribute("aria-checked", "true")
+    click_pixel(page, *ON_BLOCK)
+    eventually(page, lambda: 0 < marked(client, "shoe").sum() < expected.sum())
+    page.keyboard.press("Control+z")
+    eventually(page, lambda: np.array_equal(marked(client, "shoe"), expected))
+    page.keyboard.press("Control+Shift+z")
+    eventually(page, lambda: marked(client, "shoe").sum() < expected.sum())
+    page.keyboard.press("b")
+    click_pixel(page, *ON_BLOCK)
+    eventually(page, lambda: np.array_equal(marked(client, "shoe"), expected))
+
+    look(operations, 3.0, 60)
+    page.get_by_test_id("capture").click()
+    current = page.locator("[aria-current=true]")
+    expect(current).to_have_attribute("data-testid", "frame-000002")
+    page.keyboard.press("p")
+    expect(current).to_have_attribute("data-testid", "frame-000001")
+    page.get_by_test_id("train").click()
+    expect(page.locator(".toast").last).to_contain_text("1 annotated frames show it")
+
+
+def test_the_stop_is_visible_and_works_in_every_window(
+    new_context: Callable[..., BrowserContext], server: ConsoleServer, operations: FakeOperations
+) -> None:
+    for width, height in ((1440, 900), (1024, 768), (390, 844)):
+        page = opened(new_context, server, width, height)
+        expect(page.get_by_test_id("exchange")).not_to_be_empty()
+        stop = page.get_by_test_id("stop")
+        expect(stop).to_be_visible()
+        assert stop.evaluate(IS_TOPMOST) and stop.evaluate(IS_WITHIN_VIEWPORT)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        train = page.get_by_test_id("train")
+        train.scroll_into_view_if_needed()
+        assert stop.evaluate(IS_WITHIN_VIEWPORT) and train.evaluate(IS_WITHIN_VIEWPORT)
+        operations.stops.clear()
+        stop.click()
+        eventually(page, lambda: bool(operations.stops))
+        operations.stops.clear()
+        page.keyboard.press("Space")
+        eventually(page, lambda: bool(operations.stops))
+        page.close()
+    expect_words = opened(new_context, server, 390, 844).locator(".small-screen")
+    expect(expect_words).to_contain_text("larger screen")
+
+
+def test_the_beware_list_leads_to_the_page(page: Page) -> None:
+    link = page.get_by_test_id("teach-link")
+    expect(link).to_have_attribute("href", "/teach")

@@ -1,0 +1,154 @@
+// "Beware of this": clicks on a thing in the camera image become an example of a new class; what it
+// takes is shown over the image and over images of the last minutes, in which one can click, too.
+
+import { post } from "../core/api.js";
+import { element, make, set, setText } from "../core/dom.js";
+import { formatAge } from "../core/format.js";
+import { number, t, tn } from "../core/language.js";
+import { isNarrow, selectTab } from "../core/page_tabs.js";
+import { attempt } from "../core/toasts.js";
+
+const PERIOD_MS = 2000;
+const MAX_CLICKS = 16;
+const image = element("camera");
+const mask = element("camera-mask");
+const part = element("entry-example");
+const note = element("entry-example-note");
+const strip = element("entry-example-looks");
+const takesAway = element("entry-away");
+
+let clicks = [];
+let away = [];
+let prototype = null;
+let pointing = false;
+let newest = 0;
+let timer = 0;
+let onChange = () => {};
+
+export const exampleOf = () => prototype;
+export const onExample = (listener) => {
+  onChange = listener;
+};
+
+// Show the example of a stored class, null for none; clicks are taken only after `point`.
+export function showExample(stored) {
+  clearTimeout(timer);
+  newest += 1;
+  [clicks, away, prototype] = [[], [], stored];
+  takesAway.checked = false;
+  setPointing(false);
+  strip.replaceChildren();
+  set(part, { hidden: !stored });
+  const made = stored?.clicks ?? 0;
+  setText(note, made ? tn("Made of {n} click on a thing.", "Made of {n} clicks on a thing.", made) : "");
+}
+
+// Take clicks into the image from now on.
+export function point() {
+  set(part, { hidden: false });
+  setText(note, t("Click the thing in the camera image, up to five times from several sides."));
+  setPointing(true);
+}
+
+function setPointing(points) {
+  pointing = points;
+  document.body.classList.toggle("picking", points);
+  set(element("entry-away-field"), { hidden: !points });
+  if (points && isNarrow()) selectTab("camera");
+}
+
+async function take(event, shown, frame) {
+  const box = shown.getBoundingClientRect();
+  const share = (at) => Math.min(Math.max(at, 0), 1);
+  const click = await post("/beware/example/click", {
+    right: share((event.clientX - box.left) / box.width),
+    down: share((event.clientY - box.top) / box.height),
+    frame,
+  });
+  if (!pointing) return;
+  const taken = takesAway.checked || event.shiftKey ? away : clicks;
+  taken.push(click.key);
+  if (taken.length > MAX_CLICKS) taken.shift();
+  if (!frame) {
+    mask.src = click.mask;
+    mask.hidden = false;
+  }
+  element("entry-name").focus();
+  await learn();
+}
+
+// Make a prototype of the clicks; only the newest answer counts.
+async function learn() {
+  clearTimeout(timer);
+  if (!clicks.length) return;
+  newest += 1;
+  const asked = newest;
+  try {
+    const made = await post("/beware/example", { clicks, away });
+    if (asked !== newest) return;
+    prototype = made.prototype;
+    show(made.looks);
+    timer = setTimeout(look, PERIOD_MS, asked);
+  } catch (error) {
+    if (asked !== newest) return;
+    prototype = null;
+    setText(note, error.message);
+  }
+  onChange();
+}
+
+// Ask again what it takes, while the form is open.
+async function look(asked) {
+  try {
+    const { looks } = await post("/beware/example/looks", prototype);
+    if (asked === newest) show(looks);
+  } catch (error) {
+    if (asked === newest) setText(note, error.message);
+  }
+  if (asked === newest) timer = setTimeout(look, PERIOD_MS, asked);
+}
+
+function show([live, ...older]) {
+  mask.src = live.mask;
+  mask.hidden = false;
+  const percent = number(100 * live.share, 1);
+  setText(
+    note,
+    tn(
+      "{n} click; it takes {percent} % of the camera image now.",
+      "{n} clicks; it takes {percent} % of the camera image now.",
+      clicks.length,
+      { percent },
+    ),
+  );
+  strip.replaceChildren(
+    ...older.map((one) => {
+      const shown = make("img", { src: one.picture, alt: t("Camera image {age} ago", { age: formatAge(one.age_s) }) });
+      const cover = make("img", { src: one.mask, alt: "" });
+      return make(
+        "figure",
+        {
+          "data-testid": "entry-example-look",
+          onclick: (event) => pointing && attempt(() => take(event, shown, one.frame)),
+        },
+        make("span", {}, shown, cover),
+        make(
+          "figcaption",
+          {},
+          t("{age} ago, {percent} %", { age: formatAge(one.age_s), percent: number(100 * one.share, 1) }),
+        ),
+      );
+    }),
+  );
+}
+
+// Before the click that drafts a zone.
+image.parentElement.addEventListener(
+  "click",
+  (event) => {
+    if (event.target !== image || !pointing) return;
+    event.stopImmediatePropagation();
+    attempt(() => take(event, image));
+  },
+  true,
+);
