@@ -33,11 +33,15 @@ if TYPE_CHECKING:
     from navcore.config.navigator import NavigatorConfig
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
-PAPER_SUITE, ONE_CLICK_SUITE = "paper", "one-click"
+PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
 VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE)
 """Suites in which a camera is carried through worlds and nothing drives."""
 ENOUGH_FOUND, FEW_FALSE_PER_10_M = 0.95, 1.0
 """Share of objects found in time, and rate of false detections, at which `finding` succeeds."""
+
+
+ENOUGH_PASSED = 0.95
+"""Share of doors passed at the first try at which `doors` succeeds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +52,7 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, finding, one-click, localisation and paper."
+            "crossings, doors, finding, one-click, localisation and paper."
         ),
     ]
     experiment: Annotated[
@@ -117,7 +121,7 @@ def evaluate(settings: EvaluateSettings) -> None:
     from navcore.config.navigator import load_config
     from navcore.robot.profile import load_profile
 
-    _check_options(settings, (*SUITES, CROSSINGS_SUITE, *VIEWING, LOCALISATION_SUITE))
+    _check_options(settings, (*SUITES, CROSSINGS_SUITE, DOORS_SUITE, *VIEWING, LOCALISATION_SUITE))
     config = (
         None
         if settings.navigation is None
@@ -143,6 +147,8 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         return _barn(settings, config)
     if settings.suite == CROSSINGS_SUITE:
         return _crossings(settings, config)
+    if settings.suite == DOORS_SUITE:
+        return _doors(settings, config)
     if settings.suite == DETECTION_SUITE:
         return _detection(settings)
     if settings.suite == ONE_CLICK_SUITE:
@@ -240,7 +246,23 @@ def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         odometry=settings.odometry,
         latency=latency_of(settings.latency),
     )
-    return bool(verdict["drove_into_somebody"] == 0)
+    return bool(verdict["drove_into_people"] == 0)
+
+
+def _doors(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
+    from app.episode.latency import latency_of
+    from app.evaluation.doors import evaluate_doors
+
+    verdict = evaluate_doors(
+        seeds=range(settings.seed, settings.seed + (settings.episodes or 50)),
+        fleet=_fleet(settings),
+        out=_out(settings, settings.suite),
+        beware=beware_list(settings.beware),
+        config=config,
+        odometry=settings.odometry,
+        latency=latency_of(settings.latency),
+    )
+    return bool(verdict["first_try"] >= ENOUGH_PASSED)
 
 
 def _detection(settings: EvaluateSettings) -> bool:

@@ -253,8 +253,8 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "episodes": len(reports),
         "latency": reports[0]["latency"],
-        "drove_into_somebody": len(hit),
-        "drove_into_somebody_seeds": [report["seed"] for report in hit],
+        "drove_into_people": len(hit),
+        "drove_into_people_seeds": [report["seed"] for report in hit],
         "struck_while_standing": sum(
             not report["collisions"] and report["struck_while_standing"] > 0 for report in reports
         ),

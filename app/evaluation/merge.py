@@ -8,8 +8,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from app.evaluation import crossings, doors
 from app.evaluation.barn import SUITES, conclude_barn
-from app.evaluation.crossings import SUITE, conclude_crossings
 from app.evaluation.scenario import conclude_scenario
 from app.fleet.campaign_files import (
     EPISODES,
@@ -134,8 +134,10 @@ def _listed(keys: Sequence[int]) -> str:
 
 
 def _concluded(card: CampaignCard, reports: list[Report], out: Path) -> dict[str, Any]:
-    if card.suite == SUITE:
-        return conclude_crossings(reports, out)
+    if card.suite == crossings.SUITE:
+        return crossings.conclude_crossings(reports, out)
+    if card.suite == doors.SUITE:
+        return doors.conclude_doors(reports, out)
     if card.suite in SUITES:
         return conclude_barn(card.suite, reports, out)
     return conclude_scenario(card.suite, card.command, reports, out)

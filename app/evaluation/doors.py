@@ -1,0 +1,187 @@
+"""Evaluation of doors: from a drawn pose on one side of a door of the office, without people and
+items, to a goal on the other.
+
+A door is passed *at the first try* when the goal is reached without a violation and the way is
+hardly longer than the shortest one: who turns back before a door drives farther than that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.episode.episode import Episode, EpisodeSettings
+from app.episode.latency import NO_LATENCY, Latency
+from app.evaluation.campaign import HERE, Campaign, Fleet, conclude
+from app.evaluation.summary import rate_interval
+from navcore.config.navigator import NavigatorConfig
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Pose2
+from navcore.mission.beware_list import BewareList
+from sim.robot.odometry_grade import OdometryGrade
+from sim.scenario.load import load_scenario
+from sim.scenario.schema import Scenario
+
+WORLD = "office"
+DOORS = (
+    ((-10.0, 1.5), 1.0),
+    ((3.0, 1.5), 1.0),
+    ((9.0, 1.5), 1.0),
+    ((-8.0, -1.5), -1.0),
+    ((-1.0, -1.5), -1.0),
+    ((11.0, -1.5), -1.0),
+)
+"""The doors between corridor and rooms: the middle, and the sign of y on the side of the room."""
+ROOM_M, CORRIDOR_M = (1.5, 2.6), (1.2, 1.8)
+"""Distance of start and goal from the line of the door, metres."""
+ASIDE_M, TURNED_RAD = 1.5, 0.6
+"""Largest distance of start and goal beside the middle of the door, and largest angle between the
+robot's heading and the door."""
+PATIENCE_S = 60.0
+"""Time limit of an episode, simulated seconds."""
+DETOUR_M = 1.5
+"""Distance beyond the shortest way that still is the first try, metres."""
+SUITE = "doors"
+COLUMNS = (
+    *("seed", "door", "into_room", "first_try", "goals_reached", "collisions", "min_clearance_m"),
+    *("distance_m", "shortest_m", "sim_time_s", "wall_time_s"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Passage:
+    """A drive through a door, as drawn from a seed."""
+
+    door: tuple[float, float]
+    """Middle of the door."""
+    into_room: bool
+    """Whether the robot drives from the corridor into the room."""
+    start: Pose2
+    """Pose at the start."""
+    goal: tuple[float, float]
+    """Goal on the other side."""
+
+
+def draw_passage(seed: int) -> Passage:
+    """Return the passage of a seed."""
+    rng = np.random.default_rng((seed, 0xD0025))
+    (x, y), room = DOORS[rng.integers(len(DOORS))]
+    into_room = bool(rng.integers(2))
+    before, beyond = (CORRIDOR_M, ROOM_M) if into_room else (ROOM_M, CORRIDOR_M)
+    side = -room if into_room else room
+    start_x, goal_x = x + rng.uniform(-ASIDE_M, ASIDE_M), x + rng.uniform(-ASIDE_M, ASIDE_M)
+    start_y, goal_y = y + side * rng.uniform(*before), y - side * rng.uniform(*beyond)
+    towards = math.atan2(y - start_y, x - start_x) + rng.uniform(-TURNED_RAD, TURNED_RAD)
+    return Passage(
+        door=(x, y),
+        into_room=into_room,
+        start=Pose2(x_m=float(start_x), y_m=float(start_y), yaw_rad=float(towards)),
+        goal=(float(goal_x), float(goal_y)),
+    )
+
+
+def quiet_office() -> Scenario:
+    """Return the office without people, red floor and items."""
+    return dataclasses.replace(load_scenario(WORLD), people=(), markings=(), items=())
+
+
+def evaluate_doors(
+    *,
+    seeds: Iterable[int],
+    fleet: Fleet = HERE,
+    out: Path,
+    beware: BewareList,
+    max_time_s: float = PATIENCE_S,
+    config: NavigatorConfig | None = None,
+    odometry: OdometryGrade = OdometryGrade.TYPICAL,
+    latency: Latency = NO_LATENCY,
+) -> dict[str, Any]:
+    """Drive one passage per seed, print a table, write `summary.json`; return the summary."""
+    config = config or NavigatorConfig()
+    drive = partial(
+        drive_passage,
+        beware=beware,
+        max_time_s=max_time_s,
+        config=config,
+        odometry=odometry,
+        latency=latency,
+    )
+    campaign = Campaign(
+        suite=SUITE,
+        key="seed",
+        rules=(SUITE, draw_passage(0), beware.classes, max_time_s, config, odometry, latency),
+        holds="another campaign, beware list, odometry, latency or time limit",
+        drive=drive,
+        drive_alone=drive,
+    )
+    return conclude_doors(campaign.run(list(seeds), fleet=fleet, out=out), out)
+
+
+def conclude_doors(reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
+    """Print the table of a campaign, write `summary.json`, return the summary."""
+    summary = summarise(reports)
+    conclude(reports, summary, columns=COLUMNS, title=SUITE, out=out)
+    return summary
+
+
+def drive_passage(
+    seed: int,
+    *,
+    beware: BewareList,
+    max_time_s: float,
+    config: NavigatorConfig | None = None,
+    odometry: OdometryGrade = OdometryGrade.TYPICAL,
+    latency: Latency = NO_LATENCY,
+) -> dict[str, Any]:
+    """Drive the passage of a seed; return its report with the drawn values."""
+    passage = draw_passage(seed)
+    settings = EpisodeSettings(
+        beware=beware,
+        goals=(passage.goal,),
+        start=passage.start,
+        max_time_s=max_time_s,
+        config=config,
+        odometry=odometry,
+        latency=latency,
+    )
+    episode = Episode(quiet_office(), settings, seed=seed)
+    try:
+        report = episode.run()
+    finally:
+        episode.close()
+    return {
+        **report,
+        "door": list(passage.door),
+        "into_room": passage.into_room,
+        "first_try": is_first_try(report),
+    }
+
+
+def is_first_try(report: dict[str, Any]) -> bool:
+    """Return whether a report is that of a robot that passed the door at the first try."""
+    if report["shortest_m"] is None:
+        raise BadConfiguration("the goal beyond the door cannot be reached at all")
+    return bool(report["success"] and report["distance_m"] <= report["shortest_m"] + DETOUR_M)
+
+
+def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the summary of a campaign as a JSON object, with Wilson's interval."""
+    passed = [report for report in reports if report["first_try"]]
+    return {
+        "episodes": len(reports),
+        "latency": reports[0]["latency"],
+        "first_try": round(len(passed) / len(reports), 4),
+        "first_try_ci95": [round(end, 4) for end in rate_interval(len(passed), len(reports))],
+        "not_at_first_try_seeds": [report["seed"] for report in reports if not report["first_try"]],
+        "goals_reached": sum(report["goals_reached"] for report in reports),
+        "collisions": sum(report["collisions"] for report in reports),
+        "min_clearance_m": min(report["min_clearance_m"] for report in reports),
+        "sim_time_s": round(float(np.mean([report["sim_time_s"] for report in reports])), 2),
+    }

@@ -1,0 +1,31 @@
+"""Doors of the office: what is drawn, and what counts as passed at the first try."""
+
+from __future__ import annotations
+
+import math
+
+from app.evaluation.doors import DOORS, draw_passage, drive_passage, is_first_try, summarise
+from navcore.mission.beware_list import default_beware_list
+
+
+def test_start_and_goal_lie_on_both_sides_of_a_door_and_a_seed_draws_the_same() -> None:
+    drawn = [draw_passage(seed) for seed in range(60)]
+    assert drawn == [draw_passage(seed) for seed in range(60)]
+    assert {passage.door for passage in drawn} == {door for door, _ in DOORS}
+    assert {passage.into_room for passage in drawn} == {True, False}
+    for passage in drawn:
+        (x, y), start = passage.door, passage.start
+        assert (start.y_m - y) * (passage.goal[1] - y) < 0
+        towards = math.atan2(y - start.y_m, x - start.x_m)
+        assert abs(math.remainder(start.yaw_rad - towards, math.tau)) <= 0.6
+
+
+def test_a_door_is_passed_and_a_way_back_is_no_first_try() -> None:
+    report = drive_passage(3, beware=default_beware_list(), max_time_s=40.0)
+    assert report["goals_reached"] == 1
+    assert report["first_try"]
+    longer = {**report, "distance_m": report["shortest_m"] + 2.0}
+    assert not is_first_try(longer)
+    assert not is_first_try({**report, "success": False})
+    summary = summarise([report, {**longer, "first_try": False}])
+    assert (summary["first_try"], summary["not_at_first_try_seeds"]) == (0.5, [3])
