@@ -205,6 +205,32 @@ def test_longer_words_fit_a_tablet_and_a_phone(
             assert_fits(page)
 
 
+CUT_OFF = """() => {
+  const bar = document.querySelector(".bar").getBoundingClientRect();
+  return [...document.querySelectorAll(".bar :is(button, span)")].filter((node) => {
+    const box = node.getBoundingClientRect();
+    const isOut = box.top < bar.top || box.bottom > bar.bottom;
+    return box.width > 0 && !node.closest(".unseen") && isOut;
+  }).map((node) => node.textContent.trim());
+}"""
+"""JavaScript: the texts of what stands out of the header."""
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_the_header_has_room_for_who_has_control(
+    new_context: Opener, server: ConsoleServer, language: str
+) -> None:
+    first = opened(new_context, server, language)
+    first.get_by_test_id("goal-input").fill("3, 0")
+    first.get_by_test_id("goal-add").click()  # who acts has control
+    second = opened(new_context, server, language, (1200, 768))
+    expect(second.get_by_test_id("control-ask")).to_be_visible()
+    for width in (1440, 1180, 1024, 960):
+        second.set_viewport_size({"width": width, "height": 768})
+        second.wait_for_timeout(50)
+        assert second.evaluate(CUT_OFF) == [], f"{width} px"
+
+
 def test_the_language_that_is_chosen_stays(new_context: Opener, server: ConsoleServer) -> None:
     page = opened(new_context, server, "en-US")
     expect(page.get_by_test_id("start")).to_contain_text("Start")
