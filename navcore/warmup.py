@@ -12,11 +12,14 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.control import dynamic_window
 from navcore.control.manoeuvre import ManoeuvreProblem, manoeuvre_along
-from navcore.control.social import NO_PEOPLE, clear_of_people
+from navcore.control.motion_primitives import errors_to_path
+from navcore.control.social import NO_PEOPLE, clear_of_people, waiting_index
 from navcore.costmap.live_costmap import LiveCostmap
 from navcore.geometry.camera import Intrinsics, pixel_rays
 from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.grid.bitplane import plane_of
+from navcore.grid.flood_fill import crossings
 from navcore.grid.grid import GridSpec
 from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.relocalisation.place_map import place_map_of
@@ -119,14 +122,17 @@ def _plan_paths() -> None:
         costmap = live.follow(_BEWARE, zones)
         planner.route(costmap, pose, request, (), GlobalPlanner.plan)
         planner.preview(costmap, pose, _GOAL)
+    # From outside the zone, in which the goal lies.
     viewpoint_before_gap(
         costmap,
-        _SPEC.cell(0.0, 0.0),
+        _SPEC.cell(-3.0, 0.0),
         _SPEC.cell(*_GOAL),
         vehicle_width_m=0.7,
         relief_cells=9.0,
         body_m=_CONFIG.map.body_m,
     )
+    plane = costmap.free.plane
+    crossings(plane, np.zeros_like(plane), plane, plane_of(_SPEC.cell(*_GOAL), like=plane))
     free = np.ones((4, 4), dtype=np.bool_)
     plan_weighted(free, ~free, 2.0, (0, 0), (3, 3))
 
@@ -146,6 +152,8 @@ def _manoeuvre() -> None:
     poses = np.zeros((1, 2, 3))
     person = dataclasses.replace(NO_PEOPLE, walking=np.array([[3.0, 0.0, 0.0, 1.0, 0.3]]))
     clear_of_people(person, poses, poses[..., 0].copy(), HUSKY, _CONFIG.people)
+    waiting_index(person, poses[0], poses[0, :, 0].copy(), HUSKY, _CONFIG.people)
+    errors_to_path(path, poses, horizon_m=1.0, tangent_m=0.2)
     arc_position(0.5, 0.1, 0.2)
     dynamic_window.warm(HUSKY)
 

@@ -64,6 +64,8 @@ from web.starting import StartingPage
 
 EXPIRY_S = 1.0
 """Time between two checks of the zones' expiry, seconds."""
+SIGNAL_S = 0.5
+"""Longest time until a signal that came to another thread is handled, seconds."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Addresses that need no login."""
 
@@ -336,4 +338,6 @@ def run_console(
                 f"Log in as admin with the password {running.password} - it is shown this once.",
                 flush=True,
             )
-        ended.wait()
+        # In turns: a signal that came to another thread does not wake this one, which handles it.
+        while not ended.wait(SIGNAL_S):
+            pass

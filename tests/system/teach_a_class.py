@@ -1,6 +1,11 @@
 """The pipeline of the paper's figure 3 in a running simulator: frames are captured and annotated, a
 class that the network never knew is taught, the network is exchanged without a restart, and the
-robot drives round what it would have driven over."""
+robot drives round what it would have driven over.
+
+`make test-teaching` runs it. It takes minutes, as a training has the lowest priority, and what it
+learns depends on the frames of a live drive; the parts of the pipeline are tested in
+`tests/app/teaching`.
+"""
 
 from __future__ import annotations
 
