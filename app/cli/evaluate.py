@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -234,27 +234,31 @@ def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
 
 
 def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
-    from app.episode.latency import latency_of
     from app.evaluation.crossings import evaluate_crossings
 
-    verdict = evaluate_crossings(
-        seeds=range(settings.seed, settings.seed + (settings.episodes or 200)),
-        fleet=_fleet(settings),
-        out=_out(settings, settings.suite),
-        beware=beware_list(settings.beware),
-        config=config,
-        odometry=settings.odometry,
-        latency=latency_of(settings.latency),
-    )
+    verdict = _seeded(settings, config, evaluate_crossings, episodes=200)
     return bool(verdict["drove_into_people"] == 0)
 
 
 def _doors(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
-    from app.episode.latency import latency_of
     from app.evaluation.doors import evaluate_doors
 
-    verdict = evaluate_doors(
-        seeds=range(settings.seed, settings.seed + (settings.episodes or 50)),
+    verdict = _seeded(settings, config, evaluate_doors, episodes=50)
+    return bool(verdict["first_try"] >= ENOUGH_PASSED)
+
+
+def _seeded(
+    settings: EvaluateSettings,
+    config: NavigatorConfig | None,
+    evaluate_suite: Callable[..., dict[str, Any]],
+    *,
+    episodes: int,
+) -> dict[str, Any]:
+    """Run a suite that draws one episode of each seed; `episodes`: their number by default."""
+    from app.episode.latency import latency_of
+
+    return evaluate_suite(
+        seeds=range(settings.seed, settings.seed + (settings.episodes or episodes)),
         fleet=_fleet(settings),
         out=_out(settings, settings.suite),
         beware=beware_list(settings.beware),
@@ -262,7 +266,6 @@ def _doors(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
         odometry=settings.odometry,
         latency=latency_of(settings.latency),
     )
-    return bool(verdict["first_try"] >= ENOUGH_PASSED)
 
 
 def _detection(settings: EvaluateSettings) -> bool:
