@@ -45,6 +45,9 @@ def open_tab(page: Page, name: str) -> None:
         tab.click()
 
 
+TABS = ("goals", "zones", "camera", "classes")
+"""States of a page with tabs; on a large screen these parts are beside the map."""
+
 STATES: dict[str, Callable[[Page], None]] = {
     "map": lambda page: None,
     "stopped": lambda page: page.get_by_test_id("stop").click(),

@@ -11,6 +11,15 @@ from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, eventually, middle_of
 from web.server import ConsoleServer
 
+OVERLAPS = """() => [...document.querySelectorAll(".chart")].flatMap((chart) => {
+  const texts = [...chart.querySelectorAll("text")]
+    .map((text) => [text.textContent, text.getBoundingClientRect()]);
+  return texts.flatMap(([one, a], i) => texts.slice(i + 1)
+    .filter(([, b]) => a.left < b.right && b.left < a.right
+      && a.top + 2 < b.bottom && b.top + 2 < a.bottom)
+    .map(([other]) => `${one} and ${other}`));
+})"""
+"""JavaScript: texts of a plot of which one covers the other."""
 TICKS = """async ([low, high]) => {
   const { ticksOf } = await import("/page/insight/ticks.js");
   return ticksOf(low, high);
@@ -163,6 +172,12 @@ def test_the_pointer_shows_the_values_of_all_plots_at_one_time(page: Page) -> No
     page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 40)
     for chart in (speed, distance):
         expect(chart.locator("b")).to_have_text(re.compile(r"^[\d.]+ at \d\d:\d\d:\d\d$"))
+
+
+def test_no_text_of_a_plot_covers_another(page: Page) -> None:
+    page.get_by_test_id("tab-plots").click()
+    expect(page.locator(".chart path")).to_have_count(5)
+    assert page.evaluate(OVERLAPS) == []
 
 
 def test_the_page_of_the_interface_copies_and_tries_calls(

@@ -65,7 +65,7 @@ export function plot(figure, name, curves, { startUnixS = null, marks = [] } = {
   const ends = startUnixS === null
     ? ["0", durationText(duration)]
     : [clockText(startUnixS), clockText(startUnixS + duration)];
-  svg.append(label(ends[0], LEFT, 122, "start"), label(ends[1], LEFT + span, 122, "end"));
+  svg.append(label(ends[0], LEFT, 125, "middle"), label(ends[1], LEFT + span, 125, "end"));
   const [first] = filled;
   for (const { t, text } of marks) {
     if (t < first.t[0]) continue;
