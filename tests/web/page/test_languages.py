@@ -196,9 +196,12 @@ def test_longer_words_fit_a_tablet_and_a_phone(
     furnish(operations)
     page = opened(new_context, server, language, SIZES["tablet"])
     page.get_by_test_id("stop").click()
+    expect(page.get_by_test_id("reset")).to_be_enabled()
     STATES["draft"](page)
     for width, height in (SIZES["tablet"], SIZES["phone"]):
         page.set_viewport_size({"width": width, "height": height})
+        is_whole = "(text) => text.scrollHeight <= text.clientHeight + 1"
+        assert page.get_by_test_id("state-text").evaluate(is_whole)
         for tab in ("map", "goals", "zones", "camera", "more"):
             page.get_by_test_id(f"page-tab-{tab}").click()
             page.wait_for_timeout(50)

@@ -55,6 +55,18 @@ def tap_stop(page: Page) -> None:
     expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
 
 
+def test_hints_leave_out_the_keys_and_the_list_of_keys_begins_at_its_top(
+    open_phone: Opener,
+) -> None:
+    page = open_phone(*PHONE)
+    await_map(page)
+    page.get_by_test_id("mode-draw").tap()
+    assert page.locator("#hint").inner_text().strip() == "Click the corners."
+    page.get_by_test_id("help-button").tap()
+    expect(page.get_by_test_id("help")).to_be_visible()
+    expect(page.locator("#help-keys dt").first).to_be_in_viewport(ratio=1.0)
+
+
 @pytest.mark.parametrize("size", [PHONE, (360, 640), (759, 900), (844, 390), (930, 700)])
 def test_stop_and_state_are_on_the_screen_of_every_tab_and_nothing_is_wider(
     size: tuple[int, int], open_phone: Opener, operations: FakeOperations

@@ -1,7 +1,7 @@
 // What the pointer does on the map, and the zone that is being drawn or edited. The draft is kept
 // here only, so that no message of the robot can overwrite it.
 
-import { element } from "../core/dom.js";
+import { element, make } from "../core/dom.js";
 import {
   distance,
   geometryOf,
@@ -20,18 +20,26 @@ const DOUBLE_CLICK_M = 0.3;
 const CLOSED_STROKE_M = 0.3;
 const FREEHAND_TOLERANCE_M = 0.04;
 const MAX_UNDO = 200;
+// What the hand does, and the keys that help it.
+const CANCELS = t("Esc cancels.");
+const FINISHES = t("Enter finishes the zone, Esc cancels.");
+const FINISHES_TOO = t("Double-click or Enter finishes the zone, Backspace undoes, Esc cancels.");
 const HINTS = {
-  navigate: "",
-  measure: t("Click where the measurement ends. Esc cancels."),
-  place: t("Drag or click in the direction in which it faces. Esc cancels."),
-  goal: t("Click the floor to add a goal, drag to give it a heading; hover to see the path. Esc when done."),
-  polygon:
-    t("Click the corners. Double-click or Enter finishes the zone, Backspace undoes, Esc cancels."),
-  circle: t("Click the centre, then the edge. Enter finishes the zone, Esc cancels."),
-  corridor:
-    t("Click along the line. Double-click or Enter finishes the zone, Backspace undoes, Esc cancels."),
-  free: t("Press and draw around the area. Enter finishes the zone, Esc cancels."),
-  edit: t("Drag a corner, the zone, or a hollow mark to add a corner; Delete removes one. Enter saves, Esc cancels."),
+  navigate: [],
+  measure: [t("Click where the measurement ends."), CANCELS],
+  place: [t("Drag or click in the direction in which it faces."), CANCELS],
+  goal: [
+    t("Click the floor to add a goal, drag to give it a heading."),
+    t("Hover to see the path, Esc when done."),
+  ],
+  polygon: [t("Click the corners."), FINISHES_TOO],
+  circle: [t("Click the centre, then the edge."), FINISHES],
+  corridor: [t("Click along the line."), FINISHES_TOO],
+  free: [t("Press and draw around the area."), FINISHES],
+  edit: [
+    t("Drag a corner, the zone, or a hollow mark to add a corner."),
+    t("Delete removes a corner, Enter saves, Esc cancels."),
+  ],
 };
 
 export const draft = {
@@ -206,7 +214,8 @@ export const asZone = () => ({
 // Show the draft as it is now, and ask what it would do to the path.
 export function changed() {
   describe(draft);
-  element("hint").textContent = HINTS[draft.mode === "draw" ? draft.tool : draft.mode];
+  const [act, keys] = HINTS[draft.mode === "draw" ? draft.tool : draft.mode];
+  element("hint").replaceChildren(...(act ? [act, make("span", { class: "keys" }, ` ${keys}`)] : []));
   Object.assign(draft, { preview: [], present: [], verdict: "" });
   notifyListeners();
   askPreview(

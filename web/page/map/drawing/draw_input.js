@@ -68,7 +68,11 @@ export function drawSketch() {
 export function drawScale(height) {
   const metres = SCALES_M.find((m) => m * view.scale > MIN_SCALE_PX) ?? SCALES_M.at(-1);
   const [x, y] = [canvas.clientWidth - metres * view.scale - 14, height - 14];
-  pen.fillStyle = isLight() ? "#1d2733" : "#e6ebf2";
+  const [ink, ground] = isLight() ? ["#1d2733", "#ffffffcc"] : ["#e6ebf2", "#0b0f15cc"];
+  // A wall below it may have its colour.
+  pen.fillStyle = ground;
+  pen.fillRect(x - 5, y - 19, metres * view.scale + 10, 27);
+  pen.fillStyle = ink;
   pen.fillRect(x, y, metres * view.scale, 3);
   pen.font = "12px sans-serif";
   pen.textAlign = "left";
