@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -77,6 +78,18 @@ def test_the_line_changes_at_most_once_a_second_though_the_robot_says_more(
     times = [at for at, _ in page.evaluate("window.texts")]
     assert 1 <= len(times) <= 5
     assert all(later - earlier > 950 for earlier, later in pairwise(times))
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_an_old_map_fades_only_around_a_robot_that_moves(
+    page: Page, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch, moving: bool
+) -> None:
+    state = operations.state
+    monkeypatch.setattr(
+        operations, "state", lambda: replace(state(), frame_age_s=3.0, moving=moving)
+    )
+    expect(page.get_by_test_id("age-map")).to_have_text("▲ map 3.0 s")
+    assert ("old-map" in (page.locator("body").get_attribute("class") or "")) is moving
 
 
 def test_a_stop_that_was_not_delivered_is_sent_until_it_is_and_then_says_so(
