@@ -11,6 +11,7 @@ MOST_ANIMATION_BYTES = 1_500_000
 MOST_BYTES = 300_000
 PAGES = {
     "screenshot.jpg": FOLDER.parent / "README.md",
+    "screenshot-why.jpg": FOLDER / "README.md",
     "screenshot-log.jpg": FOLDER / "README.md",
     "screenshot-layers.jpg": FOLDER / "README.md",
 }

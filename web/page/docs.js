@@ -1,6 +1,8 @@
 // The page of the API, made from /openapi.json alone: it needs no network, as the whole console. A
 // call that only reads can be tried on the page; every call can be copied for a shell.
 
+import "./core/theme.js";
+
 const MAX_DEPTH = 6;
 const MAX_SHOWN = 4000;
 const root = document.getElementById("docs");

@@ -3,6 +3,7 @@ main state, both themes and three sizes."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
@@ -13,6 +14,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, await_map
 from tests.web.page.states import SIZES, STATES, TABS, furnish
+from web.pages import FOLDER
 from web.server import ConsoleServer
 
 AXE = (Path(__file__).parent / "axe" / "axe.min.js").read_text(encoding="utf-8")
@@ -102,7 +104,22 @@ def test_the_pages_of_runs_and_of_the_interface_have_no_serious_finding(
         page.goto(server.url + path)
         page.wait_for_timeout(800)
         page.evaluate(AXE)
-        assert serious_findings(page) == [], path
+        grounds = set()
+        for theme in ("dark", "light"):
+            page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
+            assert serious_findings(page) == [], (path, theme)
+            grounds.add(page.locator("body").evaluate("(b) => getComputedStyle(b).backgroundColor"))
+        assert len(grounds) == 2, path
+
+
+def test_no_style_sheet_has_text_below_the_least_size() -> None:
+    sizes = {
+        (sheet.name, int(size))
+        for sheet in (FOLDER / "styles").glob("*.css")
+        for size in re.findall(r"font-size:\s*(\d+)px", sheet.read_text(encoding="utf-8"))
+    }
+    assert len(sizes) > 20
+    assert {one for one in sizes if one[1] < LEAST_FONT_PX} == set()
 
 
 def test_the_check_finds_a_control_without_a_name_and_pale_text(page: Page) -> None:

@@ -96,7 +96,7 @@ onStale((seconds) => {
     {
       kind: "unknown",
       text: t(
-        "NO CONNECTION for {age}: what is below is out of date. STOP is still sent; the robot stops by itself when it loses its own link.",
+        "NO CONNECTION for {age}: what is below is out of date. STOP is still sent.",
         { age },
       ),
     },
