@@ -12,8 +12,20 @@ from playwright.sync_api import Page, Route, expect
 from navcore.mission.zone import ZoneKind
 from navcore.mission.zone_shapes import Circle, Corridor
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import await_map, click_map, on_page
+from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, click_map, on_page
 from web.interface.drafts import ZoneDraft
+
+IS_IN_ROW = """(part) => {
+  const [inner, row] = [part, part.closest("li")].map((node) => node.getBoundingClientRect());
+  return inner.left >= row.left && inner.right <= row.right && inner.bottom <= row.bottom
+    && part.scrollWidth <= part.clientWidth + (part.matches(".name") ? Infinity : 1);
+}"""
+"""JavaScript: whether a part of a row is inside it and whole; a name may end in an ellipsis."""
+LISTS = """() => ["goals", "zones"].map((id) => {
+  const list = document.getElementById(id);
+  return [list.closest(".card").clientHeight, list.scrollWidth, list.clientWidth];
+})"""
+"""JavaScript: height of the cards of goals and zones, width of their lists and what of it shows."""
 
 
 def drag(page: Page, *points: tuple[float, float]) -> None:
@@ -53,6 +65,39 @@ def test_every_shape_is_drawn_with_the_pointer_and_a_speed_limit_is_one_choice_a
     assert isinstance(strip.drawn, Corridor) and strip.drawn.width_m == 0.5
     assert (strip.kind, strip.max_speed_mps) == (ZoneKind.SPEED_LIMIT, 0.25)
     assert hand.drawn is None and 4 <= len(hand.polygon) <= 12
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (1024, 768)])
+def test_a_limit_with_an_end_leaves_its_row_whole_and_a_draft_takes_no_room_from_the_lists(
+    page: Page, operations: FakeOperations, size: tuple[int, int]
+) -> None:
+    await_map(page)
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    square = ((-4.0, 2.0), (-2.6, 2.0), (-2.6, 3.2), (-4.0, 3.2))
+    operations.zones.add(
+        ZoneDraft(
+            name="Wet floor by the kitchen",
+            polygon=square,
+            kind=ZoneKind.SPEED_LIMIT,
+            max_speed_mps=0.3,
+            expires_in_s=900.0,
+        )
+    )
+    operations.goals.add(6.0, 0.5)
+    row = page.get_by_test_id("zone")
+    expect(row.locator(".terms")).to_contain_text("0.3 m/s")
+    for part in ("zone-enabled", "zone-rename", "zone-edit", "zone-delete"):
+        assert row.get_by_test_id(part).evaluate(IS_IN_ROW), part
+    assert row.locator(".terms").evaluate(IS_IN_ROW)
+    # Eight characters of the name at least.
+    assert row.get_by_test_id("zone-rename").evaluate("(name) => name.clientWidth") >= 64
+    before = page.evaluate(LISTS)
+    assert all(wide == shown for _, wide, shown in before)
+    page.get_by_test_id("mode-draw").click()
+    click_map(page, 0.0, 3.0)
+    expect(page.get_by_test_id("draft")).to_be_visible()
+    assert page.get_by_test_id("draft").evaluate(IS_WITHIN_VIEWPORT)
+    assert page.evaluate(LISTS) == before
 
 
 def test_a_drawing_begun_before_a_slow_answer_starts_after_it_and_no_zone_is_stored_twice(
