@@ -92,8 +92,9 @@ class Walks:
         `summary.json`, and return the summary. Raises `BadConfiguration` for the folder of
         others."""
 
+        origin = {"version": version(), "machine": machine()}
+
         def drive(seed: int) -> dict[str, Any]:
-            origin = {"version": version(), "machine": machine()}
             return {"seed": seed} | origin | self.walk(seed).report()
 
         campaign = Campaign(
