@@ -192,11 +192,14 @@ def test_a_class_is_taught_and_avoided(
         assert post("/api/v1/teach/frames.zip", content=archive).json()["added"] == len(LOOKS)
         page.reload()
 
-        frames = program.get("/api/v1/teach/frames").json()["frames"]
+        def stored() -> list[dict[str, Any]]:
+            return list(program.get("/api/v1/teach/frames").json()["frames"])
+
+        frames = stored()
         shown = {one["id"]: at for one in frames if (at := shoe_in(program, one["id"]))}
         assert len(shown) == len(LOOKS), f"the shoe is in {len(shown)} of {len(frames)} frames"
         page.get_by_test_id("capture").click()
-        eventually(lambda: program.get("/api/v1/teach").json()["frames"] == len(LOOKS) + 1)
+        eventually(lambda: len(stored()) == len(LOOKS) + 1)
         page.get_by_test_id("class").select_option("shoe")
         page.get_by_test_id("steps").fill("120")
         page.get_by_test_id("rehearsal").fill("16")
