@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.evaluation.detection_counts import DetectionCounts, Walks
-from app.runtime.segmentation import Perception
+from app.runtime.start.segmentation import Perception
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid

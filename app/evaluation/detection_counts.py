@@ -16,8 +16,8 @@ from scipy import stats
 
 from app.evaluation.campaign import HERE, Campaign, write_summary
 from app.evaluation.summary import Interval, rate_interval
-from app.runtime.provenance import command_line, machine, version
-from app.runtime.segmentation import Perception
+from app.runtime.record.provenance import command_line, machine, version
+from app.runtime.start.segmentation import Perception
 from navcore.mission.beware_list import BewareList
 
 THIN = ("book", "cable", "keyboard")

@@ -28,7 +28,7 @@ from app.evaluation.detection import (
     walk,
 )
 from app.evaluation.detection_counts import COUNTERS, DetectionCounts, Walks
-from app.runtime.segmentation import Perception
+from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration, Refused
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import BewareClass, BewareList

@@ -25,7 +25,7 @@ import shapely
 from playwright.sync_api import Page, expect, sync_playwright
 
 from app.console.application import ConsoleOptions, RunningConsole, console
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.frame_archive import exported
 from app.teaching.frame_store import FrameStore
 from app.teaching.rules import CaptureRules

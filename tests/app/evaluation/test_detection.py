@@ -12,7 +12,7 @@ import pytest
 
 from app.evaluation import detection
 from app.evaluation.detection_counts import DetectionCounts, Walks, summary
-from app.runtime.segmentation import colour_perception
+from app.runtime.start.segmentation import colour_perception
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list

@@ -21,7 +21,7 @@ from app.evaluation.tables import (
     short_table,
     with_table,
 )
-from app.runtime.provenance import shipped_sha256
+from app.runtime.record.provenance import shipped_sha256
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
 
