@@ -12,13 +12,14 @@ import math
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from rich.progress import track
 
-from app.evaluation.detection_counts import DetectionCounts
+from app.evaluation.detection_counts import DetectionCounts, Walks
+from app.runtime.start.segmentation import Perception
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
@@ -39,6 +40,7 @@ from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Scene
 from sim.sensors.camera import T_BASE_CAMERA
 
+SUITE = "finding"
 CELL_M, STEP_M, SPEED_MPS = 0.05, 0.1, 0.8
 """Cell size of the map, distance between images, and speed of the robot."""
 IN_VIEW_M, IN_TIME_M = 4.0, 1.5
@@ -73,20 +75,25 @@ class ListedObject:
     """Whether the robot has been within 1.5 m; later detections do not count."""
 
 
-def measure_detection(
-    segmenter: Segmenter, beware: BewareList, *, seeds: Sequence[int]
-) -> list[DetectionCounts]:
-    """Drive once through the world of the test split that each seed makes; return the counts of
-    each drive."""
-    counts = []
-    for seed in track(seeds, description="driving"):
-        shard = shard_seed(seed, "test", TEST_SHARD)
-        renderer = SceneRenderer(seed=shard, size=(424, 240))
-        rng = np.random.default_rng((WORLDS_PER_SHARD * shard, 2))
-        scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
-        renderer.build(scene)
-        counts.append(walk(renderer, scene, drive_poses(scene, rng), rng, segmenter, beware))
-    return counts
+def walk_of_seed(segmenter: Segmenter, beware: BewareList, seed: int) -> DetectionCounts:
+    """Drive once through the world of the test split that a seed makes; return the counts."""
+    shard = shard_seed(seed, "test", TEST_SHARD)
+    renderer = SceneRenderer(seed=shard, size=(424, 240))
+    rng = np.random.default_rng((WORLDS_PER_SHARD * shard, 2))
+    scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
+    renderer.build(scene)
+    return walk(renderer, scene, drive_poses(scene, rng), rng, segmenter, beware)
+
+
+def walks(perception: Perception, beware: BewareList) -> Walks:
+    """Return the suite of a perception."""
+    return Walks(
+        suite=SUITE,
+        names=BEWARE_CLASSES[1:],
+        perception=perception,
+        beware=beware,
+        walk=partial(walk_of_seed, perception.segmenter, beware),
+    )
 
 
 def walk(

@@ -11,20 +11,14 @@ thing is seen from no free place is left out.
 from __future__ import annotations
 
 import dataclasses
-import json
-import logging
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console as Terminal
-from rich.progress import track
-from scipy import stats
 
 from app.evaluation.detection import (
     CLEARANCE_M,
@@ -33,15 +27,16 @@ from app.evaluation.detection import (
     picture,
     walk,
 )
-from app.evaluation.summary import rate_interval
-from navcore.errors import Refused
+from app.evaluation.detection_counts import COUNTERS, DetectionCounts, Walks
+from app.runtime.start.segmentation import Perception
+from navcore.errors import BadConfiguration, Refused
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.prototype import Prototype
 from navcore.perception.esanet.segmenter import NetworkSegmenter
-from navcore.perception.example import grown
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.prototype import background_of, example_of, fitted
+from navcore.perception.region_growing import thing_at
 from navcore.robot.frame import Frame
 from sim.dataset.generate import shard_seed
 from sim.dataset.renderer import PATTERNS, UNSEEN_LABEL, SceneRenderer
@@ -49,110 +44,62 @@ from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import UNSEEN, Scene, SolidObject, Spot
 from sim.models.unseen_items import UNSEEN_ITEMS
 
-log = logging.getLogger(__name__)
+SUITE = "one-click"
 CLICKS, BACKGROUNDS = 3, 8
 """Number of clicks, and of frames of the background."""
 CLICK_M, CLICK_PX = (1.0, 2.4), 80
 """Range of the distance of a click, and the number of pixels that the thing then has."""
 TRIALS = 300
 """Number of random places and poses that are tried."""
-ENOUGH_FOUND, FEW_FALSE_PER_10_M = 0.8, 1.0
-"""Share of things found in time, and rate of false items, at which the benchmark succeeds."""
 LIST_ID = 1
 """Class id of the thing."""
 Rng = np.random.Generator
 
 
-@dataclass(slots=True, kw_only=True)
-class OneClickResult:
-    """Counts over some sites."""
-
-    kinds: Counter[str] = field(default_factory=Counter)
-    """Things in view, by kind."""
-    found: Counter[str] = field(default_factory=Counter)
-    """Things found in time, by kind."""
-    false: Counter[str] = field(default_factory=Counter)
-    """False items, by the kind that was clicked."""
-    walked_m: float = 0.0
-    """Total length of the walks."""
-    refused: list[str] = field(default_factory=list)
-    """Why no class could be made, for each site where that was so."""
-
-    def summary(self) -> dict[str, Any]:
-        """Return rates with 95 % intervals (Wilson; exact Poisson) as a JSON object."""
-        seen, found = self.kinds.total(), self.found.total()
-        tens = max(self.walked_m, 1e-9) / 10
-        false = self.false.total()
-        low = stats.chi2.ppf(0.025, 2 * false) / 2 if false else 0.0
-        high = stats.chi2.ppf(0.975, 2 * false + 2) / 2
-        return {
-            "things_in_view": seen,
-            "found_in_time": round(found / max(seen, 1), 4),
-            "found_in_time_ci95": [round(x, 3) for x in rate_interval(found, max(seen, 1))],
-            "found_by_kind": {
-                kind: f"{self.found[kind]}/{count}" for kind, count in sorted(self.kinds.items())
-            },
-            "false_items": false,
-            "false_items_by_kind": dict(self.false),
-            "false_items_per_10_m": round(false / tens, 3),
-            "false_items_per_10_m_ci95": [round(float(x) / tens, 3) for x in (low, high)],
-            "walked_m": round(self.walked_m, 1),
-            "refused": self.refused,
-        }
+def click_and_walk(network: NetworkSegmenter, seed: int) -> DetectionCounts:
+    """Click and walk once on the site of a seed; return the counts by kind."""
+    renderer = SceneRenderer(seed=shard_seed(seed, "test", TEST_SHARD), size=(424, 240))
+    rng = np.random.default_rng((seed, 25))
+    site = _site(renderer, rng, kind=list(UNSEEN_ITEMS)[seed % len(UNSEEN_ITEMS)])
+    renderer.build(site.scene)
+    classes: tuple[BewareClass, ...] = ()
+    refused: tuple[str, ...] = ()
+    try:
+        prototype = _taught(network, renderer, site, rng)
+        if prototype is None:
+            return DetectionCounts()
+        classes = (BewareClass(name=UNSEEN, class_id=LIST_ID, prototype=prototype),)
+    except Refused as refusal:
+        refused = (f"{seed}, {site.kind}: {refusal}",)
+    here = walk(
+        renderer,
+        site.scene,
+        site.drive,
+        rng,
+        FusedSegmenter(network),
+        BewareList(classes=classes),
+        labels={UNSEEN},
+    )
+    kinds = {
+        name: Counter({site.kind: getattr(here, name)[UNSEEN]} if getattr(here, name) else {})
+        for name in COUNTERS
+    }
+    return DetectionCounts(**kinds, walked_m=here.walked_m, refused=refused)
 
 
-def measure_one_click(network: NetworkSegmenter, *, seeds: range) -> OneClickResult:
-    """Click and walk once on the site of each seed."""
-    result, segmenter = OneClickResult(), FusedSegmenter(network)
-    renderer = SceneRenderer(seed=shard_seed(1, "test", TEST_SHARD), size=(424, 240))
-    for seed in track(seeds, description="walking"):
-        rng = np.random.default_rng((seed, 25))
-        site = _site(renderer, rng, kind=list(UNSEEN_ITEMS)[seed % len(UNSEEN_ITEMS)])
-        renderer.build(site.scene)
-        classes: tuple[BewareClass, ...] = ()
-        try:
-            prototype = _taught(network, renderer, site, rng)
-            if prototype is None:
-                continue
-            classes = (BewareClass(name=UNSEEN, class_id=LIST_ID, prototype=prototype),)
-        except Refused as refusal:
-            result.refused.append(f"{seed}, {site.kind}: {refusal}")
-        beware = BewareList(classes=classes)
-        here = walk(renderer, site.scene, site.drive, rng, segmenter, beware, labels={UNSEEN})
-        result.kinds[site.kind] += here.seen[UNSEEN]
-        result.found[site.kind] += here.found[UNSEEN]
-        result.false[site.kind] += here.false[UNSEEN]
-        result.walked_m += here.walked_m
-        log.info(
-            "site %d, %s: %d of %d found in time, %d false, %.1f m%s",
-            seed,
-            site.kind,
-            here.found[UNSEEN],
-            here.seen[UNSEEN],
-            here.false[UNSEEN],
-            here.walked_m,
-            "" if classes else "; refused",
+def walks(perception: Perception) -> Walks:
+    """Return the suite of a perception; raises `BadConfiguration` for one without features."""
+    if perception.examples is None:
+        raise BadConfiguration(
+            f"the suite {SUITE!r} needs a network with features; {perception.title} has none"
         )
-    return result
-
-
-def run_one_click(network: NetworkSegmenter, *, seeds: range, out: Path | None) -> dict[str, Any]:
-    """Measure, print the rates, and write `one-click.json` into `out`."""
-    summary = measure_one_click(network, seeds=seeds).summary()
-    (low, high), (least, most) = (
-        summary[f"{key}_ci95"] for key in ("found_in_time", "false_items_per_10_m")
+    return Walks(
+        suite=SUITE,
+        names=tuple(UNSEEN_ITEMS),
+        perception=perception,
+        beware=BewareList(classes=()),
+        walk=partial(click_and_walk, perception.examples),
     )
-    Terminal().print(
-        f"{summary['found_in_time']:.1%} of {summary['things_in_view']} things found in time "
-        f"({low:.1%} to {high:.1%}), {summary['false_items_per_10_m']:.2f} false items per 10 m "
-        f"({least:.2f} to {most:.2f}), {summary['walked_m']:g} m walked; "
-        f"found by kind: {summary['found_by_kind']}; false by kind: "
-        f"{summary['false_items_by_kind']}; refused: {summary['refused'] or 'none'}"
-    )
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "one-click.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
-    return summary
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -237,7 +184,7 @@ def _taught(
         return None
     described = [network.described(frame) for frame, _ in clicked]
     examples = [
-        example_of(frame, cells, grown(frame, *_middle(truth & (frame.depth_m > 0))))
+        example_of(frame, cells, thing_at(frame, *_middle(truth & (frame.depth_m > 0))))
         for (frame, truth), cells in zip(clicked, described, strict=True)
     ]
     other = drive_poses(site.scene, rng)

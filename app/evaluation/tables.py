@@ -1,7 +1,7 @@
 """The tables of results in the pages, made from the kept files in `results/`.
 
-A file is the `summary.json` of a campaign, named after its world. `python -m app.evaluation.tables`
-rewrites the tables; a test compares them.
+A file is the `summary.json` of a campaign, named after its world or suite.
+`python -m app.evaluation.tables` rewrites the tables; a test compares them.
 """
 
 from __future__ import annotations
@@ -34,6 +34,11 @@ def is_paper(result: Result) -> bool:
     return result.get("mission") == "given"
 
 
+def is_walked(result: Result) -> bool:
+    """Return whether a result is of a suite in which a camera is carried and nothing drives."""
+    return "found_in_time" in result
+
+
 def short_table(results: Sequence[Result]) -> str:
     """Return the table of the first page."""
     return _table(
@@ -48,7 +53,7 @@ def short_table(results: Sequence[Result]) -> str:
                 f"{result['ideal_spl']:.2f}",
             )
             for result in results
-            if not is_paper(result)
+            if not is_paper(result) and not is_walked(result)
         ],
     )
 
@@ -67,7 +72,7 @@ def full_table(results: Sequence[Result]) -> str:
                 _failures(result),
             )
             for result in results
-            if not is_paper(result)
+            if not is_paper(result) and not is_walked(result)
         ],
     )
     missions = _table(
@@ -77,6 +82,14 @@ def full_table(results: Sequence[Result]) -> str:
             *("driven", "time", "explored", "failures by seed"),
         ),
         [_mission_row(result) for result in results if is_paper(result)],
+    )
+    walked = [_walks_row(result) for result in results if is_walked(result)]
+    walks = _table(
+        (
+            *("suite", "seeds", "found in time", "by class", "of thin ones"),
+            *("false per 10 m", "false by class", "walked"),
+        ),
+        walked,
     )
     origins = _table(
         (
@@ -93,10 +106,10 @@ def full_table(results: Sequence[Result]) -> str:
         [
             (
                 f"`{result['scenario']}`" + ", the paper's" * is_paper(result),
-                result["latency"],
-                result["people"],
-                result["odometry"],
-                result["gnss"],
+                result.get("latency", "–"),
+                result.get("people", "–"),
+                result.get("odometry", "–"),
+                result.get("gnss", "–"),
                 HASH.sub(r"\1…", result["segmenter"]),
                 "; ".join(result["versions"]),
                 "; ".join(result["machines"]),
@@ -105,7 +118,7 @@ def full_table(results: Sequence[Result]) -> str:
             for result in results
         ],
     )
-    return f"{figures}\n{missions}\n{origins}"
+    return "\n".join([figures, missions, *([walks] if walked else []), origins])
 
 
 PAGES: Mapping[str, Callable[[Sequence[Result]], str]] = {
@@ -152,6 +165,26 @@ def _mission_row(result: Result) -> Sequence[str]:
         f"{result['explored_m3']:.0f} m³",
         _failures(result),
     )
+
+
+def _walks_row(result: Result) -> Sequence[str]:
+    low, high = result["found_in_time_ci95"]
+    few, many = result["false_items_per_10_m_ci95"]
+    share = f"{result['found_in_time']:.0%}, {low:.0%} to {high:.0%}".replace("%", " %")
+    return (
+        f"`{result['scenario']}`",
+        f"{min(result['seeds'])} to {max(result['seeds'])}",
+        f"{result['found']} of {result['things_in_view']} ({share})",
+        _listed(result["found_by_class"]),
+        result.get("found_of_thin", "–"),
+        f"{result['false_items_per_10_m']:.2f} ({few:.2f} to {many:.2f})",
+        _listed(result["false_items_by_class"]),
+        f"{result['walked_m']:.0f} m",
+    )
+
+
+def _listed(by_name: Mapping[str, object]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in by_name.items()) or "none"
 
 
 def _failures(result: Result) -> str:

@@ -13,11 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from app.teaching import frame_archive
+from app.teaching.frame_record import UNITS_PER_M
 from app.teaching.frame_store import FrameStore
-from app.teaching.region import grown_region
-from app.teaching.rules import CaptureRules
+from app.teaching.rules import CaptureRules, RegionRules
 from navcore.errors import BadConfiguration, BewareNavError, Refused
 from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.perception.region_growing import alike_at
 from navcore.robot.frame import Frame
 from web.interface.teaching import (
     NOTHING_NAME,
@@ -28,7 +29,7 @@ from web.interface.teaching import (
 
 JOIN_S = 2.0
 """Longest wait for the end of the thread, seconds."""
-DEFAULT = CaptureRules()
+DEFAULT, REGION = CaptureRules(), RegionRules()
 log = logging.getLogger(__name__)
 
 
@@ -134,7 +135,16 @@ class LiveFrames:
 
     def region(self, frame_id: str, row: int, col: int, tolerance: float) -> npt.NDArray[np.bool_]:
         """Return the region around a pixel."""
-        return grown_region(*self.store.images(frame_id), row, col, tolerance)
+        rgb, depth_mm = self.store.images(frame_id)
+        return alike_at(
+            row,
+            col,
+            rgb=rgb,
+            depth_m=depth_mm.astype(np.float32) / UNITS_PER_M,
+            tolerance=tolerance,
+            depth_step_m=REGION.depth_step_m,
+            max_share=REGION.max_share,
+        )
 
     def export(self) -> bytes:
         """Return all frames as a zip archive."""

@@ -154,6 +154,7 @@ class TeachingRun:
                     self.inference,
                     statistics,
                     self.recipe.sure,
+                    self._taught(),
                 )
                 targeted = dataclasses.replace(sample, labels=targets)
                 encoded = teacher.encoded(targeted, statistics)

@@ -11,6 +11,7 @@ from navcore.config.perception import DEFAULT_PERCEPTION, ColourPickingConfig
 from navcore.errors import Refused
 from navcore.geometry.arrays import Bools, FloatImage, Floats
 from navcore.mission.beware_list import FLAT_M, ColourRule
+from navcore.perception.region_growing import grown
 
 _DEFAULT = DEFAULT_PERCEPTION.colour_picking
 
@@ -48,7 +49,7 @@ def rule_at(
         & (np.abs(value - bright) <= config.value)
     )
     near[row, col] = True
-    region = _connected(near, row, col)
+    region = grown(row, col, _closed(near)) & near
     turns = _turn(hue[region], seed)
     share = (100 * config.outside_share, 100 * (1 - config.outside_share))
     low, high = np.percentile(turns, share)
@@ -77,14 +78,10 @@ def _turn(hue: Floats, from_deg: float) -> Floats:
     return (hue - from_deg + 180) % 360 - 180
 
 
-def _connected(mask: Bools, row: int, col: int) -> Bools:
-    """Return the component of a mask that holds a pixel; gaps of one pixel are closed, because
-    images are compressed and noisy."""
-    closed = cv2.morphologyEx(
-        mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8)
-    )
-    _, parts = cv2.connectedComponents(closed, connectivity=8)
-    return np.asarray(mask & (parts == parts[row, col]))
+def _closed(mask: Bools) -> Bools:
+    """Return a mask with gaps of one pixel closed, because images are compressed and noisy."""
+    kernel = np.ones((3, 3), dtype=np.uint8)
+    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, kernel) > 0)
 
 
 def _largest_height_m(heights_m: FloatImage, config: ColourPickingConfig) -> float:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from navcore.config.perception import DEFAULT_PERCEPTION
 from navcore.config.prototype import PrototypeConfig
@@ -60,15 +61,13 @@ class Example:
 def describe(frame: Frame, features: FloatImage) -> FloatImage:
     """Return the (h, w, D) descriptors of a frame: the features (1, C, h, w), then L*, a*, b*."""
     height, width = features.shape[2:]
-    colour = cv2.resize(lab_image(frame), (width, height), interpolation=cv2.INTER_AREA)
+    colour = cv2.resize(lab_image(frame.rgb), (width, height), interpolation=cv2.INTER_AREA)
     return np.concatenate([features[0].transpose(1, 2, 0), colour], axis=2, dtype=np.float32)
 
 
-def lab_image(frame: Frame) -> FloatImage:
-    """Return the (H, W, 3) colours of a frame in CIE L*a*b*."""
-    return np.asarray(
-        cv2.cvtColor(frame.rgb.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2Lab)
-    )
+def lab_image(rgb: npt.NDArray[np.uint8]) -> FloatImage:
+    """Return the (H, W, 3) colours of an image in CIE L*a*b*."""
+    return np.asarray(cv2.cvtColor(rgb.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2Lab))
 
 
 def example_of(

@@ -18,7 +18,6 @@ from navcore.geometry.arrays import Bools, FloatImage
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import BewareList
 from navcore.mission.prototype import Prototype
-from navcore.perception.example import grown
 from navcore.perception.labels import Labels
 from navcore.perception.prototype import (
     Example,
@@ -27,6 +26,7 @@ from navcore.perception.prototype import (
     fitted,
     prototype_pixels,
 )
+from navcore.perception.region_growing import thing_at
 from navcore.robot.frame import Frame
 from web.interface.beware import ExampleClick, RecentLook
 
@@ -97,7 +97,7 @@ class LiveExamples:
         one = self._frame(frame)
         height, width = one.frame.depth_m.shape
         row, col = min(int(down * height), height - 1), min(int(right * width), width - 1)
-        pixels = grown(one.frame, row, col, self._config.prototype)
+        pixels = thing_at(one.frame, row, col, self._config.prototype)
         self._check_unknown(one.frame, beware, pixels)
         key = secrets.token_hex(8)
         with self._lock:

@@ -8,11 +8,13 @@ better: IoU 0.83 and 0.84 of a shoe in held-back frames after 60 steps; but of s
 lost three, with 8 images to rehearse on.)
 
 What was known is not unlearned, because every pixel that an annotation says nothing about is a
-target, too: the label that the network itself gave before, where it was sure of it (pseudo-labels
-as in PLOP, Douillard et al., CVPR 2021; after Li & Hoiem, "Learning without Forgetting", 2016).
-Void in their place would leave these pixels to whatever the new class takes; background would teach
-the network that known objects are nothing. Classes that no captured image shows are rehearsed on
-images with known labels.
+target, too: the label that the network itself gave before (Li & Hoiem, "Learning without
+Forgetting", 2016), however unsure of it. As only the rows of the taught classes are trained, their
+gradient is the same whichever other class is the target, and that of distilling the old
+probabilities. Only its own label of a taught class must be sure (pseudo-labels as in PLOP,
+Douillard et al., CVPR 2021). Void in their place would leave these pixels to whatever the new class
+takes; background would teach the network that known objects are nothing. Classes that no captured
+image shows are rehearsed on images with known labels.
 """
 
 from __future__ import annotations
@@ -99,15 +101,17 @@ def with_own_labels(
     inference: InferenceSettings,
     statistics: DepthStatistics,
     sure: float,
+    taught: Sequence[int],
 ) -> LabelArray:
-    """Return targets (H, W): the annotation and, where it says nothing, the network's own label if
-    its confidence is at least `sure`, else void."""
+    """Return targets (H, W): the annotation and, where it says nothing, the network's own label;
+    void where that is one of the classes `taught` (0 … C−1) with a confidence below `sure`."""
     logits = logits_of(network, plain_batch([sample], inference.size, statistics), inference)
     whole = functional.interpolate(
         logits, size=sample.labels.shape, mode="bilinear", align_corners=False
     )
-    confidence, classes = torch.softmax(whole[0], dim=0).max(dim=0)
-    own = np.where(confidence.numpy() >= sure, classes.numpy() + 1, 0).astype(np.uint8)
+    confidence, classes = (one.numpy() for one in torch.softmax(whole[0], dim=0).max(dim=0))
+    counts = (confidence >= sure) | ~np.isin(classes, taught)
+    own = np.where(counts, classes + 1, 0).astype(np.uint8)
     return np.where(annotated > 0, annotated, own)
 
 

@@ -27,8 +27,8 @@ class TeachingRecipe:
     """Share of the crops around a pixel of a random class of the image, small ones first; the rest
     lie anywhere."""
     sure: float = ranged(0.0, 1.0, default=0.6)
-    """Confidence from which the network's own label is a target where the annotation says
-    nothing."""
+    """Confidence from which the network's own label of a taught class is a target where the
+    annotation says nothing; its label of any other class always is."""
     captured_share: float = ranged(0.0, 1.0, default=0.6)
     """Share of the crops that come from captured images; the rest rehearse."""
     rehearsal: int = ranged(0, 1000, default=40)

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.evaluation import detection
-from app.evaluation.detection_counts import DetectionCounts, summary
+from app.evaluation.detection_counts import DetectionCounts, Walks, summary
+from app.runtime.start.segmentation import colour_perception
+from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
-from navcore.mission.beware_list import NOTHING, BewareClass, default_beware_list
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
 from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
 from sim.dataset.renderer import SceneRenderer
 
+NAMES = BEWARE_CLASSES[1:]
 SHORT_DRIVE = 1003
 """Seed of a drive of 0.9 m past a person and a wet-floor sign."""
 
@@ -50,8 +56,7 @@ def counts_of(truth: Truth, monkeypatch: pytest.MonkeyPatch) -> DetectionCounts:
         return rgb, depth_m, truth.labels
 
     monkeypatch.setattr(SceneRenderer, "render", seen)
-    [counts] = detection.measure_detection(truth, default_beware_list(), seeds=[SHORT_DRIVE])
-    return counts
+    return detection.walk_of_seed(truth, default_beware_list(), SHORT_DRIVE)
 
 
 def test_a_segmenter_that_knows_the_truth_finds_everything_and_nothing_false(
@@ -82,7 +87,7 @@ def drive(*, found: int, seen: int, false: int, walked_m: float = 5.0) -> Detect
 
 
 def test_rates_are_of_all_drives_together_and_thin_things_are_told_apart() -> None:
-    told = summary([drive(found=1, seen=2, false=0), drive(found=2, seen=2, false=3)])
+    told = summary([drive(found=1, seen=2, false=0), drive(found=2, seen=2, false=3)], NAMES)
     assert (told["found_in_time"], told["found_of_thin"], told["found_of_others"]) == (
         0.75,
         "3/4",
@@ -98,9 +103,40 @@ def test_intervals_become_narrower_with_more_drives_and_exist_for_one() -> None:
     few = [drive(found=1, seen=2, false=0), drive(found=2, seen=2, false=1)]
 
     def width(drives: list[DetectionCounts]) -> float:
-        low, high = summary(drives)["false_items_per_10_m_ci95"]
+        low, high = summary(drives, NAMES)["false_items_per_10_m_ci95"]
         return float(high - low)
 
     assert width(few * 20) < width(few)
-    assert summary(few[:1])["false_items_per_10_m_ci95"] == (0.0, 0.0)
-    assert summary([drive(found=0, seen=0, false=0)])["found_in_time_ci95"] == (0.0, 1.0)
+    assert summary(few[:1], NAMES)["false_items_per_10_m_ci95"] == (0.0, 7.378)
+    assert summary([drive(found=0, seen=0, false=0)], NAMES)["found_in_time_ci95"] == (0.0, 1.0)
+
+
+def test_walks_are_recorded_and_an_interrupted_suite_walks_only_the_rest(tmp_path: Path) -> None:
+    walked: list[int] = []
+
+    def walk(seed: int) -> DetectionCounts:
+        walked.append(seed)
+        if seed == 2002 and walked.count(seed) == 1:
+            raise KeyboardInterrupt
+        return DetectionCounts(
+            seen=Counter(teddy=1), found=Counter(teddy=seed % 2), walked_m=4.0, refused=("grey",)
+        )
+
+    suite = Walks(
+        suite="one-click",
+        names=("teddy", "vase"),
+        perception=colour_perception(),
+        beware=BewareList(classes=()),
+        walk=walk,
+    )
+    with pytest.raises(KeyboardInterrupt):
+        suite.run(range(2000, 2004), out=tmp_path)
+    told = suite.run(range(2000, 2004), out=tmp_path)
+    assert walked == [2000, 2001, 2002, 2002, 2003]
+    assert (told["found"], told["things_in_view"], told["walked_m"]) == (2, 4, 16.0)
+    assert told["found_by_class"] == {"teddy": "2/4"} and "found_of_thin" not in told
+    assert told["seeds"] == [2000, 2001, 2002, 2003] and told["refused"] == ["grey"] * 4
+    assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["found"] == 2
+    other = dataclasses.replace(suite, suite="finding")
+    with pytest.raises(BadConfiguration, match="another suite"):
+        other.run(range(2000, 2004), out=tmp_path)

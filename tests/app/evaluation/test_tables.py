@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
 
+from app.evaluation.detection_counts import DetectionCounts, summary
 from app.evaluation.tables import (
     BEGIN,
     END,
@@ -13,12 +16,14 @@ from app.evaluation.tables import (
     Result,
     full_table,
     is_paper,
+    is_walked,
     kept_results,
     short_table,
     with_table,
 )
 from app.runtime.record.provenance import shipped_sha256
 from navcore.errors import BadConfiguration
+from navcore.learning.data.class_names import BEWARE_CLASSES
 
 FILES = sorted(RESULTS.glob("*.json"))
 KEPT = dict(zip((path.stem for path in FILES), kept_results(), strict=True))
@@ -43,14 +48,16 @@ def test_a_result_is_of_the_network_that_ships_and_names_its_origin(result: Resu
 def test_kept_files_are_small_and_named_after_their_world() -> None:
     assert KEPT
     for name, result in KEPT.items():
-        assert name.split("-")[0] == result["scenario"]
+        assert name.removesuffix("-paper") == result["scenario"]
         assert is_paper(result) == name.endswith("-paper")
         assert (RESULTS / f"{name}.json").stat().st_size < 20_000
 
 
 def test_another_figure_makes_another_table() -> None:
     """Control: the tables depend on what they show."""
-    first = next(result for result in KEPT.values() if not is_paper(result))
+    first = next(
+        result for result in KEPT.values() if not is_paper(result) and not is_walked(result)
+    )
     for table_of in (short_table, full_table):
         for key, value in (("spl", 0.123), ("goals_rate", 0.0)):
             assert table_of([{**first, key: value}]) != table_of([first])
@@ -63,6 +70,30 @@ def test_a_mission_of_the_paper_shows_how_far_from_each_goal_the_robot_stood() -
         f"{paper['goal_errors_m']['3'][0]:.2f} m" in shown and short_table([paper]).count("\n") == 2
     )
     assert full_table([{**paper, "goal_errors_m": {"1": [0.5]}}]) != shown
+
+
+def test_a_suite_of_walks_has_a_table_of_its_own_on_the_page_about_evaluation() -> None:
+    result = {
+        "command": "bewarenav evaluate finding",
+        "scenario": "finding",
+        "segmenter": "network sha256 abc",
+        "versions": ["1"],
+        "machines": ["one"],
+        "episodes": 3,
+        "seeds": [2000, 2001, 2002],
+    } | summary(
+        [
+            DetectionCounts(seen=Counter(cable=2), found=Counter(cable=1), walked_m=5.0),
+            DetectionCounts(seen=Counter(box=1), found=Counter(box=1), walked_m=5.0),
+            DetectionCounts(false=Counter(cup=2), walked_m=10.0),
+        ],
+        BEWARE_CLASSES[1:],
+    )
+    shown = full_table([result])
+    assert "| `finding` | 2000 to 2002 | 2 of 3 (67 %, 21 % to 94 %) |" in shown
+    assert "cable 1/2" in shown and "| 1/2 | 1.00 (0.00 to 2.00) | cup 2 | 20 m |" in shown
+    assert short_table([result]).count("\n") == 2
+    assert full_table([{**result, "false_items_per_10_m": 3.0}]) != shown
 
 
 def test_a_table_stands_between_its_two_lines() -> None:

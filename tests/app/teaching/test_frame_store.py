@@ -14,7 +14,6 @@ from app.teaching import frame_store
 from app.teaching.frame_archive import add_archive, exported
 from app.teaching.frame_store import FrameStore
 from app.teaching.frames import LiveFrames
-from app.teaching.region import grown_region
 from app.teaching.rules import CaptureRules
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.learning.data.dataset import load_dataset
@@ -181,22 +180,6 @@ def test_an_archive_cannot_leave_its_folder(store: FrameStore) -> None:
         archive.writestr("train/rgb/../../../x.png", b"")
     with pytest.raises(BadConfiguration, match="expected the files of a data set"):
         add_archive(store, content.getvalue())
-
-
-def test_a_region_grows_by_colour_and_stops_at_a_step_of_depth() -> None:
-    frame = frame_at(1.0)
-    depth_mm = (frame.depth_m * 1000).astype(np.uint16)
-    expected = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
-    expected[BLOCK] = True
-    assert np.array_equal(grown_region(frame.rgb, depth_mm, 35, 30, 18.0), expected)
-    plain = np.full_like(frame.rgb, 120)  # no colour tells the block from the floor, depth does
-    assert np.array_equal(grown_region(plain, depth_mm, 35, 30, 18.0), expected)
-    flat = np.full_like(depth_mm, 1000)  # depth does not, colour does
-    assert np.array_equal(grown_region(frame.rgb, flat, 35, 30, 18.0), expected)
-    with pytest.raises(Refused, match="of the image"):
-        grown_region(plain, flat, 35, 30, 18.0)
-    with pytest.raises(BadConfiguration, match="outside"):
-        grown_region(plain, flat, HEIGHT, 0, 18.0)
 
 
 def test_frames_are_captured_while_the_robot_moves_and_only_then(tmp_path: Path) -> None:

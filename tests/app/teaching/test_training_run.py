@@ -18,7 +18,9 @@ from app.teaching.run import Cancelled, TeachingRun
 from app.teaching.trainings import LiveTrainings
 from app.teaching.versions import MODEL_NAME, VersionStore
 from navcore.errors import Refused
-from navcore.learning.training.class_teaching import ClassTeacher
+from navcore.learning.data.card import Sample
+from navcore.learning.training.class_teaching import ClassTeacher, with_own_labels
+from navcore.learning.training.evaluation import InferenceSettings
 from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet import build
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
@@ -109,6 +111,27 @@ def test_without_the_mask_of_rows_other_classes_change(
     old, new = (load(path).network.state_dict() for path in (start, folder / MODEL_NAME))
     key = "decoder.conv_out.weight"
     assert not torch.equal(new[key][: len(CLASSES)], old[key])
+
+
+def test_what_no_annotation_names_stays_what_it_was_however_unsure_the_network_is(
+    frames: FrameStore, start: Path
+) -> None:
+    trained = load(start)
+    rgb, depth = frames.images("000001")
+    annotated = block_of("shoe").labels * 3
+    sample = Sample(rgb=rgb, depth=depth, labels=annotated)
+    settings = InferenceSettings(size=Size(height=64, width=96), batch=1)
+
+    def targets(sure: float, taught: tuple[int, ...]) -> np.ndarray:
+        return with_own_labels(
+            trained.network, sample, annotated, settings, trained.card.depth, sure, taught
+        )
+
+    own = targets(0.0, ())
+    assert (own[annotated > 0] == 3).all() and set(np.unique(own)) <= {1, 2, 3}
+    assert np.array_equal(targets(1.0, (2,)), own)
+    # Of a class that is taught, what the network is unsure of counts neither way.
+    assert not targets(1.0, (0, 1))[annotated == 0].any()
 
 
 def test_a_resumed_run_ends_as_an_uninterrupted_one(
