@@ -64,12 +64,12 @@ class ScanOdometry:
             return
         # With z the motion by the scan alone: (prior + information) · (found − expected)
         # = information · (z − expected); the floor is then added to the covariance of z.
-        information = rules.point_weight * found.information
-        pull = (np.linalg.inv(loose) + information) @ difference(found.pose, expected)
-        weakened = np.eye(3) + information @ rules.floor
-        information = np.linalg.solve(weakened, information)
+        known = rules.point_weight * found.information
+        pull = (np.linalg.inv(loose) + known) @ difference(found.pose, expected)
+        weakened = np.linalg.inv(np.eye(3) + known @ rules.floor)
+        information = weakened @ known
         own.fuse_motion(
-            np.linalg.solve(weakened, pull),
-            (information + information.T) / 2,
+            np.asarray(weakened @ pull, dtype=np.float64),
+            np.asarray((information + information.T) / 2, dtype=np.float64),
             gate=rules.gate_sigmas**2,
         )
