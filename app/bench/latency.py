@@ -20,7 +20,7 @@ import numpy as np
 from rich.table import Table
 
 from app.bench.page import console_process, drive_around
-from app.runtime.provenance import machine, shipped_sha256, version
+from app.runtime.record.provenance import machine, shipped_sha256, version
 from navcore.files import write_whole
 from sim.scenario.load import load_scenario
 

@@ -25,9 +25,9 @@ from app.bench.soak import NotMeasured, soak_table
 from app.bench.tick import tick_table
 from app.bench.training import training_table
 from app.episode.episode import Episode, EpisodeSettings
-from app.runtime.segmentation import measure_segmenter
-from app.runtime.segmenter_choice import Kind
-from app.runtime.stage_timer import STAGES, TICK
+from app.runtime.control.stage_timer import STAGES, TICK
+from app.runtime.start.segmentation import measure_segmenter
+from app.runtime.start.segmenter_choice import Kind
 from navcore.warmup import warm_up
 from sim.scenario.beware import starting_beware_list
 from sim.scenario.load import load_scenario

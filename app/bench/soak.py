@@ -26,8 +26,8 @@ from rich.table import Table
 from app.bench.chromium import NoBrowser, PageUse, chromium, page_use
 from app.bench.page import LATE, console_process, drive_around
 from app.bench.process_use import ProcessUse, process_use
-from app.runtime.provenance import machine, shipped_sha256, version
-from app.runtime.segmenter_choice import Kind
+from app.runtime.record.provenance import machine, shipped_sha256, version
+from app.runtime.start.segmenter_choice import Kind
 from navcore.errors import BewareNavError
 from navcore.files import write_whole
 from sim.scenario.load import load_scenario
@@ -127,23 +127,37 @@ def soak_table(
         with _page(program) as page:
             watched = Watched(program=program, server=server, simulator=simulator, page=page)
             drive_around(program, goals)
-            first_stops = list(_stops_ms(program))
-            samples = list(_samples(watched, goals, seconds))
-            last_stops = list(_stops_ms(program))
-    if record is not None:
-        document = {
-            "command": f"bewarenav bench soak --scenario {scenario} --seconds {seconds:g} "
-            f"--segmenter {segmenter}",
-            "version": version(),
-            "machine": machine(),
-            "date": time.strftime("%Y-%m-%d"),
-            "segmenter": title,
-            "weights_sha256": shipped_sha256(),
-            "stops_ms": {"start": first_stops, "end": last_stops},
-            "samples": [asdict(sample) for sample in samples],
-        }
-        write_whole(record, f"{json.dumps(document)}\n".encode())
+            first_stops, last_stops = list(_stops_ms(program)), list[float]()
+            samples = list[Sample]()
+            try:
+                samples.extend(_samples(watched, goals, seconds))
+                last_stops += _stops_ms(program)
+            finally:  # what was measured is kept, even if the end is missing
+                if record is not None:
+                    stops_ms = {"start": first_stops, "end": last_stops}
+                    command = f"--scenario {scenario} --seconds {seconds:g} --segmenter {segmenter}"
+                    _write(record, f"bewarenav bench soak {command}", title, stops_ms, samples)
     return _table(f"{scenario}, {title}, {seconds / 60:.1f} min", samples, first_stops, last_stops)
+
+
+def _write(
+    record: Path,
+    command: str,
+    segmenter: str,
+    stops_ms: dict[str, list[float]],
+    samples: Sequence[Sample],
+) -> None:
+    document = {
+        "command": command,
+        "version": version(),
+        "machine": machine(),
+        "date": time.strftime("%Y-%m-%d"),
+        "segmenter": segmenter,
+        "weights_sha256": shipped_sha256(),
+        "stops_ms": stops_ms,
+        "samples": [asdict(sample) for sample in samples],
+    }
+    write_whole(record, f"{json.dumps(document)}\n".encode())
 
 
 def console_pids(root: int) -> tuple[int, int]:
@@ -210,7 +224,18 @@ def _samples(
         except OSError:
             raise NotMeasured("the console ended during the soak test") from None
         if not driving:  # a goal that it gave up ended the mission
-            drive_around(watched.program, goals)
+            set_off_again(watched.program, goals)
+
+
+def set_off_again(program: httpx.Client, goals: tuple[tuple[float, float], ...]) -> None:
+    """Send the robot round its goals; where the console refuses that, say why: the next sample
+    tries again."""
+    try:
+        for goal in program.get("/api/v1/goals").json()["goals"]:
+            program.delete(f"/api/v1/goals/{goal['id']}").raise_for_status()
+        drive_around(program, goals)
+    except httpx.HTTPStatusError as refused:
+        log.warning("the robot does not set off: %s", refused.response.text)
 
 
 def _looks(program: httpx.Client, seconds: float) -> list[dict[str, Any]]:

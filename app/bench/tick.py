@@ -19,7 +19,7 @@ import numpy.typing as npt
 from rich.table import Table
 
 from app.bench.quiet import QuietGuard
-from app.runtime.stage_timer import TICK, StageTimer
+from app.runtime.control.stage_timer import TICK, StageTimer
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception import ObservationConfig
 from navcore.geometry.arrays import Floats

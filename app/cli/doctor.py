@@ -54,9 +54,9 @@ def examine() -> int:
 
 def _segmentation() -> Iterator[tuple[bool, str]]:
     """Yield the installed engines, the time of the network on each, and the one that drives."""
-    from app.runtime.engine_memory import EngineMemory
-    from app.runtime.segmentation import compose, measure_segmenter
-    from app.runtime.segmenter_choice import SegmenterChoice
+    from app.runtime.start.engine_memory import EngineMemory
+    from app.runtime.start.segmentation import compose, measure_segmenter
+    from app.runtime.start.segmenter_choice import SegmenterChoice
     from navcore.config.inference import InferenceConfig
     from navcore.perception.esanet.inference.onnx_engines import is_installed
 

@@ -78,8 +78,8 @@ def drive(settings: DriveSettings) -> None:
     from app.episode.latency import latency_of
     from app.episode.task import Task, check_goals, episode_of
     from app.evaluation.plots import plot_episode
-    from app.runtime.map_persistence import load_map, save_map
-    from app.runtime.preparation import prepared_perception
+    from app.runtime.record.map_persistence import load_map, save_map
+    from app.runtime.start.preparation import prepared_perception
     from navcore.config.navigator import load_config
     from navcore.config.perception import DEFAULT_PERCEPTION
     from navcore.robot.profile import HUSKY

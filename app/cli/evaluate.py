@@ -271,7 +271,7 @@ def _seeded(
 def _detection(settings: EvaluateSettings) -> bool:
     from app.evaluation.detection import measure_detection
     from app.evaluation.detection_counts import report
-    from app.runtime.preparation import prepared_perception
+    from app.runtime.start.preparation import prepared_perception
 
     drives = measure_detection(
         prepared_perception(settings.segmentation.choice()).segmenter,
@@ -287,8 +287,8 @@ def _detection(settings: EvaluateSettings) -> bool:
 
 def _one_click(settings: EvaluateSettings) -> bool:
     from app.evaluation.one_click import ENOUGH_FOUND, FEW_FALSE_PER_10_M, run_one_click
-    from app.runtime.engine_memory import EngineMemory
-    from app.runtime.segmentation import compose
+    from app.runtime.start.engine_memory import EngineMemory
+    from app.runtime.start.segmentation import compose
 
     if settings.beware is not None:
         raise BadConfiguration(
@@ -337,7 +337,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
     from app.episode.latency import latency_of
     from app.episode.task import Task
     from app.evaluation.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
-    from app.runtime.preparation import prepared_perception
+    from app.runtime.start.preparation import prepared_perception
     from sim.scenario.load import load_scenario
 
     world, count = settings.experiment or settings.suite, settings.episodes

@@ -26,7 +26,7 @@ from app.cli.sites import site_cli
 from app.cli.train import train
 from app.cli.users import users_cli
 from app.cli.weights import weights_cli
-from app.runtime.segmenter_choice import Kind
+from app.runtime.start.segmenter_choice import Kind
 from navcore.errors import BewareNavError
 
 cli = typer.Typer(

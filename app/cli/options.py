@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hin
 import typer
 
 from app.episode.ablations import Ablation
-from app.runtime.segmenter_choice import Backend, Kind, SegmenterChoice
+from app.runtime.start.segmenter_choice import Backend, Kind, SegmenterChoice
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list, load_beware_list
 from sim.robot.odometry_grade import OdometryGrade

@@ -59,9 +59,9 @@ def replay(settings: ReplaySettings) -> None:
     from app.replay.reference import load_reference
     from app.replay.run import as_report, compare
     from app.replay.run import replay as run
-    from app.runtime.engine_memory import EngineMemory
-    from app.runtime.map_persistence import save_map
-    from app.runtime.segmentation import compose
+    from app.runtime.record.map_persistence import save_map
+    from app.runtime.start.engine_memory import EngineMemory
+    from app.runtime.start.segmentation import compose
     from navcore.config.navigator import config_for
     from navcore.mission.beware_list import default_beware_list
     from navcore.robot.profile import load_profile

@@ -43,7 +43,7 @@ PairOption = Annotated[
 @site_cli.command("list")
 def list_sites(data: DataOption = Path("data")) -> None:
     """Print the sites; `*` marks the one that was chosen last."""
-    from app.console.site_files import listed
+    from app.console.site.site_files import listed
 
     with _sites(data) as sites:
         newest = max(sites.all(), key=lambda row: row.chosen_unix_s, default=None)
@@ -90,7 +90,7 @@ def delete(name: NameArgument, data: DataOption = Path("data")) -> None:
 @site_cli.command("export")
 def export(name: NameArgument, file: FileArgument, data: DataOption = Path("data")) -> None:
     """Write a site to an archive."""
-    from app.console.site_archive import pack
+    from app.console.site.site_archive import pack
     from navcore.files import write_whole
 
     with _sites(data) as sites:
@@ -101,7 +101,7 @@ def export(name: NameArgument, file: FileArgument, data: DataOption = Path("data
 @site_cli.command("import")
 def import_site(name: NameArgument, file: FileArgument, data: DataOption = Path("data")) -> None:
     """Make a site of an archive."""
-    from app.console.site_files import add
+    from app.console.site.site_files import add
     from navcore.files import read_whole
     from web.interface.sites import MAX_ARCHIVE_BYTES
 
@@ -118,7 +118,7 @@ def export_nav2(
     data: DataOption = Path("data"),
 ) -> None:
     """Write the map of a site, without the zones, and the keep-out mask as Nav2 files."""
-    from app.console.site_files import export_nav2
+    from app.console.site.site_files import export_nav2
     from navcore.config.mapping import MappingConfig
     from navcore.files import write_whole
 
@@ -138,7 +138,7 @@ def dock(
     data: DataOption = Path("data"),
 ) -> None:
     """Set or remove the dock of a site; a running console takes it at its next start."""
-    from app.console.dock_and_tags import furnish, stored_tags
+    from app.console.site.dock_and_tags import furnish, stored_tags
     from navcore.geometry.transform import Pose2
 
     with _sites(data) as sites:
@@ -166,7 +166,7 @@ def tag(
     data: DataOption = Path("data"),
 ) -> None:
     """Set or remove a tag of a site; a running console takes it at its next start."""
-    from app.console.dock_and_tags import dock_of, furnish, stored_tags
+    from app.console.site.dock_and_tags import dock_of, furnish, stored_tags
     from navcore.toml_config import from_table
     from web.interface.sites import Tag
 
@@ -192,7 +192,7 @@ def import_nav2(
     data: DataOption = Path("data"),
 ) -> None:
     """Make a site of a Nav2 map; without points its frame is that of the site."""
-    from app.console.site_files import add_nav2
+    from app.console.site.site_files import add_nav2
     from navcore.formats import nav2_map
 
     loaded, pairs = nav2_map.load(map_file), _pairs(point or [])

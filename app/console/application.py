@@ -18,29 +18,29 @@ from types import FrameType
 import cv2
 
 from app.console.backend import BackEnd, recorded, simulated
+from app.console.mission.path_settings import stored_unknown_price
 from app.console.operations import LiveOperations
-from app.console.path_settings import stored_unknown_price
-from app.console.site_map import beware_of, map_of, put_in_force
-from app.console.sites import SESSION_PERIOD_S, expected_place, mission_of
-from app.runtime.background import Background, ThreadBackground
+from app.console.site.site_map import beware_of, map_of, put_in_force
+from app.console.site.sites import SESSION_PERIOD_S, expected_place, mission_of
+from app.runtime.control.background import Background, ThreadBackground
+from app.runtime.control.loop import ControlLoop, PeriodicThread, lower_other_priorities
+from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.robot_controller import RobotController
+from app.runtime.control.stage_timer import StageTimer
 from app.runtime.fault_injection import FaultInjector
-from app.runtime.live_perception import LivePerception
-from app.runtime.loop import ControlLoop, PeriodicThread, lower_other_priorities
-from app.runtime.map_keeper import MapKeeper
-from app.runtime.map_persistence import load_map, names_in
-from app.runtime.operator_state import OperatorState
-from app.runtime.preparation import prepared_perception
-from app.runtime.progress_lines import (
+from app.runtime.record.map_keeper import MapKeeper
+from app.runtime.record.map_persistence import load_map, names_in
+from app.runtime.record.recorder import Recorder
+from app.runtime.start.live_perception import LivePerception
+from app.runtime.start.preparation import prepared_perception
+from app.runtime.start.progress_lines import (
     STARTING_ROBOT,
     WARMING_UP,
     Progress,
     announced,
     on_stderr,
 )
-from app.runtime.recorder import Recorder
-from app.runtime.robot_controller import RobotController
-from app.runtime.segmenter_choice import SegmenterChoice
-from app.runtime.stage_timer import StageTimer
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.storage.site_store import SiteStore
 from app.teaching.networks import composed_at_start

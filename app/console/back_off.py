@@ -10,7 +10,7 @@ import logging
 import threading
 from collections.abc import Callable
 
-from app.runtime.operator_state import MOVING, StateHolder
+from app.runtime.control.operator_state import MOVING, StateHolder
 from navcore.errors import BewareNavError, Refused
 from navcore.geometry.transform import Pose2, Twist
 from navcore.mission.mission import Mission, Phase

@@ -11,8 +11,8 @@ from app.replay.floor_plane import find_floor
 from app.replay.recording import open_recording
 from app.replay.robot import ReplayRobot, map_around
 from app.replay.run import RESOLUTION_M
-from app.runtime.loop import LiveRobot
-from app.runtime.run_report import Referee
+from app.runtime.control.loop import LiveRobot
+from app.runtime.record.run_report import Referee
 from app.runtime.simulator_process import SimulatorProcess
 from navcore.config.navigator import NavigatorConfig
 from navcore.grid.grid import GridSpec

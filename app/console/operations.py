@@ -10,16 +10,16 @@ from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Any
 
-from app.console.anchored_items import AnchoredItems
 from app.console.back_off import BackOff
-from app.console.beware_editor import BewareEditor
-from app.console.beware_map import BewareMap
-from app.console.colour_rules import LiveColourRules
+from app.console.beware.beware_editor import BewareEditor
+from app.console.beware.beware_map import BewareMap
+from app.console.beware.colour_rules import LiveColourRules
+from app.console.beware.examples import LiveExamples
+from app.console.beware.recent_frames import RecentFrames
 from app.console.edit_history import AllEdits
-from app.console.examples import LiveExamples
-from app.console.goals import Goals
-from app.console.map_editor import MapEditor
-from app.console.path_preview import (
+from app.console.mission.anchored_items import AnchoredItems
+from app.console.mission.goals import Goals
+from app.console.mission.path_preview import (
     Planner,
     compare,
     compare_lists,
@@ -27,22 +27,22 @@ from app.console.path_preview import (
     measured,
     pose_at,
 )
-from app.console.path_settings import PathSettings
-from app.console.place_editor import PlaceEditor
-from app.console.recent_frames import RecentFrames
-from app.console.saved_missions import SavedMissions
-from app.console.sites import LiveSites
+from app.console.mission.path_settings import PathSettings
+from app.console.mission.saved_missions import SavedMissions
+from app.console.mission.zone_editor import ZoneEditor
+from app.console.site.map_editor import MapEditor
+from app.console.site.place_editor import PlaceEditor
+from app.console.site.sites import LiveSites
 from app.console.status_message import stands_in_zone, status_message
-from app.console.zone_editor import ZoneEditor
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
-from app.runtime.live_perception import LivePerception
-from app.runtime.map_keeper import MapKeeper
-from app.runtime.operator_state import MOVING, OperatorState
-from app.runtime.recorder import Recorder
-from app.runtime.robot_controller import RobotController
-from app.runtime.segmentation import compose
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.control.operator_state import MOVING, OperatorState
+from app.runtime.control.robot_controller import RobotController
+from app.runtime.record.map_keeper import MapKeeper
+from app.runtime.record.recorder import Recorder
+from app.runtime.start.live_perception import LivePerception
+from app.runtime.start.segmentation import compose
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.storage.site_store import SiteStore
 from app.teaching.networks import Compose

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.runtime.operator_state import MOVING, OperatorState
+from app.runtime.control.operator_state import MOVING, OperatorState
 from navcore.control.motion import ControllerState
 from navcore.mission.mission import Phase
 from navcore.navigator import TickResult

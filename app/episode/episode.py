@@ -17,11 +17,11 @@ from app.episode.ablations import Ablation
 from app.episode.informed_baseline import SensorModel
 from app.episode.latency import NO_LATENCY, Latency, TickSchedule
 from app.episode.report import EpisodeRecord, Polygon, Sample, report_of
+from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.robot_controller import COMMAND_PERIOD_S, RobotController
+from app.runtime.control.stage_timer import StageTimer
 from app.runtime.fault_injection import FaultInjector
-from app.runtime.operator_state import OperatorState
-from app.runtime.robot_controller import COMMAND_PERIOD_S, RobotController
-from app.runtime.segmentation import Perception, colour_perception
-from app.runtime.stage_timer import StageTimer
+from app.runtime.start.segmentation import Perception, colour_perception
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, wrap_angle

@@ -11,8 +11,8 @@ import numpy as np
 
 from app.episode.failure_causes import GOAL_RADIUS_M, causes_of
 from app.episode.informed_baseline import SensorModel, TrueGrids, ideal_path_m
-from app.runtime.provenance import machine, version
-from app.runtime.stage_timer import StageTimer
+from app.runtime.control.stage_timer import StageTimer
+from app.runtime.record.provenance import machine, version
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from app.episode.ablations import Ablation
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.latency import NO_LATENCY, Latency
-from app.runtime.segmentation import Perception
+from app.runtime.start.segmentation import Perception
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration, BadGeometry
 from navcore.mission.beware_list import BewareList

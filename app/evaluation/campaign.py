@@ -20,7 +20,7 @@ from app.fleet.campaign_progress import Driven, shown
 from app.fleet.engine import Engine, Lost, run
 from app.fleet.local import ThisProcess
 from app.fleet.shard import Shard
-from app.runtime.provenance import command_line
+from app.runtime.record.provenance import command_line
 from navcore.errors import BadConfiguration
 
 

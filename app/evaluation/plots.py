@@ -19,7 +19,7 @@ from matplotlib.patches import Patch, Polygon
 
 from app.episode.episode import Episode
 from app.episode.keyframes import Keyframe, Keyframes
-from app.runtime.robot_controller import COMMAND_PERIOD_S
+from app.runtime.control.robot_controller import COMMAND_PERIOD_S
 from navcore.geometry.arrays import Points
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.planning.route import Route

@@ -17,9 +17,9 @@ from app.episode.ablations import Ablation
 from app.episode.task import Task, episode_of
 from app.evaluation.campaign import HERE, Campaign, Fleet, write_summary
 from app.evaluation.summary import summarise, tables_of
-from app.runtime.provenance import command_line
-from app.runtime.segmentation import Perception, colour_perception, compose
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.record.provenance import command_line
+from app.runtime.start.segmentation import Perception, colour_perception, compose
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import load_profile

@@ -14,7 +14,7 @@ from typing import Any
 
 from app.fleet.engine import Done, Lost
 from app.fleet.local import LIMIT_S
-from app.runtime.provenance import version
+from app.runtime.record.provenance import version
 from navcore.errors import BadConfiguration
 
 STORE_BYTES = 200_000_000

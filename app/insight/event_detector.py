@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from app.insight.event_log import EventLog
-from app.runtime.operator_state import MOVING, OperatorState
+from app.runtime.control.operator_state import MOVING, OperatorState
 from navcore.grid.grid import Cell, OccupancyGrid
 from navcore.grid.growth import growth_into
 from navcore.mission.beware_list import BewareList

@@ -21,10 +21,10 @@ from app.insight.event_log import EventLog, EventStore
 from app.insight.explanation import ExplanationQuery, alternative, explain
 from app.insight.labelling import LabellingFolder, region_in
 from app.insight.place_events import PlaceEvents
-from app.runtime.loop import PeriodicThread
-from app.runtime.recorder import Recorder
-from app.runtime.robot_controller import RobotController
-from app.runtime.time_series import TimeSeries
+from app.runtime.control.loop import PeriodicThread
+from app.runtime.control.robot_controller import RobotController
+from app.runtime.record.recorder import Recorder
+from app.runtime.record.time_series import TimeSeries
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.collision_checker import candidates
 from navcore.costmap.local_costmap import nearby, obstacle_masks

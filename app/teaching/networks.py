@@ -15,9 +15,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.runtime.live_perception import LivePerception
-from app.runtime.segmentation import Perception
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.start.live_perception import LivePerception
+from app.runtime.start.segmentation import Perception
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.versions import (
     MAX_VERSIONS,
     MODEL_NAME,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from app.runtime.live_perception import LivePerception
-from app.runtime.segmentation import Perception, compose
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.start.live_perception import LivePerception
+from app.runtime.start.segmentation import Perception, compose
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.frames import LiveFrames
 from app.teaching.networks import Compose, LiveNetworks
 from app.teaching.trainings import LiveTrainings

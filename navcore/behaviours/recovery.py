@@ -141,18 +141,20 @@ def trail_with(trail: Points, pose: Pose2, config: RecoveryConfig = _DEFAULT) ->
 
 def closed_way(
     path: Points, at: Pose2, profile: RobotProfile, config: RecoveryConfig = _DEFAULT
-) -> Zone:
+) -> Zone | None:
     """Return a keep-out zone that closes the passage ahead of a pose where the robot was blocked.
 
     `path` is (N, 2) in the map frame. The zone lies on it, far enough ahead that the robot does not
-    stand in it, whichever way it turns.
+    stand in it, whichever way it turns; None where the path ends before.
     """
     half = config.closed_half_side_m
     away = np.hypot(path[:, 0] - at.x_m, path[:, 1] - at.y_m)
     nearest = int(np.argmin(away))
     clear_m = profile.circumscribed_radius_m + math.sqrt(2) * half + config.closed_gap_m
     beyond = np.flatnonzero(away[nearest:] >= clear_m)
-    x, y = path[nearest + beyond[0] if len(beyond) else -1].tolist()
+    if len(beyond) == 0:
+        return None
+    x, y = path[nearest + beyond[0]].tolist()
     corners = ((x + a * half, y + b * half) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
     return Zone(
         id=f"closed {x:.2f} {y:.2f}",

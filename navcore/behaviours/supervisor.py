@@ -101,7 +101,8 @@ class Behaviour:
         ):
             # Ahead of where the robot stands now: it has moved a little since it was blocked, and
             # must not stand inside of what it closes.
-            closed = (*closed, closed_way(route.track, frame.pose, profile, config.recovery))
+            way = closed_way(route.track, frame.pose, profile, config.recovery)
+            closed = closed if way is None else (*closed, way)
         if recovery.action is RecoveryAction.GIVE_UP:
             closed = ()  # should one of the passages be open again, the robot goes on
         now = dataclasses.replace(now, recovery=recovery, closed=closed)

@@ -99,7 +99,17 @@ class CollisionChecker:
     def manoeuvre(self, path: Points, pose: Pose2) -> Manoeuvre | None:
         """Find the cheapest manoeuvre that leads on along the (N, 2) path, base frame, or else to a
         viewpoint of how the path goes on; None without one."""
-        problem = ManoeuvreProblem(
+        return manoeuvre_along(path, self._manoeuvre_problem(), pose) or self.manoeuvre_to_see(
+            path, pose
+        )
+
+    def manoeuvre_to_see(self, path: Points, pose: Pose2) -> Manoeuvre | None:
+        """Find the cheapest manoeuvre to a viewpoint of the unobserved cells that a body which
+        turns along the (N, 2) path, base frame, may sweep; None without one."""
+        return manoeuvre_to_see(path, self._manoeuvre_problem(), pose)
+
+    def _manoeuvre_problem(self) -> ManoeuvreProblem:
+        return ManoeuvreProblem(
             obstacles=self.obstacles,
             cell_radius_m=self.cell_radius_m,
             unseen=self.unseen,
@@ -109,7 +119,6 @@ class CollisionChecker:
             config=self.control.manoeuvre,
             lattice=self.control.lattice,
         )
-        return manoeuvre_along(path, problem, pose) or manoeuvre_to_see(path, problem, pose)
 
     def reversed(self) -> CollisionChecker:
         """Return the surroundings as seen from a robot that faces the other way."""

@@ -156,23 +156,33 @@ def _select(
     if inputs.spin:
         return _spin(checker) or BLOCKED
     if goal.reached:
-        motion = _align(checker, goal)
+        motion = _align(inputs, checker, goal)
     else:
         alone = inputs.people_config.non_cooperative
         motion = _drive(inputs, checker.without_people() if alone else checker, path)
     near = goal.distance_m <= inputs.local.nearly_m and inputs.previous.began is None
     if near and motion.outcome in _STRUGGLES:
-        motion = ARRIVED if goal.aligned else _align(checker, goal)
+        motion = ARRIVED if goal.aligned else _align(inputs, checker, goal)
     if inputs.ignore_predictions and motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
         bold = _drive(inputs, checker.with_people_standing(), path)
         motion = bold if bold.outcome in _DRIVES_ON else motion
     return motion
 
 
-def _align(checker: CollisionChecker, goal: _Goal) -> Motion:
-    """Turn in place to the heading asked for; stand where the body cannot turn."""
+def _align(inputs: LocalPlannerInput, checker: CollisionChecker, goal: _Goal) -> Motion:
+    """Turn in place to the heading asked for, if need be after a look from elsewhere at the
+    unobserved cells that the turn would sweep; stand where the body cannot turn."""
     turn = _turn(checker, goal.heading_error_rad)
-    return BLOCKED if turn is None else dataclasses.replace(turn, outcome=ControllerState.ALIGN)
+    if turn is not None:
+        return dataclasses.replace(turn, outcome=ControllerState.ALIGN)
+    if _turn(checker.all_observed(), goal.heading_error_rad) is None:
+        return BLOCKED
+    here, pose, previous = np.zeros((1, 2)), inputs.pose, inputs.previous
+    found, began = previous.manoeuvre, previous.began or pose
+    if found is None:
+        found, began = checker.manoeuvre_to_see(here, pose), pose
+    motion = None if found is None else _manoeuvre(checker, found, here, pose, began=began)
+    return motion or BLOCKED
 
 
 def _drive(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -> Motion:

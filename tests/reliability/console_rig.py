@@ -15,11 +15,11 @@ from pathlib import Path
 import httpx
 
 from app.console.operations import LiveOperations
+from app.runtime.control.loop import ControlLoop
 from app.runtime.fault_injection import FaultInjector
-from app.runtime.live_perception import LivePerception
-from app.runtime.loop import ControlLoop
-from app.runtime.recorder import Recorder
-from app.runtime.segmentation import colour_perception
+from app.runtime.record.recorder import Recorder
+from app.runtime.start.live_perception import LivePerception
+from app.runtime.start.segmentation import colour_perception
 from app.storage import Store
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
+from app.runtime.control.loop import ControlLoop
+from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.robot_controller import RobotController
 from app.runtime.fault_injection import FaultInjector
-from app.runtime.loop import ControlLoop
-from app.runtime.operator_state import OperatorState
-from app.runtime.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import default_beware_list

@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 from app.episode.episode import Episode
-from app.runtime.robot_controller import COMMAND_PERIOD_S, RobotController
+from app.runtime.control.robot_controller import COMMAND_PERIOD_S, RobotController
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
 from navcore.errors import BadGeometry

@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from app.runtime.robot_controller import COMMAND_PERIOD_S
+from app.runtime.control.robot_controller import COMMAND_PERIOD_S
 from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY

@@ -12,7 +12,7 @@ from PIL import Image
 from playwright.sync_api import Page, expect, sync_playwright
 
 from app.console.application import ConsoleOptions, console
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from tests.screenshots.pointer import SHOW_POINTER
 from tests.web.page.chromium import ARGUMENTS, CHROMIUM, await_map, middle_of, on_page
 

@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from app.console.application import ConsoleOptions, RunningConsole, console
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.start.segmenter_choice import SegmenterChoice
 
 BY_COLOUR = SegmenterChoice(kind="colour")
 """Most functions of a console need no network, and the tests run on two cores beside a browser."""

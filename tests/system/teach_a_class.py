@@ -23,7 +23,7 @@ import shapely
 from playwright.sync_api import Page, expect, sync_playwright
 
 from app.console.application import ConsoleOptions, RunningConsole, console
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.network.preprocess import Size
 from navcore.perception.esanet.weights import weights_file

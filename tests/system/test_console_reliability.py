@@ -41,9 +41,9 @@ def test_row_13_a_page_that_is_closed_frozen_or_cut_off_moves_nothing() -> None:
 
 
 def test_row_13_without_expiry_it_continues_to_move(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.runtime.robot_controller.HAND_LIFE_NS", NEVER_NS)
+    monkeypatch.setattr("app.runtime.control.robot_controller.HAND_LIFE_NS", NEVER_NS)
     endless = SafetyConfig(gate=GateConfig(command_life_s=1e6))
-    monkeypatch.setattr("app.runtime.robot_controller.gate", partial(gate, config=endless))
+    monkeypatch.setattr("app.runtime.control.robot_controller.gate", partial(gate, config=endless))
     monkeypatch.setattr(control.TeleopSession, "release", lambda self: None)
     monkeypatch.setattr("tests.reliability.console_rig.TIMEOUT_S", 2.0)
     with pytest.raises(RuntimeError, match="did not hold within"):

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from app.episode.episode import Episode, EpisodeSettings
-from app.runtime import robot_controller
+from app.runtime.control import robot_controller
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.safety.keep_out_monitor import KeepOuts
 from sim.scenario.schema import Marking, Scenario

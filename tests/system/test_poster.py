@@ -16,8 +16,8 @@ import pytest
 from shapely import LineString, box
 
 from app.episode.episode import Episode, EpisodeSettings
-from app.runtime.segmentation import Perception, compose
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.start.segmentation import Perception, compose
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from navcore.config.perception import (
     DEFAULT_PERCEPTION,
     DepthFilterConfig,

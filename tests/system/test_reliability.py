@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from app.runtime import stop_reasons
-from app.runtime.robot_controller import RobotController
+from app.runtime.control import stop_reasons
+from app.runtime.control.robot_controller import RobotController
 from navcore import navigator
 from navcore.config.safety import GateConfig, SafetyConfig
 from navcore.mission.zone import Zone
@@ -26,7 +26,9 @@ NEVER_NS = 10**15
 def no_expiry(monkeypatch: pytest.MonkeyPatch) -> None:
     """A gate for which nothing expires."""
     endless = SafetyConfig(gate=GateConfig(command_life_s=1e6, frame_life_s=1e6))
-    monkeypatch.setattr("app.runtime.robot_controller.gate", partial(gate.gate, config=endless))
+    monkeypatch.setattr(
+        "app.runtime.control.robot_controller.gate", partial(gate.gate, config=endless)
+    )
 
 
 def test_row_1_a_camera_that_fails_in_any_way_stops_the_robot_and_is_named() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from app.episode.episode import Episode, EpisodeSettings
-from app.runtime.map_persistence import load_map, save_map
+from app.runtime.record.map_persistence import load_map, save_map
 from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.keyframe_store import stored
 from navcore.mission.beware_list import default_beware_list

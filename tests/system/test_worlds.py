@@ -6,9 +6,9 @@ import pytest
 
 from app.episode.latency import live_latency
 from app.episode.task import Task, episode_of
-from app.runtime.provenance import shipped_sha256
-from app.runtime.segmentation import Perception, compose
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.record.provenance import shipped_sha256
+from app.runtime.start.segmentation import Perception, compose
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from navcore.mission.beware_list import default_beware_list
 from navcore.robot.profile import HUSKY
 from sim.scenario.load import load_scenario

@@ -11,7 +11,7 @@ import numpy as np
 from app.insight.detections import DetectionExtent
 from app.insight.event_log import EventLog
 from app.insight.explanation import ExplanationQuery, alternative, explain
-from app.runtime.time_series import COLUMNS, TimeSeries
+from app.runtime.record.time_series import COLUMNS, TimeSeries
 from navcore.errors import NotKnown
 from navcore.geometry.transform import Pose2
 from web.images.camera import camera_jpg

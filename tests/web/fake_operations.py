@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from app.console.beware_editor import BewareEditor
-from app.console.beware_map import BewareMap
-from app.console.colour_rules import LiveColourRules
+from app.console.beware.beware_editor import BewareEditor
+from app.console.beware.beware_map import BewareMap
+from app.console.beware.colour_rules import LiveColourRules
+from app.console.beware.examples import LiveExamples
+from app.console.beware.recent_frames import RecentFrames
 from app.console.edit_history import AllEdits
-from app.console.examples import LiveExamples
-from app.console.goals import Goals
-from app.console.map_editor import MapEditor
-from app.console.path_preview import (
+from app.console.mission.goals import Goals
+from app.console.mission.path_preview import (
     Planner,
     compare,
     compare_lists,
@@ -34,14 +34,14 @@ from app.console.path_preview import (
     pose_at,
     with_zones,
 )
-from app.console.path_settings import PathSettings
-from app.console.recent_frames import RecentFrames
-from app.console.saved_missions import SavedMissions
-from app.console.zone_editor import ZoneEditor
+from app.console.mission.path_settings import PathSettings
+from app.console.mission.saved_missions import SavedMissions
+from app.console.mission.zone_editor import ZoneEditor
+from app.console.site.map_editor import MapEditor
 from app.insight.explanation import ExplanationQuery
-from app.runtime.live_perception import LivePerception
-from app.runtime.operator_state import OperatorState
-from app.runtime.segmentation import colour_perception
+from app.runtime.control.operator_state import OperatorState
+from app.runtime.start.live_perception import LivePerception
+from app.runtime.start.segmentation import colour_perception
 from app.teaching.service import LiveTeaching
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig

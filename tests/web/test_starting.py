@@ -12,7 +12,7 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 
-from app.runtime.progress_lines import COMPILING, LOADING_NETWORK, STARTING_ROBOT, WARMING_UP
+from app.runtime.start.progress_lines import COMPILING, LOADING_NETWORK, STARTING_ROBOT, WARMING_UP
 from web.languages.catalog import CATALOGS, COOKIE
 from web.port import reserve
 from web.starting import LOADING_PROGRAM, StartingPage

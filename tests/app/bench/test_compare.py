@@ -10,7 +10,7 @@ from rich.table import Table
 
 from app.bench.compare import comparison_table, figures, ratios
 from app.bench.main import DESCRIPTIONS
-from app.runtime.stage_timer import STAGES, TICK
+from app.runtime.control.stage_timer import STAGES, TICK
 from navcore.errors import BadConfiguration
 
 

@@ -7,10 +7,11 @@ import socket
 import sys
 import threading
 
+import httpx
 import pytest
 
 from app.bench.process_use import process_use
-from app.bench.soak import NotMeasured, console_pids, growth_per_hour
+from app.bench.soak import NotMeasured, console_pids, growth_per_hour, set_off_again
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="reads /proc, which only Linux has"
@@ -45,3 +46,27 @@ def test_growth_is_the_slope_of_the_samples_and_not_the_difference_of_two_of_the
 def test_without_a_console_among_its_children_nothing_is_measured() -> None:
     with pytest.raises(NotMeasured, match="the console did not start"):
         console_pids(os.getpid())
+
+
+def test_a_console_that_refuses_to_set_off_is_asked_again_later_and_does_not_end_the_test(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    goals = {3: (1.0, 2.0)}
+
+    def console(request: httpx.Request) -> httpx.Response:
+        path = request.url.path.removeprefix("/api/v1/")
+        if path == "state":
+            return httpx.Response(200, json={"phase": "idle"})
+        if request.method == "DELETE":
+            del goals[int(path.removeprefix("goals/"))]
+            return httpx.Response(204)
+        if path == "goals":
+            return httpx.Response(200, json={"goals": [{"id": number} for number in goals]})
+        refused = path == "mission/start"
+        return httpx.Response(409 if refused else 200, json={"detail": "stopped by a person"})
+
+    transport = httpx.MockTransport(console)
+    with httpx.Client(transport=transport, base_url="http://console") as program:
+        set_off_again(program, ((1.0, 2.0),))
+    assert not goals
+    assert "stopped by a person" in caplog.text

@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli.sites import site_cli
-from app.console.dock_and_tags import dock_of, stored_tags
-from app.console.site_map import accepted_map
+from app.console.site.dock_and_tags import dock_of, stored_tags
+from app.console.site.site_map import accepted_map
 from app.storage import Store
 from app.storage.sites import site_table
 from navcore.errors import BadConfiguration, BadGeometry, BewareNavError, NotKnown, StorageFailed

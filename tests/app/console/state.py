@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from app.console.beware_editor import BewareEditor, BewareStore
-from app.console.beware_map import BewareMap
-from app.console.colour_rules import LiveColourRules
-from app.console.examples import LiveExamples
-from app.console.recent_frames import RecentFrames
-from app.runtime.operator_state import OperatorState, StateHolder
+from app.console.beware.beware_editor import BewareEditor, BewareStore
+from app.console.beware.beware_map import BewareMap
+from app.console.beware.colour_rules import LiveColourRules
+from app.console.beware.examples import LiveExamples
+from app.console.beware.recent_frames import RecentFrames
+from app.runtime.control.operator_state import OperatorState, StateHolder
 from navcore.config.navigator import NavigatorConfig
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList, default_beware_list
@@ -21,7 +21,7 @@ from tests.navcore.scene import SPEC
 
 
 class PlainHolder:
-    """Satisfies `app.runtime.operator_state.StateHolder`."""
+    """Satisfies `app.runtime.control.operator_state.StateHolder`."""
 
     def __init__(self, intent: OperatorState | None = None) -> None:
         self.intent = intent or OperatorState(mission=Mission(), beware=default_beware_list())
@@ -33,7 +33,7 @@ class PlainHolder:
 
 
 class PlainMap:
-    """Satisfies `app.console.beware_map.MapHolder`: an edit is done at once."""
+    """Satisfies `app.console.beware.beware_map.MapHolder`: an edit is done at once."""
 
     def __init__(self, point_map: PointMap) -> None:
         self.point_map = point_map

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from app.console.back_off import BACK, DISTANCE_M, MAX_STEPS, BackOff
-from app.runtime.operator_state import OperatorState
+from app.runtime.control.operator_state import OperatorState
 from navcore.errors import Refused
 from navcore.geometry.transform import Pose2, Twist
 from navcore.mission.beware_list import BewareList

@@ -11,7 +11,7 @@ import pytest
 from app.cli.drive import DriveSettings, drive
 from app.cli.evaluate import EvaluateSettings, evaluate
 from app.console import backend
-from app.console.site_map import beware_of
+from app.console.site.site_map import beware_of
 from app.storage import Store
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.robot.profile import HUSKY
@@ -46,7 +46,7 @@ def test_drive_and_evaluate_take_the_list_of_the_world_unless_one_is_given(
 ) -> None:
     monkeypatch.setattr("app.episode.task.episode_of", give)
     monkeypatch.setattr("app.evaluation.scenario.evaluate_scenario", give)
-    monkeypatch.setattr("app.runtime.segmentation.compose", lambda *_, **__: None)
+    monkeypatch.setattr("app.runtime.start.segmentation.compose", lambda *_, **__: None)
     file = tmp_path / "own.toml"
     file.write_text('[[beware]]\nname = "fork"\nclass_id = 40\n', encoding="utf-8")
     expected = {"fork"} if own else {entry.name for entry in OFFICE.enabled}

@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 
 from app.console.status_message import status_message
-from app.runtime.operator_state import OperatorState
+from app.runtime.control.operator_state import OperatorState
 from navcore.control.motion import ControllerState
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase

@@ -21,7 +21,7 @@ from app.episode.latency import (
     live_latency,
 )
 from app.episode.task import Task, episode_of
-from app.runtime.provenance import shipped_sha256
+from app.runtime.record.provenance import shipped_sha256
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import default_beware_list
 from navcore.navigator import TickResult

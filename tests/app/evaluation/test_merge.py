@@ -13,7 +13,7 @@ from app.evaluation.merge import Allowance, merge_shards
 from app.evaluation.scenario import conclude_scenario
 from app.fleet.campaign_files import EPISODES, read_card, recorded
 from app.fleet.shard import Shard
-from app.runtime.provenance import command_line
+from app.runtime.record.provenance import command_line
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import default_beware_list
 from tests.app.evaluation.test_scenario import task

@@ -17,7 +17,7 @@ from app.evaluation.tables import (
     short_table,
     with_table,
 )
-from app.runtime.provenance import shipped_sha256
+from app.runtime.record.provenance import shipped_sha256
 from navcore.errors import BadConfiguration
 
 FILES = sorted(RESULTS.glob("*.json"))

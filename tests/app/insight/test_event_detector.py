@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from app.insight.event_detector import EventDetector
 from app.insight.event_log import EventLog
-from app.runtime.operator_state import OperatorState
+from app.runtime.control.operator_state import OperatorState
 from navcore.control.motion import IDLE
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.camera import Intrinsics

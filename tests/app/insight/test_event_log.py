@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from app.insight.event_log import EventLog
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
-from app.runtime.recorder import Recorder
-from app.runtime.robot_controller import RobotController
+from app.runtime.control.robot_controller import RobotController
+from app.runtime.record.recorder import Recorder
 from app.storage import Store
 from app.storage.database import Database
 from app.storage.events import EventTable
@@ -218,7 +218,7 @@ def driven(controller: RobotController, recorder: Recorder, *, from_s: float, to
 def test_the_report_of_an_endless_run_is_bounded_and_kept_when_the_console_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.runtime.run_report.MAX_ROWS", 16)
+    monkeypatch.setattr("app.runtime.record.run_report.MAX_ROWS", 16)
     store, controller = Store(tmp_path), standing_controller()
     controller.change_mission(
         lambda mission: mission.cancel().add(3.0, 0.0, controller.navigator.map.spec).start()

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.runtime.live_perception import LivePerception
-from app.runtime.segmentation import Perception, colour_perception
-from app.runtime.segmenter_choice import SegmenterChoice
+from app.runtime.start.live_perception import LivePerception
+from app.runtime.start.segmentation import Perception, colour_perception
+from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.networks import LiveNetworks, composed_at_start
 from app.teaching.versions import MODEL_NAME, START, VersionStore, write_version
 from navcore.errors import BadConfiguration, NotKnown, Refused

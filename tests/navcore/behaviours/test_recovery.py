@@ -253,10 +253,16 @@ def test_when_nothing_has_helped_the_ways_that_were_found_closed_are_ways_again(
 
 
 def test_a_closed_way_lies_on_the_path_before_the_bumper_and_not_under_the_robot() -> None:
-    corners = np.array(closed_way(wall((-1.0, 5.0), (0.0, 0.0)), HERE, HUSKY).polygon)
+    way = closed_way(wall((-1.0, 5.0), (0.0, 0.0)), HERE, HUSKY)
+    assert way is not None
+    corners = np.array(way.polygon)
     assert np.hypot(*corners.T).min() > HUSKY.circumscribed_radius_m  # whichever way it has turned
     assert corners[:, 0].max() < 1.2
     assert abs(corners[:, 1].mean()) < 1e-9
+
+
+def test_a_path_that_ends_beside_the_robot_is_no_passage_to_close() -> None:
+    assert closed_way(wall((-1.0, 0.9), (0.0, 0.0)), HERE, HUSKY) is None
 
 
 def test_the_trail_is_the_way_back_without_the_detours() -> None:

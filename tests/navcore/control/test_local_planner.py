@@ -405,6 +405,28 @@ def test_a_blocked_turn_to_the_heading_is_boxed_in_and_a_zone_under_the_body_has
     )
 
 
+def test_a_turn_to_the_heading_over_unseen_cells_begins_with_a_look_at_them() -> None:
+    here = np.array([[0.05, 0.0]])
+    beside = np.array([[x, -0.5] for x in np.arange(-0.3, 0.31, 0.05)])
+    assert decide(path=here, goal_yaw_rad=1.5).outcome is ControllerState.ALIGN
+    pose, motion = ORIGIN, decide(path=here, unseen=beside, goal_yaw_rad=1.5)
+    for _ in range(300):
+        if motion.manoeuvre is None:
+            break
+        pose = simulated(motion.twist, pose)[20]
+        motion = decide(
+            path=here,
+            unseen=pose.from_parent(beside),
+            goal_yaw_rad=1.5,
+            pose=pose,
+            previous=motion,
+        )
+    to_cells = pose.from_parent(beside)
+    bearings = np.abs(np.arctan2(to_cells[:, 1], to_cells[:, 0]))
+    assert to_cells[:, 0].min() > HUSKY.length_m / 2
+    assert bearings.max() < math.radians(43.5)  # the cells are in view
+
+
 def test_a_wall_ahead_slows_the_robot_down_the_nearer_it_is() -> None:
     speeds = [
         decide(geometric=np.array([[x, y] for y in np.arange(-1.5, 1.51, 0.1)])).twist.v_mps

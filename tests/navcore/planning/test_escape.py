@@ -21,7 +21,7 @@ from navcore.planning.escape import escape_path, nearest_exit
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
 from navcore.robot.profile import HUSKY
-from tests.app.runtime.test_robot_controller import navigator, order
+from tests.app.runtime.control.test_robot_controller import navigator, order
 from tests.navcore.laws import law
 from tests.navcore.scene import Paint, picture
 

@@ -16,8 +16,8 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from app.insight.event_detector import EventDetector
 from app.insight.event_log import EventLog
-from app.runtime.operator_state import OperatorState
-from app.runtime.stop_reasons import CONTROLLER_STOPS, POSE_STOPS
+from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.stop_reasons import CONTROLLER_STOPS, POSE_STOPS
 from app.storage import Store
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission, Phase
@@ -266,7 +266,7 @@ def report_fields() -> set[str]:
     """Return the fields of the reports of console and referee, but for the series."""
     found = set[str]()
     for path, functions in (
-        ("app/runtime/run_report.py", {"_end", "report"}),
+        ("app/runtime/record/run_report.py", {"_end", "report"}),
         ("sim/referee/referee.py", {"summary"}),
     ):
         tree = ast.parse((REPOSITORY / path).read_text(encoding="utf-8"))

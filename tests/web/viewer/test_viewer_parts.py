@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from app.runtime.stop_reasons import POSE_STOPS
+from app.runtime.control.stop_reasons import POSE_STOPS
 from navcore.mission.mission import Phase
 from navcore.mission.zone import Zone
 from tests.web.fake_operations import FakeOperations

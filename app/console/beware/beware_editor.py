@@ -1,0 +1,314 @@
+"""The operator's edits of the beware list: checked, stored, then in force; every edit can be
+undone, and every stored version comes back."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from app.runtime.control.operator_state import StateHolder
+from navcore.errors import BadConfiguration, NotKnown, Outdated, Refused
+from navcore.mapping.points.erasing import Erased
+from navcore.mission.beware_changes import changes_between
+from navcore.mission.beware_list import (
+    BewareClass,
+    BewareList,
+    default_beware_list,
+    parse_beware_list,
+)
+from navcore.perception.labels import LabelSource, Segmenter
+from web.interface.beware import OPERATOR, BewareVersion, ColourRules, Examples
+from web.interface.drafts import EditHistory
+
+Removed = list[Erased]
+"""What the map will have lost by an edit, filled before the next tick."""
+MAX_UNDO = 100
+MAX_TOLD = 3
+"""Largest number of changes that a description names."""
+
+
+class BewareStore(Protocol):
+    """Storage of beware lists; `app.storage.SiteStore` is one."""
+
+    def beware_versions(self) -> tuple[BewareVersion, ...]:
+        """Return every list that was ever saved, newest first."""
+
+    def save_beware(self, beware: BewareList, *, unix_s: float, by: str, what: str) -> None:
+        """Store the list in force; earlier lists are kept."""
+
+
+class MapFollower(Protocol):
+    """What lets the map follow the colour rules; `beware_map.BewareMap` is one."""
+
+    def follow(
+        self, before: BewareList, after: BewareList, put_back: Iterable[Erased] = ()
+    ) -> Removed:
+        """Have the map follow another list, and get back what an undone edit has removed; returns
+        the list that will hold what this edit removes."""
+
+
+class CheckedColours(ColourRules, Protocol):
+    """Colour rules from clicks, and the check of those in a list."""
+
+    def check(self, entries: Iterable[BewareClass]) -> None:
+        """Raise `BadConfiguration` for a colour rule that takes half of all pixels."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Edit:
+    """One step of the operator that can be undone."""
+
+    number: int
+    text: str
+    before: BewareList
+    after: BewareList
+    removed: Removed = field(default_factory=list)
+    """What the edit took off the map."""
+
+
+class BewareEditor:
+    """Satisfies the console's port `BewareEdits`. Safe from any thread: one edit at a time."""
+
+    def __init__(
+        self,
+        holder: StateHolder,
+        *,
+        store: BewareStore,
+        segmenter: Segmenter,
+        colours: CheckedColours,
+        follower: MapFollower,
+        examples: Examples,
+        defaults: BewareList | None = None,
+        calendar_s: Callable[[], float] = time.time,
+        number: Callable[[], int] | None = None,
+    ) -> None:
+        """`defaults`: list of a new site, by default the shipped one. `number` counts the edits of
+        all kinds."""
+        self._holder, self._store, self._segmenter = holder, store, segmenter
+        self._colours, self._follower, self._examples = colours, follower, examples
+        self._defaults = defaults or default_beware_list()
+        self._calendar_s, self._number = calendar_s, number or itertools.count(1).__next__
+        stored = store.beware_versions()[: MAX_UNDO + 1][::-1]
+        self._done: deque[_Edit] = deque(
+            (
+                _Edit(number=0, text=new.what or "an edit", before=old.list, after=new.list)
+                for old, new in itertools.pairwise(stored)
+            ),
+            maxlen=MAX_UNDO,
+        )
+        self._undone: list[_Edit] = []
+        self._editing = threading.Lock()
+        self._is_retired = False
+
+    @contextmanager
+    def retired(self) -> Iterator[None]:
+        """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
+        with self._editing:
+            yield
+            self._is_retired = True
+
+    @property
+    def list(self) -> BewareList:
+        """The list in force."""
+        return self._holder.intent.beware
+
+    @property
+    def history(self) -> EditHistory:
+        """Edits that can be undone and redone."""
+        return EditHistory.of(self._done, self._undone)
+
+    @property
+    def colours(self) -> ColourRules:
+        """Colour rules from clicks."""
+        return self._colours
+
+    @property
+    def examples(self) -> Examples:
+        """Classes by example."""
+        return self._examples
+
+    def finder(self, entry: BewareClass) -> LabelSource:
+        """Return which part of the segmenter detects an entry of the list."""
+        return self._segmenter.source_of(entry)
+
+    def edit(
+        self,
+        name: str,
+        changes: Mapping[str, object],
+        *,
+        expected_version: int | None = None,
+        by: str = OPERATOR,
+    ) -> BewareList:
+        """Change fields of one class."""
+        with self._editing:
+            return self._step(_edited(self._expected(expected_version), name, changes), by)
+
+    def add(self, entry: Mapping[str, object], *, by: str = OPERATOR) -> BewareList:
+        """Add a class."""
+        with self._editing:
+            return self._step(self.list.added(entry), by)
+
+    def remove(
+        self,
+        name: str,
+        *,
+        expected_version: int | None = None,
+        force: bool = False,
+        by: str = OPERATOR,
+    ) -> BewareList:
+        """Remove a class."""
+        with self._editing:
+            return self._step(self._expected(expected_version).removed(name), by, force=force)
+
+    def order(self, names: Sequence[str], *, by: str = OPERATOR) -> BewareList:
+        """Change the order of the classes."""
+        with self._editing:
+            return self._step(self.list.ordered(names), by)
+
+    def replace(
+        self,
+        beware: BewareList,
+        *,
+        expected_version: int | None = None,
+        force: bool = False,
+        by: str = OPERATOR,
+    ) -> BewareList:
+        """Replace the list in force."""
+        with self._editing:
+            wanted = self._expected(expected_version).replaced(beware.classes)
+            return self._step(wanted, by, force=force)
+
+    def import_toml(
+        self,
+        text: str,
+        *,
+        expected_version: int | None = None,
+        force: bool = False,
+        by: str = OPERATOR,
+    ) -> BewareList:
+        """Replace the list in force by that of a TOML document."""
+        with self._editing:
+            read = parse_beware_list(text, "the file")
+            wanted = self._expected(expected_version).adopted(read.classes)
+            return self._step(wanted, by, force=force, what="import of a file")
+
+    def restore_defaults(self, *, by: str = OPERATOR) -> BewareList:
+        """Replace the list in force by that of a new site."""
+        with self._editing:
+            wanted = self.list.adopted(self._defaults.classes)
+            return self._step(wanted, by, what="default list")
+
+    def versions(self) -> tuple[BewareVersion, ...]:
+        """Return all stored versions, newest first."""
+        return self._store.beware_versions()
+
+    def restore(self, version: int, *, force: bool = False, by: str = OPERATOR) -> BewareList:
+        """Bring back a stored version, as the next one."""
+        with self._editing:
+            for stored in self.versions():
+                if stored.list.version == version:
+                    wanted = self.list.replaced(stored.list.classes)
+                    return self._step(wanted, by, force=force, what=f"back to version {version}")
+            raise NotKnown(f"the beware list has no version {version}")
+
+    def drafted(
+        self, changes: Mapping[str, Mapping[str, object] | None], added: Mapping[str, object] | None
+    ) -> BewareList:
+        """Return the list after some changes, without applying them."""
+        beware = self.list
+        for name, fields in changes.items():
+            beware = beware.removed(name) if fields is None else _edited(beware, name, fields)
+        drafted = beware if added is None else beware.added(added)
+        self._check_colours(self.list, drafted)
+        return drafted
+
+    def undo(self, *, by: str = OPERATOR) -> str:
+        """Restore the list before the newest edit, as a new version."""
+        with self._editing:
+            edit = _last(self._done, "undo")
+            wanted = self.list.replaced(edit.before.classes)
+            self._apply(wanted, by, f"undo: {edit.text}", put_back=edit.removed)
+            self._undone.append(self._done.pop())
+        return edit.text
+
+    def redo(self, *, by: str = OPERATOR) -> str:
+        """Repeat the edit that was undone last, as a new version."""
+        with self._editing:
+            edit = _last(self._undone, "redo")
+            wanted = self.list.replaced(edit.after.classes)
+            removed = self._apply(wanted, by, f"redo: {edit.text}")
+            self._undone.pop()
+            self._done.append(dataclasses.replace(edit, removed=removed))
+        return edit.text
+
+    def _expected(self, version: int | None) -> BewareList:
+        beware = self.list
+        if version is not None and version != beware.version:
+            raise Outdated(
+                f"the beware list is at version {beware.version}, the edit was made on {version}"
+            )
+        return beware
+
+    def _step(
+        self, beware: BewareList, by: str, *, force: bool = False, what: str = ""
+    ) -> BewareList:
+        before = self.list
+        if not beware.classes and not force:
+            raise Refused(
+                "with an empty beware list the robot bewares of nothing; "
+                "repeat with ?force=true to put it in force"
+            )
+        self._check_colours(before, beware)
+        told = changes_between(before, beware)
+        more = f" and {len(told) - MAX_TOLD} more" if len(told) > MAX_TOLD else ""
+        details = "; ".join(told[:MAX_TOLD]) + more
+        text = ": ".join(filter(None, (what, details))) or "no change"
+        removed = self._apply(beware, by, text)
+        self._done.append(
+            _Edit(number=self._number(), text=text, before=before, after=beware, removed=removed)
+        )
+        self._undone = []
+        return beware
+
+    def _check_colours(self, before: BewareList, beware: BewareList) -> None:
+        rules = {entry.colour for entry in before.classes}
+        self._colours.check(entry for entry in beware.classes if entry.colour not in rules)
+
+    def _apply(
+        self, beware: BewareList, by: str, what: str, *, put_back: Iterable[Erased] = ()
+    ) -> Removed:
+        """Store a list, put it in force and let the map follow; returns what that removes from the
+        map. The first edit stores the list before it, too, so that this one can be brought back."""
+        if self._is_retired:
+            raise Refused("the site has been changed meanwhile; load the beware list again")
+        before, now_s = self.list, self._calendar_s()
+        if not self._store.beware_versions():
+            self._store.save_beware(before, unix_s=now_s, by="", what="list of a new site")
+        self._store.save_beware(beware, unix_s=now_s, by=by, what=what)
+        self._holder.change(lambda state: dataclasses.replace(state, beware=beware))
+        return self._follower.follow(before, beware, put_back)
+
+
+def _edited(beware: BewareList, name: str, changes: Mapping[str, object]) -> BewareList:
+    """Return a list with changed fields of one class, its name among them."""
+    fields = dict(changes)
+    new = fields.pop("name", name)
+    if not isinstance(new, str):
+        raise BadConfiguration(f"beware list: {name}: name: expected text, got {new!r}")
+    renamed = beware if new == name else beware.renamed(name, new)
+    if not fields:
+        return renamed if renamed is not beware else beware.edited(name)
+    return dataclasses.replace(renamed.edited(new, **fields), version=beware.version + 1)
+
+
+def _last(edits: Sequence[_Edit], verb: str) -> _Edit:
+    if not edits:
+        raise Refused(f"there is no edit of the beware list to {verb}")
+    return edits[-1]

@@ -1,0 +1,107 @@
+"""Zones and goals that move with the map: those drawn while mapping belong to the poses beside
+which they were drawn, and a correction of these poses takes them along."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Protocol
+
+from navcore.localisation.map_correction import AppliedCorrection
+from navcore.mapping.points.pose_ids import PoseIds
+from navcore.mission.anchors import Anchored, anchored
+from navcore.mission.mission import Goal, Mission
+from navcore.mission.zone import Zone
+
+LEAST_M = 0.01
+"""Distance in metres below which an item stays where it is."""
+ZoneKey = tuple[str, int]
+GoalKey = tuple[int, float, float]
+
+
+class ZoneMoves(Protocol):
+    """An editor of zones; `app.console.mission.zone_editor.ZoneEditor` is one."""
+
+    @property
+    def stored(self) -> tuple[Zone, ...]:
+        """All zones."""
+
+    def move(self, zones: Iterable[Zone]) -> None:
+        """Replace zones by their id, because the map was corrected."""
+
+
+class AnchoredItems:
+    """Keeps the anchors of zones and goals, and moves them when the map is corrected; called by the
+    think thread."""
+
+    def __init__(
+        self,
+        zones: Callable[[], ZoneMoves],
+        mission: Callable[[], Mission],
+        change_mission: Callable[[Callable[[Mission], Mission]], object],
+    ) -> None:
+        """`zones` gives the editor of the present site."""
+        self._zones, self._mission, self._change_mission = zones, mission, change_mission
+        self._zone_anchors: dict[ZoneKey, Anchored[Zone] | None] = {}
+        self._goal_anchors: dict[GoalKey, Anchored[Goal] | None] = {}
+
+    def note_tick(self, correction: AppliedCorrection | None, pose_ids: PoseIds) -> tuple[str, ...]:
+        """Move what a correction of the map has moved, and anchor what is new; returns a sentence
+        for each item that moved."""
+        told: list[str] = []
+        if correction is not None:
+            told = [*self._move_zones(correction), *self._move_goals(correction)]
+        zones = {(zone.id, zone.version): zone for zone in self._zones().stored}
+        goals = {(goal.id, goal.x_m, goal.y_m): goal for goal in self._mission().queue}
+        if zones.keys() != self._zone_anchors.keys() or goals.keys() != self._goal_anchors.keys():
+            poses, frozen = pose_ids.poses, pose_ids.frozen
+            self._zone_anchors = {
+                key: self._zone_anchors[key]
+                if key in self._zone_anchors
+                else anchored(zone, poses, frozen)
+                for key, zone in zones.items()
+            }
+            self._goal_anchors = {
+                key: self._goal_anchors[key]
+                if key in self._goal_anchors
+                else anchored(goal, poses, frozen)
+                for key, goal in goals.items()
+            }
+        return tuple(told)
+
+    def forget(self) -> None:
+        """Forget all anchors: the robot is at another site now."""
+        self._zone_anchors, self._goal_anchors = {}, {}
+
+    def _move_zones(self, correction: AppliedCorrection) -> list[str]:
+        moved, told = [], []
+        for zone in self._zones().stored:
+            held = self._zone_anchors.get((zone.id, zone.version))
+            if held is None:
+                continue
+            placed, by = held.moved_with(correction.before, correction.after)
+            if by.distance_m >= LEAST_M:
+                moved.append(replace(placed, version=zone.version + 1))
+                told.append(f"Zone “{zone.name}” moved {by.distance_m:.2f} m with the map.")
+        if moved:
+            self._zones().move(moved)
+        return told
+
+    def _move_goals(self, correction: AppliedCorrection) -> list[str]:
+        moved: dict[int, Goal] = {}
+        told = []
+        for goal in self._mission().queue:
+            held = self._goal_anchors.get((goal.id, goal.x_m, goal.y_m))
+            if held is None:
+                continue
+            placed, by = held.moved_with(correction.before, correction.after)
+            if by.distance_m >= LEAST_M:
+                moved[goal.id] = placed
+                told.append(f"Goal {goal.title} moved {by.distance_m:.2f} m with the map.")
+        if moved:
+            self._change_mission(
+                lambda mission: replace(
+                    mission, queue=tuple(moved.get(goal.id, goal) for goal in mission.queue)
+                )
+            )
+        return told

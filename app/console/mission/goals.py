@@ -1,0 +1,108 @@
+"""The operator's goals: queued, changed, ordered and repeated; saved under a name as missions."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
+
+from app.console.mission.saved_missions import SavedMissions
+from app.runtime.control.operator_state import StateHolder
+from navcore.costmap.cell_description import check_goal_free
+from navcore.errors import BadGeometry
+from navcore.grid.grid import GridSpec
+from navcore.mission.mission import Goal, Mission
+from web.interface.drafts import GoalChanges, SavedMission
+from web.interface.snapshots import TickSnapshot
+
+
+class MapView(Protocol):
+    """A source of the newest map; `app.runtime.record.recorder.Recorder` is one."""
+
+    @property
+    def picture(self) -> TickSnapshot | None:
+        """Values of the newest tick; None before the first."""
+
+
+class Goals:
+    """Satisfies the console's port `GoalList`. Safe from any thread: each edit is one step."""
+
+    def __init__(
+        self,
+        holder: StateHolder,
+        *,
+        view: MapView,
+        spec: Callable[[], GridSpec],
+        saved: SavedMissions,
+    ) -> None:
+        """`spec` returns the present grid of the map, which grows to the goals."""
+        self._holder, self._view, self._spec, self._saved = holder, view, spec, saved
+
+    def add(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
+        """Queue a goal; refused where the known map does not let the robot stand."""
+        self._check_free(x_m, y_m)
+        return self._change(
+            lambda mission: mission.add(x_m, y_m, self._spec(), yaw_rad=yaw_rad, name=name)
+        ).queue[-1]
+
+    def change(self, goal_id: int, changes: GoalChanges) -> Goal:
+        """Move, turn or rename a waiting goal."""
+
+        def changed(mission: Mission) -> Goal:
+            return dataclasses.replace(mission.queued(goal_id), **changes)
+
+        if "x_m" in changes or "y_m" in changes:
+            # Checked before the mission is locked: the command thread must not wait for it.
+            goal = changed(self._holder.intent.mission)
+            self._check_free(goal.x_m, goal.y_m)
+        return self._change(lambda mission: mission.change(changed(mission), self._spec())).queued(
+            goal_id
+        )
+
+    def order(self, ids: Sequence[int]) -> None:
+        """Set the order of the waiting goals."""
+        self._change(lambda mission: mission.reorder(ids))
+
+    def loop(self, loop: bool) -> None:
+        """Set whether reached goals are queued again."""
+        self._change(lambda mission: mission.repeat(loop))
+
+    def remove(self, goal_id: int) -> None:
+        """Remove a goal from the queue."""
+        self._change(lambda mission: mission.remove(goal_id))
+
+    def missions(self) -> Mapping[str, SavedMission]:
+        """Return the saved missions by name."""
+        return self._saved.all()
+
+    def save(self, name: str, *, replace: bool = True) -> None:
+        """Save the waiting goals under a name."""
+        self._saved.save(name, self._holder.intent.mission, replace=replace)
+
+    def load(self, name: str) -> None:
+        """Replace the waiting goals by those of a saved mission."""
+        saved = self._saved.named(name)
+        self._change(lambda mission: mission.refill(saved.goals, self._spec(), loop=saved.loop))
+
+    def forget(self, name: str) -> None:
+        """Delete a saved mission."""
+        self._saved.delete(name)
+
+    def _change(self, edit: Callable[[Mission], Mission]) -> Mission:
+        return self._holder.change(
+            lambda state: dataclasses.replace(state, mission=edit(state.mission))
+        ).mission
+
+    def _check_free(self, x_m: float, y_m: float) -> None:
+        if not (math.isfinite(x_m) and math.isfinite(y_m)):
+            raise BadGeometry("the goal is not finite; give metres of the map frame")
+        picture = self._view.picture
+        if picture is not None:
+            check_goal_free(
+                picture.grid,
+                picture.blocked,
+                (x_m, y_m),
+                robot=picture.pose,
+                seen=picture.seen,
+            )

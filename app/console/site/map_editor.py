@@ -1,0 +1,314 @@
+"""The operator's edits of the map: erasing, rejecting detections, and the history of these edits.
+
+Only the think thread changes the map, so an edit is posted and done before the next tick; the event
+log then says what it has changed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import shapely
+
+from app.insight.detections import DetectionExtent
+from navcore.errors import BadGeometry, NotKnown, Refused
+from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.erasing import Erasable, Erased
+from navcore.mapping.points.rejections import MAX_REJECTIONS, Rejection
+from navcore.mission.zone import check_polygon
+from navcore.mission.zone_cells import Corners, rasterise
+from web.interface.drafts import EditHistory, RejectedPlace
+from web.interface.insight import Sighting, Verdict
+from web.interface.wire import Position
+
+MAX_AREA_M2 = 2500.0
+"""Largest area that is erased at once, square metres."""
+MAX_UNDO = 100
+"""Largest number of edits that can be undone."""
+MAX_UNDO_BYTES = 1 << 26
+"""Memory of what was erased and can be put back; beyond it the oldest edits cannot be undone."""
+_WHAT = {
+    Erasable.GEOMETRY: "obstacles",
+    Erasable.BEWARE: "beware points",
+    Erasable.BOTH: "obstacles and beware points",
+}
+Tell = Callable[[str, Position], None]
+
+
+class MapHolder(Protocol):
+    """A holder of the map; `app.runtime.control.robot_controller.RobotController` is one."""
+
+    def edit_map(self, edit: Callable[[PointMap], None]) -> None:
+        """Have the thread of the map edit it, after the edits before."""
+
+
+class Gallery(Protocol):
+    """Detected objects; `app.insight.detections.DetectionGallery` is one."""
+
+    def all(self) -> tuple[Sighting, ...]:
+        """Return all objects."""
+
+    def extent(self, sighting_id: int) -> DetectionExtent:
+        """Return what an object covers; raises `NotKnown`."""
+
+    def mark(self, sighting_id: int, verdict: Verdict | None) -> None:
+        """Mark an object with the operator's verdict."""
+
+
+class _Edit(Protocol):
+    """One step of the operator; its methods run in the thread of the map, by turns."""
+
+    text: str
+    """Description of the step."""
+    number: int
+    """Number of the step among all edits."""
+
+    def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
+        """Change the map."""
+
+    def take_back(self, point_map: PointMap, tell: Tell, by: str) -> None:
+        """Undo the change."""
+
+    @property
+    def bytes_used(self) -> int:
+        """Memory of what can be put back."""
+
+
+@dataclass(slots=True, kw_only=True)
+class _Erasure:
+    """Erasing of an area."""
+
+    polygon: Corners
+    what: Erasable
+    text: str
+    place: Position
+    erased: Erased | None = field(default=None, init=False)
+    number: int = field(default=0, init=False)
+
+    def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
+        cells = np.flatnonzero(rasterise(self.polygon, point_map.spec))
+        self.erased = erased = point_map.erase(cells, self.what.class_ids)
+        found = f"{erased.cells} cells" if erased.cells != 1 else "1 cell"
+        tell(f"{by} erased {found} of {_WHAT[self.what]}.", self.place)
+
+    def take_back(self, point_map: PointMap, tell: Tell, by: str) -> None:
+        if self.erased is not None:
+            point_map.put_back(self.erased)
+            self.erased = None
+        tell(f"{by} took back: {self.text}.", self.place)
+
+    @property
+    def bytes_used(self) -> int:
+        return 0 if self.erased is None else self.erased.bytes_used
+
+
+@dataclass(slots=True, kw_only=True)
+class _Rejecting:
+    """Detections that are not what they were taken for."""
+
+    extents: tuple[DetectionExtent, ...]
+    mark: Callable[[int, Verdict | None], None]
+    text: str
+    place: Position
+    done: list[tuple[int, Erased]] = field(default_factory=list, init=False)
+    number: int = field(default=0, init=False)
+
+    def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
+        for extent in self.extents:
+            self.mark(extent.sighting.id, "rejected")
+            rejection, erased = point_map.reject(
+                extent.sighting.class_id, extent.points, extent.confidence
+            )
+            self.done.append((rejection.id, erased))
+        freed = sum(erased.cells for _, erased in self.done)
+        tell(f"{by}: {self.text}; {freed} cells are free.", self.place)
+
+    def take_back(self, point_map: PointMap, tell: Tell, by: str) -> None:
+        for rejection_id, erased in reversed(self.done):
+            point_map.take_back(rejection_id)
+            point_map.put_back(erased)
+        self.done = []
+        for extent in self.extents:
+            self.mark(extent.sighting.id, extent.sighting.verdict)
+        tell(f"{by} took back: {self.text}.", self.place)
+
+    @property
+    def bytes_used(self) -> int:
+        return sum(erased.bytes_used for _, erased in self.done)
+
+
+@dataclass(slots=True, kw_only=True)
+class _Forgetting:
+    """A rejection that no longer holds."""
+
+    rejection_id: int
+    text: str
+    place: Position
+    removed: Rejection | None = field(default=None, init=False)
+    number: int = field(default=0, init=False)
+
+    def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
+        self.removed = point_map.take_back(self.rejection_id)
+        tell(f"{by}: {self.text}.", self.place)
+
+    def take_back(self, point_map: PointMap, tell: Tell, by: str) -> None:
+        if self.removed is not None:
+            point_map.restore_rejection(self.removed)
+            self.removed = None
+        tell(f"{by} took back: {self.text}.", self.place)
+
+    @property
+    def bytes_used(self) -> int:
+        return 0
+
+
+class MapEditor:
+    """Satisfies the console's port `MapEdits`. Safe from any thread: one edit at a time."""
+
+    def __init__(
+        self,
+        holder: MapHolder,
+        *,
+        point_map: PointMap,
+        detections: Callable[[], Gallery],
+        names: Callable[[], Mapping[int, str]],
+        tell: Tell,
+        number: Callable[[], int] | None = None,
+    ) -> None:
+        """`point_map` is only read here; `detections` gives the present gallery, `names` the name
+        of each class, `tell` notes a sentence with its place in the log, and `number` counts the
+        edits of all kinds."""
+        self._holder, self._map, self._tell = holder, point_map, tell
+        self._detections, self._names = detections, names
+        self._number = number or itertools.count(1).__next__
+        self._lock = threading.Lock()
+        self._is_retired = False
+        self._done: list[_Edit] = []
+        self._undone: list[_Edit] = []
+
+    @contextmanager
+    def retired(self) -> Iterator[None]:
+        """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
+        with self._lock:
+            yield
+            self._is_retired = True
+
+    @property
+    def history(self) -> EditHistory:
+        """Descriptions of the next undo and redo."""
+        return EditHistory.of(self._done, self._undone)
+
+    def erase(self, corners: Corners, what: Erasable, *, by: str) -> None:
+        """Erase what is in a polygon; raises `BadGeometry` with what is wrong with it."""
+        polygon = check_polygon(corners, "area")
+        self._check(polygon)
+        x_m, y_m = np.mean(polygon, axis=0).tolist()
+        text = f"erasing of {_WHAT[what]} around ({x_m:.1f}, {y_m:.1f})"
+        self._step(_Erasure(polygon=polygon, what=what, text=text, place=(x_m, y_m)), by)
+
+    def reject(self, sighting_id: int, *, all_of_class: bool, by: str) -> None:
+        """Free what a detection occupies, or all present ones of its class, and remember that it
+        takes better evidence there."""
+        gallery = self._detections()
+        first = gallery.extent(sighting_id)
+        if first.sighting.verdict == "rejected":
+            raise Refused(f"sighting {sighting_id} is rejected already; undo takes it back")
+        chosen: tuple[DetectionExtent, ...] = (first,)
+        if all_of_class:
+            chosen = tuple(
+                gallery.extent(one.id)
+                for one in gallery.all()
+                if one.class_id == first.sighting.class_id and one.verdict is None
+            )
+        if len(self._map.rejections.all) + len(chosen) > MAX_REJECTIONS:
+            raise Refused(f"at most {MAX_REJECTIONS} rejections are kept; take some back first")
+        if not self._map.poses:
+            raise Refused("there is no map yet; the camera has delivered no image")
+        name, (x_m, y_m) = first.sighting.class_name, first.sighting.place
+        text = f"“{name}” at ({x_m:.1f}, {y_m:.1f}) is not one"
+        if all_of_class:
+            text = f"none of {len(chosen)} detections of “{name}” is one"
+        for extent in chosen:
+            gallery.mark(extent.sighting.id, "rejected")
+        edit = _Rejecting(extents=chosen, mark=gallery.mark, text=text, place=first.sighting.place)
+        self._step(edit, by)
+
+    @property
+    def rejected(self) -> tuple[RejectedPlace, ...]:
+        """Where detections were rejected, oldest first."""
+        names, places = self._names(), self._map.rejections.places
+        return tuple(
+            RejectedPlace(
+                id=one.id,
+                class_id=one.class_id,
+                class_name=names.get(one.class_id, f"class {one.class_id}"),
+                place=places[one.id],
+                confidence=round(one.confidence, 3),
+            )
+            for one in self._map.rejections.all
+            if one.id in places
+        )
+
+    def forget(self, rejection_id: int, *, by: str) -> None:
+        """Forget a rejection: its class counts there as everywhere."""
+        for one in self.rejected:
+            if one.id == rejection_id:
+                x_m, y_m = one.place
+                text = f"“{one.class_name}” at ({x_m:.1f}, {y_m:.1f}) counts again"
+                self._step(_Forgetting(rejection_id=one.id, text=text, place=one.place), by)
+                return
+        raise NotKnown(f"nothing was rejected under the id {rejection_id}")
+
+    def undo(self, *, by: str) -> str:
+        """Undo the newest edit and return its description."""
+        with self._lock:
+            edit = self._last(self._done, "undo")
+            self._post(edit.take_back, by)
+            self._undone.append(self._done.pop())
+        return edit.text
+
+    def redo(self, *, by: str) -> str:
+        """Repeat the edit that was undone last and return its description."""
+        with self._lock:
+            edit = self._last(self._undone, "redo")
+            self._post(edit.apply, by)
+            self._done.append(self._undone.pop())
+        return edit.text
+
+    def _check(self, polygon: Corners) -> None:
+        area = shapely.Polygon(polygon)
+        if area.area > MAX_AREA_M2:
+            raise BadGeometry(
+                f"area covers {area.area:.0f} m², at most {MAX_AREA_M2:g} m² are erased at once"
+            )
+        spec = self._map.spec
+        left, low = spec.origin_x_m, spec.origin_y_m
+        width_m, height_m = spec.cols * spec.resolution_m, spec.rows * spec.resolution_m
+        if not area.intersects(shapely.box(left, low, left + width_m, low + height_m)):
+            raise BadGeometry(f"area is beside the map, which covers {spec.extent()}")
+
+    def _step(self, edit: _Edit, by: str) -> None:
+        with self._lock:
+            self._post(edit.apply, by)
+            edit.number = self._number()
+            self._done = [*self._done[1 - MAX_UNDO :], edit]
+            self._undone = []
+            while sum(step.bytes_used for step in self._done) > MAX_UNDO_BYTES:
+                del self._done[0]
+
+    def _post(self, run: Callable[[PointMap, Tell, str], None], by: str) -> None:
+        if self._is_retired:
+            raise Refused("the site has been changed meanwhile; load the map again")
+        self._holder.edit_map(lambda point_map: run(point_map, self._tell, by))
+
+    @staticmethod
+    def _last(edits: list[_Edit], verb: str) -> _Edit:
+        if not edits:
+            raise Refused(f"there is no edit of the map to {verb}")
+        return edits[-1]

@@ -1,0 +1,125 @@
+"""Where the robot is in the map: told to the operator, and set by the operator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from app.runtime.control.robot_controller import RobotController
+from navcore.errors import Refused
+from navcore.geometry.transform import IDENTITY, Pose2
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
+from navcore.localisation.relocalisation.place_check import PlaceCheck as CheckedPlace
+from navcore.localisation.relocalisation.place_check import check_place
+from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
+from navcore.localisation.relocalisation.submap import submap_of
+from navcore.localisation.scans.scan import Scan
+from navcore.mission.mission import Goal, checked
+from web.interface.localisation import PlaceCheck, PlaceOut
+
+SIGMAS = 2.0
+"""Standard deviations of the ellipse that is shown."""
+UNCHECKED = np.diag([0.5, 0.5, math.radians(10.0)]) ** 2
+"""(3, 3) covariance of a pose that no scan has confirmed."""
+
+
+class PlaceEditor:
+    """Satisfies the console's port `PlaceEdits`. Safe from any thread."""
+
+    def __init__(self, controller: RobotController) -> None:
+        self._controller = controller
+        self._place_map: tuple[int, PlaceMap] | None = None
+
+    def status(self) -> PlaceOut:
+        """Return how well the robot knows where it is."""
+        place, searching = self._controller.place, self._controller.intent.searching
+        variances, axes = np.linalg.eigh(place.covariance[:2, :2])
+        minor, major = SIGMAS * np.sqrt(np.maximum(variances, 0.0))
+        return PlaceOut(
+            state=place.state,
+            text=in_words(place),
+            major_m=round(float(major), 3),
+            minor_m=round(float(minor), 3),
+            axis_rad=round(math.atan2(axes[1, 1], axes[0, 1]), 3),
+            yaw_sigma_rad=round(math.sqrt(max(float(place.covariance[2, 2]), 0.0)), 4),
+            match_share=None if place.match_share is None else round(place.match_share, 3),
+            since_m=round(place.since_m, 2),
+            candidates=place.candidates,
+            searching=searching,
+            T_map_odom=place.T_map_odom,
+        )
+
+    def check(self, pose: Pose2) -> PlaceCheck:
+        """Match the newest scan near a pose; raises `BadGeometry` for one too far away."""
+        scan = self._scan()
+        return _answer(scan, self._checked(scan, pose))
+
+    def place(self, pose: Pose2, *, force: bool) -> PlaceCheck:
+        """Set the robot's pose to where the newest scan fits best near a pose."""
+        self._controller.require_standing("show its place")
+        scan = self._scan()
+        found = self._checked(scan, pose)
+        answer = _answer(scan, found)
+        if found.is_accepted:
+            self._controller.place_robot(found.fit.T_map_base, found.fit.covariance)
+        elif force:
+            answer = replace(answer, pose=pose, scan=pose.to_parent(scan.points_base))
+            self._controller.place_robot(pose, UNCHECKED)
+        else:
+            raise Refused(answer.text)
+        return answer
+
+    def search(self) -> None:
+        """Look for the robot's place in the whole map while it turns round."""
+        self._controller.search_place()
+
+    def _scan(self) -> Scan:
+        scan = self._controller.navigator.localisation.scan
+        if scan is None:
+            raise Refused("the camera has not delivered an image yet")
+        return scan
+
+    def _checked(self, scan: Scan, pose: Pose2) -> CheckedPlace:
+        # A place to which the map cannot grow is refused as a goal there is.
+        checked(Goal(id=0, x_m=pose.x_m, y_m=pose.y_m), self._controller.navigator.map.spec)
+        rules = self._controller.navigator.config.localisation.relocalisation
+        searched = self._controller.navigator.localisation.searched_map
+        surfaces = searched.surfaces  # a copy
+        if self._place_map is None or self._place_map[0] != len(surfaces):
+            normals = surfaces[:, 2:4] * surfaces[:, 5:]
+            tables = place_map_of(surfaces[:, :2], normals, rules.search, searched.keyframes)
+            self._place_map = len(surfaces), tables
+        return check_place(submap_of([(IDENTITY, scan)]), pose, self._place_map[1], rules)
+
+
+def _answer(scan: Scan, found: CheckedPlace) -> PlaceCheck:
+    fit = found.fit
+    text = f"{fit.fit_share:.0%} of what the camera sees fits the map here"
+    if found.reason:
+        text = f"{found.reason[0].upper()}{found.reason[1:]}"
+    return PlaceCheck(
+        pose=fit.T_map_base,
+        match_share=round(fit.fit_share, 3) if len(scan) else None,
+        fits=found.is_accepted,
+        text=f"{text}.",
+        scan=fit.T_map_base.to_parent(scan.points_base),
+    )
+
+
+def in_words(place: LocalisationEstimate) -> str:
+    """Return a sentence on the robot's knowledge of its place."""
+    sigma = f"± {SIGMAS * place.sigma_m:.2f} m"
+    match place.state:
+        case LocalisationState.LOCATED:
+            share = "" if place.match_share is None else f", {place.match_share:.0%} fits the map"
+            return f"Located ({sigma}{share})."
+        case LocalisationState.DEAD_RECKONING:
+            return f"By the wheels alone since {place.since_m:.0f} m ({sigma})."
+        case LocalisationState.AMBIGUOUS:
+            count = len(place.candidates)
+            which = "its place" if count < 2 else f"which of {count} places it is at"
+            return f"Unsure {which}: drive some metres by hand, or show its place on the map."
+        case LocalisationState.LOST:
+            return "Lost: let it look round, drive it by hand, or show its place on the map."

@@ -1,0 +1,115 @@
+"""Sites as files, without a robot: listed, exported, imported.
+
+The command line uses it alone, a running console as part of `app.console.site.sites`.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+
+import numpy as np
+
+from app.console.mission.saved_missions import MISSIONS
+from app.console.site.dock_and_tags import dock_of, stored_tags
+from app.console.site.site_archive import pack, unpack
+from app.console.site.site_map import ACCEPTED, cells_of, save_accepted
+from app.storage.site_store import SiteStore
+from app.storage.sites import SiteRow, SiteTable
+from navcore.config.mapping import MappingConfig
+from navcore.errors import NotKnown
+from navcore.formats.alignment import align, placed
+from navcore.formats.keepout_mask import closed_cells
+from navcore.formats.map_image import encode
+from navcore.formats.nav2_map import Nav2Map, State, description_of, map_from_cells, yaml_text
+from navcore.mapping.changes import CellMap
+from web.interface.sites import PointPair, Site
+
+
+def describe(site: SiteStore, row: SiteRow, *, chosen: bool) -> Site:
+    """Return a site as it is listed."""
+    try:
+        kept = site.map_file.stat()
+    except OSError:
+        kept = None
+    kind, name = ACCEPTED
+    return Site(
+        name=row.name,
+        chosen=chosen,
+        world=row.world,
+        zones=len(site.zones()),
+        missions=len(site.documents(MISSIONS)),
+        map_bytes=0 if kept is None else kept.st_size,
+        map_unix_s=None if kept is None else kept.st_mtime,
+        accepted=name in site.documents(kind),
+        dock=dock_of(site),
+        tags=stored_tags(site),
+    )
+
+
+def listed(sites: SiteTable, chosen: str) -> tuple[Site, ...]:
+    """Return all sites by name."""
+    return tuple(
+        describe(sites.open(row.name), row, chosen=row.name == chosen) for row in sites.all()
+    )
+
+
+def export(site: SiteStore) -> bytes:
+    """Return a site as a zip archive."""
+    return pack(site)
+
+
+def add(sites: SiteTable, name: str, archive: bytes) -> None:
+    """Make a site of an archive, all or nothing."""
+    contents = unpack(archive)
+    site = sites.make(name)
+    try:
+        contents.store(site)
+        if contents.map_data is not None:
+            sites.write_map(site.name, contents.map_data)
+    except BaseException:
+        sites.delete(site.name)
+        raise
+
+
+def export_nav2(site: SiteStore, config: MappingConfig) -> bytes:
+    """Return a zip of Nav2 files: the map without the zones, and the keep-out mask of the zones
+    beside it."""
+    cells = cells_of(site, config)
+    if cells is None:
+        raise NotKnown(f"site {site.name!r} has no map yet; drive there first")
+    closed = closed_cells(site.zones(), cells.spec)
+    whole = np.ones_like(closed)
+    images = {
+        "map": map_from_cells(occupied=cells.occupied, known=cells.known, spec=cells.spec),
+        "keepout_mask": map_from_cells(occupied=closed, known=whole, spec=cells.spec),
+    }
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, nav2_map in images.items():
+            packed.writestr(f"{name}.yaml", yaml_text(description_of(cells.spec), f"{name}.pgm"))
+            packed.writestr(f"{name}.pgm", encode(nav2_map.image))
+    return file.getvalue()
+
+
+def add_nav2(
+    sites: SiteTable, name: str, nav2_map: Nav2Map, *, pairs: tuple[PointPair, PointPair] | None
+) -> None:
+    """Make a site whose accepted map is a Nav2 map, see `web.interface.sites.Sites.add_nav2`."""
+    if pairs is not None:
+        nav2_map = placed(nav2_map, align(*pairs))
+    cells = _cells_of(nav2_map)
+    site = sites.make(name)
+    try:
+        save_accepted(site, cells)
+    except BaseException:
+        sites.delete(site.name)
+        raise
+
+
+def _cells_of(nav2_map: Nav2Map) -> CellMap:
+    return CellMap(
+        spec=nav2_map.spec,
+        occupied=nav2_map.cells(State.OCCUPIED),
+        known=~nav2_map.cells(State.UNKNOWN),
+    )

@@ -1,0 +1,387 @@
+"""The sites of a running console: the one in use, its accepted map, its session over a restart."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager
+from typing import Any, Protocol
+
+from app.console.mission.path_settings import stored_unknown_price
+from app.console.site import dock_and_tags, site_files
+from app.console.site.site_map import accepted_map, beware_of, cells_on, map_of, save_accepted
+from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.robot_controller import RobotController
+from app.runtime.record.map_keeper import MapKeeper
+from app.storage import Store
+from app.storage.records import goal_record
+from app.storage.site_store import SiteStore
+from navcore.config.mapping import MappingConfig
+from navcore.errors import Outdated, Refused
+from navcore.formats.nav2_map import read as nav2_map_of
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.fixes import TagMap
+from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
+from navcore.mapping.point_map import PointMap
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Goal, Mission, Phase
+from web.interface.sites import AreaOut, MapChanges, Nav2Files, PointPair, SeenTag, Site, Tag
+from web.interface.snapshots import TickSnapshot
+
+MISSION = ("mission in progress", "mission")
+"""Kind and name of the stored document."""
+LAST_PLACE = ("place of the robot", "last")
+"""Kind and name of the stored document."""
+SESSION_PERIOD_S = 0.5
+"""Time between two looks for a changed mission or place, seconds: a kill loses no more of it."""
+MOVED_M, MOVED_RAD = 0.1, 0.1
+"""Motion after which the place of the robot is stored again."""
+STAYED_M, STAYED_RAD = 1.0, math.radians(90.0)
+"""Motion by odometry within which a robot that comes back to a site knows its place there still."""
+MAX_AREAS = 200
+"""Largest number of changed areas in a listing."""
+MAX_LISTINGS = 8
+"""Number of listings that are held."""
+
+
+class SiteUser(Protocol):
+    """What shows and edits the contents of the site in use; the console's operations are one."""
+
+    def leaving_site(self) -> AbstractContextManager[None]:
+        """Hold every edit of the present site; after the block they are refused."""
+
+    def enter_site(self, site: SiteStore) -> None:
+        """Edit the contents of another site from now on."""
+
+
+class MapView(Protocol):
+    """A source of the newest map; `app.runtime.record.recorder.Recorder` is one."""
+
+    @property
+    def picture(self) -> TickSnapshot | None:
+        """Values of the newest tick; None before the first."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Listing:
+    """Changes as an operator has seen them."""
+
+    accepted: CellMap
+    present: CellMap
+    areas: tuple[ChangedArea, ...]
+
+
+class LiveSites:
+    """Satisfies the console's port `Sites`. Safe from any thread: one change at a time."""
+
+    def __init__(
+        self,
+        store: Store,
+        *,
+        controller: RobotController,
+        view: MapView,
+        keeper: MapKeeper,
+        user: SiteUser,
+        config: MappingConfig,
+        world: str,
+        has_own_map: bool = True,
+        world_tags: TagMap | None = None,
+        new_beware: BewareList | None = None,
+    ) -> None:
+        """`has_own_map`: whether the map is kept in the folder of the site, not in another file.
+        `world_tags`: tags of the world, for sites that name none. `new_beware`: list of a new site,
+        by default the shipped one."""
+        self._world_tags, self._new_beware = world_tags or TagMap(), new_beware
+        self._store, self._controller, self._view, self._keeper = store, controller, view, keeper
+        self._user, self._config, self._world, self._has_own_map = user, config, world, has_own_map
+        self._lock = threading.RLock()
+        self._saved: Mission | None = None
+        self._placed: Pose2 | None = None
+        self._left: dict[str, LocalisationEstimate] = {}
+        self._listings: OrderedDict[int, _Listing] = OrderedDict()
+        self._listed = 0
+        self._use_tags()
+
+    @property
+    def chosen(self) -> str:
+        """Name of the site in use."""
+        return self._store.site.name
+
+    def all(self) -> tuple[Site, ...]:
+        """Return all sites by name."""
+        return site_files.listed(self._store.sites, self.chosen)
+
+    def make(self, name: str) -> Site:
+        """Make an empty site."""
+        return self._made(lambda: self._store.sites.make(name), name)
+
+    def choose(self, name: str) -> Site:
+        """Use another site from now on."""
+        with self._lock:
+            site = self._store.sites.open(name)
+            if site.name != self.chosen:
+                self._enter(site)
+            return self._site(site.name)
+
+    def rename(self, name: str, new_name: str) -> Site:
+        """Rename a site; the one in use goes on under its new name."""
+        with self._lock:
+            before = self._store.sites.open(name)
+            if before.name != self.chosen:
+                self._store.sites.rename(name, new_name)
+                return self._site(new_name)
+            with self._user.leaving_site():
+                if self._has_own_map:
+                    self._keeper.move(lambda: self._renamed(name, new_name).map_file)
+                else:
+                    self._renamed(name, new_name)
+            self._user.enter_site(self._store.site)
+            return self._site(self.chosen)
+
+    def furnish(self, name: str, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> Site:
+        """Set dock and tags of a site."""
+        site = self._store.sites.open(name)
+        dock_and_tags.furnish(site, dock=dock, tags=tags)
+        self._use_tags()
+        return self._site(site.name)
+
+    def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
+        """Return the tags in the newest image, placed by where the robot is."""
+        known = dock_and_tags.tags_of(self._store.site)
+        return dock_and_tags.seen_tags(self._controller.tick_state.decision, size_m, known)
+
+    def copy(self, name: str, new_name: str) -> Site:
+        """Copy a site with everything in it."""
+        self._write_map_of(name)
+        return self._made(lambda: self._store.sites.copy(name, new_name), new_name)
+
+    def delete(self, name: str) -> None:
+        """Delete a site; refused for the one in use."""
+        with self._lock:
+            if self._store.sites.open(name).name == self.chosen:
+                raise Refused(f"the robot is at site {self.chosen!r}; choose another one first")
+            self._store.sites.delete(name)
+
+    def export(self, name: str) -> bytes:
+        """Return a site as a zip archive."""
+        self._write_map_of(name)
+        return site_files.export(self._store.sites.open(name))
+
+    def add(self, name: str, archive: bytes) -> Site:
+        """Make a site of an archive."""
+        return self._made(lambda: site_files.add(self._store.sites, name, archive), name)
+
+    def export_nav2(self, name: str) -> bytes:
+        """Return the map as Nav2 files, with the keep-out mask beside it."""
+        self._write_map_of(name)
+        return site_files.export_nav2(self._store.sites.open(name), self._config)
+
+    def add_nav2(
+        self, name: str, files: Nav2Files, *, pairs: tuple[PointPair, PointPair] | None
+    ) -> Site:
+        """Make a site of a Nav2 map."""
+        sites, nav2_map = self._store.sites, nav2_map_of(files.yaml, files.image, "map")
+        return self._made(lambda: site_files.add_nav2(sites, name, nav2_map, pairs=pairs), name)
+
+    # The accepted map
+
+    def changes(self) -> MapChanges:
+        """Compare the map of the site in use with the accepted one."""
+        with self._lock:
+            present, accepted = self._present(), accepted_map(self._store.site)
+            areas = () if accepted is None else changed_areas(accepted, present)
+            self._listed += 1
+            self._listings[self._listed] = _Listing(
+                accepted=accepted or present, present=present, areas=areas[:MAX_AREAS]
+            )
+            while len(self._listings) > MAX_LISTINGS:
+                self._listings.popitem(last=False)
+            return MapChanges(
+                listing=self._listed,
+                accepted=accepted is not None,
+                areas=tuple(_area_out(i, area) for i, area in enumerate(areas[:MAX_AREAS])),
+                left_out=max(len(areas) - MAX_AREAS, 0),
+            )
+
+    def accept(self, listing: int | None, area_ids: Collection[int]) -> MapChanges:
+        """Take areas of a listing over into the accepted map: what the operator saw, not what the
+        robot sees now."""
+        with self._lock:
+            if listing is None:
+                save_accepted(self._store.site, self._present())
+                return self.changes()
+            seen = self._listings.get(listing)
+            if seen is None or any(area_id >= len(seen.areas) for area_id in area_ids):
+                raise Outdated("this listing of changes is no longer held; list the changes again")
+            before = accepted_map(self._store.site)
+            if before is None:
+                raise Refused("there is no accepted map yet; accept the whole map first")
+            chosen = [seen.areas[area_id] for area_id in sorted(set(area_ids))]
+            save_accepted(self._store.site, accept(before, seen.present, chosen))
+            return self.changes()
+
+    # The session over a restart
+
+    def keep_session(self) -> None:
+        """Store the goals, the phase and the place of the robot if they have changed; called
+        periodically."""
+        with self._lock:
+            mission, place = self._controller.intent.mission, self._controller.place
+            if mission is not self._saved:
+                self._store.site.save_document(*MISSION, _mission_record(mission))
+                self._saved = mission
+            if self._has_own_map and place.is_known and _has_moved(self._placed, place.T_map_base):
+                self._placed = place.T_map_base
+                self._store.site.save_document(*LAST_PLACE, dataclasses.asdict(self._placed))
+
+    # Inside
+
+    def _enter(self, site: SiteStore) -> None:
+        self._require_own_map()
+        self._controller.require_standing()
+        before, spec = self._store.site, self._controller.navigator.first_grid
+        left, kept = self._controller.place, self._kept_place(site)
+        stored = map_of(site, PointMap(spec, self._config).state())
+        mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
+        price = stored_unknown_price(site)
+        self._keeper.write_now()
+        self.keep_session()
+
+        def edit(intent: OperatorState) -> OperatorState:
+            # A version that was in force names one list only, at whatever site.
+            version = max(intent.beware.version + 1, beware.version)
+            listed = dataclasses.replace(beware, version=version)
+            return dataclasses.replace(
+                intent,
+                mission=mission,
+                zones=zones,
+                beware=listed,
+                by_hand=None,
+                unknown_price=price,
+            )
+
+        def replace_map() -> None:
+            self._controller.navigator.map.restore(stored.state)
+            self._controller.navigator.adopt_map(expected_place(site), kept=kept)
+            self._keeper.use(site.map_file, stored.class_names)
+
+        with self._user.leaving_site():
+            self._store.use(site.name, world=self._world)
+            try:
+                self._controller.enter_site(edit, replace_map)
+            except Refused:
+                self._store.use(before.name)
+                raise
+            self._user.enter_site(site)
+        if left.is_known:
+            self._left[before.name] = left
+        self._placed = None
+        self._use_tags()
+        self._listings.clear()
+
+    def _kept_place(self, site: SiteStore) -> LocalisationEstimate | None:
+        """Return where the robot was when it left a site in this session, if by its odometry, which
+        has gone on since, it still stands there."""
+        left, present = self._left.pop(site.name, None), self._controller.place
+        if left is None:
+            return None
+        moved = _by_odometry(left).inverse() @ _by_odometry(present)
+        is_there = math.hypot(moved.x_m, moved.y_m) < STAYED_M and abs(moved.yaw_rad) < STAYED_RAD
+        return left if is_there else None
+
+    def _use_tags(self) -> None:
+        """Tell the robot of the tags of the present site, else of those of the world."""
+        tags = dock_and_tags.tags_of(self._store.site)
+        self._controller.navigator.localisation.tags = tags if tags.tags else self._world_tags
+
+    def _renamed(self, name: str, new_name: str) -> SiteStore:
+        self._store.site = self._store.sites.rename(name, new_name)
+        return self._store.site
+
+    def _require_own_map(self) -> None:
+        if not self._has_own_map:
+            raise Refused(
+                "the map is kept in the file given with --map; restart without it to change sites"
+            )
+
+    def _write_map_of(self, name: str) -> None:
+        """Write the present map before the site in use is copied."""
+        if self._has_own_map and self._store.sites.open(name).name == self.chosen:
+            self._keeper.write_now()
+
+    def _present(self) -> CellMap:
+        picture = self._view.picture
+        if picture is None:
+            raise Refused("there is no map yet; the camera has not delivered an image")
+        return cells_on(picture.grid, picture.seen)
+
+    def _made(self, make: Callable[[], object], name: str) -> Site:
+        make()
+        return self._site(name)
+
+    def _site(self, name: str) -> Site:
+        return next(site for site in self.all() if site.name.lower() == name.lower())
+
+
+def mission_of(site: SiteStore) -> Mission:
+    """Return the mission of the last session at a site, paused; an empty one before the first."""
+    kind, name = MISSION
+    record = site.documents(kind).get(name)
+    if record is None:
+        return Mission()
+    queue, reached = (
+        tuple(Goal(**goal) for goal in record[which]) for which in ("queue", "reached")
+    )
+    return Mission(
+        phase=Phase(record["phase"]),
+        queue=queue,
+        reached=reached,
+        cancelled=record["cancelled"],
+        next_id=record["next_id"],
+        loop=record["loop"],
+    ).stored()
+
+
+def last_place_of(site: SiteStore) -> Pose2 | None:
+    """Return T_map_base at which the robot was last known to be at a site; None if it never was."""
+    kind, name = LAST_PLACE
+    record = site.documents(kind).get(name)
+    return None if record is None else Pose2(**record)
+
+
+def expected_place(site: SiteStore) -> Pose2 | None:
+    """Return T_map_base at which to look for the robot first: where it was last known to be, else
+    in the dock."""
+    return last_place_of(site) or dock_and_tags.dock_of(site)
+
+
+def _by_odometry(place: LocalisationEstimate) -> Pose2:
+    """Return T_odom_base."""
+    return place.T_map_odom.inverse() @ place.T_map_base
+
+
+def _has_moved(before: Pose2 | None, now: Pose2) -> bool:
+    return (
+        before is None
+        or before.distance_to(now.x_m, now.y_m) > MOVED_M
+        or abs(wrap_angle(now.yaw_rad - before.yaw_rad)) > MOVED_RAD
+    )
+
+
+def _mission_record(mission: Mission) -> dict[str, Any]:
+    return {
+        "phase": str(mission.phase),
+        "queue": [{"id": goal.id, **goal_record(goal)} for goal in mission.queue],
+        "reached": [{"id": goal.id, **goal_record(goal)} for goal in mission.reached],
+        "cancelled": mission.cancelled,
+        "next_id": mission.next_id,
+        "loop": mission.loop,
+    }
+
+
+def _area_out(number: int, area: ChangedArea) -> AreaOut:
+    return AreaOut(id=number, kind=area.kind, area_m2=round(area.area_m2, 3), outline=area.outline)

@@ -1,0 +1,1 @@
+"""The robot controller and the threads that drive it."""

@@ -1,0 +1,47 @@
+"""The operator's state, and the interface of what holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Mission, Phase
+from navcore.mission.zone import Zone
+from navcore.robot.driver import Command
+
+MOVING = (Phase.DRIVING, Phase.LEAVING)
+"""Phases of a mission in which the robot may move."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatorState:
+    """Everything that operators have asked for at one moment."""
+
+    mission: Mission
+    """Goals, and whether to drive to them."""
+    beware: BewareList
+    """Beware list in force."""
+    zones: tuple[Zone, ...] = ()
+    """Zones in force, in the order in which they were first stored."""
+    stopped_by: str | None = None
+    """Source of the latched emergency stop; None when it is not latched."""
+    by_hand: Command | None = None
+    """Newest command of teleoperation; None when there is none."""
+    searching: bool = False
+    """Whether the robot turns round to find its place in the map."""
+    unknown_price: float | None = None
+    """Cost of a metre of path over unseen floor, in metres of seen floor; None for that of the
+    configuration."""
+
+
+class StateHolder(Protocol):
+    """A holder of the operator's state; `robot_controller.RobotController` is one."""
+
+    @property
+    def intent(self) -> OperatorState:
+        """The present state."""
+
+    def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
+        """Replace the state by `edit(state)` in one step; nothing changes when `edit` raises."""

@@ -1,0 +1,496 @@
+"""The robot controller: operator's state, navigator and safety gate joined.
+
+One controller serves the headless episode (one thread, simulated time) and the console (threads,
+real time) alike. `think` and `command` may run in different threads; they share a few references
+to immutable values, replaced under a lock.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections.abc import Callable, Mapping
+
+from app.runtime.control.background import Background, InlineBackground
+from app.runtime.control.operator_state import MOVING, OperatorState
+from app.runtime.control.segmentation_ahead import SegmentedFrame
+from app.runtime.control.stage_timer import TICK, StageTimer
+from app.runtime.control.stop_reasons import planner_stops
+from app.runtime.control.tick_state import TickState
+from navcore.behaviours.assisted_teleop import stays_out
+from navcore.behaviours.search_turn import SearchTurn
+from navcore.config.safety import DEFAULT_SAFETY
+from navcore.control.motion import ControllerState, Motion
+from navcore.costmap.local_costmap import beware_cells
+from navcore.errors import BadConfiguration, BadFrame, Refused
+from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
+from navcore.localisation.cell_margins import CellMargins
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
+from navcore.mapping.point_map import PointMap
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Mission, Phase
+from navcore.mission.order import NavigationRequest
+from navcore.navigator import Navigator, TickResult
+from navcore.perception.labels import Labels
+from navcore.planning.path import Path
+from navcore.robot.driver import Command
+from navcore.robot.frame import Frame
+from navcore.robot.profile import RobotProfile
+from navcore.safety.collision_monitor import RecentObstacles
+from navcore.safety.gate import (
+    Cause,
+    GateDecision,
+    GateInput,
+    StopReason,
+    gate,
+    ranked,
+    wheels_blocked,
+)
+from navcore.safety.keep_out_monitor import KeepOuts
+from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
+
+COMMAND_PERIOD_S = 0.05
+"""Time between two commands, seconds."""
+STANDSTILL_MPS = 0.03
+"""Speed below which the robot may have arrived, m/s."""
+CLOCK_SLACK_NS = 100_000_000
+"""A command that is younger than the clock's reading by at most this much was decided while the
+command thread waited for the lock, nanoseconds."""
+KEEP_OUT_REACH_M = 2.5
+"""Distance in metres from the robot within which beware cells are given to the gate; at full speed
+the robot stops within 0.5 m."""
+HAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
+"""Lifetime of a command of teleoperation, nanoseconds."""
+
+
+class RobotController:
+    """Decides what to do with a frame (`think`) and what to send to the wheels (`command`)."""
+
+    def __init__(
+        self,
+        *,
+        navigator: Navigator,
+        profile: RobotProfile,
+        intent: OperatorState,
+        timer: StageTimer | None = None,
+        background: Background | None = None,
+    ) -> None:
+        """`timer`: the timer of the navigator's stages, which times the ticks too. `background`
+        runs what the tick does not wait for; by default at once, for simulated time."""
+        self._background = background or InlineBackground()
+        self.navigator = navigator
+        self.timer = timer or StageTimer()
+        """Durations of the ticks and their stages."""
+        self.profile = profile
+        self._lock, self._segmenting = threading.Lock(), threading.Lock()
+        self._intent = intent
+        self._tick_state = TickState()
+        self._sent = STANDSTILL
+        # Two monitors of the same frames: one for what enters the map, one for the gate, which gets
+        # a frame first and waits for no tick.
+        self._mapped, self._watched = SensorMonitor(), SensorMonitor()
+        self._recent_obstacles = RecentObstacles()
+        self._blocked_since_ns: int | None = None
+        self._cell_margins = CellMargins(
+            sigmas=DEFAULT_SAFETY.keep_out.sigmas,
+            resolution_m=navigator.map.spec.resolution_m,
+            range_m=KEEP_OUT_REACH_M,
+        )
+        self._corrected: dict[int, Pose2] = {}
+        self._map_edits: list[Callable[[PointMap], None]] = []
+        self._placed: tuple[Pose2, Matrix] | None = None
+        self._search, self._search_begins = SearchTurn(), False
+        self._was_located = False
+        self._pose_accepted = False
+        self._enter: Callable[[], None] | None = None
+
+    @property
+    def intent(self) -> OperatorState:
+        """The operator's state at present."""
+        return self._intent
+
+    @property
+    def tick_state(self) -> TickState:
+        """Outcome of the newest tick."""
+        return self._tick_state
+
+    @property
+    def sent(self) -> Twist:
+        """Velocity that was last sent to the wheels."""
+        return self._sent
+
+    @property
+    def recent_obstacles(self) -> RecentObstacles:
+        """Obstacles near the robot, as the safety gate remembers them."""
+        return self._recent_obstacles
+
+    def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
+        """Replace the operator's state by `edit(state)` in one step; nothing changes when `edit`
+        raises."""
+        with self._lock:
+            self._intent = edit(self._intent)
+            return self._intent
+
+    def change_mission(self, edit: Callable[[Mission], Mission]) -> Mission:
+        """Replace the mission by `edit(mission)` in one step."""
+        return self.change(
+            lambda intent: dataclasses.replace(intent, mission=edit(intent.mission))
+        ).mission
+
+    def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
+        """Correct past poses, by pose ID, e.g. after a loop closure; the map follows before the
+        next tick.
+
+        Raises `BadConfiguration`, and changes nothing, for a pose ID that is not on the map.
+        """
+        known = len(self.navigator.map.poses)  # it only grows
+        for pose_id in poses:
+            if not 0 <= pose_id < known:
+                raise BadConfiguration(f"pose ID {pose_id} is not on the map, which has {known}")
+        with self._lock:
+            self._corrected |= poses
+
+    def edit_map(self, edit: Callable[[PointMap], None]) -> None:
+        """Have the think thread edit the map before the next tick, after the edits before."""
+        with self._lock:
+            self._map_edits.append(edit)
+
+    def place_robot(self, T_map_base: Pose2, covariance: Matrix) -> None:
+        """Set the pose of the robot, with its (3, 3) covariance, before the next tick."""
+        with self._lock:
+            self._placed = (T_map_base, covariance)
+
+    def enter_site(
+        self, edit: Callable[[OperatorState], OperatorState], replace_map: Callable[[], None]
+    ) -> None:
+        """Replace the operator's state now, and the map before the next tick, where `replace_map`
+        runs in the think thread. Raises `Refused`, and changes nothing, unless the robot stands."""
+        with self._lock:
+            self.require_standing()
+            self._intent = edit(self._intent)
+            self._enter, self._corrected, self._map_edits = replace_map, {}, []
+
+    def require_standing(self, then: str = "change the site") -> None:
+        """Raise `Refused` while the robot moves or a mission drives; `then` names what was
+        asked."""
+        newest = self._watched.newest
+        if self._intent.mission.phase in MOVING:
+            raise Refused(
+                f"the mission is {self._intent.mission.phase}; pause or cancel it, then {then}"
+            )
+        moves = newest is not None and abs(newest.twist.v_mps) > STANDSTILL_MPS
+        if moves or self._sent != STANDSTILL:
+            raise Refused(f"the robot moves; let it stand, then {then}")
+
+    def search_place(self) -> None:
+        """Forget the place, and turn round to find it in the whole map. Raises `Refused`, and
+        changes nothing, unless the robot stands and no stop is latched."""
+        with self._lock:
+            self.require_standing("look for its place")
+            if self._intent.stopped_by is not None:
+                raise Refused("the emergency stop is latched; reset it first")
+            self._intent = dataclasses.replace(self._intent, searching=True)
+            self._search = SearchTurn()
+            self._search_begins = True
+
+    def segment(self, frame: Frame, beware: BewareList) -> Labels:
+        """Label a frame for `think`, one at a time, in any thread. Raises `BadFrame`."""
+        with self._segmenting:
+            return self.navigator.segment(frame, beware)
+
+    def think(
+        self, frame: Frame, *, clock: Callable[[], int], ahead: SegmentedFrame | None = None
+    ) -> TickResult | None:
+        """Run one tick; None when the frame was refused or shows nothing new.
+
+        `clock` gives the time in ns and dates the command when the tick has ended. `ahead`: the
+        same frame, labelled beside the tick before.
+        """
+        with self._lock:
+            intent = self._intent
+            corrected, self._corrected = self._corrected, {}
+            edits, self._map_edits = self._map_edits, []
+            placed, self._placed = self._placed, None
+            search_begins, self._search_begins = self._search_begins, False
+            pose_accepted, self._pose_accepted = self._pose_accepted, False
+            enter, self._enter = self._enter, None
+            senses = self._mapped = self._mapped.after(frame, self.profile)
+        goal, request = intent.mission.goal, request_of(intent)
+        if enter is not None:
+            enter()
+            self.navigator.reset_pose()
+        if corrected:  # here and not in `correct_poses`: only this thread changes the map
+            self.navigator.map.correct(corrected)
+        for edit in edits:
+            edit(self.navigator.map)
+        if pose_accepted:
+            self.navigator.reset_pose()
+        if (outcome := self._background.poll()) is not None:
+            self.navigator.take(outcome)
+        if search_begins:
+            self.navigator.localisation.search(frame.stamp_ns)
+        if placed is not None:
+            self.navigator.place_robot(*placed, frame)
+        if senses.fault is not None or senses.repeats:
+            # An implausible frame must not enter the map; the gate says why the robot stands, or
+            # the command just expires.
+            command = None if senses.fault is not None else self._tick_state.command
+            self._tick_state = dataclasses.replace(
+                self._tick_state, frame_ns=frame.stamp_ns, command=command
+            )
+            return None
+        try:
+            decision = self._timed_tick(frame, request, ahead)
+        except BadFrame as error:
+            self._tick_state = dataclasses.replace(
+                self._tick_state, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None
+            )
+            return None
+        cells = beware_cells(decision.occupancy.around(decision.frame.pose, KEEP_OUT_REACH_M))
+        command = (
+            Command(twist=self._corrected_twist(decision), stamp_ns=clock())
+            if (goal or request.leave) and decision.place.is_known
+            else None
+        )
+        if intent.searching:
+            command = self._turn_round(frame, decision.place, clock)
+        self._tick_state = TickState(
+            decision=decision,
+            frame_ns=frame.stamp_ns,
+            command=command,
+            request=request,
+            beware_cells=cells,
+            cell_growth_m=self._cell_margins.follow(cells, decision.frame, decision.place),
+            zone_covariances=self.navigator.zone_margins.covariances(request.zones, decision.place),
+        )
+        if self._background.is_idle and (task := self.navigator.next_task()) is not None:
+            self._background.submit(task)
+        state, was_known = decision.place.state, self._was_located
+        self._was_located = decision.place.is_known
+        if state is LocalisationState.LOST or (was_known and not self._was_located):
+            # The robot never goes on by itself: where it is then is for the operator to see.
+            self.change_mission(
+                lambda mission: mission.pause() if mission.phase in MOVING else mission
+            )
+        # Without a path the robot arrives at a viewpoint before the blockage, not at the goal.
+        on_path = decision.route is not None and isinstance(decision.route.outcome, Path)
+        if (
+            on_path
+            and decision.place.is_known
+            and decision.motion.outcome is ControllerState.ARRIVED
+            and abs(frame.twist.v_mps) < STANDSTILL_MPS
+        ):
+            if goal:
+                self.change_mission(
+                    lambda mission: mission.arrive() if mission.goal == goal else mission
+                )
+            elif request.leave:
+                self.change_mission(
+                    lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission
+                )
+        return decision
+
+    def _timed_tick(
+        self, frame: Frame, request: NavigationRequest, ahead: SegmentedFrame | None
+    ) -> TickResult:
+        """Run the tick; its duration counts the segmentation, wherever that was done."""
+        with self.timer.measure(TICK, before_ms=0.0 if ahead is None else ahead.took_ms):
+            labels = None
+            if ahead is not None:
+                labels = ahead.labels_by(request.beware) or self.segment(frame, request.beware)
+            return self.navigator.tick(frame, request, labels)
+
+    def _corrected_twist(self, decision: TickResult) -> Twist:
+        """Return the twist of a tick; a standstill while a large correction waits for it."""
+        return STANDSTILL if self.navigator.waits_for_standstill else decision.motion.twist
+
+    def _turn_round(
+        self, frame: Frame, place: LocalisationEstimate, clock: Callable[[], int]
+    ) -> Command | None:
+        """Return the command of a robot that looks for its place, until it has found it or turned
+        round."""
+        self._search = self._search.after(frame.pose)
+        if place.is_known or self._search.is_over:
+            self.change(lambda intent: dataclasses.replace(intent, searching=False))
+            return None
+        return Command(twist=self._search.twist, stamp_ns=clock())
+
+    def note_failure(self, frame: Frame | None, error: Exception) -> None:
+        """Note that a tick failed, or that no frame could be read; the robot then stands with this
+        reason until a tick succeeds."""
+        self._tick_state = dataclasses.replace(
+            self._tick_state,
+            frame_ns=self._tick_state.frame_ns if frame is None else frame.stamp_ns,
+            failure=f"{type(error).__name__}: {error}",
+            command=None,
+        )
+
+    def command(
+        self,
+        clock: Callable[[], int],
+        period_s: float,
+        send: Callable[[Twist], None] = lambda twist: None,
+        *,
+        newest: Frame | None,
+    ) -> GateDecision:
+        """Decide what to send now, `period_s` after the last command, and send it.
+
+        `newest` is the newest frame. `clock` gives the time in ns and is read last, so that a
+        command that expired while this waited for the lock or checked the frame is not sent.
+
+        A mission that does not drive never moves the robot. Deciding and sending are one step
+        with respect to `change`: once a stop, a cancel or a zone is acknowledged, nothing decided
+        before it is sent any more.
+        """
+        with self._lock:
+            if period_s * 1e9 > DEFAULT_SAFETY.gate.command_life_ns:
+                self._sent = STANDSTILL  # the last command has expired in the driver
+            self._watch(clock(), newest)
+            verdict = self._verdict(clock(), period_s)
+            self._sent = verdict.twist
+            send(verdict.twist)
+        return verdict
+
+    @property
+    def pose_in_doubt(self) -> bool:
+        """Whether odometry has jumped and not come back: the robot stands until `trust_pose`."""
+        return self._watched.fault is SensorFault.POSE or self._mapped.fault is SensorFault.POSE
+
+    def trust_pose(self) -> None:
+        """Accept pose and stamp of the next frame, whatever came before, on the operator's word."""
+        with self._lock:
+            if self.pose_in_doubt:
+                self._pose_accepted = True
+                # The new pose does not tell where the obstacles are that are out of view.
+                self._recent_obstacles = RecentObstacles()
+            self._mapped = self._watched = SensorMonitor()
+
+    def _watch(self, now_ns: int, newest: Frame | None) -> None:
+        """Check the newest frame, independently of the tick, and whether the wheels turn."""
+        if newest is not None and newest is not self._watched.newest:
+            self._watched = self._watched.after(newest, self.profile)
+            if self._watched.newest_is_trusted:
+                self._recent_obstacles = self._recent_obstacles.after(newest)
+        since_ns = self._blocked_since_ns
+        held = since_ns is not None and now_ns - since_ns >= DEFAULT_SAFETY.gate.blocked_ns
+        if self._intent.mission.phase not in MOVING:
+            self._blocked_since_ns = None
+        elif newest is None or not wheels_blocked(self._sent, newest.twist, self.profile):
+            self._blocked_since_ns = self._blocked_since_ns if held else None
+        elif self._blocked_since_ns is None:
+            self._blocked_since_ns = now_ns
+
+    def reasons(self, now_ns: int) -> tuple[StopReason, ...]:
+        """Return why the robot stands although it was told to drive, the most severe reason
+        first."""
+        return self._verdict(now_ns, 0.0).reasons
+
+    def _verdict(self, now_ns: int, period_s: float) -> GateDecision:
+        intent, tick_state, hand = self._intent, self._tick_state, self._limited(self.hand(now_ns))
+        # A command decided before the newest change of the operator's state is void; the next tick
+        # decides for the new one.
+        asked = intent.mission.phase in MOVING or intent.searching
+        driving = asked and tick_state.request == request_of(intent)
+        command = hand or (tick_state.command if driving else None)
+        if command is not None and now_ns < command.stamp_ns <= now_ns + CLOCK_SLACK_NS:
+            now_ns = command.stamp_ns
+        facts = GateInput(
+            now_ns=now_ns,
+            frame_ns=self._watched.newest.stamp_ns if self._watched.newest is not None else None,
+            stopped_by=intent.stopped_by,
+            command=command,
+            sensors=self._watched,
+            obstacles=self._recent_obstacles.points,
+            keep_outs=KeepOuts() if hand is not None else self._keep_outs(),
+            blocked_since_ns=self._blocked_since_ns,
+        )
+        verdict = gate(facts, sent=self._sent, period_s=period_s, profile=self.profile)
+        found = (
+            self._teleop_stops(hand)
+            if hand is not None
+            else planner_stops(intent, tick_state, malformed=bool(self._watched.malformed))
+        )
+        twist = STANDSTILL if hand is not None and found else verdict.twist
+        return GateDecision(twist=twist, reasons=ranked([*verdict.reasons, *found]))
+
+    def _keep_outs(self) -> KeepOuts:
+        """Return what the gate keeps the robot out of in a mission: the operator's present zones,
+        and the beware cells of the newest tick."""
+        newest, place, tick_state = self._watched.newest, self.place, self._tick_state
+        return KeepOuts(
+            pose=newest.placed(place.T_map_odom).pose if newest and place.is_known else None,
+            zones=self._intent.zones,
+            cells=tick_state.beware_cells,
+            cell_growth_m=tick_state.cell_growth_m,
+            leaving=self._intent.mission.phase is Phase.LEAVING,
+            covariance=place.covariance[:2, :2],
+            covariances=tick_state.zone_covariances,
+        )
+
+    @property
+    def place(self) -> LocalisationEstimate:
+        """Where the robot is in the map, by the newest tick."""
+        return self.navigator.place
+
+    def hand(self, now_ns: int) -> Command | None:
+        """Return the command of teleoperation while it is fresh and no mission drives."""
+        command = self._intent.by_hand
+        if command is None or self._intent.mission.phase in MOVING:
+            return None
+        return command if 0 <= now_ns - command.stamp_ns <= HAND_LIFE_NS else None
+
+    def _limited(self, hand: Command | None) -> Command | None:
+        """Return a command of teleoperation within the operator's speed limits."""
+        newest = self._watched.newest
+        if hand is None or newest is None:
+            return hand
+        asked = Motion(twist=hand.twist, outcome=ControllerState.FOLLOW)
+        return dataclasses.replace(
+            hand,
+            twist=self.navigator.limit(
+                asked,
+                self._intent.zones,
+                newest.placed(self.place.T_map_odom).pose,
+                newest.twist,
+            ).twist,
+        )
+
+    def _teleop_stops(self, hand: Command) -> list[StopReason]:
+        """Return why teleoperation may not go on: it would enter a zone, or a mapped object of the
+        beware list.
+
+        The present zones hold before the first tick, too, and when ticks fail.
+        """
+        decision, newest = self._tick_state.decision, self._watched.newest
+        spec = self.navigator.map.spec
+        seen = None if decision is None else decision.occupancy
+        if newest is None:
+            return []
+        if stays_out(
+            hand.twist,
+            newest.placed(self.place.T_map_odom).pose,
+            self.profile,
+            zones=self._intent.zones,
+            spec=spec,
+            seen=seen,
+        ):
+            return []
+        return [
+            StopReason(
+                cause=Cause.BEWARE_AHEAD,
+                text="There is a beware area in this direction; drive in another one.",
+            )
+        ]
+
+
+def request_of(intent: OperatorState) -> NavigationRequest:
+    """Return the navigator's request for an operator's state."""
+    goal = intent.mission.goal
+    return NavigationRequest(
+        goal=(goal.x_m, goal.y_m) if goal else None,
+        beware=intent.beware,
+        zones=intent.zones,
+        goal_yaw_rad=goal.yaw_rad if goal else None,
+        leave=intent.mission.phase is Phase.LEAVING,
+        unknown_price=intent.unknown_price,
+    )

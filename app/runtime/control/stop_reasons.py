@@ -1,0 +1,98 @@
+"""Why the planners, rather than the safety gate, hold the robot, in the operator's words."""
+
+from __future__ import annotations
+
+from app.runtime.control.operator_state import MOVING, OperatorState
+from app.runtime.control.tick_state import TickState
+from navcore.control.motion import ControllerState
+from navcore.costmap.cell_description import describe_cell
+from navcore.geometry.transform import STANDSTILL
+from navcore.grid.bitplane import LONGEST_SIDE, MOST_CELLS
+from navcore.localisation.estimate import LocalisationState
+from navcore.mission.mission import Phase
+from navcore.navigator import TickResult
+from navcore.planning.path import NoPath, Reason
+from navcore.safety.gate import Cause, StopReason
+
+CONTROLLER_STOPS = {
+    ControllerState.IN_ZONE: StopReason(
+        cause=Cause.IN_ZONE,
+        text="The robot stands in a beware area: have it leave, or change the area.",
+    ),
+    ControllerState.BLOCKED: StopReason(
+        cause=Cause.BOXED_IN, text="Every motion would come too close to an obstacle."
+    ),
+    ControllerState.GIVEN_UP: StopReason(
+        cause=Cause.BOXED_IN,
+        text="The robot gives up: waiting, backing off and turning round opened no path. "
+        "Clear its path, or choose another goal.",
+    ),
+    ControllerState.WAIT_FOR_PEOPLE: StopReason(
+        cause=Cause.YIELDING,
+        text="A person is in the robot's path; it waits until they have passed.",
+    ),
+}
+"""Reasons for which the local planner holds the robot."""
+POSE_STOPS = {
+    LocalisationState.LOST: StopReason(
+        cause=Cause.POSE_UNKNOWN,
+        text="The robot does not know where it is: what the camera sees does not fit the map. Have "
+        "it look round, drive it by hand, or show its place on the map.",
+    ),
+    LocalisationState.AMBIGUOUS: StopReason(
+        cause=Cause.POSE_UNKNOWN,
+        text="The robot is unsure between several places. Drive it some metres by hand, or show "
+        "its place on the map.",
+    ),
+}
+"""Reasons for which a robot that does not know its pose stands."""
+
+
+def planner_stops(
+    intent: OperatorState, tick_state: TickState, *, malformed: bool
+) -> list[StopReason]:
+    """Return why the planners, rather than the gate, hold the robot; `malformed`: whether the gate
+    refuses the newest frame already."""
+    mission, decision = intent.mission, tick_state.decision
+    found = []
+    if tick_state.bad_frame is not None and not malformed:
+        text = f"The camera image is refused: {tick_state.bad_frame}."
+        found.append(StopReason(cause=Cause.BAD_FRAME, text=text))
+    if tick_state.failure is not None:
+        text = f"The navigation failed: {tick_state.failure}."
+        found.append(StopReason(cause=Cause.PLANNER_FAILED, text=text))
+    if mission.phase is Phase.PAUSED:
+        text = "The mission is paused; resume it to drive on."
+        if mission.restored:
+            text = (
+                "The mission of the last session is back, paused; check that the robot is where "
+                "the map shows it, then resume."
+            )
+        found.append(StopReason(cause=Cause.PAUSED, text=text))
+    if mission.phase not in MOVING or decision is None:
+        return found
+    if decision.place.state in POSE_STOPS:
+        found.append(POSE_STOPS[decision.place.state])
+    outcome = None if decision.route is None else decision.route.outcome
+    if isinstance(outcome, NoPath) and decision.motion.twist == STANDSTILL:
+        where = f" {mission.goal.title}" if mission.goal is not None else ""
+        text = f"There is no path to the goal{where}: {_why_no_path(intent, decision, outcome)}."
+        found.append(StopReason(cause=Cause.NO_PATH, text=text))
+    if decision.motion.outcome in CONTROLLER_STOPS:
+        found.append(CONTROLLER_STOPS[decision.motion.outcome])
+    return found
+
+
+def _why_no_path(intent: OperatorState, decision: TickResult, outcome: NoPath) -> str:
+    """Return why there is no path, with what blocks the goal."""
+    goal, grid = intent.mission.goal, decision.occupancy.grid
+    if outcome.reason is Reason.OUTSIDE:
+        return (
+            f"robot or goal is outside the map, {grid.spec.extent()}, which may have at most "
+            f"{MOST_CELLS} cells and {LONGEST_SIDE} a side"
+        )
+    if outcome.reason is not Reason.GOAL_BLOCKED or goal is None:
+        return str(outcome.reason)
+    return (
+        f"{outcome.reason}, the goal is {describe_cell(grid, grid.spec.cell(goal.x_m, goal.y_m))}"
+    )

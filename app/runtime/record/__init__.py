@@ -1,0 +1,1 @@
+"""What is kept of a drive: the map, measurements, reports."""

@@ -1,0 +1,141 @@
+"""The map on disk while the robot drives: a snapshot every few seconds, written in a thread of its
+own."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.runtime.control.loop import PeriodicThread
+from navcore.errors import Refused, StorageFailed
+from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage import map_file
+from navcore.mapping.storage.map_state import MapState
+
+log = logging.getLogger(__name__)
+SNAPSHOT_PERIOD_S = 4.0
+"""Time between two snapshots of a map that changes, seconds. A kill loses this time and that of two
+writes: less than 10 s while a write takes less than 2.5 s."""
+WRITE_PERIOD_S = 0.5
+"""Time between two looks for a new snapshot, seconds."""
+SNAPSHOT_WAIT_S = 5.0
+"""Longest wait for a snapshot that was asked for, seconds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Snapshot:
+    """A map that waits to be written."""
+
+    path: Path
+    state: MapState
+    class_names: Mapping[int, str]
+
+
+class MapKeeper:
+    """Keeps one map in one file. The think thread, which alone changes the map, copies it; a thread
+    of this object writes the copy."""
+
+    def __init__(self, path: Path, class_names: Mapping[int, str]) -> None:
+        """`class_names`: class id → name in the map so far, removed classes included."""
+        self._path, self._names = path, dict(class_names)
+        self._waiting: _Snapshot | None = None
+        self._copied: tuple[int, float, int] | None = None
+        self._looked_ns: int | None = None
+        self._asked, self._answered = threading.Event(), threading.Event()
+        self._writing = threading.Lock()
+        self._fails = False
+        self._thread = PeriodicThread(
+            self._write_logged, period_s=WRITE_PERIOD_S, name="map to disk"
+        )
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; a snapshot may still wait, see `finish`."""
+        self._thread.stop()
+
+    def use(self, path: Path, class_names: Mapping[int, str]) -> None:
+        """Keep another map in another file from the next snapshot on; called by the thread that
+        changes the map."""
+        self._path, self._names, self._copied = path, dict(class_names), None
+
+    def move(self, rename: Callable[[], Path]) -> None:
+        """Keep the same map in another file; `rename` moves the file and returns its new path,
+        while nothing is written."""
+        with self._writing:
+            self._path = rename()
+            if self._waiting is not None:
+                self._waiting = dataclasses.replace(self._waiting, path=self._path)
+
+    def note_tick(self, point_map: PointMap, names: Mapping[int, str], now_ns: int) -> None:
+        """Copy the map when it is due; called by the think thread after each tick.
+
+        `names`: class id → name in the beware list of the tick.
+        """
+        if self._asked.is_set():
+            self._asked.clear()
+            self._copy(point_map, names)
+            self._answered.set()
+            return
+        since_ns = self._looked_ns
+        is_due = since_ns is None or now_ns - since_ns >= SNAPSHOT_PERIOD_S * 1e9
+        if is_due and self._waiting is None:
+            self._looked_ns = now_ns
+            if _key(point_map) != self._copied:
+                self._copy(point_map, names)
+
+    def write_now(self) -> None:
+        """Write the present map before returning; raises `StorageFailed`, and `Refused` when no
+        tick delivers it."""
+        self._answered.clear()
+        self._asked.set()
+        if not self._answered.wait(SNAPSHOT_WAIT_S):
+            self._asked.clear()
+            raise Refused("the map cannot be kept now, as the camera delivers no image; try again")
+        self._write()
+
+    def finish(self, point_map: PointMap, names: Mapping[int, str]) -> None:
+        """Write the map at the end, when no thread changes it any more."""
+        self._copy(point_map, names)
+        self._write()
+
+    def _copy(self, point_map: PointMap, names: Mapping[int, str]) -> None:
+        self._names |= names
+        self._copied = _key(point_map)
+        self._waiting = _Snapshot(
+            path=self._path, state=point_map.state(), class_names=dict(self._names)
+        )
+
+    def _write(self) -> None:
+        with self._writing:
+            snapshot = self._waiting
+            if snapshot is None:
+                return
+            try:
+                snapshot.path.parent.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise StorageFailed(f"{snapshot.path}: {error.strerror}") from None
+            map_file.save(snapshot.path, snapshot.state, snapshot.class_names)
+            if self._waiting is snapshot:
+                self._waiting = None
+
+    def _write_logged(self) -> None:
+        try:
+            self._write()
+            self._fails = False
+        except StorageFailed:
+            # The snapshot waits for the next try; a full disk is told once.
+            if not self._fails:
+                log.exception("the map is not kept; it is tried again")
+            self._fails = True
+
+
+def _key(point_map: PointMap) -> tuple[int, float, int]:
+    """Return what differs between two states of a map."""
+    return point_map.version, point_map.explored.area_m2, len(point_map.poses)

@@ -1,0 +1,1 @@
+"""What a start needs: compiled kernels, and a segmenter with its engine."""

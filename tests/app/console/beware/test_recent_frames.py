@@ -1,0 +1,32 @@
+"""Camera frames of the last minutes: few, and none too old."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from app.console.beware.recent_frames import MAX_AGE_S, MAX_FRAMES, STANDING_S, STEP_M, RecentFrames
+from navcore.geometry.transform import IDENTITY, Pose2
+from tests.navcore.scene import picture
+
+
+def noted(count: int, *, step_m: float, period_s: float) -> RecentFrames:
+    """Note frames of a robot that drives straight on."""
+    frames, seen = RecentFrames(), picture()
+    for number in range(count):
+        pose = Pose2(x_m=number * step_m, y_m=0.0, yaw_rad=0.0)
+        stamp_ns = round(number * period_s * 1e9)
+        frames.note(dataclasses.replace(seen, pose=pose, stamp_ns=stamp_ns), 0, IDENTITY)
+    return frames
+
+
+def test_a_robot_that_drives_fast_leaves_no_more_than_the_largest_number_of_frames() -> None:
+    frames = noted(5 * MAX_FRAMES, step_m=2 * STEP_M, period_s=0.1)
+    assert len(frames.all) == MAX_FRAMES
+    assert frames.newest is frames.all[0]
+
+
+def test_a_robot_that_stands_leaves_a_frame_now_and_then_and_forgets_those_of_minutes_ago() -> None:
+    frames = noted(6000, step_m=0.0, period_s=0.1)
+    stamps_s = [one.frame.stamp_ns / 1e9 for one in frames.all]
+    assert len(frames.all) <= MAX_AGE_S / STANDING_S + 2
+    assert max(stamps_s) - min(stamps_s) <= MAX_AGE_S

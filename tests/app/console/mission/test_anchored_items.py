@@ -1,0 +1,82 @@
+"""Zones and goals drawn while mapping move with the poses beside which they were drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import pytest
+
+from app.console.mission.anchored_items import AnchoredItems
+from navcore.geometry.transform import Pose2
+from navcore.localisation.map_correction import AppliedCorrection
+from navcore.mapping.points.pose_ids import PoseIds
+from navcore.mission.mission import Goal, Mission
+from navcore.mission.zone import Zone
+
+ZONE = Zone(id="z", name="Wet floor", polygon=((2.0, 0.0), (3.0, 0.0), (3.0, 1.0), (2.0, 1.0)))
+FAR = Zone(id="f", name="Far", polygon=((42.0, 0.0), (43.0, 0.0), (43.0, 1.0)))
+
+
+class Held:
+    """Zones and mission in memory."""
+
+    def __init__(self) -> None:
+        self.stored: tuple[Zone, ...] = (ZONE, FAR)
+        self.mission = Mission(queue=(Goal(id=1, x_m=2.0, y_m=1.0, name="Dock"),))
+
+    def move(self, zones: Iterable[Zone]) -> None:
+        """Replace zones."""
+        moved = {zone.id: zone for zone in zones}
+        self.stored = tuple(moved.get(zone.id, zone) for zone in self.stored)
+
+    def change(self, edit: Callable[[Mission], Mission]) -> None:
+        """Edit the mission."""
+        self.mission = edit(self.mission)
+
+
+def shifted(pose_ids: PoseIds, x_m: float) -> AppliedCorrection:
+    before = pose_ids.poses
+    pose_ids.move(
+        {i: Pose2(x_m=p.x_m + x_m, y_m=p.y_m, yaw_rad=p.yaw_rad) for i, p in enumerate(before)}
+    )
+    motion = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+    return AppliedCorrection(before=before, after=pose_ids.poses, motion=motion, loops=1)
+
+
+@pytest.fixture
+def pose_ids() -> PoseIds:
+    ids = PoseIds(0.25, 10.0)
+    for step in range(8):
+        ids.id_of(Pose2(x_m=0.5 * step, y_m=0.0, yaw_rad=0.0))
+    return ids
+
+
+def test_a_correction_takes_zones_and_goals_along_and_says_so(pose_ids: PoseIds) -> None:
+    held = Held()
+    items = AnchoredItems(lambda: held, lambda: held.mission, held.change)
+    assert items.note_tick(None, pose_ids) == ()
+    told = items.note_tick(shifted(pose_ids, 0.4), pose_ids)
+    assert held.stored[0].polygon[0] == pytest.approx((2.4, 0.0))
+    assert held.stored[0].version == ZONE.version + 1
+    assert held.stored[1] == FAR
+    assert held.mission.queue[0].x_m == pytest.approx(2.4)
+    assert told == (
+        "Zone “Wet floor” moved 0.40 m with the map.",
+        "Goal “Dock” moved 0.40 m with the map.",
+    )
+    items.note_tick(shifted(pose_ids, -0.4), pose_ids)
+    assert held.stored[0].polygon[0] == pytest.approx((2.0, 0.0))
+
+
+def test_what_belongs_to_a_loaded_map_stays(pose_ids: PoseIds) -> None:
+    held = Held()
+    before = pose_ids.poses
+    pose_ids.freeze()
+    items = AnchoredItems(lambda: held, lambda: held.mission, held.change)
+    items.note_tick(None, pose_ids)
+    after = tuple(Pose2(x_m=p.x_m + 1, y_m=p.y_m, yaw_rad=p.yaw_rad) for p in before)
+    moved = AppliedCorrection(
+        before=before, after=after, motion=Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0), loops=1
+    )
+    assert items.note_tick(moved, pose_ids) == ()
+    assert held.stored == (ZONE, FAR)

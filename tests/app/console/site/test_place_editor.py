@@ -1,0 +1,105 @@
+"""The operator shows the robot its place: checked by the newest scan, then taken."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from app.console.site.place_editor import PlaceEditor
+from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.robot_controller import RobotController
+from navcore.config.navigator import NavigatorConfig
+from navcore.errors import BadGeometry, Refused
+from navcore.geometry.transform import Pose2
+from navcore.localisation.estimate import LocalisationState
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Mission
+from navcore.navigator import Navigator
+from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
+from tests.navcore.scene import SPEC, Box, picture
+
+ROOM = (
+    Box(x=(3.0, 3.2), y=(-3.0, 3.0), z=(0.0, 2.0)),
+    Box(x=(-1.0, 3.0), y=(2.0, 2.2), z=(0.0, 2.0)),
+    Box(x=(-1.0, 3.0), y=(-2.6, -2.4), z=(0.0, 2.0)),
+    Box(x=(2.5, 3.0), y=(0.8, 1.6), z=(0.0, 2.0)),
+)
+HERE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+
+
+class Desk:
+    """A controller that looks at the room, and the editor of its place."""
+
+    def __init__(self) -> None:
+        navigator = Navigator(
+            spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+        )
+        intent = OperatorState(mission=Mission(), beware=BewareList(classes=()))
+        self.controller = RobotController(navigator=navigator, profile=HUSKY, intent=intent)
+        self.editor = PlaceEditor(self.controller)
+        self._frames = 0
+
+    def see(self, pose: Pose2 = HERE) -> Frame:
+        """Run one tick on an image of the room."""
+        self._frames += 1
+        frame = picture(*ROOM, pose=pose, stamp_ns=self._frames * 100_000_000)
+        # A camera that works never shows the same image twice.
+        noisy = (frame.depth_m + np.float32(1e-4) * (self._frames % 7)).astype(np.float32)
+        rgb = np.roll(frame.rgb, self._frames, axis=2) + np.uint8(self._frames % 7)
+        frame = dataclasses.replace(frame, depth_m=noisy, rgb=rgb)
+        self.controller.think(frame, clock=lambda: frame.stamp_ns)
+        return frame
+
+
+@pytest.fixture(scope="module")
+def desk() -> Desk:
+    opened = Desk()
+    for step in (*range(15), *range(15, -1, -1)):
+        opened.see(Pose2(x_m=0.02 * step, y_m=0.0, yaw_rad=0.01 * step))
+    return opened
+
+
+def test_a_place_near_the_true_one_is_refined_to_it(desk: Desk) -> None:
+    checked = desk.editor.check(Pose2(x_m=0.4, y_m=-0.3, yaw_rad=0.2))
+    assert checked.fits, checked.text
+    assert checked.match_share is not None and checked.match_share > 0.85
+    assert checked.pose.distance_to(0.0, 0.0) < 0.05
+    assert abs(checked.pose.yaw_rad) < 0.02
+    assert len(checked.scan) > 40
+
+
+def test_a_place_that_contradicts_the_map_is_refused_unless_forced(desk: Desk) -> None:
+    elsewhere = Pose2(x_m=-3.0, y_m=4.0, yaw_rad=2.0)
+    with pytest.raises(Refused):
+        desk.editor.place(elsewhere, force=False)
+    desk.see()
+    assert desk.controller.place.T_map_base.distance_to(0.0, 0.0) < 0.1
+    desk.editor.place(elsewhere, force=True)
+    desk.see()
+    assert desk.controller.place.T_map_base.distance_to(-3.0, 4.0) < 0.3
+    assert desk.editor.status().major_m > 0.3
+    desk.editor.place(HERE, force=False)
+    desk.see()
+    assert desk.controller.place.T_map_base.distance_to(0.0, 0.0) < 0.1
+
+
+def test_a_place_to_which_the_map_cannot_grow_is_refused(desk: Desk) -> None:
+    with pytest.raises(BadGeometry):
+        desk.editor.place(Pose2(x_m=5e5, y_m=0.0, yaw_rad=0.0), force=True)
+
+
+def test_a_search_forgets_the_place_and_says_so(desk: Desk) -> None:
+    desk.editor.search()
+    desk.see()
+    assert desk.controller.place.state in (LocalisationState.LOST, LocalisationState.AMBIGUOUS)
+    status = desk.editor.status()
+    assert status.searching and "map" in status.text
+    desk.editor.place(HERE, force=False)
+    desk.see()
+    desk.see()
+    assert not desk.editor.status().searching
+    assert desk.controller.place.is_known

@@ -1,0 +1,207 @@
+"""Site archives: everything comes back, and a hostile one changes nothing."""
+
+from __future__ import annotations
+
+import io
+import json
+import pickle
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.console.site.dock_and_tags import furnish
+from app.console.site.site_archive import DOCUMENT, MAX_DOCUMENT_BYTES, pack
+from app.console.site.site_files import add, add_nav2, export_nav2, listed
+from app.console.site.site_map import accepted_map, map_of, save_accepted
+from app.storage import Store
+from app.storage.site_store import MAP_FILE
+from navcore.config.mapping import MappingConfig
+from navcore.errors import BadConfiguration, BadGeometry, NotKnown
+from navcore.formats.nav2_map import State, map_from_cells, read
+from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
+from navcore.mapping.changes import CellMap
+from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage import map_file
+from navcore.mission.beware_list import default_beware_list
+from navcore.mission.zone import Zone
+from navcore.mission.zone_shapes import Circle
+from web.interface.sites import Tag
+
+SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)
+CIRCLE = Circle(centre=(1.0, 1.0), radius_m=0.5)
+DOCK = Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.5)
+TAG = Tag(id=3, x_m=1.0, y_m=0.0, z_m=0.5, yaw_rad=1.0, size_m=0.16)
+
+
+def accepted() -> CellMap:
+    occupied = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    occupied[3, :] = True
+    return CellMap(spec=SPEC, occupied=occupied, known=np.ones_like(occupied))
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with closing(Store(tmp_path / "data")) as opened:
+        site = opened.site
+        ring = Zone(id="ring", name="ring", polygon=CIRCLE.outline(), drawn=CIRCLE, margin_m=0.2)
+        site.save_zone(ring)
+        goal = {"x_m": 1.0, "y_m": 1.0, "yaw_rad": None, "name": "a"}
+        site.save_document("mission", "round", {"goals": [goal], "loop": True})
+        site.save_beware(default_beware_list().edited("cup", margin_m=0.3).replaced(()))
+        furnish(site, dock=DOCK, tags=(TAG,))
+        save_accepted(site, accepted())
+        state = PointMap(SPEC, MappingConfig()).state()
+        site.folder.mkdir(parents=True)
+        map_file.save(site.map_file, state, default_beware_list().names)
+        yield opened
+
+
+def test_everything_of_a_site_comes_back_with_new_zone_ids(store: Store) -> None:
+    add(store.sites, "copy", pack(store.site))
+    site, copy = store.site, store.sites.open("copy")
+    (before,), (zone,) = site.zones(), copy.zones()
+    assert zone.id != before.id and zone.drawn == CIRCLE
+    assert (zone.name, zone.margin_m, zone.polygon) == ("ring", 0.2, before.polygon)
+    assert copy.documents("mission") == site.documents("mission")
+    beware, original = copy.beware(), site.beware()
+    assert beware is not None and original is not None
+    assert (beware.classes, set(beware.retired)) == (original.classes, set(original.retired))
+    assert copy.map_file.read_bytes() == site.map_file.read_bytes()
+    merged = accepted_map(copy)
+    assert merged is not None
+    np.testing.assert_array_equal(merged.occupied, accepted().occupied)
+    first, second = listed(store.sites, "default")
+    assert (first.dock, first.tags, first.chosen) == (DOCK, (TAG,), False)
+    assert (second.dock, second.tags, second.chosen, second.accepted) == (DOCK, (TAG,), True, True)
+
+
+def parts_of(archive: bytes) -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(archive)) as packed:
+        return {name: packed.read(name) for name in packed.namelist()}
+
+
+def packed(parts: dict[str, bytes], kind: int = zipfile.ZIP_DEFLATED) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", kind) as archive:
+        for name, data in parts.items():
+            archive.writestr(name, data)
+    return file.getvalue()
+
+
+def edited(change: Callable[[dict[str, Any]], object]) -> Callable[[dict[str, bytes]], bytes]:
+    def damage(parts: dict[str, bytes]) -> bytes:
+        document = json.loads(parts[DOCUMENT])
+        change(document)
+        return packed({**parts, DOCUMENT: json.dumps(document).encode()})
+
+    return damage
+
+
+def map_bomb(parts: dict[str, bytes]) -> bytes:
+    """A map file of which one part would be a gigabyte."""
+    file = io.BytesIO()
+    with (
+        zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as inner,
+        inner.open("points_map.npy", "w") as part,
+    ):
+        for _ in range(1 << 10):
+            part.write(bytes(1 << 20))
+    return packed({**parts, MAP_FILE: file.getvalue()})
+
+
+def pickled_map(parts: dict[str, bytes]) -> bytes:
+    file = io.BytesIO()
+    np.save(file, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    inner = {name: file.getvalue() for name in parts_of(parts[MAP_FILE])}
+    return packed({**parts, MAP_FILE: packed(inner)})
+
+
+HOSTILE: dict[str, Callable[[dict[str, bytes]], bytes]] = {
+    "not a zip": lambda parts: b"PK\x03\x04 nothing",
+    "empty": lambda parts: b"",
+    "a pickle": lambda parts: pickle.dumps(parts),
+    "torn": lambda parts: packed(parts)[:-40],
+    "path traversal": lambda parts: packed({**parts, "../../evil": b"x"}),
+    "absolute path": lambda parts: packed({**parts, "/etc/passwd": b"x"}),
+    "more than a site": lambda parts: packed({**parts, "x.py": b"x"}),
+    "no document": lambda parts: packed({MAP_FILE: parts[MAP_FILE]}),
+    "document bomb": lambda parts: packed({DOCUMENT: b" " * (MAX_DOCUMENT_BYTES + 1)}),
+    "map bomb": map_bomb,
+    "pickled map": pickled_map,
+    "no map": lambda parts: packed({**parts, MAP_FILE: b"nothing"}),
+    "deep JSON": lambda parts: packed({DOCUMENT: b"[" * 100_000}),
+    "no JSON": lambda parts: packed({DOCUMENT: b"\xff"}),
+    "unknown key": edited(lambda site: site.update(extra=1)),
+    "other version": edited(lambda site: site.update(version=2)),
+    "crossed zone": edited(
+        lambda site: site["zones"][0]["geometry"].update(
+            coordinates=[[[0, 0], [2, 2], [2, 0], [0, 2]]]
+        )
+    ),
+    "margin": edited(lambda site: site["zones"][0]["properties"].update(margin_m=99)),
+    "goal": edited(lambda site: site["missions"]["round"]["goals"][0].update(x_m=1e99)),
+    "name": edited(lambda site: site["missions"].update({"\x00": {"goals": [], "loop": False}})),
+    "class": edited(lambda site: site["beware"].update(classes=[{"name": "x", "class_id": 99}])),
+    "grid": edited(lambda site: site["accepted"]["spec"].update(rows=10**9)),
+    "packed cells": edited(lambda site: site["accepted"].update(known="AAAA")),
+    "tag": edited(lambda site: site["tags"][0].update(size_m=-1)),
+}
+
+
+@pytest.mark.parametrize("how", HOSTILE)
+def test_a_hostile_archive_is_refused_and_leaves_nothing(
+    store: Store, tmp_path: Path, how: str
+) -> None:
+    parts = parts_of(pack(store.site))
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises((BadConfiguration, BadGeometry)):
+        add(store.sites, "evil", HOSTILE[how](parts))
+    assert [row.name for row in store.sites.all()] == ["default"]
+    assert sorted(tmp_path.rglob("*")) == before
+    add(store.sites, "good", packed(parts))  # control: undamaged it is taken
+
+
+def test_a_nav2_map_is_the_accepted_map_and_the_prior_of_a_new_site(store: Store) -> None:
+    cells = accepted()
+    source = map_from_cells(occupied=cells.occupied, known=cells.known, spec=SPEC)
+    add_nav2(store.sites, "hall", source, pairs=None)
+    hall = store.sites.open("hall")
+    state = map_of(hall, PointMap(SPEC, MappingConfig()).state()).state
+    np.testing.assert_array_equal(state.prior.bools, cells.occupied)
+    moved = ((0.0, 0.0), (3.0, 0.0)), ((0.0, 0.0), (0.0, 3.0))
+    add_nav2(store.sites, "turned", source, pairs=moved)
+    turned = accepted_map(store.sites.open("turned"))
+    assert turned is not None and turned.occupied.any(axis=0).sum() <= 2  # the row is a column now
+
+
+def test_the_nav2_export_is_without_the_zones_and_the_mask_beside_it(store: Store) -> None:
+    add_nav2(
+        store.sites,
+        "hall",
+        map_from_cells(occupied=accepted().occupied, known=accepted().known, spec=SPEC),
+        pairs=None,
+    )
+    hall = store.sites.open("hall")
+    hall.save_zone(store.site.zones()[0])
+    files = parts_of(export_nav2(hall, MappingConfig()))
+    plain, mask = (
+        read(files[f"{name}.yaml"], files[f"{name}.pgm"], name) for name in ("map", "keepout_mask")
+    )
+    np.testing.assert_array_equal(plain.cells(State.OCCUPIED), accepted().occupied)
+    closed = mask.cells(State.OCCUPIED)
+    assert closed[SPEC.cell(1.0, 1.0)] and not closed[SPEC.cell(-2.0, -1.0)]
+    empty = store.sites.make("empty")
+    with pytest.raises(NotKnown, match="no map yet"):
+        export_nav2(empty, MappingConfig())
+
+
+def test_a_map_of_another_grid_names_the_site_and_the_way_out(store: Store) -> None:
+    other = GridSpec.centred(size_m=(8.0, 8.0), resolution_m=0.1)
+    with pytest.raises(BadConfiguration, match=r"'default'.*--site NAME"):
+        map_of(store.site, PointMap(other, MappingConfig()).state())

@@ -1,0 +1,321 @@
+"""The site in use: another one is entered as a whole, or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.console.mission.zone_editor import ZoneEditor
+from app.console.site.sites import LiveSites, last_place_of, mission_of
+from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.robot_controller import RobotController
+from app.runtime.record.map_keeper import MapKeeper
+from app.storage import Store
+from app.storage.site_store import SiteStore
+from navcore.config.mapping import MappingConfig
+from navcore.config.navigator import NavigatorConfig
+from navcore.errors import BadConfiguration, Outdated, Refused
+from navcore.geometry.transform import Pose2
+from navcore.grid.cell_mask import CellMask
+from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage import map_file
+from navcore.mission.mission import Mission, Phase
+from navcore.navigator import Navigator
+from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.robot.profile import HUSKY
+from tests.app.console.state import beware_editor
+from tests.navcore.scene import RED_LIST, SPEC, Paint, picture
+from web.interface.drafts import ZoneDraft
+from web.interface.sites import Tag
+from web.interface.snapshots import TickSnapshot
+
+SECOND = 1_000_000_000
+FRAMES = [picture(Paint(x=(1.5, 2.0), y=(-0.3, 0.3)), stamp_ns=n * SECOND) for n in (1, 2)]
+SQUARE = ZoneDraft(name="wet", polygon=((0.0, 4.0), (1.0, 4.0), (1.0, 5.0)))
+
+
+class Desk:
+    """A robot that is ticked by hand, with its store, its editors and its sites."""
+
+    picture: TickSnapshot | None = None
+
+    def __init__(self, folder: Path) -> None:
+        self.store = Store(folder)
+        self.store.site.save_beware(RED_LIST)
+        navigator = Navigator(
+            spec=SPEC, profile=HUSKY, segmenter=ColourSegmenter(), config=NavigatorConfig()
+        )
+        intent = OperatorState(mission=Mission(), beware=RED_LIST)
+        self.controller = RobotController(navigator=navigator, profile=HUSKY, intent=intent)
+        self.keeper = MapKeeper(self.store.site.map_file, {})
+        self.enter_site(self.store.site)
+        self.sites = LiveSites(
+            self.store,
+            controller=self.controller,
+            view=self,
+            keeper=self.keeper,
+            user=self,
+            config=MappingConfig(),
+            world="hall",
+        )
+        self._ticks = 0
+
+    @contextmanager
+    def leaving_site(self) -> Iterator[None]:
+        """Hold the edits."""
+        with self.zones.retired(), self.beware.retired():
+            yield
+
+    def enter_site(self, site: SiteStore) -> None:
+        """Edit another site."""
+        self.zones = ZoneEditor(self.controller, store=site)
+        self.beware = beware_editor(site, holder=self.controller)
+
+    def tick(self) -> None:
+        """Run one tick as the think thread does."""
+        self._ticks += 1
+        frame = dataclasses.replace(FRAMES[0], stamp_ns=self._ticks * SECOND)
+        self.controller.trust_pose()
+        self.controller.think(frame, clock=lambda: frame.stamp_ns)
+        self.keeper.note_tick(self.controller.navigator.map, RED_LIST.names, frame.stamp_ns)
+
+    @contextmanager
+    def ticking(self) -> Iterator[None]:
+        """Tick in a thread during the block."""
+        ended = threading.Event()
+
+        def run() -> None:
+            while not ended.is_set():
+                self.tick()
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+
+    def choose(self, name: str) -> None:
+        """Enter a site, while ticks go on, and run one more."""
+        with self.ticking():
+            self.sites.choose(name)
+        self.tick()
+
+    @property
+    def points(self) -> int:
+        """Number of points of the live map."""
+        return len(self.controller.navigator.map.points.class_ids)
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Iterator[Desk]:
+    opened = Desk(tmp_path)
+    with closing(opened.store):
+        opened.tick()
+        opened.sites.make("hall")
+        opened.store.sites.open("hall").save_beware(RED_LIST)
+        yield opened
+
+
+def points_in(site: SiteStore) -> int:
+    return len(map_file.load(site.map_file).state.points.class_ids)
+
+
+def test_each_site_has_its_map_and_its_zones_and_gets_them_back(desk: Desk) -> None:
+    (zone,) = desk.zones.add_all([SQUARE])
+    seen = desk.points
+    assert seen > 10
+    version = desk.controller.intent.beware.version
+    desk.choose("hall")
+    assert desk.sites.chosen == "hall" and not desk.zones.stored
+    assert desk.controller.intent.beware.version > version
+    assert points_in(desk.store.sites.open("default")) >= 0.9 * seen
+    default_map = desk.store.sites.open("default").map_file.read_bytes()
+    desk.choose("default")
+    assert desk.zones.stored == (zone,)
+    assert desk.store.sites.open("default").map_file.read_bytes() == default_map
+    assert points_in(desk.store.sites.open("hall")) > 10
+
+
+def test_the_map_of_the_new_site_replaces_the_old_one_before_the_next_tick(desk: Desk) -> None:
+    marked = PointMap(SPEC, MappingConfig()).state()
+    prior = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    prior[3, 3] = True
+    state = dataclasses.replace(marked, prior=CellMask.of(prior))
+    hall = desk.store.sites.open("hall")
+    hall.folder.mkdir(parents=True)
+    map_file.save(hall.map_file, state, RED_LIST.names)
+    desk.choose("hall")
+    held = desk.controller.navigator.map.layers.prior
+    assert held is not None and held.bools[3, 3]
+    decision = desk.controller.tick_state.decision
+    assert decision is not None and decision.occupancy.grid.geometric[3, 3]
+
+
+def test_a_driving_robot_stays_at_its_site(desk: Desk) -> None:
+    desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC).start())
+    with pytest.raises(Refused, match="mission is driving"):
+        desk.sites.choose("hall")
+    assert desk.sites.chosen == "default"
+
+
+def test_a_mission_that_starts_in_the_meantime_is_not_moved_to_another_site(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk.zones.add(SQUARE)
+    written = desk.keeper.write_now
+
+    def start_meanwhile() -> None:
+        written()
+        desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC).start())
+
+    monkeypatch.setattr(desk.keeper, "write_now", start_meanwhile)
+    with desk.ticking(), pytest.raises(Refused, match="mission is driving"):
+        desk.sites.choose("hall")
+    assert desk.sites.chosen == "default" and len(desk.controller.intent.zones) == 1
+    desk.zones.add(SQUARE)  # edits go on
+    assert max(desk.store.sites.all(), key=lambda row: row.chosen_unix_s).name == "default"
+
+
+def test_an_edit_that_comes_too_late_is_refused_and_stored_nowhere(desk: Desk) -> None:
+    zones, beware = desk.zones, desk.beware
+    desk.choose("hall")
+    with pytest.raises(Refused, match="site has been changed"):
+        zones.add(SQUARE)
+    with pytest.raises(Refused, match="site has been changed"):
+        beware.edit("red floor", {"enabled": False})
+    for name in ("default", "hall"):
+        site = desk.store.sites.open(name)
+        assert site.zones() == () and site.beware() == RED_LIST
+    assert desk.controller.intent.zones == ()
+
+
+def test_a_site_with_a_damaged_map_is_refused_and_nothing_changes(desk: Desk) -> None:
+    desk.store.sites.write_map("hall", b"no map")
+    with desk.ticking(), pytest.raises(BadConfiguration, match="no map file"):
+        desk.sites.choose("hall")
+    assert desk.sites.chosen == "default"
+
+
+def test_a_map_in_a_file_of_its_own_holds_the_robot_at_its_site(tmp_path: Path) -> None:
+    desk = Desk(tmp_path)
+    with closing(desk.store):
+        own = LiveSites(
+            desk.store,
+            controller=desk.controller,
+            view=desk,
+            keeper=desk.keeper,
+            user=desk,
+            config=MappingConfig(),
+            world="hall",
+            has_own_map=False,
+        )
+        own.make("hall")
+        with pytest.raises(Refused, match="--map"):
+            own.choose("hall")
+
+
+def test_the_site_in_use_is_renamed_with_its_map(desk: Desk) -> None:
+    with desk.ticking():
+        desk.sites.export("default")
+        desk.sites.rename("default", "Ward 3")
+        desk.sites.export("Ward 3")
+    assert desk.sites.chosen == "Ward 3"
+    assert not (desk.store.site.folder.parent / "default").exists()
+    assert points_in(desk.store.site) > 10
+    desk.zones.add(SQUARE)
+    assert len(desk.store.sites.open("Ward 3").zones()) == 1
+
+
+def test_the_site_in_use_is_not_deleted(desk: Desk) -> None:
+    with pytest.raises(Refused, match="choose another"):
+        desk.sites.delete("default")
+    desk.sites.delete("hall")
+    assert [site.name for site in desk.sites.all()] == ["default"]
+
+
+def test_goals_and_mission_come_back_paused(desk: Desk) -> None:
+    drive = desk.controller.change_mission(
+        lambda mission: mission.add(0.0, 3.0, SPEC, name="a").add(1.0, 4.0, SPEC).repeat(True)
+    )
+    desk.controller.change_mission(lambda mission: mission.start())
+    desk.sites.keep_session()
+    back = mission_of(desk.store.site)
+    assert (back.queue, back.loop, back.phase, back.restored) == (
+        drive.queue,
+        True,
+        Phase.PAUSED,
+        True,
+    )
+    assert not back.resume().restored and not back.cancel().restored
+    desk.controller.change_mission(lambda mission: mission.cancel())
+    desk.sites.keep_session()
+    assert mission_of(desk.store.site).queue == ()
+    desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC))
+    desk.sites.keep_session()
+    waiting = mission_of(desk.store.site)
+    assert (waiting.phase, waiting.restored) == (Phase.IDLE, True)
+
+
+def test_the_place_of_the_robot_comes_back_unless_it_was_not_known(desk: Desk) -> None:
+    assert last_place_of(desk.store.site) is None
+    desk.sites.keep_session()
+    here = desk.controller.place.T_map_base
+    assert last_place_of(desk.store.site) == here
+    localisation = desk.controller.navigator.localisation
+    there = Pose2(x_m=here.x_m + 1.0, y_m=here.y_m, yaw_rad=here.yaw_rad)
+    desk.controller.navigator.place_robot(there, np.eye(3) * 1e-4, FRAMES[0])
+    desk.tick()
+    localisation.search(0)
+    desk.tick()
+    assert not desk.controller.place.is_known
+    desk.sites.keep_session()
+    assert last_place_of(desk.store.site) == here
+    assert last_place_of(desk.store.sites.open("hall")) is None
+
+
+def test_without_a_tick_a_site_is_not_left(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.runtime.record.map_keeper.SNAPSHOT_WAIT_S", 0.01)
+    with pytest.raises(Refused, match="delivers no image"):
+        desk.sites.choose("hall")
+    assert desk.sites.chosen == "default"
+
+
+def test_a_listing_that_is_not_held_is_outdated(desk: Desk) -> None:
+    with pytest.raises(Outdated, match="list the changes again"):
+        desk.sites.accept(7, [0])
+    with pytest.raises(Refused, match="no map yet"):
+        desk.sites.changes()
+
+
+def test_a_map_is_copied_when_it_has_changed_and_written_in_the_other_thread(
+    tmp_path: Path,
+) -> None:
+    point_map, path = PointMap(SPEC, MappingConfig()), tmp_path / "site" / "map.npz"
+    keeper = MapKeeper(path, {9: "spill"})
+    for now_s in (1, 2, 6):
+        keeper.note_tick(point_map, RED_LIST.names, now_s * SECOND)
+        assert not path.exists()
+    keeper.finish(point_map, RED_LIST.names)
+    stored = map_file.load(path)
+    assert stored.class_names == {9: "spill", **RED_LIST.names}
+
+
+def test_the_robot_is_told_of_the_tags_of_the_site_it_is_at(desk: Desk) -> None:
+    def known() -> dict[int, tuple[float, float]]:
+        tags = desk.controller.navigator.localisation.tags.tags
+        return {number: (tag.pose.x_m, tag.pose.y_m) for number, tag in tags.items()}
+
+    assert known() == {}
+    tag = Tag(id=7, x_m=1.0, y_m=-2.0, z_m=0.6, yaw_rad=0.5, size_m=0.3)
+    desk.sites.furnish("default", dock=None, tags=(tag,))
+    assert known() == {7: (1.0, -2.0)}
+    desk.choose("hall")
+    assert known() == {}
