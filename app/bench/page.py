@@ -23,6 +23,7 @@ from rich.table import Table
 
 from app.bench.chromium import chromium, chromium_cpu_s
 from app.bench.visit import visit_table
+from navcore.errors import BewareNavError
 from navcore.safety.gate import Cause
 from sim.scenario.load import load_scenario
 from web.port import reserve
@@ -122,9 +123,14 @@ def _watch(program: httpx.Client, seconds: float) -> tuple[list[float], float]:
     return list(ticks_ms.values()), late / looks
 
 
+class NoConsole(BewareNavError):  # noqa: N818 -- as `NotMeasured`
+    """The console that is to be measured does not run."""
+
+
 @contextmanager
 def console_process(scenario: str, *, segmenter: str) -> Iterator[httpx.Client]:
-    """A console in a process of its own, and a program that talks to it."""
+    """A console in a process of its own, and a program that talks to it; raises `NoConsole` when
+    it ends, or sees nothing for ten minutes."""
     with reserve("127.0.0.1", 0) as listener:
         port = listener.getsockname()[1]
     with tempfile.TemporaryDirectory() as data:
@@ -148,7 +154,10 @@ def console_process(scenario: str, *, segmenter: str) -> Iterator[httpx.Client]:
             with httpx.Client(
                 base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=30.0
             ) as program:
-                _patiently(lambda: process.poll() is not None or _answers(program))
+                if not _waits(lambda: process.poll() is not None or _answers(program)):
+                    raise NoConsole(f"the console was not ready after {START_S:g} s")
+                if process.poll() is not None:
+                    raise NoConsole(f"the console ended at its start with {process.returncode}")
                 yield program
         finally:
             process.terminate()
@@ -164,10 +173,11 @@ def _answers(program: httpx.Client) -> bool:
     return answer.is_success and answer.json()["picture_serial"] is not None
 
 
-def _patiently(holds: Callable[[], bool]) -> None:
+def _waits(holds: Callable[[], bool]) -> bool:
     until_s = time.monotonic() + START_S
-    while not holds() and time.monotonic() < until_s:
+    while not (held := holds()) and time.monotonic() < until_s:
         time.sleep(0.2)
+    return held
 
 
 def drive_around(program: httpx.Client, goals: tuple[tuple[float, float], ...]) -> None:

@@ -7,6 +7,7 @@ import math
 
 from navcore.localisation.estimate import LocalisationState
 from navcore.navigator import TickResult
+from navcore.robot.fix import FixSource
 
 SETTLED_NS = 2_000_000_000
 """Time for which a state must hold before it is told, nanoseconds: scans fit now and then where
@@ -18,6 +19,14 @@ _TEXTS = {
     LocalisationState.AMBIGUOUS: "The robot is unsure of its place.",
     LocalisationState.LOST: "The robot has lost its place: what the camera sees contradicts the "
     "map.",
+}
+_FIXES = {
+    FixSource.GNSS: "Satellite positions have contradicted the robot's place for seconds: it is "
+    "corrected to them by {shift_m:.2f} m.",
+    FixSource.TAG: "A tag has contradicted the robot's place for seconds: it is corrected to the "
+    "tag by {shift_m:.2f} m.",
+    FixSource.DOCK: "The dock has contradicted the robot's place for seconds: it is corrected to "
+    "the dock by {shift_m:.2f} m.",
 }
 
 
@@ -39,6 +48,8 @@ class PlaceEvents:
                 f"{correction.loops} {loops} recognised: the map and the robot's place on it are "
                 f"corrected by {shift_m:.2f} m, {turn_deg:.1f}°."
             )
+        if (fixed := place.fix_correction) is not None:
+            told.append(_FIXES[fixed.source].format(shift_m=fixed.shift_m))
         urgent = not place.is_known
         settled = decision.frame.stamp_ns - place.since_ns >= SETTLED_NS
         if place.state is not self._told and (urgent or settled):

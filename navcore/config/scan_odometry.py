@@ -26,7 +26,7 @@ class ScanOdometryConfig:
     """Standard deviation in metres of the motion by odometry, as far as the match is held to it."""
     loose_rad: float = ranged(0.001, 1.0, default=0.01)
     """The same for the turn in radians."""
-    point_weight: float = ranged(0.001, 1.0, default=0.1)
+    point_weight: float = ranged(0.0, 1.0, default=0.1)
     """Number of measurements that a point counts as: neighbours err alike."""
     floor_m: float = ranged(0.0, 0.5, default=0.005)
     """Standard deviation in metres of a motion that no number of points makes smaller."""

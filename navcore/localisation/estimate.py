@@ -10,6 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
+from navcore.robot.fix import FixSource
 
 
 class LocalisationState(StrEnum):
@@ -23,6 +24,17 @@ class LocalisationState(StrEnum):
     """Several places fit; none is believed."""
     LOST = "lost"
     """The pose is unknown: the scans contradict the map."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixCorrection:
+    """A correction of the pose by position fixes that contradicted it for seconds: the robot was
+    moved by other means than its wheels."""
+
+    source: FixSource
+    """What measured them."""
+    shift_m: float
+    """Distance in metres from where the robot was believed to be."""
 
 
 def _certain() -> Matrix:
@@ -50,6 +62,9 @@ class LocalisationEstimate:
     """Distance driven since the last frame that fitted the map, metres."""
     candidates: tuple[Pose2, ...] = ()
     """Places that fit while none is believed (`AMBIGUOUS`), T_map_base, best first."""
+    fix_correction: FixCorrection | None = None
+    """Correction by the fixes of this frame, None without one; if it is large, it waits until the
+    robot stands."""
 
     @property
     def is_known(self) -> bool:

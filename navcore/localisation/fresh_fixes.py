@@ -1,8 +1,7 @@
-"""Position fixes that are new, with the covariance that they are worth."""
+"""Position fixes that are new, with the number of those whose errors are the same."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 
 from navcore.robot.fix import FixSource, PositionFix
@@ -16,11 +15,11 @@ class FreshFixes:
     def __init__(self) -> None:
         self._newest_ns: dict[Source, int] = {}
 
-    def of(self, fixes: Iterable[PositionFix]) -> Iterator[PositionFix]:
-        """Yield the fixes that are newer than any before of their source.
+    def of(self, fixes: Iterable[PositionFix]) -> Iterator[tuple[PositionFix, float]]:
+        """Yield the fixes that are newer than any before of their source, each with a number ≥ 1.
 
-        Errors that stay alike for a time would count once for every fix; the covariance grows by
-        the number of fixes in that time, so that together they count once.
+        Errors that stay alike for a time would count once for every fix; the covariance of a fix is
+        to be multiplied by the number of fixes in that time, so that together they count once.
         """
         for fix in fixes:
             source = (fix.source, fix.source_id)
@@ -30,4 +29,4 @@ class FreshFixes:
             self._newest_ns[source] = fix.stamp_ns
             since_s = 0.0 if before_ns is None else (fix.stamp_ns - before_ns) / 1e9
             alike = fix.correlation_s / since_s if since_s > 0 else 1.0
-            yield dataclasses.replace(fix, covariance=fix.covariance * max(alike, 1.0))
+            yield fix, max(alike, 1.0)

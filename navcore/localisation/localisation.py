@@ -121,11 +121,14 @@ class Localisation:
     def _fixed(self, frame: Frame, estimate: LocalisationEstimate) -> LocalisationEstimate:
         """Return the estimate with the absolute positions of a frame, which locate the robot for a
         while."""
-        for fix in self._fixes.of(fixes_of(frame, self.tags)):
-            if self.tracker.fuse(fix):
+        fresh = list(self._fixes.of(fixes_of(frame, self.tags)))
+        for fix, alike in fresh:
+            if self.tracker.fuse(fix, alike):
                 self._fixed_ns = frame.stamp_ns
-        if self._fixed_ns == frame.stamp_ns:
+        if fresh:
             estimate = self.tracker.estimate(frame, estimate.match_share)
+        if self.tracker.fix_correction is not None:
+            self._restart_chain()
         is_fixed = frame.stamp_ns - self._fixed_ns < FIX_LIFE_NS
         if is_fixed and estimate.state is LocalisationState.DEAD_RECKONING:
             return dataclasses.replace(estimate, state=LocalisationState.LOCATED, since_m=0.0)
@@ -189,7 +192,7 @@ class Localisation:
     def take(self, outcome: Outcome) -> None:
         """Receive the outcome of a task."""
         if isinstance(outcome, LoopClosures):
-            if not self._is_lost:
+            if not self._is_lost and self._loops.has(outcome):
                 self.closures = outcome
             return
         if not self._is_searching:

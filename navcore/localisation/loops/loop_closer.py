@@ -93,6 +93,11 @@ class LoopCloser:
             match_config=self.match_config,
         )
 
+    def has(self, closures: LoopClosures) -> bool:
+        """Return whether closures concern this chain: the robot may have been placed while they
+        were looked for."""
+        return closures.poses.keys() <= self._chain.keys()
+
     def take(self, closures: LoopClosures) -> None:
         """Believe the loops of a task."""
         self._loops = closures.loops

@@ -14,7 +14,11 @@ import numpy as np
 
 from navcore.config.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
-from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
+from navcore.localisation.estimate import (
+    FixCorrection,
+    LocalisationEstimate,
+    LocalisationState,
+)
 from navcore.localisation.graph.edges import Edge
 from navcore.localisation.scans.matching import Match, match, search
 from navcore.localisation.scans.scan import Keyframe, Scan
@@ -26,7 +30,7 @@ from navcore.localisation.tracking.pose_filter import PoseFilter, difference
 from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
 from navcore.localisation.tracking.scan_odometry import ScanOdometry
-from navcore.robot.fix import PositionFix
+from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
 
 _DEFAULT = LocalisationConfig()
@@ -36,6 +40,8 @@ _MOVED_M, _MOVED_RAD = 0.05, math.radians(1.0)
 """Motion after which a scan says something new about a map."""
 _PLACED = np.diag([0.3, 0.3, math.radians(8.0)]) ** 2
 """Covariance of a pose that was given without one."""
+_UNKNOWN = 1e-6 * np.eye(3)
+"""Information about a direction that a scan tells nothing of."""
 
 
 class Localiser:
@@ -68,12 +74,15 @@ class Localiser:
         where most of the scan is not."""
         self.is_confirmed = True
         """Whether the place is believed: else nothing is kept of what is seen."""
+        self.fix_correction: FixCorrection | None = None
+        """Correction by the fixes of the newest frame, if they contradicted the estimate for so
+        long that it was wrong."""
         self.moved_m = 0.0
         """Motion before the newest frame in metres; a radian counts as half a metre."""
 
     def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         """Return the estimate for one more frame and its scan."""
-        self.scan = scan
+        self.scan, self.fix_correction = scan, None
         step = self._advance(frame)
         share: float | None = None
         self.saved_share = None
@@ -134,44 +143,59 @@ class Localiser:
         the only way on from `LOST`."""
         if self._filter is None:
             self._advance(frame)
-        self._require_filter().place(
-            T_map_base, _PLACED if covariance is None else np.asarray(covariance)
-        )
         self._odometry = (frame.pose, frame.stamp_ns)
-        self._flow.jump(T_map_base, frame.pose)
+        self._place(T_map_base, _PLACED if covariance is None else np.asarray(covariance))
+
+    def _place(self, T_map_base: Pose2, covariance: Matrix) -> None:
+        """Set the pose of the robot at the newest frame."""
+        self._require_filter().place(T_map_base, covariance)
+        self._flow.jump(T_map_base, self._odometry[0])
         self._chain.restart()
         self._begin_again()
         self._doubt_s = self._doubt_m = 0.0
         self._unmatched = (math.inf, math.inf)
         self._since_m = 0.0
-        self._enter(LocalisationState.DEAD_RECKONING, frame.stamp_ns)
+        self._enter(LocalisationState.DEAD_RECKONING, self._odometry[1])
 
-    def fuse(self, fix: PositionFix) -> bool:
-        """Fuse an absolute position of the present moment; returns whether it was believed: it must
-        lie within the gate around the expected pose, or agree with others that did not for so long
-        that the robot must have been moved."""
-        if self._filter is None or self._state is LocalisationState.LOST:
+    def fuse(self, fix: PositionFix, alike: float = 1.0) -> bool:
+        """Fuse an absolute position of the present moment, one of `alike` fixes whose errors are
+        the same; returns whether it was believed.
+
+        It must lie within the gate around the expected pose, or agree with others that contradict
+        it for so long that the robot must have been moved (`fix_correction`). What contradicts is
+        told by the error of a single fix, however many share it. A lost robot is placed by fixes
+        with a heading alone.
+        """
+        is_lost = self._state is LocalisationState.LOST
+        if self._filter is None or (is_lost and fix.yaw_rad is None):
             return False
         measured = Pose2(x_m=fix.x_m, y_m=fix.y_m, yaw_rad=fix.yaw_rad or 0.0)
         count = 2 if fix.yaw_rad is None else 3
         residual = difference(measured, self._pose)[:count]
         rows, covariance = np.eye(3)[:count], np.asarray(fix.covariance)[:count, :count]
-        spread = rows @ self._filter.covariance @ rows.T + covariance
-        if residual @ np.linalg.solve(spread, residual) > self._gate(count):
-            if not self._refused.add(fix.stamp_ns, residual[:2], covariance[:2, :2]):
-                return False
-            self._move_to(measured, covariance, heading=fix.yaw_rad is not None)
-            return True
-        self._refused.clear()
-        self._filter.fuse_position(residual, rows, covariance)
+        known = rows @ self._filter.covariance @ rows.T
+        if is_lost or self._excludes(residual, known + covariance):
+            if self._refused.add(fix.stamp_ns, residual[:2], covariance[:2, :2]):
+                self._move_to(measured, covariance, fix.source)
+                return True
+        else:
+            self._refused.confirm(residual[:2], covariance[:2, :2])
+        if is_lost or self._excludes(residual, known + alike * covariance):
+            return False
+        self._filter.fuse_position(residual, rows, alike * covariance)
         return True
 
-    def _move_to(self, measured: Pose2, covariance: Matrix, *, heading: bool) -> None:
+    def _move_to(self, measured: Pose2, covariance: Matrix, source: FixSource) -> None:
         """Set the estimate to a measured position, and begin to track again from there."""
-        spread = _PLACED.copy()
+        spread, before = _PLACED.copy(), self._pose
         spread[: len(covariance), : len(covariance)] = covariance
-        yaw_rad = measured.yaw_rad if heading else self._pose.yaw_rad
+        yaw_rad = measured.yaw_rad if len(covariance) == 3 else before.yaw_rad
         there = Pose2(x_m=measured.x_m, y_m=measured.y_m, yaw_rad=yaw_rad)
+        shift_m = before.distance_to(there.x_m, there.y_m)
+        self.fix_correction = FixCorrection(source=source, shift_m=shift_m)
+        if self._state is LocalisationState.LOST:
+            self._place(there, spread)
+            return
         self._require_filter().place(there, spread)
         self._chain.restart()
         self._begin_again()
@@ -192,9 +216,10 @@ class Localiser:
             raise RuntimeError("the localiser has no pose before its first frame")
         return self._filter
 
-    def _gate(self, dimensions: int) -> float:
-        """Return the largest squared Mahalanobis distance that is believed."""
-        return self._config.tracking.gate_sigmas**2 + 2.0 * (dimensions - 1)
+    def _excludes(self, residual: Matrix, covariance: Matrix) -> bool:
+        """Return whether a difference from the expected pose is too large to be believed."""
+        most = self._config.tracking.gate_sigmas**2 + 2.0 * (len(residual) - 1)
+        return bool(residual @ np.linalg.solve(covariance, residual) > most)
 
     def _advance(self, frame: Frame) -> OdometryStep:
         """Follow odometry to a frame."""
@@ -221,7 +246,8 @@ class Localiser:
         """Match the scan and fuse it; returns the share of points that fit, None if too few points
         can say."""
         least = self._config.match.min_points
-        self._scan_odometry.follow(scan, self._require_filter())
+        if not len(self._saved):  # which tells the position better than any motion
+            self._scan_odometry.follow(scan, self._require_filter())
         if len(scan) < least:
             self._reckon(stamp_ns)
             return None
@@ -246,10 +272,10 @@ class Localiser:
             # The robot's own map may fit by chance at a place to which the robot was carried.
             is_possible = absolute or continues is not False
             if is_possible and self._believes(result, absolute=absolute):
+                if absolute:
+                    self._confirm(result)
                 self._fuse(result, absolute=absolute)
                 self._trust(step)
-                if absolute:
-                    self._refused.clear()
                 self._since_m = 0.0
                 self._enter(LocalisationState.LOCATED, stamp_ns)
                 return result.share if absolute else result.share_of_near
@@ -303,8 +329,7 @@ class Localiser:
         ):
             return False
         shift = difference(result.pose, self._pose)
-        spread = self._require_filter().covariance + self._floor
-        return bool(shift @ np.linalg.solve(spread, shift) <= self._gate(3))
+        return not self._excludes(shift, self._require_filter().covariance + self._floor)
 
     def _fuse(self, result: Match, *, absolute: bool) -> None:
         moved_m, moved_rad = self._unmatched
@@ -315,6 +340,13 @@ class Localiser:
         self._require_filter().fuse_match(
             result.pose, scale * result.information, self._floor, absolute=absolute
         )
+
+    def _confirm(self, result: Match) -> None:
+        """Forget the fixes that a believed match against the saved map contradicts."""
+        information = self._scale(result.points, absolute=True) * result.information
+        covariance = np.linalg.inv(information + _UNKNOWN) + self._floor
+        shift = difference(result.pose, self._pose)
+        self._refused.confirm(shift[:2], covariance[:2, :2])
 
     @property
     def _floor(self) -> Matrix:
@@ -361,6 +393,8 @@ class Localiser:
         applied = self._flow.T_map_odom @ frame.pose
         behind = difference(self._pose, applied)
         covariance = self._require_filter().covariance + np.outer(behind, behind)
+        # As long as fixes contradict it, the robot may be where they have it.
+        covariance[:2, :2] += np.outer(self._refused.offset, self._refused.offset)
         if len(self._saved):
             covariance = covariance + self._floor
         return LocalisationEstimate(
@@ -371,4 +405,5 @@ class Localiser:
             match_share=share,
             since_ns=self._since_ns,
             since_m=self._since_m,
+            fix_correction=self.fix_correction,
         )

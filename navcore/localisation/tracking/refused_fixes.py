@@ -13,31 +13,53 @@ from navcore.geometry.transform import Matrix
 
 _LEAST = 4
 """Number of fixes that must agree."""
+_NOTHING = np.zeros(2)
 
 
 class RefusedFixes:
-    """The refused fixes since the estimate was confirmed last."""
+    """The fixes that contradict the estimate, since it was confirmed last."""
 
     def __init__(self, config: TrackingConfig) -> None:
         self._config = config
         self._first_ns, self._count = 0, 0
-        self._mean = np.zeros(2)
+        self._newest, self._is_interrupted = _NOTHING, False
+
+    @property
+    def offset(self) -> Matrix:
+        """(2,) metres from the estimate to where these fixes have the robot; 0 unless enough of
+        them agree."""
+        return self._newest if self._count >= _LEAST else _NOTHING
 
     def add(self, stamp_ns: int, residual: Matrix, covariance: Matrix) -> bool:
-        """Note a refused fix; return whether it is to be believed after all.
+        """Note a fix that contradicts the estimate; return whether it is to be believed after all.
 
-        `residual`: (2,) measured minus estimated position in metres; `covariance`: its (2, 2).
+        `residual`: (2,) measured minus estimated position in metres; `covariance`: its (2, 2). It
+        is compared with the one before, as a wrong heading of the estimate lets the residual grow
+        with the distance driven.
         """
-        away = residual - self._mean
-        spread = 2.0 * covariance + self._config.floor_m**2 * np.eye(2)
-        if not self._count or away @ np.linalg.solve(spread, away) > self._config.gate_sigmas**2:
-            self._first_ns, self._count, self._mean = stamp_ns, 1, residual
-            return False
+        if not self._agrees(residual, 2.0 * covariance):
+            if self._count > 1 and not self._is_interrupted:
+                self._is_interrupted = True  # one outlier among those that agree
+                return False
+            self._first_ns, self._count = stamp_ns, 0
         self._count += 1
-        self._mean = self._mean + away / self._count
+        self._newest, self._is_interrupted = residual, False
         lasted_s = (stamp_ns - self._first_ns) / 1e9
         return self._count >= _LEAST and lasted_s >= self._config.refused_s
 
+    def confirm(self, residual: Matrix, covariance: Matrix) -> None:
+        """Forget them if a position that confirms the estimate contradicts them: one that is too
+        uncertain to tell, or only across a corridor, does not. Arguments as of `add`."""
+        if not self._agrees(residual, covariance):
+            self.clear()
+
     def clear(self) -> None:
-        """Forget them: the estimate was confirmed, or set."""
-        self._count = 0
+        """Forget them: the estimate was set."""
+        self._count, self._is_interrupted = 0, False
+
+    def _agrees(self, residual: Matrix, covariance: Matrix) -> bool:
+        if not self._count:
+            return False
+        away = residual - self._newest
+        spread = covariance + self._config.floor_m**2 * np.eye(2)
+        return bool(away @ np.linalg.solve(spread, away) <= self._config.gate_sigmas**2)

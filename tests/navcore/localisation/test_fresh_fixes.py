@@ -32,7 +32,7 @@ def test_errors_that_stay_alike_count_once_over_the_time_for_which_they_do() -> 
     fresh = FreshFixes()
     information = 0.0
     for step in range(150):
-        (found,) = fresh.of([fix(0.2 * step, correlation_s=30.0)])
+        ((found, alike),) = fresh.of([fix(0.2 * step, correlation_s=30.0)])
         if step:
-            information += 1.0 / found.covariance[0, 0]
+            information += 1.0 / (alike * found.covariance[0, 0])
     assert information == pytest.approx(1.0 / 0.01, rel=0.02)

@@ -1,0 +1,26 @@
+"""What is told of the robot's place."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from app.insight.place_events import PlaceEvents
+from navcore.localisation.estimate import FixCorrection, LocalisationEstimate
+from navcore.robot.fix import FixSource
+from tests.app.insight.test_event_detector import EMPTY, decision
+
+
+@pytest.mark.parametrize(
+    ("source", "begins"),
+    [(FixSource.GNSS, "Satellite positions"), (FixSource.TAG, "A tag"), (FixSource.DOCK, "The")],
+)
+def test_a_correction_by_fixes_is_told_once_with_its_source_and_length(
+    source: FixSource, begins: str
+) -> None:
+    events, tick = PlaceEvents(), decision(EMPTY)
+    corrected = LocalisationEstimate(fix_correction=FixCorrection(source=source, shift_m=1.104))
+    (told,) = events.after(dataclasses.replace(tick, place=corrected))
+    assert told.startswith(begins) and told.endswith("by 1.10 m.")
+    assert events.after(tick) == []
