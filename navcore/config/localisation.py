@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from navcore.config.pose_graph import LoopClosureConfig, PoseGraphConfig
 from navcore.config.relocalisation import RelocalisationConfig
+from navcore.config.scan_odometry import ScanOdometryConfig
 from navcore.toml_config import ranged
 
 
@@ -155,8 +156,8 @@ class OdometryConfig:
     length_scale: float = ranged(0.0, 0.2, default=0.01)
     """Standard deviation over runs of the relative error of lengths."""
     length_floor: float = ranged(0.0, 0.1, default=0.004)
-    """Standard deviation of that error below which no match with the robot's own new map brings it:
-    scans err alike."""
+    """Standard deviation of the relative error of lengths that scans measure, which is the same for
+    all of them: below it no scan of a new map brings the error of odometry."""
     gyro_scale: float = ranged(0.0, 0.2, default=0.003)
     """Standard deviation over runs of the relative error of turns."""
     gyro_bias_degph: float = ranged(0.0, 10_000.0, default=18.0)
@@ -193,10 +194,6 @@ class TrackingConfig:
     floor_m: float = ranged(0.0, 0.2, default=0.012)
     """Standard deviation in metres that no match against the saved map falls below."""
     floor_deg: float = ranged(0.0, 5.0, default=0.15)
-    """The same for the heading in degrees."""
-    edge_m: float = ranged(0.001, 0.5, default=0.02)
-    """Least standard deviation in metres of a relative pose by matching two keyframes."""
-    edge_deg: float = ranged(0.01, 10.0, default=0.25)
     """The same for the heading in degrees."""
     gate_sigmas: float = ranged(1.0, 10.0, default=3.0)
     """Deviation from odometry, in standard deviations, beyond which a match or a position fix is
@@ -276,6 +273,8 @@ class LocalisationConfig:
     """Matching of scans."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """Errors of odometry."""
+    scan_odometry: ScanOdometryConfig = field(default_factory=ScanOdometryConfig)
+    """Motion between scans."""
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
     """Fusion."""
     start: StartConfig = field(default_factory=StartConfig)

@@ -9,10 +9,9 @@ from navcore.toml_config import ranged
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZoneMarginConfig:
-    """Growth of zones in the map, for planner and local planner."""
+    """Growth of zones in the map, for planner and local planner: at least that of the safety gate,
+    whose configuration says by how many standard deviations."""
 
-    sigmas: float = ranged(0.0, 6.0, default=2.0)
-    """Standard deviations of the robot's position relative to a zone by which the zone grows."""
     step_m: float = ranged(0.001, 0.5, default=0.015)
     """Standard deviation in metres that is added to what is needed at present, so that the growth
     changes in steps: every change costs a new costmap."""

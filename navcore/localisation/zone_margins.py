@@ -4,6 +4,8 @@ A zone belongs to the place beside which it was drawn. What counts is how uncert
 position has become since it was there, not how uncertain it is in the map: a zone drawn beside the
 robot is exact however far it has come by dead reckoning.
 
+The growth is that of the safety gate or more: where the planner leads, the gate lets pass.
+
 Where the position is so uncertain that the safety gate slows the robot down beside the zone, the
 zone has a clearance besides, so that the path leads round at a distance. The clearance gives way to
 a robot that is nearer already, which can then drive away.
@@ -22,7 +24,7 @@ from navcore.config.zone_margins import ZoneMarginConfig
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.zone import Zone
-from navcore.mission.zone_growth import distance_m, grow, largest_axis_m, spread_of
+from navcore.mission.zone_growth import covering, distance_m, grow, largest_axis_m, spread_of
 from navcore.robot.profile import RobotProfile
 
 _ZERO = np.zeros((2, 2))
@@ -94,25 +96,26 @@ class ZoneMargins:
         if margin is None:
             margin = _Margin(anchor=self._anchor(zone), grown=zone)
             self._margins[zone.id, zone.version] = margin
-        needed, config = self.covariance(zone, place), self._config
-        growth_m = largest_axis_m(spread_of(needed, config.sigmas))
+        covariance, config = self.covariance(zone, place), self._config
+        growth_m = largest_axis_m(spread_of(covariance, self._gate.sigmas))
         if growth_m <= config.negligible_m:
             margin.covariance, margin.grown, margin.clearance_m = _ZERO, zone, 0.0
             return zone
-        kept_m = largest_axis_m(spread_of(margin.covariance, config.sigmas))
+        kept_m = largest_axis_m(spread_of(margin.covariance, self._gate.sigmas))
+        needed = covering(covariance)
         # An ellipse contains another one if the difference of the covariances has no negative
         # eigenvalue.
         suffices = np.linalg.eigvalsh(margin.covariance - needed)[0] >= 0
         if not suffices or kept_m > 2 * (growth_m + config.step_m):
             slack = (1 + config.slack) * needed + config.step_m**2 * np.eye(2)
             margin.covariance, margin.cleared = slack, None
-            margin.grown = grow(zone, spread_of(slack, config.sigmas))
+            margin.grown = grow(zone, spread_of(slack, self._gate.sigmas))
         clearance_m = self._clearance_m(margin, growth_m, place.T_map_base) if zone.closed else 0.0
         if not clearance_m:
             margin.clearance_m = 0.0
             return margin.grown
         if margin.cleared is None or margin.clearance_m != clearance_m:
-            spread = spread_of(margin.covariance, config.sigmas) + clearance_m * np.eye(2)
+            spread = spread_of(margin.covariance, self._gate.sigmas) + clearance_m * np.eye(2)
             margin.clearance_m, margin.cleared = clearance_m, grow(zone, spread)
         return margin.cleared
 

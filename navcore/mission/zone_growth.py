@@ -27,6 +27,8 @@ _RADIUS = 1.0 / math.cos(1.5 * math.pi / (4 * _ARC_SEGMENTS))
 rounds the number of chords, so that one may be half as long again."""
 _LEAST_M = 1e-3
 """Smallest half axis of an ellipse in metres, so that it can be inverted."""
+_STEP_M2 = 1e-4
+"""Step of the covariances that zones are grown by, square metres."""
 
 
 def spread_of(covariance: Matrix, sigmas: float) -> Matrix:
@@ -85,6 +87,12 @@ def grow(zone: Zone, spread: Matrix) -> Zone:
     """Return the zone with what it forbids grown by the ellipse of `spread_of`."""
     outline = shrunk_polygon if zone.forbids_outside else grown_polygon
     return dataclasses.replace(zone, polygon=outline(zone.polygon, spread))
+
+
+def covering(covariance: Matrix) -> Matrix:
+    """Return a (2, 2) covariance in steps, so that few polygons are made, whose ellipse contains
+    that of a given one: the one by which the safety gate grows a zone, and the planner at least."""
+    return np.asarray(np.ceil(covariance / _STEP_M2) * _STEP_M2 + _STEP_M2 * np.eye(2))
 
 
 @lru_cache(maxsize=256)

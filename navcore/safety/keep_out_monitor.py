@@ -23,14 +23,20 @@ from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.mission.zone import Zone
-from navcore.mission.zone_growth import distance_m, grow, largest_axis_m, polygon_of, spread_of
+from navcore.mission.zone_growth import (
+    covering,
+    distance_m,
+    grow,
+    largest_axis_m,
+    polygon_of,
+    spread_of,
+)
 from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import braking_s
 
 NO_CELLS: Points = np.empty((0, 2))
 _DEFAULT = DEFAULT_SAFETY.keep_out
 _NEGLIGIBLE_M = 1e-3
-_STEP_M2 = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,9 +129,7 @@ def _area(zone: Zone, covariance: Matrix, config: KeepOutMonitorConfig) -> _Area
     growth_m = largest_axis_m(spread_of(covariance, config.sigmas))
     if growth_m < _NEGLIGIBLE_M:
         return _Area(zone)
-    # In steps, so that few polygons are made: the larger covariance contains the given one.
-    stepped = np.ceil(covariance / _STEP_M2) * _STEP_M2 + _STEP_M2 * np.eye(2)
-    grown = grow(zone, spread_of(stepped, config.sigmas))
+    grown = grow(zone, spread_of(covering(covariance), config.sigmas))
     if growth_m <= config.largest_growth_m:
         return _Area(grown)
     name = f"{zone.name} (the position is uncertain by {growth_m:.1f} m)"

@@ -195,7 +195,11 @@ def keyframes_of(
     drive: Drive, pose_ids: KnownPoses, config: LocalisationConfig
 ) -> tuple[Keyframe, ...]:
     """Return the keyframes of a map at the true poses: one that was corrected well."""
-    exact = replace(config, tracking=replace(config.tracking, young_points=0.0))
+    exact = replace(
+        config,
+        tracking=replace(config.tracking, young_points=0.0),
+        scan_odometry=replace(config.scan_odometry, point_weight=0.0),
+    )
     localiser = Localiser(pose_ids, exact)
     for k, pose in enumerate(drive.true_poses):
         localiser.follow(drive.frame(k, pose), drive.scans[k])

@@ -11,14 +11,10 @@ import numpy as np
 from navcore.config.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.localisation.graph.edges import Edge
-from navcore.localisation.scans.matching import match
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.odometry_model import OdometryStep, edge_covariance
 from navcore.localisation.tracking.pose_filter import PoseFilter
-
-_MATCH_SCALE = 0.1
-"""Number of measurements that a point counts as between two keyframes."""
 
 
 class KnownPoses(Protocol):
@@ -43,7 +39,7 @@ class KeyframeChain:
     """
 
     def __init__(self, pose_ids: KnownPoses, config: LocalisationConfig) -> None:
-        self._pose_ids, self._config = pose_ids, config
+        self._pose_ids, self._config = pose_ids, config.odometry
         self.map = ScanMap(config.match)
         """Surfaces of these keyframes."""
         self._last: Keyframe | None = None
@@ -56,8 +52,9 @@ class KeyframeChain:
         self._since.predict(step)
         self._since_m += step.distance_m
 
-    def add(self, scan: Scan, T_map_base: Pose2, stamp_ns: int) -> Keyframe | None:
-        """Keep a scan if the pose is a new one; returns its keyframe, else None."""
+    def add(self, scan: Scan, T_map_base: Pose2, stamp_ns: int, own: PoseFilter) -> Keyframe | None:
+        """Keep a scan if the pose is a new one; returns its keyframe, else None. The next edge is
+        by odometry as far as `own` knows its errors."""
         pose_id = self._pose_ids.id_of(T_map_base)
         if pose_id < self._pose_ids.frozen or pose_id in self.map:
             return None
@@ -70,7 +67,7 @@ class KeyframeChain:
             self._connect(self._last, keyframe, offset)
         self.map.put(keyframe)
         self._last, self._since_m = keyframe, 0.0
-        self._since.place(offset, np.zeros((3, 3)))
+        self._since = own.at(offset)
         return keyframe
 
     def take_edges(self) -> tuple[Edge, ...]:
@@ -94,40 +91,15 @@ class KeyframeChain:
         self._last = None
 
     def _connect(self, last: Keyframe, new: Keyframe, offset: Pose2) -> None:
-        """Add the edges by odometry and, if the scans fit, by matching."""
+        """Add the edge by odometry, whose errors are known as well as at the last keyframe."""
         expected = self._since.pose @ offset.inverse()
-        covariance = edge_covariance(self._since.covariance, self._since_m, self._config.odometry)
-        covariance = _in_frame_of(expected, covariance)
+        covariance = edge_covariance(self._since.covariance, self._since_m, self._config)
         self._edges.append(
             Edge(
                 from_id=last.pose_id,
                 to_id=new.pose_id,
                 T_from_to=expected,
-                covariance=covariance,
-            )
-        )
-        rules = self._config.tracking
-        if min(len(last.scan), len(new.scan)) < self._config.match.min_points:
-            return
-        alone = ScanMap(self._config.match)
-        alone.put(Keyframe(pose_id=0, T_map_base=IDENTITY, scan=last.scan, stamp_ns=last.stamp_ns))
-        loose = 4.0 * self._since.covariance + np.diag([0.03, 0.03, 0.01]) ** 2
-        found = match(
-            new.scan, alone, expected, loose, scale=_MATCH_SCALE, config=self._config.match
-        )
-        if (
-            found.fitting < self._config.match.min_points
-            or found.share_of_near < rules.located_share
-        ):
-            return
-        floor = np.diag([rules.edge_m, rules.edge_m, math.radians(rules.edge_deg)]) ** 2
-        spread = np.linalg.inv(_MATCH_SCALE * found.information + np.linalg.inv(loose)) + floor
-        self._edges.append(
-            Edge(
-                from_id=last.pose_id,
-                to_id=new.pose_id,
-                T_from_to=found.pose,
-                covariance=_in_frame_of(found.pose, spread),
+                covariance=_in_frame_of(expected, covariance),
             )
         )
 

@@ -1,8 +1,8 @@
 """The localiser: one estimate per frame, from odometry, scans and absolute positions.
 
 A match against a saved map is an absolute position. A match against the map that the robot is
-making is not: that map is wherever the robot took itself to be. It counts for little, and what it
-says about neighbouring keyframes goes to the pose graph as edges.
+making is not: that map is wherever the robot took itself to be. It counts for little. The motion
+since a scan of half a metre ago is measured beside it, wherever the map lies.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.localisation.tracking.pose_filter import PoseFilter, difference
 from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
+from navcore.localisation.tracking.scan_odometry import ScanOdometry
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
 
@@ -57,6 +58,7 @@ class Localiser:
         self._chain = KeyframeChain(pose_ids, config)
         self._filter: PoseFilter | None = None
         self._recent = RecentScans(config)
+        self._scan_odometry = ScanOdometry(config)
         self._refused = RefusedFixes(config.tracking)
         self._flow = CorrectionFlow(config.tracking)
         self._odometry: tuple[Pose2, int] = (IDENTITY, 0)
@@ -132,6 +134,7 @@ class Localiser:
         motion = self._chain.correct({i: poses[i] for i in poses if i not in frozen})
         if motion is not None and self._filter is not None:
             self._filter.move(motion)
+            self._scan_odometry.clear()
             if covariance is not None:
                 self._filter.place(self._filter.pose, np.asarray(covariance))
 
@@ -200,6 +203,7 @@ class Localiser:
     def _begin_again(self) -> None:
         """Forget what was seen and measured where the robot is not any more."""
         self._recent.clear()
+        self._scan_odometry.clear()
         self._refused.clear()
         self._continues, self._breaks = True, 0
 
@@ -242,6 +246,8 @@ class Localiser:
         """Match the scan and fuse it; returns the share of points that fit, None if too few points
         can say."""
         least = self._config.match.min_points
+        if not len(self._saved):  # which tells the position better than any motion
+            self._scan_odometry.follow(scan, self._require_filter())
         if len(scan) < least:
             self._reckon(stamp_ns)
             return None
@@ -375,7 +381,8 @@ class Localiser:
             return
         self._recent.add(scan, frame.pose)
         if self._doubt_s == 0.0:
-            self._chain.add(scan, self._flow.T_map_odom @ frame.pose, frame.stamp_ns)
+            pose = self._flow.T_map_odom @ frame.pose
+            self._chain.add(scan, pose, frame.stamp_ns, self._require_filter())
 
     def lose(self, stamp_ns: int) -> None:
         """Forget the pose: the robot is lost until it is placed."""

@@ -1,7 +1,7 @@
 """Growth of uncertainty by odometry: noise that grows with distance, turn and time, and the errors
 that stay the same for minutes, which are part of the state: bias and scale of the gyro, scale of
-lengths. So uncertainty grows in proportion to the distance, and a robot that is located learns
-them.
+lengths. So uncertainty grows in proportion to the distance, and a robot that is located, or that
+measures its motion by scans, learns them. What scans measure has an error of scale of its own.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from navcore.config.localisation import DEGPH, OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 
-X, Y, YAW, GYRO_BIAS, LENGTH_SCALE, GYRO_SCALE = range(6)
+X, Y, YAW, GYRO_BIAS, LENGTH_SCALE, GYRO_SCALE, SCAN_SCALE = range(7)
 """Elements of the state: pose in metres and radians, bias in rad/s, relative errors."""
-STATES = 6
+STATES = 7
 """Number of elements."""
 _DEFAULT = OdometryConfig()
 
@@ -64,7 +64,7 @@ class OdometryStep:
 
 
 def initial_covariance(config: OdometryConfig = _DEFAULT) -> Matrix:
-    """Return the (6, 6) covariance of a state whose pose is exact."""
+    """Return the (7, 7) covariance of a state whose pose is exact."""
     return np.diag(
         [
             0.0,
@@ -73,6 +73,7 @@ def initial_covariance(config: OdometryConfig = _DEFAULT) -> Matrix:
             (config.gyro_bias_degph * DEGPH) ** 2,
             config.length_scale**2,
             config.gyro_scale**2,
+            config.length_floor**2,
         ]
     )
 
@@ -80,7 +81,8 @@ def initial_covariance(config: OdometryConfig = _DEFAULT) -> Matrix:
 def predict(
     state: Matrix, covariance: Matrix, step: OdometryStep, config: OdometryConfig = _DEFAULT
 ) -> tuple[Matrix, Matrix]:
-    """Return the (6,) state and its (6, 6) covariance after a step.
+    """Return the (N,) state and its (N, N) covariance after a step; elements beyond those of this
+    module stay as they are.
 
     At standstill the turn that the gyro reports is its bias, and the pose stays.
     """
@@ -95,7 +97,7 @@ def predict(
     after = state.copy()
     after[:3] += (dx, dy, turn)
     after[YAW] = wrap_angle(after[YAW])
-    jacobian = np.eye(STATES)
+    jacobian = np.eye(len(state))
     jacobian[X, YAW], jacobian[Y, YAW] = -dy, dx
     for element, by_turn in ((GYRO_BIAS, -step.duration_s), (GYRO_SCALE, -step.turn_rad)):
         jacobian[YAW, element] = by_turn

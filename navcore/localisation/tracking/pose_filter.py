@@ -9,10 +9,12 @@ import numpy as np
 from navcore.config.localisation import OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.tracking.odometry_model import (
-    LENGTH_SCALE,
+    SCAN_SCALE,
     STATES,
     YAW,
     OdometryStep,
+    X,
+    Y,
     initial_covariance,
     predict,
 )
@@ -20,25 +22,29 @@ from navcore.localisation.tracking.odometry_model import (
 _DEFAULT = OdometryConfig()
 _LEAST = np.diag([1e-4, 1e-4, 1e-5]) ** 2
 """Least covariance of a pose, so that it can be inverted."""
-_BOTH_WAYS = 0.05
-"""Least ratio of the information along the two axes of a scan that tells lengths."""
+_REFERENCE = slice(STATES, STATES + 3)
+"""Elements of the state that are the pose of the reference."""
 
 
 class PoseFilter:
-    """State x, y, yaw, gyro bias, length scale and gyro scale with its covariance.
+    """State x, y, yaw and the constant errors of odometry with its covariance, and an earlier pose,
+    the reference, from which scans measure the motion since (stochastic cloning, Roumeliotis and
+    Burdick 2002).
 
     A match against the robot's own new map moves the mean, but makes the pose no more certain: that
     map errs as the robot did. A second covariance, of the pose within that map, weighs such a
-    match. What it tells of lengths is true all the same, wherever the map lies: the scans move by
-    as much as the robot.
+    match. A motion that was measured by scans is true wherever the map lies, but for the error of
+    scale that all scans have in common.
     """
 
     def __init__(self, pose: Pose2, config: OdometryConfig = _DEFAULT) -> None:
         self._config = config
-        self._state = np.zeros(STATES)
+        self._state = np.zeros(_REFERENCE.stop)
         self._state[:3] = (pose.x_m, pose.y_m, pose.yaw_rad)
-        self._covariance = initial_covariance(config)
-        self._within = self._covariance
+        self._covariance = np.zeros((_REFERENCE.stop, _REFERENCE.stop))
+        self._covariance[:STATES, :STATES] = initial_covariance(config)
+        self._within = self._covariance.copy()
+        self.refer()
 
     @property
     def pose(self) -> Pose2:
@@ -59,7 +65,31 @@ class PoseFilter:
     @property
     def odometry_errors(self) -> Matrix:
         """(3,) gyro bias in rad/s, relative errors of lengths and of turns."""
-        return np.asarray(self._state[3:].copy())
+        return np.asarray(self._state[3:SCAN_SCALE].copy())
+
+    @property
+    def motion(self) -> Pose2:
+        """T_reference_base as scans would measure it."""
+        x, y, yaw = (float(value) for value in self._state[_REFERENCE])
+        moved = Pose2(x_m=x, y_m=y, yaw_rad=yaw).inverse() @ self.pose
+        scale = 1.0 + float(self._state[SCAN_SCALE])
+        return Pose2(x_m=scale * moved.x_m, y_m=scale * moved.y_m, yaw_rad=moved.yaw_rad)
+
+    def at(self, pose: Pose2) -> PoseFilter:
+        """Return a filter at an exact pose that knows of odometry what this one does."""
+        other = PoseFilter(pose, self._config)
+        errors = slice(3, STATES)
+        other._state[errors] = self._state[errors]
+        other._covariance[errors, errors] = self._covariance[errors, errors]
+        return other
+
+    def refer(self) -> None:
+        """Make the present pose the reference."""
+        copy = np.eye(len(self._state))
+        copy[_REFERENCE] = copy[:3]
+        self._state = copy @ self._state
+        self._covariance = copy @ self._covariance @ copy.T
+        self._within = copy @ self._within @ copy.T
 
     def predict(self, step: OdometryStep) -> None:
         """Move by a step of odometry."""
@@ -68,22 +98,24 @@ class PoseFilter:
         _, self._within = predict(before, self._within, step, self._config)
 
     def place(self, pose: Pose2, covariance: Matrix) -> None:
-        """Set the pose; what was learnt about odometry stays."""
+        """Set the pose, which is the reference as well; what was learnt about odometry stays."""
         self._state[:3] = (pose.x_m, pose.y_m, pose.yaw_rad)
         spread = self._covariance.copy()
         spread[:3], spread[:, :3] = 0.0, 0.0
         spread[:3, :3] = covariance
         self._covariance = self._within = spread
+        self.refer()
 
     def move(self, motion: Pose2) -> None:
-        """Move rigidly with the map: T_new_old."""
+        """Move rigidly with the map: T_new_old; the pose is the reference then."""
         pose = motion @ self.pose
-        turn = np.eye(STATES)
+        turn = np.eye(len(self._state))
         cos, sin = math.cos(motion.yaw_rad), math.sin(motion.yaw_rad)
         turn[:2, :2] = ((cos, -sin), (sin, cos))
         self._state[:3] = (pose.x_m, pose.y_m, pose.yaw_rad)
         self._covariance = turn @ self._covariance @ turn.T
         self._within = turn @ self._within @ turn.T
+        self.refer()
 
     def fuse_match(
         self, matched: Pose2, information: Matrix, floor: Matrix, *, absolute: bool
@@ -108,44 +140,63 @@ class PoseFilter:
         cross = np.linalg.solve(before, spread[:3]).T
         self._state = self._state + cross @ (posterior @ pull)
         self._state[YAW] = wrap_angle(self._state[YAW])
-        known = spread[LENGTH_SCALE, LENGTH_SCALE]
         spread = spread - cross @ (before - posterior) @ cross.T
         self._within = (spread + spread.T) / 2
         if absolute:
             self._covariance = self._within
-        elif _tells_both_ways(information):
-            self._learn_lengths(known, self._within[LENGTH_SCALE, LENGTH_SCALE])
 
-    def _learn_lengths(self, before: float, after: float) -> None:
-        """Make the pose as certain as a better known scale makes it: a match has reduced the
-        variance of the scale from `before` to `after`. Scans err alike, so the scale becomes no
-        more certain than `length_floor`."""
-        known, floor = self._covariance[LENGTH_SCALE, LENGTH_SCALE], self._config.length_floor**2
-        if known <= floor or after >= before:
-            return
-        error = max(before * after / (before - after), known * floor / (known - floor))
-        column = self._covariance[:, LENGTH_SCALE]
-        self._covariance = self._covariance - np.outer(column, column) / (known + error)
+    def fuse_motion(self, pull: Matrix, information: Matrix, *, gate: float) -> bool:
+        """Fuse the motion since the reference as scans measured it, in axes of the reference:
+        (3, 3) `information`, which may be singular, and (3,) `pull`, the information times the
+        difference from the `motion` expected. Returns whether it was believed: its squared
+        Mahalanobis distance must be at most `gate`."""
+        x, y, yaw = self._state[_REFERENCE]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        scale = 1.0 + self._state[SCAN_SCALE]
+        dx, dy = self._state[X] - x, self._state[Y] - y
+        along, aside = cos * dx + sin * dy, cos * dy - sin * dx
+        rows = np.zeros((3, len(self._state)))
+        rows[:2, :2] = scale * np.array([[cos, sin], [-sin, cos]])
+        rows[2, YAW] = 1.0
+        rows[:, _REFERENCE] = -rows[:, :3]
+        rows[:2, _REFERENCE.stop - 1] = (scale * aside, -scale * along)
+        rows[:2, SCAN_SCALE] = (along, aside)
+        spread = rows @ self._covariance @ rows.T
+        # residualᵀ · (spread + information⁻¹)⁻¹ · residual, where information may be singular
+        residual = np.linalg.pinv(information) @ pull
+        if residual @ np.linalg.solve(np.eye(3) + information @ spread, pull) > gate:
+            return False
+        self._state = self._state + _gain(self._covariance, rows, information) @ pull
+        self._state[YAW] = wrap_angle(self._state[YAW])
+        self._covariance = _informed(self._covariance, rows, information)
+        self._within = _informed(self._within, rows, information)
+        return True
 
     def fuse_position(self, residual: Matrix, rows: Matrix, covariance: Matrix) -> None:
         """Fuse a measurement of the pose: (M,) difference from the expected one, (M, 3) its
         derivatives by x, y and yaw, and its (M, M) covariance."""
-        full = np.zeros((len(rows), STATES))
+        full = np.zeros((len(rows), len(self._state)))
         full[:, :3] = rows
         spread = full @ self._covariance @ full.T + covariance
         gain = np.linalg.solve(spread, full @ self._covariance).T
         self._state = self._state + gain @ residual
         self._state[YAW] = wrap_angle(self._state[YAW])
-        keep = np.eye(STATES) - gain @ full
+        keep = np.eye(len(self._state)) - gain @ full
         self._covariance = keep @ self._covariance @ keep.T + gain @ covariance @ gain.T
         self._within = self._covariance
 
 
-def _tells_both_ways(information: Matrix) -> bool:
-    """Return whether a scan tells the position in every direction: between bare walls it does
-    not."""
-    least, most = np.linalg.eigvalsh(information[:2, :2])
-    return bool(least > _BOTH_WAYS * most)
+def _gain(covariance: Matrix, rows: Matrix, information: Matrix) -> Matrix:
+    """Return the gain on a residual that is multiplied by its (3, 3) information."""
+    spread = rows @ covariance @ rows.T
+    return np.asarray(covariance @ rows.T @ np.linalg.inv(np.eye(3) + information @ spread))
+
+
+def _informed(covariance: Matrix, rows: Matrix, information: Matrix) -> Matrix:
+    """Return the covariance after a measurement of (3, 3) information."""
+    gain = _gain(covariance, rows, information)
+    after = covariance - gain @ information @ rows @ covariance
+    return np.asarray((after + after.T) / 2)
 
 
 def difference(pose: Pose2, other: Pose2) -> Matrix:

@@ -12,10 +12,18 @@ from shapely.geometry import Polygon
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.config.zone_margins import ZoneMarginConfig
 from navcore.geometry.transform import Pose2
+from navcore.localisation import zone_margins
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.zone_margins import ZoneMargins
 from navcore.mission.zone import Zone, ZoneKind
-from navcore.mission.zone_growth import distance_m, grown_polygon, spread_of
+from navcore.mission.zone_growth import (
+    covering,
+    distance_m,
+    grow,
+    grown_polygon,
+    polygon_of,
+    spread_of,
+)
 from navcore.robot.profile import HUSKY
 
 ZONE = Zone(id="z", name="z", polygon=((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)))
@@ -39,14 +47,39 @@ def test_a_zone_contains_what_the_present_uncertainty_needs_at_every_step() -> N
         (grown,) = margins.follow((ZONE,), place(0.1 * step, sigma_m))
         needed = grown_polygon(
             ZONE.polygon,
-            spread_of(place(0.0, sigma_m).covariance, ZoneMarginConfig().sigmas),
+            spread_of(place(0.0, sigma_m).covariance, GATE.sigmas),
         )
-        if 2 * ZoneMarginConfig().sigmas * sigma_m > ZoneMarginConfig().negligible_m:
+        if 2 * GATE.sigmas * sigma_m > ZoneMarginConfig().negligible_m:
             # The circumscribed arcs are polygons themselves: they differ by a millimetre.
             assert Polygon(grown.polygon).buffer(0.006).contains(Polygon(needed))
         changes += grown is not needed_before
         needed_before = grown
     assert 2 <= changes <= 40  # every change costs a costmap
+
+
+def beyond_the_planners_zone_m() -> float:
+    """How far at most the gate's area reaches beyond the zone that the planner keeps out of, while
+    the uncertainty grows, in metres."""
+    margins, beyond_m = margins_of(frozen=True), 0.0
+    for step in range(300):
+        here = place(0.1 * step, 0.02 + 0.1 * step / 300)
+        (planned,) = margins.follow((ZONE,), here)
+        gates = grow(ZONE, spread_of(covering(here.covariance[:2, :2]), GATE.sigmas))
+        away = shapely.distance(polygon_of(planned.polygon), shapely.points(gates.polygon))
+        beyond_m = max(beyond_m, float(away.max()))
+    return beyond_m
+
+
+def test_the_planner_keeps_out_of_all_that_the_gate_forbids() -> None:
+    assert beyond_the_planners_zone_m() < 0.001
+
+
+def test_by_the_bare_uncertainty_the_planner_would_lead_where_the_gate_stops(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(zone_margins, "covering", lambda covariance: covariance)
+
+    assert beyond_the_planners_zone_m() > 0.002
 
 
 def test_a_zone_drawn_beside_the_robot_is_exact_however_far_it_has_come() -> None:
