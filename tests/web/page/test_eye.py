@@ -21,8 +21,9 @@ AXE = (Path(__file__).parent / "axe" / "axe.min.js").read_text(encoding="utf-8")
 SERIOUS = ("serious", "critical")
 LEAST_FONT_PX = 12
 LEAST_TARGET_PX = 44
-RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
-"""Tags of the rules: all that axe has but the experimental and those of WCAG AAA."""
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"]
+"""Tags of the rules. That of WCAG 2.2, the size of targets, takes a menu in the top layer for
+covered; targets are measured here instead."""
 FINDINGS = """async (runOnly) => {
   const { violations } = await axe.run(document,
     { iframes: false, runOnly, resultTypes: ["violations"] });
