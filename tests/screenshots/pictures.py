@@ -27,6 +27,8 @@ PATIENCE_MS = 120_000
 GOALS = ("-7.2, -6.8", "-1, 0")
 ZONE = ((-9.4, -7.1), (-8.8, -7.1), (-8.8, -5.8), (-9.4, -5.8))
 """Corners of a zone across the way from the start to the first goal, metres."""
+ZONE_AHEAD = ((-4.4, -0.4), (-3.6, -0.4), (-3.6, 0.5), (-4.4, 0.5))
+"""Corners of a zone across the way to the second goal."""
 
 
 @dataclass
@@ -127,8 +129,14 @@ def _screenshots(page: Page, folder: Path) -> list[Path]:
     page.evaluate("document.getElementById('drawn-pointer').remove()")
     page.get_by_test_id("mode-navigate").click()
     files = [_shot(page, folder / "screenshot.jpg")]
+    page.get_by_test_id("mode-draw").click()
+    for corner in ZONE_AHEAD:
+        page.mouse.click(*on_page(page, *corner))
+    page.get_by_test_id("zone-finish").click()
+    page.get_by_test_id("mode-navigate").click()
     page.get_by_test_id("tab-why").click()
-    expect(page.get_by_test_id("why-rule").first).to_be_visible()
+    expect(page.get_by_test_id("why-rule").filter(has_text="Zone 2")).to_be_visible()
+    page.get_by_test_id("fit").click()
     files.append(_shot(page, folder / "screenshot-why.jpg"))
     page.get_by_test_id("tab-why").click()
     page.get_by_test_id("map-layers-menu").click()

@@ -1,6 +1,7 @@
 // The buttons of the mission and of the stop, each off where it would be refused, with the reason.
 
 import { post } from "../core/api.js";
+import { onStale } from "../core/connection.js";
 import { element, set } from "../core/dom.js";
 import { t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
@@ -41,6 +42,11 @@ export function enableButtons(state) {
   });
   element("reset").classList.toggle("due", state.stop_latched && !isViewer);
 }
+
+onStale(() => {
+  for (const button of document.querySelectorAll("[data-mission]"))
+    set(button, { disabled: true, title: t("no connection") });
+});
 
 for (const button of document.querySelectorAll("[data-mission]")) {
   button.onclick = () => attempt(() => post(`/mission/${button.dataset.mission}`));
