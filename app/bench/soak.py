@@ -231,7 +231,7 @@ def set_off_again(program: httpx.Client, goals: tuple[tuple[float, float], ...])
     """Send the robot round its goals; where the console refuses that, say why: the next sample
     tries again."""
     try:
-        for goal in program.get("/api/v1/goals").json()["goals"]:
+        for goal in program.get("/api/v1/goals").json()["queue"]:
             program.delete(f"/api/v1/goals/{goal['id']}").raise_for_status()
         drive_around(program, goals)
     except httpx.HTTPStatusError as refused:

@@ -61,7 +61,7 @@ def test_a_console_that_refuses_to_set_off_is_asked_again_later_and_does_not_end
             del goals[int(path.removeprefix("goals/"))]
             return httpx.Response(204)
         if path == "goals":
-            return httpx.Response(200, json={"goals": [{"id": number} for number in goals]})
+            return httpx.Response(200, json={"queue": [{"id": number} for number in goals]})
         refused = path == "mission/start"
         return httpx.Response(409 if refused else 200, json={"detail": "stopped by a person"})
 

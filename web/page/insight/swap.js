@@ -21,8 +21,8 @@ export function swap(large = !isSwapped()) {
   if (large === isSwapped() || (large && isNarrow())) return;
   if (large) {
     showMap();
-    const { naturalWidth: width, naturalHeight: height } = element("camera");
-    if (height) stage.style.setProperty("--ratio", width / height);
+    const { width, height } = element("camera");
+    stage.style.setProperty("--ratio", width / height);
     stage.append(shot);
     cameraPlace.append(map);
   } else {
