@@ -32,7 +32,6 @@ class ScanOdometryConfig:
     """Standard deviation in metres of a motion that no number of points makes smaller."""
     floor_deg: float = ranged(0.0, 10.0, default=0.1)
     """The same for the turn in degrees."""
-
     gate_sigmas: float = ranged(1.0, 10.0, default=3.0)
     """Deviation from odometry in standard deviations beyond which a motion is refused."""
 

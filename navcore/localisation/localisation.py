@@ -114,6 +114,7 @@ class Localisation:
         if proposal.state is RelocalisationState.ACCEPTED and proposal.T_map_odom is not None:
             self.tracker.place(proposal.T_map_odom @ frame.pose, proposal.covariance, frame)
             self._relocaliser, self._is_lost = None, False
+            self._probation = Probation(self._config.start, self._config.relocalisation)
             self._restart_chain()
             return self.tracker.estimate(frame)
         return _ambiguous(estimate, proposal)

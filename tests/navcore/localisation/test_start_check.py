@@ -10,9 +10,16 @@ from navcore.config.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.relocalisation.place_fit import PlaceFit
-from navcore.localisation.relocalisation.relocalisation import SearchResult, SearchTask
+from navcore.localisation.relocalisation.relocalisation import (
+    PlaceProposal,
+    RelocalisationState,
+    Relocaliser,
+    SearchResult,
+    SearchTask,
+)
 from navcore.localisation.relocalisation.submap import Submap
 from navcore.localisation.start_check import Probation, StartCheck
+from navcore.localisation.tasks import PrepareSearch
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
 from tests.navcore.localisation.plan_worlds import drive, office
@@ -58,6 +65,17 @@ def verdict_after(
     mirrored: tuple[PlaceFit, ...] = (),
 ) -> bool | None:
     """Verdict after searches that all say the same, each half a metre."""
+    result = search_result(given, *others, mirrored=mirrored)
+    probation, verdict = Probation(RULES, RelocalisationConfig()), None
+    for _ in range(round(metres / 0.5)):
+        verdict = probation.after(0.5)
+        probation.take(result)
+    return probation.after(0.0) if verdict is None else verdict
+
+
+def search_result(
+    given: PlaceFit | None, *others: PlaceFit, mirrored: tuple[PlaceFit, ...] = ()
+) -> SearchResult:
     seen = Submap(
         points=np.zeros((1, 2)),
         normals=np.zeros((1, 2)),
@@ -66,12 +84,7 @@ def verdict_after(
     )
     task = SearchTask(everything=seen, newest=None)
     found = (*others, *(() if given is None else (given,)))
-    result = SearchResult(task=task, everything=found, newest=(), mirrored=mirrored, given=given)
-    probation, verdict = Probation(RULES, RelocalisationConfig()), None
-    for _ in range(round(metres / 0.5)):
-        verdict = probation.after(0.5)
-        probation.take(result)
-    return probation.after(0.0) if verdict is None else verdict
+    return SearchResult(task=task, everything=found, newest=(), mirrored=mirrored, given=given)
 
 
 def test_what_was_seen_on_the_first_metres_has_to_fit_and_nothing_may_speak_against_it() -> None:
@@ -131,3 +144,38 @@ def test_a_map_in_use_before_knows_the_robot_still_and_without_that_it_is_lost()
         for k in range(25):
             found = localisation.follow(frame_at(there, k), scan)
         assert found.is_known is known
+
+
+@pytest.mark.parametrize(("clear", "known"), [(0.2, False), (0.0, True)])
+def test_a_place_that_a_search_has_found_is_given_up_when_the_next_metres_contradict_it(
+    monkeypatch: pytest.MonkeyPatch, clear: float, known: bool
+) -> None:
+    rng, ids = np.random.default_rng(1), PoseIds(0.25, 10.0)
+    maker = Localiser(ids)
+    for k, pose in enumerate(ROUTE):
+        estimate = maker.follow(frame_at(pose, k), WORLD.scan(pose, rng))
+    ids.freeze()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(maker.keyframes, kept=estimate)
+    scan = WORLD.scan(ROUTE[-1], rng)
+    localisation.follow(frame_at(ROUTE[-1], 0), scan)
+    localisation.search(0)
+    localisation.follow(frame_at(ROUTE[-1], 1), scan)
+    task = localisation.next_task()
+    assert isinstance(task, PrepareSearch)
+    tables = task.run(lambda: False)
+    assert tables is not None
+    localisation.take(tables)
+    found = PlaceProposal(
+        state=RelocalisationState.ACCEPTED,
+        reason="",
+        T_map_odom=estimate.T_map_odom,
+        covariance=0.01 * np.eye(3),
+    )
+    with monkeypatch.context() as patched:
+        patched.setattr(Relocaliser, "observe", lambda self, *_: setattr(self, "proposal", found))
+        localisation.follow(frame_at(ROUTE[-1], 2), scan)
+    assert localisation.follow(frame_at(ROUTE[-1], 3), scan).is_known
+    for _ in range(RULES.doubts):
+        localisation.take(search_result(fit(clear=clear)))
+    assert localisation.follow(frame_at(ROUTE[-1], 4), scan).is_known is known
