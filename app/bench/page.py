@@ -157,7 +157,9 @@ def console_process(scenario: str, *, segmenter: str) -> Iterator[httpx.Client]:
                 if not _waits(lambda: process.poll() is not None or _answers(program)):
                     raise NoConsole(f"the console was not ready after {START_S:g} s")
                 if process.poll() is not None:
-                    raise NoConsole(f"the console ended at its start with {process.returncode}")
+                    raise NoConsole(
+                        f"the console ended at its start, exit code {process.returncode}"
+                    )
                 yield program
         finally:
             process.terminate()

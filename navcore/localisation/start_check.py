@@ -1,5 +1,5 @@
-"""Confirmation of the place at which a robot starts in a saved map: by its first looks, and by what
-it has seen on its first metres."""
+"""Confirmation of a place in a map: of a start by its first looks, and of a start and of a place
+that a search has found by what is seen on the first metres from there."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class StartCheck:
 
 
 class Probation:
-    """The first metres from a place that the first looks have confirmed.
+    """The first metres from a place that the first looks, or a search, have confirmed.
 
     Rooms are alike: a wrong map fits, too, where the robot stands. What the robot has seen on its
     way has to fit as well, nothing of the map may speak against it, and neither another place of
