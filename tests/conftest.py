@@ -38,7 +38,7 @@ def _validator(annotated: Any, *, config: Any = None) -> TypeAdapter[Any]:
     return _validators[key][1]
 
 
-fastapi_fields.TypeAdapter = _validator  # type: ignore[assignment,misc]
+fastapi_fields.TypeAdapter = _validator  # type: ignore[assignment,attr-defined]
 
 
 @pytest.fixture(autouse=True, scope="session")
