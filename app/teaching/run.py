@@ -29,19 +29,14 @@ from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.learning.data.dataset import Dataset, load_dataset
-from navcore.learning.training.batches import plain_batch
-from navcore.learning.training.class_teaching import (
-    ClassTeacher,
-    grown_network,
-    with_own_labels,
-)
+from navcore.learning.training.class_teaching import ClassTeacher, grown_network
 from navcore.learning.training.evaluation import InferenceSettings
 from navcore.learning.training.metrics import confusion_matrix, mean_iou
+from navcore.learning.training.taught_rows import Encoded
 from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import Size, check_size
-from navcore.perception.esanet.network.quantisation import measured_ranges
-from navcore.perception.esanet.weights.weights_file import TrainedNetwork, digest, load, save
+from navcore.perception.esanet.weights.weights_file import WeightsCard, digest, load, save
 from sim.dataset.generate import render_images, shard_seed
 from web.interface.teaching import NOTHING_NAME, CurvePoint, NetworkVersion
 
@@ -51,8 +46,6 @@ WRITE_EVERY_S = 1.0
 POSES_PER_WORLD = 4
 RIM_PX = 33
 """Side in pixels of the square by which objects of rendered images are widened."""
-RANGES_ON = 16
-"""Number of images on which the ranges for eight bits are measured."""
 
 
 class Cancelled(Exception):  # noqa: N818 - no error
@@ -72,7 +65,7 @@ class TeachingRun:
         self.start = load(Path(self.plan.start_path))
         size = self._working_size()
         self.inference = InferenceSettings(size=size, batch=1)
-        self.grown = grown_network(self.start, self.plan.class_names, self.recipe.seed)
+        self.grown = grown_network(self.start, self.plan.class_names)
 
     def _taught(self) -> list[int]:
         """Return the numbers of the annotated classes in the grown network."""
@@ -96,11 +89,17 @@ class TeachingRun:
         rehearsed = [
             self._around_objects(one) for one in self._rendered("train", self.recipe.rehearsal)
         ]
-        teacher = ClassTeacher(self.grown.network, self.inference.size, self.recipe, self._taught())
+        teacher = ClassTeacher(
+            self.grown.network,
+            self.inference.size,
+            self.recipe,
+            self._taught(),
+            known=self.start.card.num_classes,
+        )
         held = self._encode(teacher, rehearsed)
         self._resume(teacher)
         self._train(teacher, held)
-        return self._finish(teacher, rehearsed)
+        return self._finish()
 
     def _rendered(self, split: Any, count: int) -> Iterator[Sample]:
         """Yield rendered images with the labels of the grown network; void for classes that it
@@ -140,28 +139,18 @@ class TeachingRun:
 
     def _encode(
         self, teacher: ClassTeacher, rehearsed: Sequence[Sample]
-    ) -> list[tuple[Sample, Any]]:
-        """Encode all images; return the held-back ones with their features."""
+    ) -> list[tuple[Sample, Encoded]]:
+        """Encode all images; return the held-back ones with what came of them."""
         statistics, total = self.start.card.depth, len(self.dataset) + len(rehearsed)
         done, held = 0, []
         for split in ("train", "valid"):
             for sample in self.captured(split):
                 self._tell("encoding", done, total)
-                targets = with_own_labels(
-                    self.start.network,
-                    sample,
-                    sample.labels,
-                    self.inference,
-                    statistics,
-                    self.recipe.sure,
-                    self._taught(),
-                )
-                targeted = dataclasses.replace(sample, labels=targets)
-                encoded = teacher.encoded(targeted, statistics)
+                encoded = teacher.encoded(sample, statistics, own_labels=True)
                 if split == "train":
                     teacher.captured.append(encoded)
                 else:
-                    held.append((targeted, encoded))
+                    held.append((sample, encoded))
                 done += 1
         for sample in rehearsed:
             self._tell("encoding", done, total)
@@ -169,24 +158,23 @@ class TeachingRun:
             done += 1
         return held
 
-    def _train(self, teacher: ClassTeacher, held: list[tuple[Sample, Any]]) -> None:
-        losses: list[float] = []
-        for loss in teacher.losses():
-            losses.append(loss)
-            step, steps = teacher.step, self.recipe.steps
-            if step % self.recipe.validate_every == 0 or step == steps:
-                self._validate(teacher, held, float(np.mean(losses)))
-                losses = []
-            self._tell("training", step, steps)
+    def _train(self, teacher: ClassTeacher, held: Sequence[tuple[Sample, Encoded]]) -> None:
+        def tell() -> None:
+            self._tell("training", teacher.step, self.recipe.steps)
 
-    def _validate(self, teacher: ClassTeacher, held: list[tuple[Sample, Any]], loss: float) -> None:
+        for loss in teacher.losses(tell):
+            self._validate(teacher, held, loss)
+
+    def _validate(
+        self, teacher: ClassTeacher, held: Sequence[tuple[Sample, Encoded]], loss: float
+    ) -> None:
         """Judge the held-back images, draw them, and save the state."""
         classes = len(self.grown.card.class_names)
         total = np.zeros((classes, classes), dtype=np.int64)
         found = [teacher.predicted(encoded) for _, encoded in held]
         for (_, encoded), predicted in zip(held, found, strict=True):
             total += confusion_matrix(encoded.labels, predicted, classes)
-        self.progress.losses.append(CurvePoint(step=teacher.step, value=round(loss, 4)))
+        self.progress.losses.append(CurvePoint(step=teacher.step, value=round(loss, 6)))
         self.progress.mious.append(CurvePoint(step=teacher.step, value=round(mean_iou(total), 4)))
         self.progress.looks = write_looks(
             self.folder, [sample.rgb for sample, _ in held], found, self.grown.card.class_names
@@ -194,7 +182,7 @@ class TeachingRun:
         self._save_state(teacher)
         self._tell("training", teacher.step, self.recipe.steps, at_once=True)
 
-    def _finish(self, teacher: ClassTeacher, rehearsed: Sequence[Sample]) -> NetworkVersion:
+    def _finish(self) -> NetworkVersion:
         """Compare, save the network, and write the version."""
         tests = list(self._rendered("test", self.recipe.rendered_test))
         self._tell("comparing", 0, len(tests), at_once=True)
@@ -207,7 +195,7 @@ class TeachingRun:
             lambda done: self._tell("comparing", done, len(tests) + self.dataset.count("valid")),
         )
         target = self.folder / MODEL_NAME
-        save(self.grown.network, self._card(rehearsed).card, target, half=True)
+        save(self.grown.network, self._card(), target, half=True)
         version = NetworkVersion(
             name=self.plan.name,
             origin="training",
@@ -225,22 +213,12 @@ class TeachingRun:
         shutil.rmtree(self.folder / DATA_NAME, ignore_errors=True)
         return version
 
-    def _card(self, rehearsed: Sequence[Sample]) -> TrainedNetwork:
-        """Return the network with its card: its identity, and ranges for eight bits where the start
-        had them."""
-        card, network = self.grown.card, self.grown.network
-        ranges = None
-        if self.start.card.ranges is not None:
-            images = [*self.captured("train"), *rehearsed][:RANGES_ON]
-            batches = (plain_batch([one], self.inference.size, card.depth) for one in images)
-            ranges = measured_ranges(network, ((batch.rgb, batch.depth) for batch in batches))
-        plan = json.dumps(dataclasses.asdict(self.plan.recipe), sort_keys=True)
-        identity = digest(network.state_dict(), {"recipe": plan})
-        return TrainedNetwork(
-            network=network,
-            card=dataclasses.replace(
-                card, source_sha256=identity, ranges=ranges, size=self.inference.size
-            ),
+    def _card(self) -> WeightsCard:
+        """Return the card with the identity of the network."""
+        recipe = json.dumps(dataclasses.asdict(self.recipe), sort_keys=True)
+        identity = digest(self.grown.network.state_dict(), {"recipe": recipe})
+        return dataclasses.replace(
+            self.grown.card, source_sha256=identity, size=self.inference.size
         )
 
     def _save_state(self, teacher: ClassTeacher) -> None:

@@ -24,8 +24,6 @@ from web.interface.teaching import TrainingOrder, TrainingPhase, TrainingRun
 END_S = 20.0
 """Longest wait for a run that was asked to end, seconds; then it is killed. What it has saved
 stays."""
-VALIDATIONS = 8
-"""Number of validations of a run whose number of steps is given."""
 LOG_NAME = "training.log"
 log = logging.getLogger(__name__)
 Start = Callable[[str | None], tuple[str, Path]]
@@ -196,6 +194,4 @@ def _recipe(order: TrainingOrder) -> TeachingRecipe:
         "seed": order.seed,
     }
     table = {name: value for name, value in given.items() if value is not None}
-    if order.steps is not None:
-        table["validate_every"] = max(1, order.steps // VALIDATIONS)
     return from_table(TeachingRecipe, table, "training")

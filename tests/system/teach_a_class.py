@@ -201,7 +201,6 @@ def test_a_class_is_taught_and_avoided(
         page.get_by_test_id("capture").click()
         eventually(lambda: len(stored()) == len(LOOKS) + 1)
         page.get_by_test_id("class").select_option("shoe")
-        page.get_by_test_id("steps").fill("120")
         page.get_by_test_id("rehearsal").fill("16")
         chosen = list(shown.items())
         for frame_id, at in chosen[:2]:

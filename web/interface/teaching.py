@@ -227,13 +227,13 @@ class TrainingOrder:
     class_names: tuple[str, ...] = ()
     """Classes that must be annotated; the training takes all that are."""
     steps: int | None = None
-    """Number of steps; None for the default."""
+    """Largest number of steps; None for the default."""
     rehearsal: int | None = None
     """Number of rendered images for rehearsal and for comparison each; None for the default."""
     size: tuple[int, int] | None = None
     """Working size of the network (height, width), multiples of 32; None for that of the start."""
     seed: int = 0
-    """Random seed."""
+    """Random seed of the rendered images."""
 
 
 class Trainings(Protocol):

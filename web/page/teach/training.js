@@ -2,7 +2,7 @@
 
 import { get, post } from "../core/api.js";
 import { element, make, reconcile, set, setText } from "../core/dom.js";
-import { number, sentence, t, tn } from "../core/language.js";
+import { number, sentence, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { flush } from "./drawing.js";
 
@@ -89,12 +89,9 @@ element("train").onclick = () =>
     await flush();
     await act("/teach/training", {
       start: element("start").value || null,
-      steps: Number(element("steps").value),
       rehearsal: Number(element("rehearsal").value),
     });
-    notify(tn("Training begins: {n} step", "Training begins: {n} steps", Number(element("steps").value)), {
-      good: true,
-    });
+    notify(t("Training begins"), { good: true });
   });
 element("cancel").onclick = () => attempt(() => act("/teach/training/cancel"));
 element("resume").onclick = () => attempt(() => act("/teach/training/resume"));
