@@ -26,9 +26,9 @@ from playwright.sync_api import Page, expect, sync_playwright
 
 from app.console.application import ConsoleOptions, RunningConsole, console
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from app.teaching.frame_archive import exported
-from app.teaching.frame_store import FrameStore
-from app.teaching.rules import CaptureRules
+from app.teaching.frames.frame_archive import exported
+from app.teaching.frames.frame_store import FrameStore
+from app.teaching.frames.rules import CaptureRules
 from navcore.geometry.transform import Pose2
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.network.preprocess import Size

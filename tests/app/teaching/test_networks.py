@@ -13,8 +13,8 @@ import pytest
 from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import Perception, colour_perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from app.teaching.networks import LiveNetworks, composed_at_start
-from app.teaching.versions import MODEL_NAME, START, VersionStore, write_version
+from app.teaching.networks.live_networks import LiveNetworks, composed_at_start
+from app.teaching.networks.versions import MODEL_NAME, START, VersionStore, write_version
 from navcore.errors import BadConfiguration, NotKnown, Refused
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
 from navcore.perception.labels import Labels, LabelSource, with_full_confidence

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import torch
 
-from app.teaching.frame_store import FrameStore
-from app.teaching.lock import holder_of
-from app.teaching.plan import TrainingPlan, held_back, prepare
-from app.teaching.run import Cancelled, TeachingRun
-from app.teaching.trainings import LiveTrainings
-from app.teaching.versions import MODEL_NAME, VersionStore
+from app.teaching.frames.frame_store import FrameStore
+from app.teaching.networks.versions import MODEL_NAME, VersionStore
+from app.teaching.training.live_trainings import LiveTrainings
+from app.teaching.training.lock import holder_of
+from app.teaching.training.plan import TrainingPlan, held_back, prepare
+from app.teaching.training.run import Cancelled, TeachingRun
 from navcore.errors import Refused
 from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet import build

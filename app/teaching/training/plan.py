@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.teaching.frame_store import FrameStore
+from app.teaching.frames.frame_store import FrameStore
 from app.teaching.json_files import json_of
 from navcore.errors import BadConfiguration, Refused, StorageFailed
 from navcore.files import read_whole, write_whole

@@ -20,11 +20,11 @@ import cv2
 import numpy as np
 import torch
 
-from app.teaching.comparison import compared
-from app.teaching.looks import write_looks
-from app.teaching.plan import DATA_NAME, TrainingPlan, read_plan
-from app.teaching.progress import RunProgress, read_progress, write_progress
-from app.teaching.versions import MODEL_NAME, write_version
+from app.teaching.networks.versions import MODEL_NAME, write_version
+from app.teaching.training.comparison import compared
+from app.teaching.training.looks import write_looks
+from app.teaching.training.plan import DATA_NAME, TrainingPlan, read_plan
+from app.teaching.training.progress import RunProgress, read_progress, write_progress
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
 from navcore.learning.data.class_names import BEWARE_CLASSES

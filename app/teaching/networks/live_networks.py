@@ -18,7 +18,7 @@ from pathlib import Path
 from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import Perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from app.teaching.versions import (
+from app.teaching.networks.versions import (
     MAX_VERSIONS,
     MODEL_NAME,
     START,

@@ -11,11 +11,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from app.teaching.frame_store import FrameStore
-from app.teaching.lock import ask_to_end, holder_of
-from app.teaching.plan import PLAN_NAME, TrainingPlan, prepare, read_plan
-from app.teaching.progress import LOOKS_NAME, RunProgress, read_progress, write_progress
-from app.teaching.versions import VERSION_NAME, VersionStore
+from app.teaching.frames.frame_store import FrameStore
+from app.teaching.networks.versions import VERSION_NAME, VersionStore
+from app.teaching.training.lock import ask_to_end, holder_of
+from app.teaching.training.plan import PLAN_NAME, TrainingPlan, prepare, read_plan
+from app.teaching.training.progress import LOOKS_NAME, RunProgress, read_progress, write_progress
 from navcore.errors import BadConfiguration, NotKnown, Refused
 from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.toml_config import from_table
