@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from app.teaching.frames.frame_store import FrameStore
-from app.teaching.networks.versions import VERSION_NAME, VersionStore
+from app.teaching.networks.versions import VERSION_NAME, VersionStore, read_version
 from app.teaching.training.lock import ask_to_end, holder_of
 from app.teaching.training.plan import PLAN_NAME, TrainingPlan, prepare, read_plan
 from app.teaching.training.progress import LOOKS_NAME, RunProgress, read_progress, write_progress
@@ -170,7 +170,18 @@ class LiveTrainings:
             looks=progress.looks,
             message=progress.message or _silent_end(progress, running=running),
             running=running,
+            not_found=_not_found(folder),
         )
+
+
+def _not_found(folder: Path) -> tuple[str, ...]:
+    """Return the classes that the network of a run does not find; empty before it is done."""
+    if not (folder / VERSION_NAME).exists():
+        return ()
+    try:
+        return read_version(folder).not_found
+    except BadConfiguration:
+        return ()
 
 
 def _phase(progress: RunProgress, *, running: bool) -> TrainingPhase:

@@ -21,7 +21,7 @@ import numpy as np
 import torch
 
 from app.teaching.networks.versions import MODEL_NAME, write_version
-from app.teaching.training.comparison import compared
+from app.teaching.training.comparison import compared, not_found
 from app.teaching.training.looks import write_looks
 from app.teaching.training.plan import DATA_NAME, TrainingPlan, read_plan
 from app.teaching.training.progress import RunProgress, read_progress, write_progress
@@ -206,6 +206,7 @@ class TeachingRun:
             created_unix_s=round(time.time(), 1),
             figures=tuple(figures),
             kept_share=kept,
+            not_found=not_found(figures, self.plan.class_names),
         )
         write_version(self.folder, version)
         self._tell("done", self.recipe.steps, self.recipe.steps, at_once=True)

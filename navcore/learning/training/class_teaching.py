@@ -114,7 +114,7 @@ class ClassTeacher:
         """Captured images to learn from."""
         self.rehearsed: list[Encoded] = []
         """Images on which known classes are rehearsed."""
-        self._known, self._last = known, math.inf
+        self._known, self._last, self._ended = known, math.inf, False
         self._rows = TaughtRows(network.decoder, taught)
         self._optimiser = torch.optim.LBFGS(
             self._rows.moved,
@@ -160,17 +160,18 @@ class ClassTeacher:
         if not self.captured:
             raise BadConfiguration("teaching: there is no image to learn from")
         self._rows.measure(self.captured)
-        while self.step < self.recipe.steps:
+        self._rows.write()
+        while not self._ended:
             before, self._last = self._last, self._take_round(on_evaluation)
+            self._ended = self.step >= self.recipe.steps or self._last > (1 - ENOUGH) * before
             yield self._last
-            if self._last > (1 - ENOUGH) * before:
-                return
 
     def state(self) -> dict[str, object]:
         """Return what the remaining steps depend on besides recipe and images."""
         return {
             "step": self.step,
             "last": self._last,
+            "ended": self._ended,
             "moved": [one.detach() for one in self._rows.moved],
             "optimiser": self._optimiser.state_dict(),
         }
@@ -182,6 +183,7 @@ class ClassTeacher:
                 tensor.copy_(value)
         self._optimiser.load_state_dict(state["optimiser"])
         self.step, self._last = int(state["step"]), float(state["last"])
+        self._ended = bool(state["ended"])
 
     def _take_round(self, on_evaluation: Callable[[], None]) -> float:
         """Take up to `ROUND` steps and return the least loss."""

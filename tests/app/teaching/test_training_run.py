@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -13,9 +14,10 @@ import torch
 
 from app.teaching.frames.frame_store import FrameStore
 from app.teaching.networks.versions import MODEL_NAME, VersionStore
+from app.teaching.training.comparison import LEAST_IOU
 from app.teaching.training.live_trainings import LiveTrainings
 from app.teaching.training.lock import holder_of
-from app.teaching.training.plan import TrainingPlan, held_back, prepare
+from app.teaching.training.plan import PLAN_NAME, TrainingPlan, held_back, prepare, read_plan
 from app.teaching.training.run import Cancelled, TeachingRun
 from navcore.errors import Refused
 from navcore.learning.training.teaching_recipe import TeachingRecipe
@@ -92,6 +94,8 @@ def test_a_taught_class_leaves_the_weights_of_all_others_as_they_are(
     assert version.class_names == (*CLASSES, "shoe") and version.taught == ("shoe",)
     assert [one.images for one in version.figures] == ["rendered", "rendered", "captured"]
     assert version.figures[2].old is None and version.figures[2].pixels > 0
+    missed = version.figures[2].new is None or version.figures[2].new < LEAST_IOU
+    assert version.not_found == (("shoe",) if missed else ())
     old, new = (load(path).network.state_dict() for path in (start, folder / MODEL_NAME))
     for key, tensor in new.items():
         kept = tensor[: len(CLASSES)] if tensor.shape != old[key].shape else tensor
@@ -111,6 +115,17 @@ def test_a_resumed_run_ends_as_an_uninterrupted_one(
     TeachingRun(halved).run()
     one, other = (load(folder / MODEL_NAME).network.state_dict() for folder in (whole, halved))
     assert all(torch.equal(one[key], other[key]) for key in one)
+
+
+def test_the_plan_of_an_earlier_release_is_still_read(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    folder = planned(tmp_path / "taught 1", frames, start)
+    path = folder / PLAN_NAME
+    table = json.loads(path.read_text(encoding="utf-8"))
+    table["recipe"] |= {"learning_rate": 0.005, "crop": 192}
+    path.write_text(json.dumps(table), encoding="utf-8")
+    assert read_plan(folder).recipe == RECIPE
 
 
 def test_too_few_frames_and_a_class_without_pixels_are_refused(

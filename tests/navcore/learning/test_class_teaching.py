@@ -167,8 +167,11 @@ def test_a_restored_teacher_goes_on_as_if_nothing_had_been(start: TrainedNetwork
     for _ in second.losses():
         pass
     assert whole.step == second.step == 15
-    ends = [one.network.decoder.conv_out.weight for one in (whole, second)]
-    assert torch.equal(*ends)
+    third = taught(start, "shoe", steps=15)
+    third.restore(second.state())  # as after an interruption when all steps were taken
+    assert not list(third.losses())
+    ends = [one.network.decoder.conv_out.weight for one in (whole, second, third)]
+    assert torch.equal(ends[0], ends[1]) and torch.equal(ends[0], ends[2])
 
 
 def test_without_an_image_there_is_nothing_to_learn(start: TrainedNetwork) -> None:

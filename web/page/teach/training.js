@@ -5,6 +5,7 @@ import { element, make, reconcile, set, setText } from "../core/dom.js";
 import { number, sentence, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { flush } from "./drawing.js";
+import { missedText } from "./networks.js";
 
 const PHASES = {
   waiting: t("starting"),
@@ -30,7 +31,8 @@ export async function refreshTraining() {
   const count = run.of && !ENDED.includes(run.phase) ? ` ${run.done}/${run.of}` : "";
   setText(element("training-phase"), `${run.name}: ${PHASES[run.phase]}${count}`);
   set(element("progress"), { value: run.phase === "done" ? 1 : run.of ? run.done / run.of : 0 });
-  setText(element("training-message"), run.message ? sentence(run.message) : "");
+  const said = run.not_found.length ? missedText(run.not_found) : run.message && sentence(run.message);
+  setText(element("training-message"), said);
   if (last !== JSON.stringify([run.name, run.losses, run.looks])) {
     last = JSON.stringify([run.name, run.losses, run.looks]);
     showCurves(run);
