@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 
@@ -25,9 +24,9 @@ from app.teaching.training.comparison import compared, not_found
 from app.teaching.training.looks import write_looks
 from app.teaching.training.plan import DATA_NAME, TrainingPlan, read_plan
 from app.teaching.training.progress import RunProgress, read_progress, write_progress
+from app.teaching.training.rehearsal import around_objects, rendered
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
-from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.learning.data.dataset import Dataset, load_dataset
 from navcore.learning.training.class_teaching import ClassTeacher, grown_network
 from navcore.learning.training.evaluation import InferenceSettings
@@ -37,15 +36,12 @@ from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import Size, check_size
 from navcore.perception.esanet.weights.weights_file import WeightsCard, digest, load, save
-from sim.dataset.generate import render_images, shard_seed
-from web.interface.teaching import NOTHING_NAME, CurvePoint, NetworkVersion
+from sim.dataset.generate import Split
+from web.interface.teaching import CurvePoint, NetworkVersion
 
 STATE_NAME = "state.pt"
 WRITE_EVERY_S = 1.0
 """Time between two writes of the progress, seconds."""
-POSES_PER_WORLD = 4
-RIM_PX = 33
-"""Side in pixels of the square by which objects of rendered images are widened."""
 
 
 class Cancelled(Exception):  # noqa: N818 - no error
@@ -87,7 +83,8 @@ class TeachingRun:
     def run(self) -> NetworkVersion:
         """Train, compare and write the version; raises `Cancelled`."""
         rehearsed = [
-            self._around_objects(one) for one in self._rendered("train", self.recipe.rehearsal)
+            around_objects(one, self.grown.card.class_names)
+            for one in self._rendered("train", self.recipe.rehearsal)
         ]
         teacher = ClassTeacher(
             self.grown.network,
@@ -101,31 +98,12 @@ class TeachingRun:
         self._train(teacher, held)
         return self._finish()
 
-    def _rendered(self, split: Any, count: int) -> Iterator[Sample]:
-        """Yield rendered images with the labels of the grown network; void for classes that it
-        does not know."""
-        names = [name.casefold() for name in self.grown.card.class_names]
-        labels = np.zeros(256, dtype=np.uint8)
-        for index, name in enumerate(BEWARE_CLASSES):
-            labels[index + 1] = names.index(name) + 1 if name in names else 0
-        images = render_images(
-            seed=shard_seed(self.recipe.seed % 300 + 10, split, 0),
-            worlds=-(-count // POSES_PER_WORLD),
-            poses_per_world=POSES_PER_WORLD,
-        )
-        for index, image in zip(range(count), images, strict=False):
+    def _rendered(self, split: Split, count: int) -> Iterator[Sample]:
+        """Yield rendered images with the labels of the grown network."""
+        images = rendered(split, count, self.grown.card.class_names, self.recipe.seed)
+        for index, sample in enumerate(images):
             self._tell("rendering", index, count)
-            yield Sample(rgb=image.rgb, depth=image.depth_mm, labels=labels[image.labels])
-
-    def _around_objects(self, sample: Sample) -> Sample:
-        """Return a rendered image whose background is void but for a rim around the objects:
-        elsewhere may stand what is to be taught, which the renderer calls background."""
-        names = self.grown.card.class_names
-        nothing = names.index(NOTHING_NAME) + 1 if NOTHING_NAME in names else 0
-        objects = (sample.labels > 0) & (sample.labels != nothing)
-        near = cv2.dilate(objects.view(np.uint8), np.ones((RIM_PX, RIM_PX), dtype=np.uint8)) > 0
-        labels = np.where((sample.labels == nothing) & ~near, 0, sample.labels).astype(np.uint8)
-        return dataclasses.replace(sample, labels=labels)
+            yield sample
 
     def captured(self, split: Any) -> Iterator[Sample]:
         """Yield the captured images of a split, with the labels of the grown network."""

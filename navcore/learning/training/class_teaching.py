@@ -144,10 +144,11 @@ class ClassTeacher:
             labels = np.where(labels > 0, labels, self._own_labels(logits[0]))
         return Encoded(features=features[0].half(), others=others.half(), labels=labels)
 
-    def predicted(self, image: Encoded) -> LabelArray:
-        """Return the most likely class 0 … C−1 of every pixel (h, w) of an encoded image."""
+    def predicted(self, image: Encoded, among: int | None = None) -> LabelArray:
+        """Return the most likely class 0 … C−1 of every pixel (h, w) of an encoded image, `among`
+        the first ones if given."""
         with torch.no_grad():
-            logits = self.network.decoder.classified(image.features.float()[None])
+            logits = self.network.decoder.classified(image.features.float()[None])[:, :among]
         return np.asarray(logits[0].argmax(dim=0).to(torch.uint8).numpy())
 
     def losses(self, on_evaluation: Callable[[], None] = lambda: None) -> Iterator[float]:
