@@ -111,3 +111,13 @@ def distance_m(zone: Zone, shapes: npt.NDArray[np.object_]) -> Floats:
         return np.asarray(shapely.distance(polygon, shapes))
     inside = shapely.covers(polygon, shapes)
     return np.where(inside, shapely.distance(polygon.exterior, shapes), 0.0)
+
+
+def relative_distance(zone: Zone, spread: Matrix, outlines: Floats) -> Floats:
+    """Return (N,) distances of (N, K, 2) outlines of the map frame from what a zone forbids, in
+    units of the ellipse of `spread_of`: 1 where they touch the zone that is grown by it, 0 where
+    they touch the zone itself."""
+    to_disc, _ = _scales(spread)
+    corners = (np.asarray(zone.polygon) @ to_disc).tolist()
+    in_disc = dataclasses.replace(zone, polygon=tuple((x, y) for x, y in corners))
+    return distance_m(in_disc, shapely.polygons(outlines @ to_disc))
