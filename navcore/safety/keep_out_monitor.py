@@ -63,8 +63,10 @@ class _Area:
 
     def title(self, *, uncertain: bool) -> str:
         """What the zone is called in reasons, with how uncertain the position is."""
-        note = f" (the position is uncertain by {self.growth_m:.1f} m)" if uncertain else ""
-        return f"zone {self.drawn.name!r}{note}"
+        name = self.drawn.name
+        if uncertain:
+            return f"zone {name!r} (the position is uncertain by {self.growth_m:.1f} m)"
+        return f"zone {name!r}"
 
     def is_near(self, pose: Pose2, reach_m: float) -> bool:
         """Whether what is forbidden, or the clearance, may be within reach of a pose."""
@@ -276,7 +278,7 @@ def _distances_to_cells(cells: Points, pose: Pose2, profile: RobotProfile) -> Fl
     """Return (N,) distances in metres of cell centres from the footprint along its axes, negative
     under it."""
     x, y = np.abs(pose.from_parent(cells)).T
-    return np.maximum(x - profile.length_m / 2, y - profile.width_m / 2)
+    return np.asarray(np.maximum(x - profile.length_m / 2, y - profile.width_m / 2))
 
 
 @lru_cache(maxsize=4)

@@ -210,7 +210,7 @@ def drawn_case(rng: np.random.Generator) -> tuple[KeepOuts, Twist, float]:
 def clearance_m(keep_out: Zone, poses: list[Pose2]) -> float:
     """The least distance of the footprint from what a zone forbids, at any of the poses."""
     bodies = shapely.polygons(np.stack([pose.to_parent(HUSKY.footprint()) for pose in poses]))
-    return float(distance_m(keep_out, bodies).min())
+    return float(distance_m(keep_out, np.asarray(bodies)).min())
 
 
 def lost_m(*, checked: bool) -> tuple[float, float, int]:
