@@ -21,6 +21,7 @@ def open_3d(page: Page) -> tuple[float, float]:
     """Show the 3D view from above; returns the pixel in its middle."""
     page.get_by_test_id("view-3d").click()
     expect(page.locator("body")).to_have_attribute("data-viewer", "live")
+    expect(page.locator("body")).to_have_attribute("data-drawn", "yes", timeout=60_000)
     page.get_by_test_id("look-top").click()
     box = page.get_by_test_id("view-3d-frame").bounding_box()
     assert box is not None

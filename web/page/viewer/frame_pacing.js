@@ -2,7 +2,8 @@
 // A frame is given only while the view is visible and something may have changed: a message of the
 // server, the pointer, a key, the size. Without a graphics card the processor draws, which the robot
 // needs too: then every frame is followed by a rest as long as its drawing took, except while the
-// operator acts, because viser handles messages and clicks with the next frame.
+// operator acts, because viser handles messages and clicks with the next frame. The first frame that
+// shows the robot is told to the frame of the page, by the event "drawn": it may take many seconds.
 
 (() => {
   const AWAKE_MS = 600;
@@ -15,6 +16,7 @@
   const callbacks = new Map();
   let lastId = 0;
   let isScheduled = false;
+  let isTold = false;
   let hasChanged = false; // since the last frame began, however long ago that was
   let restTimer = 0;
   let actingUntil = 0;
@@ -45,12 +47,16 @@
         reportError(error);
       }
     }
+    if (window.isRobotDrawn && !isTold) {
+      isTold = true;
+      // The browser gives the frame after the next one when this one is on the screen.
+      browserFrame(() => browserFrame(() => host?.dispatchEvent(new Event("drawn"))));
+    }
     if (!isSoftware()) {
       isScheduled = false;
       schedule();
       return;
     }
-    // The browser gives the frame after the next one when this one is on the screen.
     browserFrame(() =>
       browserFrame((drawnMs) => {
         const restMs =
