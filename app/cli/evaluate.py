@@ -13,6 +13,7 @@ import typer
 from app.cli.options import (
     AblationOption,
     BewareOption,
+    CameraOption,
     EngineOptions,
     GnssOption,
     LatencyOption,
@@ -23,9 +24,12 @@ from app.cli.options import (
     YieldingOption,
     ZonesOption,
     beware_list,
+    camera_stream,
 )
 from app.episode.ablations import Ablation
 from navcore.errors import BadConfiguration
+from navcore.robot.camera_stream import CameraStream
+from navcore.robot.profile import load_profile
 from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
@@ -109,6 +113,7 @@ class EvaluateSettings:
     ablation: AblationOption = Ablation.NONE
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
+    camera: CameraOption = None
     latency: LatencyOption = "live"
     yielding: YieldingOption = False
     figures: Annotated[
@@ -116,12 +121,16 @@ class EvaluateSettings:
         typer.Option(min=0, help="Number of first episodes to draw; failed ones are always drawn."),
     ] = 1
 
+    @property
+    def stream(self) -> CameraStream:
+        """Size and rate of the camera's images."""
+        return camera_stream(self.camera, load_profile(self.robot).stream)
+
 
 def evaluate(settings: EvaluateSettings) -> None:
     """Drive many seeded episodes and print a summary; resumes an interrupted campaign."""
     from app.evaluation.barn import SUITES
     from navcore.config.navigator import load_config
-    from navcore.robot.profile import load_profile
 
     _check_options(settings, (*SUITES, CROSSINGS_SUITE, DOORS_SUITE, *VIEWING, LOCALISATION_SUITE))
     config = (
@@ -190,6 +199,15 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             "--shard, --workers and --engine are for suites of separate episodes, and "
             f"{settings.suite!r} runs as a whole"
         )
+    if settings.camera is not None and settings.suite == LOCALISATION_SUITE:
+        raise BadConfiguration(
+            "--camera is for suites that drive or look, and 'localisation' replays recorded drives"
+        )
+    if settings.suite in VIEWING and settings.stream.rate_hz != CameraStream().rate_hz:
+        raise BadConfiguration(
+            f"--camera {settings.camera}: the suite {settings.suite!r} takes an image every "
+            "decimetre; give a size without a rate"
+        )
     drives = settings.suite not in VIEWING
     if not drives and settings.navigation is not None:
         raise BadConfiguration(
@@ -231,6 +249,7 @@ def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
         config=config,
         odometry=settings.odometry,
         latency=latency_of(settings.latency),
+        camera=settings.stream,
     )
     return _is_perfect(verdict)
 
@@ -267,6 +286,7 @@ def _seeded(
         config=config,
         odometry=settings.odometry,
         latency=latency_of(settings.latency),
+        camera=settings.stream,
     )
 
 
@@ -274,8 +294,9 @@ def _detection(settings: EvaluateSettings) -> bool:
     from app.evaluation.detection import walks
     from app.runtime.start.preparation import prepared_perception
 
-    perception = prepared_perception(settings.segmentation.choice())
-    return _walked(settings, walks(perception, beware_list(settings.beware)), walks_by_default=40)
+    perception = prepared_perception(settings.segmentation.choice(camera=settings.stream))
+    suite = walks(perception, beware_list(settings.beware), settings.stream.size)
+    return _walked(settings, suite, walks_by_default=40)
 
 
 def _one_click(settings: EvaluateSettings) -> bool:
@@ -287,8 +308,9 @@ def _one_click(settings: EvaluateSettings) -> bool:
         raise BadConfiguration(
             "--beware names the classes that are known, and in the suite 'one-click' none are"
         )
-    perception = compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
-    return _walked(settings, walks(perception), walks_by_default=20)
+    choice = settings.segmentation.choice(camera=settings.stream)
+    perception = compose(choice, memory=EngineMemory.of_user())
+    return _walked(settings, walks(perception, settings.stream.size), walks_by_default=20)
 
 
 def _walked(settings: EvaluateSettings, walks: Walks, *, walks_by_default: int) -> bool:
@@ -338,6 +360,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         ablation=settings.ablation,
         odometry=settings.odometry,
         gnss=settings.gnss,
+        camera=settings.stream,
         latency=latency_of(settings.latency),
         yielding=settings.yielding,
         max_time_s=settings.max_time,
@@ -349,6 +372,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         "" if settings.ablation is Ablation.NONE else str(settings.ablation),
         "" if settings.odometry is OdometryGrade.TYPICAL else str(settings.odometry),
         "" if settings.gnss is None else f"gnss-{settings.gnss}",
+        "" if settings.camera is None else f"camera-{settings.stream}",
         "" if settings.latency == "live" else f"latency-{settings.latency}",
         "yielding" if settings.yielding else "",
     ]
@@ -362,7 +386,9 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         fleet=_fleet(settings),
         out=_out(settings, "-".join(filter(None, parts))),
         beware=beware_list(settings.beware, task.scenario),
-        perception=prepared_perception(settings.segmentation.choice()) if needs_segmenter else None,
+        perception=prepared_perception(settings.segmentation.choice(camera=settings.stream))
+        if needs_segmenter
+        else None,
         draw_first=settings.figures,
         config=config,
     )

@@ -32,6 +32,7 @@ from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone_cells import rasterise
 from navcore.perception.labels import Segmenter
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
 from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
@@ -69,30 +70,41 @@ class ListedObject:
     """(N, 2) centres of the covered cells, metres of the map frame."""
     in_view: bool = False
     """Whether the object was seen within 4 m, first from beyond 1.5 m."""
+    first_m: float | None = None
+    """Distance at which the map first held the object, metres; None if it did not in time."""
     found_as: str | None = None
     """Class under which the map held the object in time; None if it did not."""
     closed: bool = False
     """Whether the robot has been within 1.5 m; later detections do not count."""
 
 
-def walk_of_seed(segmenter: Segmenter, beware: BewareList, seed: int) -> DetectionCounts:
-    """Drive once through the world of the test split that a seed makes; return the counts."""
+def walk_of_seed(
+    segmenter: Segmenter,
+    beware: BewareList,
+    seed: int,
+    size: tuple[int, int] = CameraStream().size,
+) -> DetectionCounts:
+    """Drive once through the world of the test split that a seed makes, with images of `size`
+    (columns, rows); return the counts."""
     shard = shard_seed(seed, "test", TEST_SHARD)
-    renderer = SceneRenderer(seed=shard, size=(424, 240))
+    renderer = SceneRenderer(seed=shard, size=size)
     rng = np.random.default_rng((WORLDS_PER_SHARD * shard, 2))
     scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
     renderer.build(scene)
     return walk(renderer, scene, drive_poses(scene, rng), rng, segmenter, beware)
 
 
-def walks(perception: Perception, beware: BewareList) -> Walks:
-    """Return the suite of a perception."""
+def walks(
+    perception: Perception, beware: BewareList, size: tuple[int, int] = CameraStream().size
+) -> Walks:
+    """Return the suite of a perception with images of `size` (columns, rows)."""
     return Walks(
         suite=SUITE,
         names=BEWARE_CLASSES[1:],
         perception=perception,
         beware=beware,
-        walk=partial(walk_of_seed, perception.segmenter, beware),
+        size=size,
+        walk=partial(walk_of_seed, perception.segmenter, beware, size=size),
     )
 
 
@@ -125,6 +137,8 @@ def walk(
         counts.seen[listed.name] += listed.in_view
         counts.found[listed.name] += listed.in_view and listed.found_as is not None
         counts.named[listed.name] += listed.in_view and listed.found_as == listed.name
+        if listed.in_view and listed.first_m is not None:
+            counts.first_m.append((listed.name, round(listed.first_m, 2)))
     return counts
 
 
@@ -230,6 +244,7 @@ def _observe(
                 if (layer & listed.cells).any()
             ]
             if held:
+                listed.first_m = listed.first_m or away_m
                 listed.found_as = listed.name if listed.name in held else held[0]
         listed.closed = away_m <= IN_TIME_M
 

@@ -24,6 +24,7 @@ from navcore.config.safety import DEFAULT_SAFETY
 from navcore.errors import BewareNavError
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Pose2, Twist
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -69,7 +70,7 @@ class SimulatorProcess:
         self._link, far_end = context.Pipe()
         self._process = context.Process(
             target=_serve,
-            args=(far_end, scenario, seed, str(odometry), gnss),
+            args=(far_end, scenario, seed, str(odometry), gnss, profile.stream),
             daemon=True,
             name="simulator",
         )
@@ -149,14 +150,26 @@ class SimulatorProcess:
 
 
 def _serve(
-    link: Connection, scenario: str, seed: int, odometry: str, gnss: GnssKind | None
+    link: Connection,
+    scenario: str,
+    seed: int,
+    odometry: str,
+    gnss: GnssKind | None,
+    stream: CameraStream,
 ) -> None:
     """Run the simulator in real time: send each frame, execute the messages."""
     # Ctrl-C is for the console, which sends zero and then closes the link.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     outbox = LatestMessageQueue(link, "frames")
     world = load_scenario(scenario)
-    with Simulator(world, seed=seed, odometry=odometry, gnss=gnss) as simulator:
+    with Simulator(
+        world,
+        seed=seed,
+        camera_size=stream.size,
+        camera_rate_hz=stream.rate_hz,
+        odometry=odometry,
+        gnss=gnss,
+    ) as simulator:
         # Machine's clock minus simulated clock. It grows only by pauses of the world: between the
         # stamps of two frames never passes less time than in the world, even while a lag is made
         # up.

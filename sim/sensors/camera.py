@@ -15,7 +15,12 @@ from sim.rendering.visible_world import Image, VisibleWorld
 from sim.sensors.stereo_noise import Depth, Rgb, StereoErrors, degrade_colour, degrade_depth
 
 FIELD_OF_VIEW_DEG = (87.0, 58.0)
-"""Field of view of the depth imagers, horizontal and vertical."""
+"""Field of view of the depth imagers, horizontal and vertical, in images of 16:9."""
+NARROW_FIELD_OF_VIEW_DEG = (75.0, 62.0)
+"""Field of view in images of 4:3, which are cut out of the middle of the imager: fewer columns and
+more rows of it than in 16:9."""
+NARROW = 1.5
+"""Ratio of the columns to the rows of an image below which it is one of 4:3."""
 T_BASE_CAMERA: Matrix = HUSKY.camera.T_base_camera
 """T_base_camera of the Husky, optical frame."""
 
@@ -24,7 +29,8 @@ def d455_intrinsics(size: tuple[int, int]) -> Intrinsics:
     """Return the intrinsics at an image size (columns, rows); the optical axis passes between the
     middle pixels."""
     width, height = size
-    across, along = (math.tan(math.radians(angle) / 2) for angle in FIELD_OF_VIEW_DEG)
+    view_deg = NARROW_FIELD_OF_VIEW_DEG if width / height < NARROW else FIELD_OF_VIEW_DEG
+    across, along = (math.tan(math.radians(angle) / 2) for angle in view_deg)
     return Intrinsics(
         width=width,
         height=height,

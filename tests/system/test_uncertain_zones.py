@@ -49,7 +49,7 @@ def driven(*, from_m: float, until_s: float = 25.0) -> tuple[dict[str, Any], flo
         EpisodeSettings(
             beware=default_beware_list(),
             max_time_s=until_s,
-            camera_size=CAMERA,
+            camera=CAMERA,
             zones=(BESIDE,),
             stages=Stages(localise=localise),
         ),

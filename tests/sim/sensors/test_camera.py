@@ -12,6 +12,7 @@ import pytest
 
 from navcore.geometry.camera import back_project
 from navcore.geometry.transform import Matrix, Pose2, transform_points
+from navcore.robot.camera_stream import SIZES, CameraStream
 from navcore.robot.frame import check_frame
 from navcore.robot.profile import HUSKY, RobotProfile, load_profile
 from sim.bullet import pybullet
@@ -35,6 +36,29 @@ def test_the_lens_has_the_d455s_field_of_view() -> None:
     assert 2 * math.degrees(math.atan(212 / lens.fx)) == pytest.approx(87)
     assert 2 * math.degrees(math.atan(120 / lens.fy)) == pytest.approx(58)
     assert (lens.cx, lens.cy) == (211.5, 119.5)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_pixels_are_nearly_square_and_thresholds_those_of_the_smallest_image(
+    size: tuple[int, int],
+) -> None:
+    lens = d455_intrinsics(size)
+    assert lens.fx == pytest.approx(lens.fy, rel=0.05), "4:3 is cut out of the imager, not pressed"
+    assert lens.length_px(8) == round(8 * lens.fx / d455_intrinsics(SIZES[0]).fx)
+
+
+def test_the_camera_takes_images_of_the_profiles_size_and_rate() -> None:
+    stream = CameraStream(width=640, height=480, rate_hz=30.0)
+    robot = dataclasses.replace(HUSKY, stream=stream)
+    stamps = set()
+    with Simulator(open_floor(), seed=0, robot=robot) as simulator:
+        while simulator.now_ns() < 0.2e9:
+            simulator.step()
+            frame = simulator.newest_frame()
+            stamps.add(None if frame is None else frame.stamp_ns)
+    assert frame is not None
+    assert frame.rgb.shape == (480, 640, 3) and frame.depth_m.shape == (480, 640)
+    assert len(stamps) == 7
 
 
 def test_back_projected_pixels_lie_where_the_world_is() -> None:
