@@ -149,7 +149,7 @@ class Simulator:
         """Return a frame taken now."""
         pose = self.true_pose()
         self.world.update_visible()
-        rgb, depth_m = self.camera.capture(pose)
+        rgb, depth_m = self.camera.capture(pose, self._robot.velocity(pose).w_radps)
         roll, pitch, _ = self.ground.attitude(pose)
         roll_rad, pitch_rad = self._accelerometer.measure(roll, pitch)
         rgb.flags.writeable = depth_m.flags.writeable = False
@@ -254,6 +254,7 @@ class Simulator:
             rng=generator(seed, Source.CAMERA),
             mount=self.profile.camera.T_base_camera,
             ground=Ground(self.scenario.relief),
+            lighting=self.scenario.lighting,
         )
 
     def _build(self, seed: int, odometry_origin: Pose2 | None) -> None:

@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
 PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
-VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE)
+LIGHT_SUITE = "light"
+VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE)
 """Suites in which a camera is carried through worlds and nothing drives."""
 ENOUGH_FOUND: Mapping[str, float] = {DETECTION_SUITE: 0.95, ONE_CLICK_SUITE: 0.8}
 """Share of objects found in time at which a suite succeeds."""
@@ -58,7 +59,7 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, doors, finding, one-click, localisation and paper."
+            "crossings, doors, finding, light, localisation, one-click and paper."
         ),
     ]
     experiment: Annotated[
@@ -164,6 +165,8 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         return _detection(settings)
     if settings.suite == ONE_CLICK_SUITE:
         return _one_click(settings)
+    if settings.suite == LIGHT_SUITE:
+        return _light(settings)
     if settings.suite == LOCALISATION_SUITE:
         return _localisation(settings, config)
     return _scenario(settings, config)
@@ -311,6 +314,23 @@ def _one_click(settings: EvaluateSettings) -> bool:
     choice = settings.segmentation.choice(camera=settings.stream)
     perception = compose(choice, memory=EngineMemory.of_user())
     return _walked(settings, walks(perception, settings.stream.size), walks_by_default=20)
+
+
+def _light(settings: EvaluateSettings) -> bool:
+    from app.evaluation.light import evaluate_light
+    from app.runtime.start.engine_memory import EngineMemory
+    from app.runtime.start.segmentation import compose
+
+    choice = settings.segmentation.choice(camera=settings.stream)
+    told = evaluate_light(
+        compose(choice, memory=EngineMemory.of_user()),
+        beware_list(settings.beware),
+        seeds=range(settings.seed, settings.seed + (settings.episodes or 12)),
+        out=_out(settings, settings.suite),
+        size=settings.stream.size,
+    )
+    needed = ENOUGH_FOUND[DETECTION_SUITE]
+    return all(one["found_in_time"] >= needed for one in told["disturbances"].values())
 
 
 def _walked(settings: EvaluateSettings, walks: Walks, *, walks_by_default: int) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -39,6 +39,7 @@ from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
 from sim.dataset.renderer import LABELS, PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Scene
+from sim.rendering.lighting import PLAIN, Lighting
 from sim.sensors.camera import T_BASE_CAMERA
 
 SUITE = "finding"
@@ -83,15 +84,33 @@ def walk_of_seed(
     beware: BewareList,
     seed: int,
     size: tuple[int, int] = CameraStream().size,
+    *,
+    lighting: Lighting = PLAIN,
+    turn_radps: float = 0.0,
+    on_image: Callable[[Labels], None] = lambda labels: None,
 ) -> DetectionCounts:
     """Drive once through the world of the test split that a seed makes, with images of `size`
-    (columns, rows); return the counts."""
+    (columns, rows); return the counts.
+
+    The robot drives straight on; a light that blurs images does so as if it turned at `turn_radps`.
+    `on_image` is told the true labels of each image after the segmenter has seen it.
+    """
     shard = shard_seed(seed, "test", TEST_SHARD)
     renderer = SceneRenderer(seed=shard, size=size)
     rng = np.random.default_rng((WORLDS_PER_SHARD * shard, 2))
     scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
     renderer.build(scene)
-    return walk(renderer, scene, drive_poses(scene, rng), rng, segmenter, beware)
+    return walk(
+        renderer,
+        scene,
+        drive_poses(scene, rng),
+        rng,
+        segmenter,
+        beware,
+        lighting=lighting,
+        turn_radps=turn_radps,
+        on_image=on_image,
+    )
 
 
 def walks(
@@ -117,6 +136,9 @@ def walk(
     beware: BewareList,
     *,
     labels: Container[str] = BEWARE_CLASSES[1:],
+    lighting: Lighting = PLAIN,
+    turn_radps: float = 0.0,
+    on_image: Callable[[Labels], None] = lambda labels: None,
 ) -> DetectionCounts:
     """Drive through a world that the renderer has built, and count; `labels` are the classes of the
     objects that there are to find."""
@@ -126,8 +148,11 @@ def walk(
     objects = [listed for listed in _objects(scene, spec) if listed.name in labels]
     cloud = PointMap(spec, MappingConfig())
     for number, pose in enumerate(poses):
-        frame, true_depth_m, truth = picture(renderer, scene, pose, rng, number)
+        frame, true_depth_m, truth = picture(
+            renderer, scene, pose, rng, number, lighting=lighting, turn_radps=turn_radps
+        )
         found = segmenter.segment(frame, beware)
+        on_image(truth)
         cloud.insert(observe(frame, found, beware, spec, ObservationConfig()), frame, found)
         _observe(objects, cloud, beware, frame, true_depth_m, truth)
     counts = DetectionCounts(
@@ -143,14 +168,27 @@ def walk(
 
 
 def picture(
-    renderer: SceneRenderer, scene: Scene, pose: Pose2, rng: np.random.Generator, number: int = 0
+    renderer: SceneRenderer,
+    scene: Scene,
+    pose: Pose2,
+    rng: np.random.Generator,
+    number: int = 0,
+    *,
+    lighting: Lighting = PLAIN,
+    turn_radps: float = 0.0,
 ) -> tuple[Frame, npt.NDArray[np.float32], Labels]:
     """Return the frame of a pose with the errors of the camera, its depth without them, and the
     label of every pixel."""
-    rgb, depth_m, labels = renderer.render(pose.matrix() @ T_BASE_CAMERA, scene)
+    rgb, depth_m, labels = renderer.render(pose.matrix() @ T_BASE_CAMERA, scene, lighting)
     true_depth_m = depth_m
     rgb, depth_m = apply_camera_effects(
-        rgb, depth_m, renderer.intrinsics.fx, rng, like_simulator=scene.like_simulator
+        rgb,
+        depth_m,
+        renderer.intrinsics.fx,
+        rng,
+        like_simulator=scene.like_simulator,
+        lighting=lighting,
+        turn_radps=turn_radps,
     )
     frame = Frame(
         stamp_ns=int(number * STEP_M / SPEED_MPS * 1e9),

@@ -11,7 +11,10 @@ from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.robot.profile import HUSKY
 from sim.models.ground import FLAT, Ground
+from sim.rendering.lamps import LampLight
+from sim.rendering.lighting import PLAIN, Lighting
 from sim.rendering.visible_world import Image, VisibleWorld
+from sim.sensors.exposure import expose
 from sim.sensors.stereo_noise import Depth, Rgb, StereoErrors, degrade_colour, degrade_depth
 
 FIELD_OF_VIEW_DEG = (87.0, 58.0)
@@ -53,20 +56,27 @@ class Camera:
         rng: np.random.Generator,
         mount: Matrix = T_BASE_CAMERA,
         ground: Ground = FLAT,
+        lighting: Lighting = PLAIN,
     ) -> None:
         self.intrinsics = d455_intrinsics(size)
         self._world, self._errors, self._rng, self._ground = world, errors, rng, ground
+        self._lamps = LampLight(world, lighting)
         self.mount = mount
         """T_base_camera, optical frame."""
 
-    def capture(self, pose: Pose2) -> tuple[Rgb, Depth]:
+    def capture(self, pose: Pose2, turn_radps: float = 0.0) -> tuple[Rgb, Depth]:
         """Return (H, W, 3) colours and (H, W) depth in metres, 0 where nothing is measured, from a
-        true pose of the base."""
-        seen = self.image(pose)
-        return degrade_colour(seen.rgb, self._errors, self._rng), degrade_depth(
+        true pose of the base that turns."""
+        seen, lighting = self.image(pose), self._lamps.lighting
+        rgb = self._lamps.relight(seen, self._T_map_camera(pose), self.intrinsics)
+        rgb = expose(rgb, lighting, turn_radps * self.intrinsics.fx)
+        return degrade_colour(rgb, self._errors, self._rng), degrade_depth(
             seen.depth_m, self.intrinsics.fx, self._errors, self._rng
         )
 
     def image(self, pose: Pose2) -> Image:
         """Return the image without camera errors from a true pose of the base."""
-        return self._world.image(self._ground.surface_pose(pose) @ self.mount, self.intrinsics)
+        return self._world.image(self._T_map_camera(pose), self.intrinsics)
+
+    def _T_map_camera(self, pose: Pose2) -> Matrix:
+        return np.asarray(self._ground.surface_pose(pose) @ self.mount)

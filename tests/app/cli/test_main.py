@@ -88,6 +88,8 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "crossings", "--yielding"), "suite of its own"),
         (("evaluate", "office", "--camera", "640x360"), "camera '640x360': expected one of"),
         (("evaluate", "finding", "--camera", "@15"), "without a rate"),
+        (("evaluate", "light", "--segmenter", "colour"), "needs a network"),
+        (("evaluate", "light", "--workers", "2"), "runs as a whole"),
         (("evaluate", "localisation", "--camera", "848x480"), "--camera"),
         (("drive", "--camera", "848x480@25"), "one of 10, 15, 30, 60"),
         (("console", "--camera", "large"), "camera 'large'"),

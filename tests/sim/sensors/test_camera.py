@@ -5,18 +5,21 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from navcore.errors import BadConfiguration
 from navcore.geometry.camera import back_project
 from navcore.geometry.transform import Matrix, Pose2, transform_points
 from navcore.robot.camera_stream import SIZES, CameraStream
 from navcore.robot.frame import check_frame
 from navcore.robot.profile import HUSKY, RobotProfile, load_profile
 from sim.bullet import pybullet
-from sim.scenario.load import load_scenario
+from sim.rendering.lighting import Lighting
+from sim.scenario.load import WORLDS, load_scenario
 from sim.scenario.schema import Furniture, Marking
 from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 from sim.sensors.stereo_noise import PERFECT, StereoErrors, degrade_depth
@@ -209,3 +212,38 @@ def test_nothing_in_the_office_but_floor_book_and_cup_is_saturated() -> None:
                 rgb = simulator.camera.image(pose).rgb
                 hsv = np.asarray(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2HSV))
                 assert hsv[..., 1].max() < 0.52 * 255
+
+
+@pytest.mark.parametrize(
+    ("lighting", "blurs"),
+    [
+        (Lighting(lamp_spacing_m=3.0, polish=0.5), False),
+        (Lighting(exposure=0.3, white_k=3000.0), False),
+        (Lighting(exposure_ms=40.0), True),
+    ],
+    ids=["lamps", "exposure", "blur"],
+)
+def test_the_light_of_a_world_changes_colours_alone_and_blur_needs_a_turn(
+    lighting: Lighting, blurs: bool
+) -> None:
+    plain = open_floor(furniture=(BOX,))
+    lit = dataclasses.replace(plain, lighting=lighting)
+    for turn_radps in (0.0, 1.0):
+        frames = []
+        for scenario in (plain, lit):
+            with seeing(scenario) as simulator:
+                frames.append(simulator.camera.capture(simulator.true_pose(), turn_radps))
+        (rgb, depth_m), (other, other_m) = frames
+        np.testing.assert_array_equal(depth_m, other_m)
+        changed = (np.abs(rgb.astype(int) - other).max(axis=2) > 8).mean()
+        assert (changed > 0.005) == (turn_radps > 0.0 or not blurs)
+
+
+def test_a_world_file_names_its_light(tmp_path: Path) -> None:
+    file = tmp_path / "dim.toml"
+    text = (WORLDS / "empty_room.toml").read_text(encoding="utf-8")
+    file.write_text(text + "\n[lighting]\nexposure = 0.4\npolish = 0.3\n", encoding="utf-8")
+    assert load_scenario(str(file)).lighting == Lighting(exposure=0.4, polish=0.3)
+    file.write_text(text + "\n[lighting]\nexposure = 0\n", encoding="utf-8")
+    with pytest.raises(BadConfiguration, match="exposure"):
+        load_scenario(str(file))
