@@ -149,14 +149,17 @@ class Simulator:
         """Return a frame taken now."""
         pose = self.true_pose()
         self.world.update_visible()
-        rgb, depth_m = self.camera.capture(pose, self._robot.velocity(pose).w_radps)
+        taken = self.camera.capture(pose, self._robot.velocity(pose).w_radps)
         roll, pitch, _ = self.ground.attitude(pose)
         roll_rad, pitch_rad = self._accelerometer.measure(roll, pitch)
-        rgb.flags.writeable = depth_m.flags.writeable = False
+        for pixels in (taken.rgb, taken.depth_m, taken.uncoloured):
+            if pixels is not None:
+                pixels.flags.writeable = False
         return Frame(
             stamp_ns=self.now_ns(),
-            rgb=rgb,
-            depth_m=depth_m,
+            rgb=taken.rgb,
+            depth_m=taken.depth_m,
+            uncoloured=taken.uncoloured,
             intrinsics=self.camera.intrinsics,
             T_base_camera=self.camera.mount,
             pose=self.odometry(),
@@ -255,6 +258,7 @@ class Simulator:
             mount=self.profile.camera.T_base_camera,
             ground=Ground(self.scenario.relief),
             lighting=self.scenario.lighting,
+            colour_lens=self.profile.stream.colour_lens,
         )
 
     def _build(self, seed: int, odometry_origin: Pose2 | None) -> None:

@@ -48,10 +48,10 @@ ConsoleCameraOption = Annotated[
     str,
     typer.Option(
         "--camera",
-        metavar="auto|WxH[@HZ]",
+        metavar="auto|WxH[@HZ][+colour]",
         help="Image size and rate of the simulated camera: 424x240, 640x480 or 848x480, at 10, 15, "
-        "30 or 60 images a second, e.g. 848x480@15; `auto` takes 848x480 where the machine is fast "
-        "enough, else 424x240.",
+        "30 or 60 images a second, e.g. 848x480@15, and +colour for a colour lens of its own; "
+        "`auto` takes 848x480 where the machine is fast enough, else 424x240.",
     ),
 ]
 

@@ -83,9 +83,10 @@ CameraOption = Annotated[
     str | None,
     typer.Option(
         "--camera",
-        metavar="WxH[@HZ]",
+        metavar="WxH[@HZ][+colour]",
         help="Image size and rate of the depth camera: 424x240, 640x480 or 848x480, at 10, 15, 30 "
-        "or 60 images a second, e.g. 848x480@15; that of the robot's profile when left out.",
+        "or 60 images a second, e.g. 848x480@15, and +colour for a colour lens of its own; as in "
+        "the robot's profile when left out.",
     ),
 ]
 LatencyOption = Annotated[

@@ -13,7 +13,7 @@ import multiprocessing
 import signal
 import threading
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -27,7 +27,7 @@ from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
-from navcore.robot.profile import RobotProfile
+from navcore.robot.profile import HUSKY, RobotProfile
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.sensors.gnss_settings import GnssKind
@@ -165,8 +165,7 @@ def _serve(
     with Simulator(
         world,
         seed=seed,
-        camera_size=stream.size,
-        camera_rate_hz=stream.rate_hz,
+        robot=replace(HUSKY, stream=stream),
         odometry=odometry,
         gnss=gnss,
     ) as simulator:
@@ -225,6 +224,7 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
         "tilt": [frame.roll_rad, frame.pitch_rad],
         "fixes": [_encoded_fix(fix, stamp_ns - frame.stamp_ns) for fix in frame.fixes],
         "stamp_ns": stamp_ns,
+        "is_part_uncoloured": frame.uncoloured is not None,
         # JSON has no infinity: a clearance that was never measured is null.
         "referee": {
             key: None if isinstance(value, float) and not math.isfinite(value) else value
@@ -233,7 +233,9 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
     }
     text = json.dumps(header).encode()
     text += b" " * (-(4 + len(text)) % 8)  # aligns the depth, as compiled code requires
-    return len(text).to_bytes(4, "little") + text + frame.depth_m.tobytes() + frame.rgb.tobytes()
+    unknown = b"" if frame.uncoloured is None else frame.uncoloured.tobytes()
+    pixels = frame.depth_m.tobytes() + frame.rgb.tobytes() + unknown
+    return len(text).to_bytes(4, "little") + text + pixels
 
 
 def _encoded_fix(fix: PositionFix, lead_ns: int) -> dict[str, Any]:
@@ -265,6 +267,9 @@ def _decode(message: bytes) -> tuple[Frame, dict[str, Any]]:
         stamp_ns=header["stamp_ns"],
         rgb=np.frombuffer(message, np.uint8, 3 * pixels, split + 4 * pixels).reshape(*shape, 3),
         depth_m=np.frombuffer(message, np.float32, pixels, split).reshape(shape),
+        uncoloured=np.frombuffer(message, np.bool_, pixels, split + 7 * pixels).reshape(shape)
+        if header["is_part_uncoloured"]
+        else None,
         intrinsics=intrinsics,
         T_base_camera=np.array(header["mount"]).reshape(4, 4),
         pose=Pose2(**header["pose"]),

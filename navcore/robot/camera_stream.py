@@ -12,6 +12,7 @@ SIZES = ((424, 240), (640, 480), (848, 480))
 """Columns and rows of the sizes that can be asked for."""
 RATES_HZ = (10, 15, 30, 60)
 """Images per second that can be asked for: those of a D455, and every third image of 30."""
+_STREAM = re.compile(r"(?:(\d{1,5})[x×](\d{1,5}))?(?:@(\d{1,4}))?(\+colour)?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +25,9 @@ class CameraStream:
     """Number of rows."""
     rate_hz: float = ranged(0.001, 90.0, default=10.0)
     """Number of images per second."""
+    colour_lens: bool = False
+    """Whether colour comes from a lens of its own, as in a real D455, and is registered to depth;
+    else both share a lens."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -31,16 +35,20 @@ class CameraStream:
         return self.width, self.height
 
     def __str__(self) -> str:
-        """Return it as `stream_of` reads it, e.g. `848x480@15`."""
-        return f"{self.width}x{self.height}@{self.rate_hz:g}"
+        """Return it as `stream_of` reads it, e.g. `848x480@15` or `848x480@15+colour`."""
+        lens = "+colour" if self.colour_lens else ""
+        return f"{self.width}x{self.height}@{self.rate_hz:g}{lens}"
 
 
 def stream_of(text: str, default: CameraStream | None = None) -> CameraStream:
-    """Return the stream of a text such as `848x480`, `848x480@15` or `@15`, what it leaves out as
-    in `default`; raises `BadConfiguration` for another than `SIZES` and `RATES_HZ`."""
+    """Return the stream of a text such as `848x480`, `848x480@15`, `@15` or `+colour`, what it
+    leaves out as in `default`.
+
+    Raises `BadConfiguration` for another than `SIZES` and `RATES_HZ`.
+    """
     default = default or CameraStream()
     size, rate = default.size, default.rate_hz
-    parts = re.fullmatch(r"(?:(\d{1,5})[x×](\d{1,5}))?(?:@(\d{1,4}))?", text.strip().lower())
+    parts = _STREAM.fullmatch(text.strip().lower())
     if parts is not None and parts[1] is not None:
         size = int(parts[1]), int(parts[2])
     if parts is not None and parts[3] is not None:
@@ -51,6 +59,7 @@ def stream_of(text: str, default: CameraStream | None = None) -> CameraStream:
         rates = ", ".join(map(str, RATES_HZ))
         raise BadConfiguration(
             f"camera {text!r:.40}: expected one of {sizes}, with @ and one of {rates} images per "
-            "second if it is not the default, e.g. 848x480@15"
+            "second if it is not the default, e.g. 848x480@15; +colour for a colour lens of its own"
         )
-    return CameraStream(width=size[0], height=size[1], rate_hz=rate)
+    lens = default.colour_lens or parts[4] is not None
+    return CameraStream(width=size[0], height=size[1], rate_hz=rate, colour_lens=lens)
