@@ -37,7 +37,7 @@ from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import GrownZone
 from navcore.perception.ground import ground_heights
-from navcore.perception.labels import Labels, Segmenter
+from navcore.perception.labels import Labels, Segmenter, only_coloured
 from navcore.perception.people.track import Track
 from navcore.perception.people.tracker import PeopleTracker
 from navcore.planning.global_planner import GlobalPlanner, Replan
@@ -75,7 +75,7 @@ class TickResult:
 
 
 def _segment(segmenter: Segmenter, frame: Frame, beware: BewareList) -> Labels:
-    return segmenter.segment(frame, beware)
+    return only_coloured(segmenter.segment(frame, beware), frame)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -51,8 +51,8 @@ class Simulator:
         scenario: Scenario,
         *,
         seed: int,
-        camera_size: tuple[int, int] = (424, 240),
-        camera_rate_hz: float = 10.0,
+        camera_size: tuple[int, int] | None = None,
+        camera_rate_hz: float | None = None,
         errors: StereoErrors | None = None,
         robot: RobotProfile = HUSKY,
         randomised: bool = False,
@@ -64,12 +64,16 @@ class Simulator:
         """Build the world. `seed` ≥ 0 decides the small displacements of chairs and items, where
         people are, and the sensor errors.
 
-        `camera_size` is (columns, rows). `randomised`: the scenario already is what a seed has made
+        `camera_size` is (columns, rows); size and rate are those of the robot's profile when left
+        out. `randomised`: the scenario already is what a seed has made
         of it, and every object stays where the scenario puts it. `start`: true T_map_base at the
         start instead of the scenario's. `odometry_origin`: T_odom_base at the start; the true pose
         when left out, so that odometry's frame is the map's. `gnss`: receiver instead of the
         scenario's. Raises `BadConfiguration`.
         """
+        camera_size = camera_size or robot.stream.size
+        if camera_rate_hz is None:
+            camera_rate_hz = robot.stream.rate_hz
         if not 0 < camera_rate_hz <= STEPS_PER_S:
             raise BadConfiguration(
                 f"camera_rate_hz is {camera_rate_hz:g}, allowed above 0 to {STEPS_PER_S}"
@@ -145,14 +149,17 @@ class Simulator:
         """Return a frame taken now."""
         pose = self.true_pose()
         self.world.update_visible()
-        rgb, depth_m = self.camera.capture(pose)
+        taken = self.camera.capture(pose, self._robot.velocity(pose).w_radps)
         roll, pitch, _ = self.ground.attitude(pose)
         roll_rad, pitch_rad = self._accelerometer.measure(roll, pitch)
-        rgb.flags.writeable = depth_m.flags.writeable = False
+        for pixels in (taken.rgb, taken.depth_m, taken.uncoloured):
+            if pixels is not None:
+                pixels.flags.writeable = False
         return Frame(
             stamp_ns=self.now_ns(),
-            rgb=rgb,
-            depth_m=depth_m,
+            rgb=taken.rgb,
+            depth_m=taken.depth_m,
+            uncoloured=taken.uncoloured,
             intrinsics=self.camera.intrinsics,
             T_base_camera=self.camera.mount,
             pose=self.odometry(),
@@ -250,6 +257,8 @@ class Simulator:
             rng=generator(seed, Source.CAMERA),
             mount=self.profile.camera.T_base_camera,
             ground=Ground(self.scenario.relief),
+            lighting=self.scenario.lighting,
+            colour_lens=self.profile.stream.colour_lens,
         )
 
     def _build(self, seed: int, odometry_origin: Pose2 | None) -> None:

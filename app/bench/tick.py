@@ -1,5 +1,5 @@
-"""Benchmark of a tick without segmentation: a map of 150 m × 150 m in cells of 5 cm, images of
-640 × 480, people in view.
+"""Benchmark of a tick without segmentation: a map of 150 m × 150 m in cells of 5 cm, by default
+images of 640 × 480, people in view.
 
 The world is an open forest of 2,500 upright trunks, seen by a D455 without the simulator: each ray
 is intersected with each near trunk. Three people walk to and fro before the robot. The stages are
@@ -41,7 +41,7 @@ from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 SIDE_M, CELL_M, TRUNKS = 150.0, 0.05, 2500
 """Side of the map, cell size, and number of trunks."""
 SIZE = (640, 480)
-"""Columns and rows of the images."""
+"""Columns and rows of the images by default."""
 STEP_M, STEP_RAD = 0.1, 0.15
 """Motion of the robot between images: at 10 Hz, 1 m/s and 1.5 rad/s."""
 PEOPLE, PERSON_RADIUS_M, PERSON_STEP_M = 3, 0.25, 0.14
@@ -60,22 +60,22 @@ class Drive:
     """Mean number of people that the robot followed."""
 
 
-def tick_table(ticks: int) -> Table:
-    """Drive through the forest for `ticks` images, several times; return a table of the durations
-    per stage."""
+def tick_table(ticks: int, size: tuple[int, int] = SIZE) -> Table:
+    """Drive through the forest for `ticks` images of `size` (columns, rows), several times; return
+    a table of the durations per stage."""
     drives, guard = list[Drive](), QuietGuard()
 
     def drive() -> float:
-        drives.append(_drive(ticks))
+        drives.append(_drive(ticks, size))
         return float(np.median(drives[-1].ms[TICK]))
 
     warm_up()  # loads the compiled code, also what few ticks call
-    _drive(1)
+    _drive(1, size)
     guard.fastest(drive)
     table = Table("stage", "n", "mean ms", "p50", "p95", "p99", "max")
     table.title = (
-        f"tick without segmentation, 640×480, {SIDE_M:g} m map, {drives[0].people:.1f} people "
-        f"followed; least of {len(drives)} drives, {guard.verdict}"
+        f"tick without segmentation, {size[0]}×{size[1]}, {SIDE_M:g} m map, "
+        f"{drives[0].people:.1f} people followed; least of {len(drives)} drives, {guard.verdict}"
     )
     for stage in drives[0].ms:
         least = np.min([drive.ms[stage] for drive in drives], axis=0)
@@ -84,7 +84,7 @@ def tick_table(ticks: int) -> Table:
     return table
 
 
-def _drive(ticks: int) -> Drive:
+def _drive(ticks: int, size: tuple[int, int]) -> Drive:
     spec = GridSpec.centred(size_m=(SIDE_M, SIDE_M), resolution_m=CELL_M)
     timer = StageTimer(time.thread_time)
     navigator = Navigator(
@@ -96,7 +96,8 @@ def _drive(ticks: int) -> Drive:
     )
     tick = timer.timed(TICK, navigator.tick)
     order = NavigationRequest(goal=(60.0, 60.0), beware=default_beware_list(), zones=())
-    forest, pose = Forest(np.random.default_rng(0)), Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
+    forest = Forest(np.random.default_rng(0), size=size)
+    pose = Pose2(x_m=-60.0, y_m=-60.0, yaw_rad=0.8)
     beside = {_CELLS: list[float](), _CONTACT: list[float]()}
     people, obstacles = 0, RecentObstacles()
     for number in range(ticks + WARM_UP):
@@ -134,8 +135,13 @@ def _unlabelled(_segmenter: Segmenter, frame: Frame, _beware: BewareList) -> Lab
 class Forest:
     """Trunks and people on a plain, and the images that a D455 takes of them."""
 
-    def __init__(self, rng: np.random.Generator, trunks: int = TRUNKS) -> None:
-        self._rng, self._lens = rng, d455_intrinsics(SIZE)
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        trunks: int = TRUNKS,
+        size: tuple[int, int] = SIZE,
+    ) -> None:
+        self._rng, self._lens = rng, d455_intrinsics(size)
         half = SIDE_M / 2 - 3
         self._trunks = np.column_stack(
             [rng.uniform(-half, half, (trunks, 2)), rng.uniform(0.1, 0.4, trunks)]

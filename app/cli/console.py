@@ -17,8 +17,11 @@ from app.cli.options import (
     ScenarioOption,
     SeedOption,
     SegmenterOptions,
+    camera_stream,
     prepare,
 )
+from navcore.errors import BadConfiguration
+from navcore.robot.camera_stream import CameraStream
 from sim.robot.odometry_grade import OdometryGrade
 
 OwnMapOption = Annotated[
@@ -37,6 +40,18 @@ OwnListOption = Annotated[
         "--beware",
         metavar="FILE.toml",
         help="Put this beware list in force at the site, as one edit; earlier lists are kept.",
+    ),
+]
+
+
+ConsoleCameraOption = Annotated[
+    str,
+    typer.Option(
+        "--camera",
+        metavar="auto|WxH[@HZ][+colour]",
+        help="Image size and rate of the simulated camera: 424x240, 640x480 or 848x480, at 10, 15, "
+        "30 or 60 images a second, e.g. 848x480@15, and +colour for a colour lens of its own; "
+        "`auto` takes 848x480 where the machine is fast enough, else 424x240.",
     ),
 ]
 
@@ -68,6 +83,7 @@ class ConsoleSettings:
         ),
     ] = None
     seed: SeedOption = 0
+    camera: ConsoleCameraOption = "auto"
     segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
     prior: PriorOption = None
     kept: OwnMapOption = None
@@ -92,7 +108,7 @@ def console(settings: ConsoleSettings) -> None:
         reserve(settings.host, settings.port) as listener,
         StartingPage(listener) as starting,
     ):
-        _check(settings)
+        camera = _check(settings)
         from app.console.application import ConsoleOptions, run_console
         from navcore.mission.beware_list import load_beware_list
 
@@ -105,7 +121,8 @@ def console(settings: ConsoleSettings) -> None:
             data=settings.data,
             site=settings.site,
             seed=settings.seed,
-            choice=settings.segmentation.choice(live=True),
+            camera=camera,
+            choice=settings.segmentation.choice(live=True, camera=camera),
             prior=settings.prior,
             kept=settings.kept,
             beware=None if settings.beware is None else load_beware_list(settings.beware),
@@ -118,8 +135,9 @@ def console(settings: ConsoleSettings) -> None:
         run_console(options, listener=listener, starting=starting)
 
 
-def _check(settings: ConsoleSettings) -> None:
-    """Refuse wrong files before anything slow is loaded."""
+def _check(settings: ConsoleSettings) -> CameraStream | None:
+    """Refuse wrong options and files before anything slow is loaded; return the camera's stream,
+    None for what this machine can follow."""
     from navcore.config.navigator import load_config
     from navcore.mission.beware_list import load_beware_list
     from sim.scenario.load import load_scenario
@@ -132,3 +150,8 @@ def _check(settings: ConsoleSettings) -> None:
         load_beware_list(settings.beware)
     if settings.kept is not None:
         prepare(settings.kept.parent)
+    if settings.recording is not None and settings.camera != "auto":
+        raise BadConfiguration(
+            "--camera is for the simulated robot; a recording has its own images"
+        )
+    return None if settings.camera == "auto" else camera_stream(settings.camera)

@@ -6,7 +6,7 @@ from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console as Terminal
@@ -63,6 +63,8 @@ class Job:
     """Number of images."""
     size: tuple[int, int]
     """Columns and rows of the images."""
+    disturbed: bool = False
+    """Whether each world has a random light."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +96,13 @@ class RenderSettings:
             help="Columns and rows of an image; several sizes take turns. 424x240 if left out.",
         ),
     ] = None
+    light: Annotated[
+        Literal["daylight", "random"],
+        typer.Option(
+            help="`random`: lamps with shadows, polished floors, wrong exposure and white balance, "
+            "and motion blur, each in about half of the worlds; the same worlds without.",
+        ),
+    ] = "daylight"
     where: EngineOptions = field(default_factory=EngineOptions)
 
 
@@ -110,12 +119,13 @@ def render(settings: RenderSettings) -> None:
         "test": settings.test,
     }
     sizes = [_size(text) for text in settings.size or ["424x240"]]
-    jobs = _jobs(counts, settings.seed, sizes)
+    disturbed = settings.light == "random"
+    jobs = _jobs(counts, settings.seed, sizes, disturbed=disturbed)
     source = {
         "made_by": "bewarenav dataset render",
         "seed": settings.seed,
         "poses_per_world": POSES_PER_WORLD,
-    }
+    } | ({"light": settings.light} if disturbed else {})
     writer = DatasetWriter(
         settings.out, class_names=BEWARE_CLASSES, units_per_m=1000.0, source=source
     )
@@ -252,7 +262,13 @@ def _summary(out: Path, train: int, valid: int, test: int) -> str:
     return f"{out}: {train} images to train, {valid} to validate and {test} to test with"
 
 
-def _jobs(counts: Mapping[Split, int], seed: int, sizes: Sequence[tuple[int, int]]) -> list[Job]:
+def _jobs(
+    counts: Mapping[Split, int],
+    seed: int,
+    sizes: Sequence[tuple[int, int]],
+    *,
+    disturbed: bool = False,
+) -> list[Job]:
     """Return the shards of every split; several sizes take turns over the shards, so that every
     split has a share of each."""
     from sim.dataset.generate import SHARDS_PER_SPLIT, shard_seed
@@ -268,6 +284,7 @@ def _jobs(counts: Mapping[Split, int], seed: int, sizes: Sequence[tuple[int, int
             seed=shard_seed(seed, split, shard),
             count=min(most, count - shard * most),
             size=sizes[shard % len(sizes)],
+            disturbed=disturbed,
         )
         for split, count in counts.items()
         for shard in range(-(-count // most))
@@ -301,6 +318,7 @@ def _render(job: Job) -> tuple[Split, list[LabelledImage]]:
         worlds=-(-job.count // POSES_PER_WORLD),
         poses_per_world=POSES_PER_WORLD,
         size=job.size,
+        disturbed=job.disturbed,
     )
     return job.split, list(images)[: job.count]
 

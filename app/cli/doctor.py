@@ -54,11 +54,13 @@ def examine() -> int:
 
 def _segmentation() -> Iterator[tuple[bool, str]]:
     """Yield the installed engines, the time of the network on each, and the one that drives."""
+    from app.runtime.start.camera_choice import choose_stream
     from app.runtime.start.engine_memory import EngineMemory
     from app.runtime.start.segmentation import compose, measure_segmenter
     from app.runtime.start.segmenter_choice import SegmenterChoice
     from navcore.config.inference import InferenceConfig
     from navcore.perception.esanet.inference.onnx_engines import is_installed
+    from navcore.robot.profile import HUSKY
 
     for package in FASTER:
         if is_installed(package):
@@ -81,6 +83,8 @@ def _segmentation() -> Iterator[tuple[bool, str]]:
     for trial in trials:
         yield trial.failure is None, f"  {trial.text()}"
     yield perception.warning is None, f"segmentation: {perception.title}"
+    camera = choose_stream(perception.image_ms, HUSKY.stream)
+    yield True, f"camera of the console, {camera.text()}"
 
 
 def _say(good: bool, text: str) -> None:

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from app.cli.options import (
     AblationOption,
     BewareOption,
+    CameraOption,
     GnssOption,
     LatencyOption,
     NavigationOption,
@@ -28,6 +29,7 @@ from app.cli.options import (
     YieldingOption,
     ZonesOption,
     beware_list,
+    camera_stream,
     point,
     prepare,
 )
@@ -67,6 +69,7 @@ class DriveSettings:
     ablation: AblationOption = Ablation.NONE
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
+    camera: CameraOption = None
     latency: LatencyOption = "live"
     yielding: YieldingOption = False
 
@@ -85,6 +88,7 @@ def drive(settings: DriveSettings) -> None:
     from navcore.robot.profile import HUSKY
     from sim.scenario.load import load_scenario
 
+    camera = camera_stream(settings.camera, HUSKY.stream)
     goals = tuple(point(text, "--goal") for text in settings.goal or [])
     files = [file for file in (settings.report, settings.kept) if file is not None]
     for folder in [*(file.parent for file in files), *([settings.plots] if settings.plots else [])]:
@@ -97,6 +101,7 @@ def drive(settings: DriveSettings) -> None:
         ablation=settings.ablation,
         odometry=settings.odometry,
         gnss=settings.gnss,
+        camera=camera,
         latency=latency_of(settings.latency),
         yielding=settings.yielding,
         max_time_s=settings.max_time,
@@ -106,7 +111,7 @@ def drive(settings: DriveSettings) -> None:
     config = None if settings.navigation is None else load_config(settings.navigation)
     tuning = DEFAULT_PERCEPTION if config is None else config.perception
     # Last, because this takes seconds, and the checks above take none.
-    perception = prepared_perception(settings.segmentation.choice(), config=tuning)
+    perception = prepared_perception(settings.segmentation.choice(camera=camera), config=tuning)
     episode = episode_of(
         task, settings.seed, robot=HUSKY, beware=beware, perception=perception, config=config
     )

@@ -13,6 +13,7 @@ import typer
 from app.cli.options import (
     AblationOption,
     BewareOption,
+    CameraOption,
     EngineOptions,
     GnssOption,
     LatencyOption,
@@ -23,9 +24,12 @@ from app.cli.options import (
     YieldingOption,
     ZonesOption,
     beware_list,
+    camera_stream,
 )
 from app.episode.ablations import Ablation
 from navcore.errors import BadConfiguration
+from navcore.robot.camera_stream import CameraStream
+from navcore.robot.profile import load_profile
 from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
@@ -35,8 +39,8 @@ if TYPE_CHECKING:
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
 PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
-TEACHING_SUITE = "teaching"
-VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, TEACHING_SUITE)
+TEACHING_SUITE, LIGHT_SUITE = "teaching", "light"
+VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, TEACHING_SUITE, LIGHT_SUITE)
 """Suites in which a camera is carried through worlds and nothing drives."""
 ENOUGH_FOUND: Mapping[str, float] = {DETECTION_SUITE: 0.95, ONE_CLICK_SUITE: 0.8}
 """Share of objects found in time at which a suite succeeds."""
@@ -55,7 +59,7 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, doors, finding, one-click, teaching, localisation and paper."
+            "crossings, doors, finding, light, localisation, one-click, paper and teaching."
         ),
     ]
     experiment: Annotated[
@@ -110,6 +114,7 @@ class EvaluateSettings:
     ablation: AblationOption = Ablation.NONE
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
+    camera: CameraOption = None
     latency: LatencyOption = "live"
     yielding: YieldingOption = False
     figures: Annotated[
@@ -117,12 +122,16 @@ class EvaluateSettings:
         typer.Option(min=0, help="Number of first episodes to draw; failed ones are always drawn."),
     ] = 1
 
+    @property
+    def stream(self) -> CameraStream:
+        """Size and rate of the camera's images."""
+        return camera_stream(self.camera, load_profile(self.robot).stream)
+
 
 def evaluate(settings: EvaluateSettings) -> None:
     """Drive many seeded episodes and print a summary; resumes an interrupted campaign."""
     from app.evaluation.barn import SUITES
     from navcore.config.navigator import load_config
-    from navcore.robot.profile import load_profile
 
     _check_options(settings, (*SUITES, CROSSINGS_SUITE, DOORS_SUITE, *VIEWING, LOCALISATION_SUITE))
     config = (
@@ -158,6 +167,8 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         return _one_click(settings)
     if settings.suite == TEACHING_SUITE:
         return _teaching(settings)
+    if settings.suite == LIGHT_SUITE:
+        return _light(settings)
     if settings.suite == LOCALISATION_SUITE:
         return _localisation(settings, config)
     return _scenario(settings, config)
@@ -192,6 +203,15 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
         raise BadConfiguration(
             "--shard, --workers and --engine are for suites of separate episodes, and "
             f"{settings.suite!r} runs as a whole"
+        )
+    if settings.camera is not None and settings.suite == LOCALISATION_SUITE:
+        raise BadConfiguration(
+            "--camera is for suites that drive or look, and 'localisation' replays recorded drives"
+        )
+    if settings.suite in VIEWING and settings.stream.rate_hz != CameraStream().rate_hz:
+        raise BadConfiguration(
+            f"--camera {settings.camera}: the suite {settings.suite!r} takes an image every "
+            "decimetre; give a size without a rate"
         )
     drives = settings.suite not in VIEWING
     if not drives and settings.navigation is not None:
@@ -234,6 +254,7 @@ def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
         config=config,
         odometry=settings.odometry,
         latency=latency_of(settings.latency),
+        camera=settings.stream,
     )
     return _is_perfect(verdict)
 
@@ -270,6 +291,7 @@ def _seeded(
         config=config,
         odometry=settings.odometry,
         latency=latency_of(settings.latency),
+        camera=settings.stream,
     )
 
 
@@ -277,8 +299,9 @@ def _detection(settings: EvaluateSettings) -> bool:
     from app.evaluation.detection import walks
     from app.runtime.start.preparation import prepared_perception
 
-    perception = prepared_perception(settings.segmentation.choice())
-    return _walked(settings, walks(perception, beware_list(settings.beware)), walks_by_default=40)
+    perception = prepared_perception(settings.segmentation.choice(camera=settings.stream))
+    suite = walks(perception, beware_list(settings.beware), settings.stream.size)
+    return _walked(settings, suite, walks_by_default=40)
 
 
 def _one_click(settings: EvaluateSettings) -> bool:
@@ -290,8 +313,26 @@ def _one_click(settings: EvaluateSettings) -> bool:
         raise BadConfiguration(
             "--beware names the classes that are known, and in the suite 'one-click' none are"
         )
-    perception = compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
-    return _walked(settings, walks(perception), walks_by_default=20)
+    choice = settings.segmentation.choice(camera=settings.stream)
+    perception = compose(choice, memory=EngineMemory.of_user())
+    return _walked(settings, walks(perception, settings.stream.size), walks_by_default=20)
+
+
+def _light(settings: EvaluateSettings) -> bool:
+    from app.evaluation.light import evaluate_light
+    from app.runtime.start.engine_memory import EngineMemory
+    from app.runtime.start.segmentation import compose
+
+    choice = settings.segmentation.choice(camera=settings.stream)
+    told = evaluate_light(
+        compose(choice, memory=EngineMemory.of_user()),
+        beware_list(settings.beware),
+        seeds=range(settings.seed, settings.seed + (settings.episodes or 12)),
+        out=_out(settings, settings.suite),
+        size=settings.stream.size,
+    )
+    needed = ENOUGH_FOUND[DETECTION_SUITE]
+    return all(one["found_in_time"] >= needed for one in told["disturbances"].values())
 
 
 def _teaching(settings: EvaluateSettings) -> bool:
@@ -357,6 +398,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         ablation=settings.ablation,
         odometry=settings.odometry,
         gnss=settings.gnss,
+        camera=settings.stream,
         latency=latency_of(settings.latency),
         yielding=settings.yielding,
         max_time_s=settings.max_time,
@@ -368,6 +410,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         "" if settings.ablation is Ablation.NONE else str(settings.ablation),
         "" if settings.odometry is OdometryGrade.TYPICAL else str(settings.odometry),
         "" if settings.gnss is None else f"gnss-{settings.gnss}",
+        "" if settings.camera is None else f"camera-{settings.stream}",
         "" if settings.latency == "live" else f"latency-{settings.latency}",
         "yielding" if settings.yielding else "",
     ]
@@ -381,7 +424,9 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         fleet=_fleet(settings),
         out=_out(settings, "-".join(filter(None, parts))),
         beware=beware_list(settings.beware, task.scenario),
-        perception=prepared_perception(settings.segmentation.choice()) if needs_segmenter else None,
+        perception=prepared_perception(settings.segmentation.choice(camera=settings.stream))
+        if needs_segmenter
+        else None,
         draw_first=settings.figures,
         config=config,
     )

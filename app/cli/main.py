@@ -17,7 +17,7 @@ from app.cli.console import console
 from app.cli.dataset import dataset_cli
 from app.cli.drive import drive
 from app.cli.evaluate import evaluate
-from app.cli.options import ScenarioOption, takes_options
+from app.cli.options import CameraOption, ScenarioOption, camera_stream, takes_options
 from app.cli.plan import plan
 from app.cli.replay import replay
 from app.cli.results import compare, merge
@@ -87,6 +87,7 @@ def bench(
     segmenter: Annotated[
         Kind, typer.Option(help="What segments the images of the part `soak`.")
     ] = "network",
+    camera: CameraOption = None,
     peers: Annotated[
         bool,
         typer.Option(
@@ -111,12 +112,20 @@ def bench(
     if against is not None:
         options = ["--scenario", scenario, "--seconds", str(seconds)]
         options += [] if maps is None else ["--maps", str(maps.resolve())]
+        options += [] if camera is None else ["--camera", camera]
         print_comparison(against, [*parts, *options])
         return
     if peers:
         install_peers()
     run_bench(
-        parts, scenario, seconds, maps=maps, ticks=ticks, samples=samples, segmenter=segmenter
+        parts,
+        scenario,
+        seconds,
+        maps=maps,
+        ticks=ticks,
+        samples=samples,
+        segmenter=segmenter,
+        camera=None if camera is None else camera_stream(camera),
     )
 
 

@@ -23,6 +23,7 @@ from app.episode.ablations import Ablation
 from app.runtime.start.segmenter_choice import Backend, Kind, SegmenterChoice
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list, load_beware_list
+from navcore.robot.camera_stream import CameraStream, stream_of
 from sim.robot.odometry_grade import OdometryGrade
 from sim.sensors.gnss_settings import GnssKind
 
@@ -76,6 +77,16 @@ SavedMapOption = Annotated[
         "--map",
         metavar="FILE",
         help="The map of an earlier session: loaded if the file exists, saved there at the end.",
+    ),
+]
+CameraOption = Annotated[
+    str | None,
+    typer.Option(
+        "--camera",
+        metavar="WxH[@HZ][+colour]",
+        help="Image size and rate of the depth camera: 424x240, 640x480 or 848x480, at 10, 15, 30 "
+        "or 60 images a second, e.g. 848x480@15, and +colour for a colour lens of its own; as in "
+        "the robot's profile when left out.",
     ),
 ]
 LatencyOption = Annotated[
@@ -147,10 +158,16 @@ class SegmenterOptions:
         ),
     ] = "auto"
 
-    def choice(self, *, live: bool = False) -> SegmenterChoice:
-        """Return the segmenter to compose; `live` where the world does not wait for it."""
+    def choice(self, *, live: bool = False, camera: CameraStream | None = None) -> SegmenterChoice:
+        """Return the segmenter to compose; `live` where the world does not wait for it. Weights of
+        the user's own may follow the image size of the camera, the shipped ones have their own."""
+        follows = camera if camera is not None and self.weights is not None else CameraStream()
         return SegmenterChoice(
-            kind=self.segmenter, weights=self.weights, engine=self.backend, live=live
+            kind=self.segmenter,
+            weights=self.weights,
+            engine=self.backend,
+            live=live,
+            camera=follows.size,
         )
 
 
@@ -238,6 +255,13 @@ def beware_list(path: Path | None, world: Scenario | None = None) -> BewareList:
     from sim.scenario.beware import starting_beware_list
 
     return default_beware_list() if world is None else starting_beware_list(world)
+
+
+def camera_stream(text: str | None, default: CameraStream | None = None) -> CameraStream:
+    """Return the stream of `--camera`, that of the profile when left out; raises
+    `BadConfiguration`."""
+    default = default or CameraStream()
+    return default if text is None else stream_of(text, default)
 
 
 def point(text: str, option: str) -> tuple[float, float]:

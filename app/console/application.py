@@ -3,7 +3,9 @@ right order."""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
+import logging
 import secrets
 import signal
 import socket
@@ -31,6 +33,7 @@ from app.runtime.fault_injection import FaultInjector
 from app.runtime.record.map_keeper import MapKeeper
 from app.runtime.record.map_persistence import load_map, names_in
 from app.runtime.record.recorder import Recorder
+from app.runtime.start.camera_choice import choose_stream
 from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.preparation import prepared_perception
 from app.runtime.start.progress_lines import (
@@ -40,6 +43,7 @@ from app.runtime.start.progress_lines import (
     announced,
     on_stderr,
 )
+from app.runtime.start.segmentation import Perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.storage.site_store import SiteStore
@@ -49,6 +53,7 @@ from navcore.config.navigator import NavigatorConfig, load_config
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.navigator import Navigator, Stages
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import HUSKY
 from navcore.warmup import warm_up
 from sim.robot.husky import husky_urdf
@@ -62,6 +67,7 @@ from web.port import reserve
 from web.server import ConsoleServer
 from web.starting import StartingPage
 
+log = logging.getLogger(__name__)
 EXPIRY_S = 1.0
 """Time between two checks of the zones' expiry, seconds."""
 SIGNAL_S = 0.5
@@ -105,6 +111,8 @@ class ConsoleOptions:
     """How good the simulated robot's odometry is."""
     gnss: GnssKind | None = None
     """GNSS receiver of the simulated robot; None for that of the world."""
+    camera: CameraStream | None = None
+    """Size and rate of the simulated camera's images; None for what this machine can follow."""
     choice: SegmenterChoice = field(default_factory=SegmenterChoice)
     """Options of the segmenter."""
     prior: Path | None = None
@@ -156,7 +164,7 @@ def console(
         with announced(WARMING_UP, say=say):
             warm_up(perception)
         with announced(STARTING_ROBOT, say=say):
-            back_end = _back_end(options, config)
+            back_end = _back_end(options, config, composed.perception)
         robot = back_end.robot
         stack.callback(robot.close)
         began_ns = robot.now_ns()
@@ -252,13 +260,18 @@ def _first_admin(store: Store) -> str | None:
     return password
 
 
-def _back_end(options: ConsoleOptions, config: NavigatorConfig) -> BackEnd:
+def _back_end(options: ConsoleOptions, config: NavigatorConfig, perception: Perception) -> BackEnd:
     if options.recording is not None:
         return recorded(options.recording, config=config, level=options.level)
+    stream = options.camera
+    if stream is None:
+        chosen = choose_stream(perception.image_ms, HUSKY.stream)
+        log.info("camera: %s", chosen.text())
+        stream = chosen.stream
     return simulated(
         options.scenario,
         seed=options.seed,
-        profile=HUSKY,
+        profile=dataclasses.replace(HUSKY, stream=stream),
         odometry=options.odometry,
         gnss=options.gnss,
     )

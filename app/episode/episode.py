@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -30,6 +30,7 @@ from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.navigator import Navigator, Stages, TickResult
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import GateDecision
@@ -38,7 +39,6 @@ from sim.referee.detections import DetectionScore
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.schema import Scenario, map_grid
 from sim.scenario.tags import given_tags
-from sim.sensors.camera import FIELD_OF_VIEW_DEG
 from sim.sensors.gnss_settings import GnssKind
 from sim.simulator import Simulator
 
@@ -89,8 +89,8 @@ class EpisodeSettings:
     """Simulated time in seconds after which the episode ends."""
     perception: Perception | None = None
     """Segmenter; None for the colour rules alone."""
-    camera_size: tuple[int, int] = (424, 240)
-    """Width and height of the camera images in pixels."""
+    camera: CameraStream | None = None
+    """Size and rate of the camera's images; None for those of the profile."""
     robot: RobotProfile = HUSKY
     """Profile of the platform."""
     randomised: bool = False
@@ -119,7 +119,8 @@ class Episode:
     def __init__(self, scenario: Scenario, settings: EpisodeSettings, *, seed: int) -> None:
         self.seed, self.zones, self.ablation = seed, settings.zones, settings.ablation
         self._max_time_s, self.latency = settings.max_time_s, settings.latency
-        zones, ablation, robot = settings.zones, settings.ablation, settings.robot
+        zones, ablation = settings.zones, settings.ablation
+        robot = replace(settings.robot, stream=settings.camera or settings.robot.stream)
         spec = map_grid(scenario)
         mission = Mission()
         for x_m, y_m in settings.goals or scenario.goals:
@@ -132,7 +133,6 @@ class Episode:
         self.simulator = Simulator(
             scenario,
             seed=seed,
-            camera_size=settings.camera_size,
             robot=robot,
             randomised=settings.randomised,
             start=settings.start,
@@ -146,7 +146,8 @@ class Episode:
         perception = settings.perception or colour_perception()
         self.inflation_m = profile.width_m / 2 + config.safety_margin_m
         """Inflation radius: distance of the robot's centre from obstacles, metres."""
-        across_rad = math.radians(FIELD_OF_VIEW_DEG[0])
+        lens = self.simulator.camera.intrinsics
+        across_rad = 2 * math.atan(lens.width / 2 / lens.fx)
         self.sensor = SensorModel(
             ahead_m=profile.camera.x_m, angle_rad=across_rad, range_m=config.points.max_range_m
         )

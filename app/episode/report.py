@@ -117,6 +117,7 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "ablation": record.ablation,
         "odometry": str(record.simulator.odometry_grade),
         "latency": record.latency,
+        "camera": str(record.simulator.profile.stream),
         "people": _manner_of(record.scenario),
         "gnss": "none" if record.simulator.gnss is None else record.simulator.gnss.kind,
         "start": list(record.scenario.start),

@@ -13,6 +13,7 @@ from app.runtime.start.segmentation import Perception
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration, BadGeometry
 from navcore.mission.beware_list import BewareList
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import RobotProfile
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.schema import Scenario
@@ -42,6 +43,8 @@ class Task:
     """How good the odometry of the robot is."""
     gnss: GnssKind | None = None
     """GNSS receiver of the robot; None for that of the scenario."""
+    camera: CameraStream | None = None
+    """Size and rate of the camera's images; None for those of the robot's profile."""
     latency: Latency = NO_LATENCY
     """Time that ticks take on the simulated clock."""
     yielding: bool = False
@@ -131,6 +134,7 @@ def episode_of(
             ),
             ablation=task.ablation,
             odometry=task.odometry,
+            camera=task.camera,
             latency=task.latency,
             gnss=task.gnss,
         ),

@@ -15,6 +15,7 @@ from app.evaluation.campaign import HERE, Campaign, Fleet, conclude, mean_of
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import RobotProfile, load_profile
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.barn import SCALES, BarnWorld, load_worlds
@@ -87,6 +88,7 @@ def evaluate_barn(
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
     latency: Latency = NO_LATENCY,
+    camera: CameraStream | None = None,
 ) -> dict[str, Any]:
     """Drive the first `count` worlds of a file, one run each; print a table, write `summary.json`.
 
@@ -111,6 +113,7 @@ def evaluate_barn(
         config=config,
         odometry=odometry,
         latency=latency,
+        camera=camera,
     )
     campaign = Campaign(
         suite=suite,
@@ -122,8 +125,9 @@ def evaluate_barn(
             seed,
             odometry,
             latency,
+            camera,
         ),
-        holds="other worlds, another robot, seed, odometry, latency or configuration",
+        holds="other worlds, another robot, seed, odometry, latency, camera or configuration",
         drive=drive,
         drive_alone=drive,
     )
@@ -166,6 +170,7 @@ def drive_world(
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
     latency: Latency = NO_LATENCY,
+    camera: CameraStream | None = None,
 ) -> dict[str, Any]:
     """Drive the world of a number once; return its report with the challenge's verdict."""
     profile = load_profile(robot)
@@ -180,6 +185,7 @@ def drive_world(
             robot=profile,
             odometry=odometry,
             latency=latency,
+            camera=camera,
         ),
         seed=seed,
     )

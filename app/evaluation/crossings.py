@@ -23,6 +23,7 @@ from app.episode.latency import NO_LATENCY, Latency
 from app.evaluation.campaign import HERE, Campaign, Fleet, conclude
 from navcore.config.navigator import NavigatorConfig
 from navcore.mission.beware_list import BewareList
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import HUSKY
 from sim.physics.pedestrians import BODY_DIAMETER_M
 from sim.robot.odometry_grade import OdometryGrade
@@ -167,6 +168,7 @@ def evaluate_crossings(
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
     latency: Latency = NO_LATENCY,
+    camera: CameraStream | None = None,
 ) -> dict[str, Any]:
     """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
     config = config or NavigatorConfig()
@@ -177,6 +179,7 @@ def evaluate_crossings(
         config=config,
         odometry=odometry,
         latency=latency,
+        camera=camera,
     )
     campaign = Campaign(
         suite=SUITE,
@@ -189,8 +192,9 @@ def evaluate_crossings(
             config,
             odometry,
             latency,
+            camera,
         ),
-        holds="another campaign, beware list, odometry, latency or time limit",
+        holds="another campaign, beware list, odometry, latency, camera or time limit",
         drive=drive,
         drive_alone=drive,
     )
@@ -212,6 +216,7 @@ def drive_crossing(
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
     latency: Latency = NO_LATENCY,
+    camera: CameraStream | None = None,
 ) -> dict[str, Any]:
     """Drive the crossing of a seed; return its report with the drawn values."""
     crossing = draw_crossing(seed)
@@ -223,6 +228,7 @@ def drive_crossing(
             config=config,
             odometry=odometry,
             latency=latency,
+            camera=camera,
         ),
         seed=seed,
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -32,12 +32,14 @@ from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone_cells import rasterise
 from navcore.perception.labels import Segmenter
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
 from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
 from sim.dataset.renderer import LABELS, PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Scene
+from sim.rendering.lighting import PLAIN, Lighting
 from sim.sensors.camera import T_BASE_CAMERA
 
 SUITE = "finding"
@@ -69,30 +71,59 @@ class ListedObject:
     """(N, 2) centres of the covered cells, metres of the map frame."""
     in_view: bool = False
     """Whether the object was seen within 4 m, first from beyond 1.5 m."""
+    first_m: float | None = None
+    """Distance at which the map first held the object, metres; None if it did not in time."""
     found_as: str | None = None
     """Class under which the map held the object in time; None if it did not."""
     closed: bool = False
     """Whether the robot has been within 1.5 m; later detections do not count."""
 
 
-def walk_of_seed(segmenter: Segmenter, beware: BewareList, seed: int) -> DetectionCounts:
-    """Drive once through the world of the test split that a seed makes; return the counts."""
+def walk_of_seed(
+    segmenter: Segmenter,
+    beware: BewareList,
+    seed: int,
+    size: tuple[int, int] = CameraStream().size,
+    *,
+    lighting: Lighting = PLAIN,
+    turn_radps: float = 0.0,
+    on_image: Callable[[Labels], None] = lambda labels: None,
+) -> DetectionCounts:
+    """Drive once through the world of the test split that a seed makes, with images of `size`
+    (columns, rows); return the counts.
+
+    The robot drives straight on; a light that blurs images does so as if it turned at `turn_radps`.
+    `on_image` is told the true labels of each image after the segmenter has seen it.
+    """
     shard = shard_seed(seed, "test", TEST_SHARD)
-    renderer = SceneRenderer(seed=shard, size=(424, 240))
+    renderer = SceneRenderer(seed=shard, size=size)
     rng = np.random.default_rng((WORLDS_PER_SHARD * shard, 2))
     scene = random_scene(rng, patterns=PATTERNS, prints=renderer.prints)
     renderer.build(scene)
-    return walk(renderer, scene, drive_poses(scene, rng), rng, segmenter, beware)
+    return walk(
+        renderer,
+        scene,
+        drive_poses(scene, rng),
+        rng,
+        segmenter,
+        beware,
+        lighting=lighting,
+        turn_radps=turn_radps,
+        on_image=on_image,
+    )
 
 
-def walks(perception: Perception, beware: BewareList) -> Walks:
-    """Return the suite of a perception."""
+def walks(
+    perception: Perception, beware: BewareList, size: tuple[int, int] = CameraStream().size
+) -> Walks:
+    """Return the suite of a perception with images of `size` (columns, rows)."""
     return Walks(
         suite=SUITE,
         names=BEWARE_CLASSES[1:],
         perception=perception,
         beware=beware,
-        walk=partial(walk_of_seed, perception.segmenter, beware),
+        size=size,
+        walk=partial(walk_of_seed, perception.segmenter, beware, size=size),
     )
 
 
@@ -105,6 +136,9 @@ def walk(
     beware: BewareList,
     *,
     labels: Container[str] = BEWARE_CLASSES[1:],
+    lighting: Lighting = PLAIN,
+    turn_radps: float = 0.0,
+    on_image: Callable[[Labels], None] = lambda labels: None,
 ) -> DetectionCounts:
     """Drive through a world that the renderer has built, and count; `labels` are the classes of the
     objects that there are to find."""
@@ -114,8 +148,11 @@ def walk(
     objects = [listed for listed in _objects(scene, spec) if listed.name in labels]
     cloud = PointMap(spec, MappingConfig())
     for number, pose in enumerate(poses):
-        frame, true_depth_m, truth = picture(renderer, scene, pose, rng, number)
+        frame, true_depth_m, truth = picture(
+            renderer, scene, pose, rng, number, lighting=lighting, turn_radps=turn_radps
+        )
         found = segmenter.segment(frame, beware)
+        on_image(truth)
         cloud.insert(observe(frame, found, beware, spec, ObservationConfig()), frame, found)
         _observe(objects, cloud, beware, frame, true_depth_m, truth)
     counts = DetectionCounts(
@@ -125,18 +162,33 @@ def walk(
         counts.seen[listed.name] += listed.in_view
         counts.found[listed.name] += listed.in_view and listed.found_as is not None
         counts.named[listed.name] += listed.in_view and listed.found_as == listed.name
+        if listed.in_view and listed.first_m is not None:
+            counts.first_m.append((listed.name, round(listed.first_m, 2)))
     return counts
 
 
 def picture(
-    renderer: SceneRenderer, scene: Scene, pose: Pose2, rng: np.random.Generator, number: int = 0
+    renderer: SceneRenderer,
+    scene: Scene,
+    pose: Pose2,
+    rng: np.random.Generator,
+    number: int = 0,
+    *,
+    lighting: Lighting = PLAIN,
+    turn_radps: float = 0.0,
 ) -> tuple[Frame, npt.NDArray[np.float32], Labels]:
     """Return the frame of a pose with the errors of the camera, its depth without them, and the
     label of every pixel."""
-    rgb, depth_m, labels = renderer.render(pose.matrix() @ T_BASE_CAMERA, scene)
+    rgb, depth_m, labels = renderer.render(pose.matrix() @ T_BASE_CAMERA, scene, lighting)
     true_depth_m = depth_m
     rgb, depth_m = apply_camera_effects(
-        rgb, depth_m, renderer.intrinsics.fx, rng, like_simulator=scene.like_simulator
+        rgb,
+        depth_m,
+        renderer.intrinsics.fx,
+        rng,
+        like_simulator=scene.like_simulator,
+        lighting=lighting,
+        turn_radps=turn_radps,
     )
     frame = Frame(
         stamp_ns=int(number * STEP_M / SPEED_MPS * 1e9),
@@ -230,6 +282,7 @@ def _observe(
                 if (layer & listed.cells).any()
             ]
             if held:
+                listed.first_m = listed.first_m or away_m
                 listed.found_as = listed.name if listed.name in held else held[0]
         listed.closed = away_m <= IN_TIME_M
 

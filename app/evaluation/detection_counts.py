@@ -19,6 +19,7 @@ from app.evaluation.summary import Interval, rate_interval
 from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.mission.beware_list import BewareList
+from navcore.robot.camera_stream import CameraStream
 
 THIN = ("book", "cable", "keyboard")
 """Classes lower than 6 cm, of which the camera sees few rows of pixels."""
@@ -40,6 +41,8 @@ class DetectionCounts:
     """Objects in view that the map held in time as their own class."""
     false: Counter[str] = field(default_factory=Counter)
     """False items, by the class on the map."""
+    first_m: list[tuple[str, float]] = field(default_factory=list)
+    """Class and distance in metres at which the map first held each object that was found."""
     walked_m: float = 0.0
     """Total length of the drives."""
     refused: tuple[str, ...] = ()
@@ -48,6 +51,7 @@ class DetectionCounts:
     def __add__(self, other: DetectionCounts) -> DetectionCounts:
         return DetectionCounts(
             **{name: getattr(self, name) + getattr(other, name) for name in COUNTERS},
+            first_m=self.first_m + other.first_m,
             walked_m=self.walked_m + other.walked_m,
             refused=self.refused + other.refused,
         )
@@ -57,6 +61,7 @@ class DetectionCounts:
         counters = {name: dict(getattr(self, name)) for name in COUNTERS}
         all_found = self.found.total() == self.seen.total()
         return counters | {
+            "first_m": [list(one) for one in self.first_m],
             "walked_m": self.walked_m,
             "refused": list(self.refused),
             "success": all_found and not self.false.total(),
@@ -67,6 +72,7 @@ class DetectionCounts:
         """Return the counts of such an object."""
         return DetectionCounts(
             **{name: Counter(report[name]) for name in COUNTERS},
+            first_m=[(name, away_m) for name, away_m in report.get("first_m", ())],
             walked_m=report["walked_m"],
             refused=tuple(report["refused"]),
         )
@@ -84,6 +90,8 @@ class Walks:
     """What finds them."""
     beware: BewareList
     """Classes that count."""
+    size: tuple[int, int] = CameraStream().size
+    """Columns and rows of the images."""
     walk: Callable[[int], DetectionCounts]
     """Returns the counts of the drive that a seed makes."""
 
@@ -100,8 +108,8 @@ class Walks:
         campaign = Campaign(
             suite=self.suite,
             key="seed",
-            rules=(self.suite, self.perception.identity, self.beware.classes),
-            holds="another suite, network or beware list",
+            rules=(self.suite, self.perception.identity, self.beware.classes, self.size),
+            holds="another suite, network, beware list or image size",
             drive=drive,
             drive_alone=drive,
         )
@@ -110,6 +118,7 @@ class Walks:
             "command": command_line(),
             "scenario": self.suite,
             "segmenter": self.perception.identity,
+            "images": list(self.size),
             "versions": sorted({report["version"] for report in reports}),
             "machines": sorted({report["machine"] for report in reports}),
             "episodes": len(reports),
@@ -133,6 +142,7 @@ def summary(drives: Sequence[DetectionCounts], names: Sequence[str]) -> dict[str
         "found_in_time": _share(found.total(), seen.total()),
         "found_in_time_ci95": _found_interval(found.total(), seen.total()),
         "found_by_class": {name: f"{found[name]}/{seen[name]}" for name in names if seen[name]},
+        "first_found_m_by_class": _first_m(total, names),
         "named_rightly": _share(total.named.total(), seen.total()),
         "false_items": total.false.total(),
         "false_items_by_class": dict(total.false),
@@ -157,10 +167,13 @@ def show(drives: Sequence[DetectionCounts], told: Mapping[str, Any], names: Sequ
         "found ≥ 1.5 m away",
         "by its name",
         "false items",
+        "first found, m",
         title="objects found in time",
     )
     for name in names:
-        table.add_row(name, *(str(getattr(total, counter)[name]) for counter in COUNTERS))
+        first_m = told["first_found_m_by_class"].get(name, "–")
+        counts = (str(getattr(total, counter)[name]) for counter in COUNTERS)
+        table.add_row(name, *counts, str(first_m))
     terminal = Terminal()
     terminal.print(table)
     least, most = told["found_in_time_ci95"]
@@ -177,6 +190,12 @@ def show(drives: Sequence[DetectionCounts], told: Mapping[str, Any], names: Sequ
     )
     for why in told["refused"]:
         terminal.print(f"no class: {why}")
+
+
+def _first_m(total: DetectionCounts, names: Sequence[str]) -> dict[str, float]:
+    """Return by class the median distance in metres at which found objects were first held."""
+    by_class = {name: [m for one, m in total.first_m if one == name] for name in names}
+    return {name: round(float(np.median(m)), 2) for name, m in by_class.items() if m}
 
 
 def _share(part: int, whole: int) -> float:

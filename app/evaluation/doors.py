@@ -25,6 +25,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import BewareList
+from navcore.robot.camera_stream import CameraStream
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
@@ -104,6 +105,7 @@ def evaluate_doors(
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
     latency: Latency = NO_LATENCY,
+    camera: CameraStream | None = None,
 ) -> dict[str, Any]:
     """Drive one passage per seed, print a table, write `summary.json`; return the summary."""
     config = config or NavigatorConfig()
@@ -114,6 +116,7 @@ def evaluate_doors(
         config=config,
         odometry=odometry,
         latency=latency,
+        camera=camera,
     )
     campaign = Campaign(
         suite=SUITE,
@@ -126,8 +129,9 @@ def evaluate_doors(
             config,
             odometry,
             latency,
+            camera,
         ),
-        holds="another campaign, beware list, odometry, latency or time limit",
+        holds="another campaign, beware list, odometry, latency, camera or time limit",
         drive=drive,
         drive_alone=drive,
     )
@@ -149,10 +153,16 @@ def drive_passage(
     config: NavigatorConfig | None = None,
     odometry: OdometryGrade = OdometryGrade.TYPICAL,
     latency: Latency = NO_LATENCY,
+    camera: CameraStream | None = None,
 ) -> dict[str, Any]:
     """Drive the passage of a seed; return its report with the drawn values."""
     settings = EpisodeSettings(
-        beware=beware, max_time_s=max_time_s, config=config, odometry=odometry, latency=latency
+        beware=beware,
+        max_time_s=max_time_s,
+        config=config,
+        odometry=odometry,
+        latency=latency,
+        camera=camera,
     )
     passage, episode = _first_clear(seed, settings)
     try:

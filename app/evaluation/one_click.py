@@ -37,6 +37,7 @@ from navcore.perception.esanet.segmenter import NetworkSegmenter
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.prototype import background_of, example_of, fitted
 from navcore.perception.region_growing import thing_at
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
 from sim.dataset.generate import shard_seed
 from sim.dataset.renderer import PATTERNS, UNSEEN_LABEL, Labels, SceneRenderer
@@ -56,9 +57,12 @@ LIST_ID = 1
 Rng = np.random.Generator
 
 
-def click_and_walk(network: NetworkSegmenter, seed: int) -> DetectionCounts:
-    """Click and walk once on the site of a seed; return the counts by kind."""
-    renderer = SceneRenderer(seed=shard_seed(seed, "test", TEST_SHARD), size=(424, 240))
+def click_and_walk(
+    network: NetworkSegmenter, seed: int, size: tuple[int, int] = CameraStream().size
+) -> DetectionCounts:
+    """Click and walk once on the site of a seed, with images of `size` (columns, rows); return the
+    counts by kind."""
+    renderer = SceneRenderer(seed=shard_seed(seed, "test", TEST_SHARD), size=size)
     rng = np.random.default_rng((seed, 25))
     site = site_of(renderer, rng, kind=list(UNSEEN_ITEMS)[seed % len(UNSEEN_ITEMS)])
     renderer.build(site.scene)
@@ -84,11 +88,13 @@ def click_and_walk(network: NetworkSegmenter, seed: int) -> DetectionCounts:
         name: Counter({site.kind: getattr(here, name)[UNSEEN]} if getattr(here, name) else {})
         for name in COUNTERS
     }
-    return DetectionCounts(**kinds, walked_m=here.walked_m, refused=refused)
+    first_m = [(site.kind, away_m) for _, away_m in here.first_m]
+    return DetectionCounts(**kinds, first_m=first_m, walked_m=here.walked_m, refused=refused)
 
 
-def walks(perception: Perception) -> Walks:
-    """Return the suite of a perception; raises `BadConfiguration` for one without features."""
+def walks(perception: Perception, size: tuple[int, int] = CameraStream().size) -> Walks:
+    """Return the suite of a perception with images of `size` (columns, rows); raises
+    `BadConfiguration` for one without features."""
     if perception.examples is None:
         raise BadConfiguration(
             f"the suite {SUITE!r} needs a network with features; {perception.title} has none"
@@ -98,7 +104,8 @@ def walks(perception: Perception) -> Walks:
         names=tuple(UNSEEN_ITEMS),
         perception=perception,
         beware=BewareList(classes=()),
-        walk=partial(click_and_walk, perception.examples),
+        size=size,
+        walk=partial(click_and_walk, perception.examples, size=size),
     )
 
 

@@ -13,6 +13,7 @@ from scipy import stats
 
 from app.episode.failure_causes import count_causes
 from navcore.errors import BadConfiguration
+from navcore.robot.camera_stream import CameraStream
 
 Report = Mapping[str, Any]
 Measure = Callable[[Report], float]
@@ -65,7 +66,10 @@ TOTALS = (
 )
 ITEM_COUNTS = ("there", "seen", "not_passed", "missed", "false")
 """Counts of the objects of a class in a report."""
-SAME = ("scenario", "robot", "segmenter", "ablation", "odometry", "gnss", "latency", "people")
+SAME = (
+    *("scenario", "robot", "segmenter", "ablation", "odometry", "gnss", "latency", "people"),
+    "camera",
+)
 """Keys whose value all episodes of a campaign share."""
 
 
@@ -218,7 +222,7 @@ def _read(folder: Path) -> dict[str, Any]:
     if isinstance(summary, dict):
         # All that earlier versions had.
         earlier = {"odometry": "ideal", "gnss": "none", "latency": "none", "people": "yield"}
-        summary = {**earlier, **summary}
+        summary = {**earlier, "camera": str(CameraStream()), **summary}
     missing = {*SAME, "episodes", "seeds", "failures", *RATES, *MEANS} - set(
         summary if isinstance(summary, dict) else ()
     )

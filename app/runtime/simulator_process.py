@@ -13,7 +13,7 @@ import multiprocessing
 import signal
 import threading
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -24,9 +24,10 @@ from navcore.config.safety import DEFAULT_SAFETY
 from navcore.errors import BewareNavError
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Pose2, Twist
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
-from navcore.robot.profile import RobotProfile
+from navcore.robot.profile import HUSKY, RobotProfile
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.sensors.gnss_settings import GnssKind
@@ -69,7 +70,7 @@ class SimulatorProcess:
         self._link, far_end = context.Pipe()
         self._process = context.Process(
             target=_serve,
-            args=(far_end, scenario, seed, str(odometry), gnss),
+            args=(far_end, scenario, seed, str(odometry), gnss, profile.stream),
             daemon=True,
             name="simulator",
         )
@@ -149,14 +150,25 @@ class SimulatorProcess:
 
 
 def _serve(
-    link: Connection, scenario: str, seed: int, odometry: str, gnss: GnssKind | None
+    link: Connection,
+    scenario: str,
+    seed: int,
+    odometry: str,
+    gnss: GnssKind | None,
+    stream: CameraStream,
 ) -> None:
     """Run the simulator in real time: send each frame, execute the messages."""
     # Ctrl-C is for the console, which sends zero and then closes the link.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     outbox = LatestMessageQueue(link, "frames")
     world = load_scenario(scenario)
-    with Simulator(world, seed=seed, odometry=odometry, gnss=gnss) as simulator:
+    with Simulator(
+        world,
+        seed=seed,
+        robot=replace(HUSKY, stream=stream),
+        odometry=odometry,
+        gnss=gnss,
+    ) as simulator:
         # Machine's clock minus simulated clock. It grows only by pauses of the world: between the
         # stamps of two frames never passes less time than in the world, even while a lag is made
         # up.
@@ -212,6 +224,7 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
         "tilt": [frame.roll_rad, frame.pitch_rad],
         "fixes": [_encoded_fix(fix, stamp_ns - frame.stamp_ns) for fix in frame.fixes],
         "stamp_ns": stamp_ns,
+        "is_part_uncoloured": frame.uncoloured is not None,
         # JSON has no infinity: a clearance that was never measured is null.
         "referee": {
             key: None if isinstance(value, float) and not math.isfinite(value) else value
@@ -220,7 +233,9 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
     }
     text = json.dumps(header).encode()
     text += b" " * (-(4 + len(text)) % 8)  # aligns the depth, as compiled code requires
-    return len(text).to_bytes(4, "little") + text + frame.depth_m.tobytes() + frame.rgb.tobytes()
+    unknown = b"" if frame.uncoloured is None else frame.uncoloured.tobytes()
+    pixels = frame.depth_m.tobytes() + frame.rgb.tobytes() + unknown
+    return len(text).to_bytes(4, "little") + text + pixels
 
 
 def _encoded_fix(fix: PositionFix, lead_ns: int) -> dict[str, Any]:
@@ -252,6 +267,9 @@ def _decode(message: bytes) -> tuple[Frame, dict[str, Any]]:
         stamp_ns=header["stamp_ns"],
         rgb=np.frombuffer(message, np.uint8, 3 * pixels, split + 4 * pixels).reshape(*shape, 3),
         depth_m=np.frombuffer(message, np.float32, pixels, split).reshape(shape),
+        uncoloured=np.frombuffer(message, np.bool_, pixels, split + 7 * pixels).reshape(shape)
+        if header["is_part_uncoloured"]
+        else None,
         intrinsics=intrinsics,
         T_base_camera=np.array(header["mount"]).reshape(4, 4),
         pose=Pose2(**header["pose"]),

@@ -96,7 +96,8 @@ class ConfidenceConfig:
     trusted_m: float = ranged(0.2, 20.0, default=4.0)
     """Depth in metres beyond which images do not count; a network may miss small objects there."""
     border_px: int = ranged(1, 200, default=8)
-    """Width in pixels of the image border that does not count; objects are cut off there."""
+    """Width in pixels of the image border that does not count, where objects are cut off; of a D455
+    at 424 × 240, the same angle in finer images."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +117,8 @@ class RaycastConfig:
     """How densely lines of sight are cast through the map."""
 
     stride_px: int = ranged(1, 64, default=4)
-    """Distance in pixels between the columns, and between the rows, that a ray is cast through."""
+    """Distance in pixels between the columns, and between the rows, that a ray is cast through; of
+    a D455 at 424 × 240, the same angle in finer images."""
     volume_stride: int = ranged(1, 64, default=3)
     """Every how many of those rays marks the explored volume, in columns and in rows."""
 

@@ -54,4 +54,5 @@ class PrototypeConfig:
     size_slack: float = ranged(1.0, 5.0, default=1.5)
     """Factor by which regions may be larger and lower than what was clicked."""
     min_region_px: int = ranged(1, 1000, default=12)
-    """Number of pixels of the camera image that a region needs."""
+    """Number of pixels of the camera image that a region needs; of a D455 at 424 × 240, the same
+    solid angle in finer images."""

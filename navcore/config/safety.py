@@ -73,7 +73,8 @@ class CollisionMonitorConfig:
     padding_aside_m: float = ranged(0.0, 0.5, default=0.01)
     """Clearance in metres kept beside the footprint; with more, narrow doors would be closed."""
     stride_px: int = ranged(1, 16, default=2)
-    """Step in pixels between the rows and columns that are evaluated."""
+    """Step in pixels between the rows and columns that are evaluated; of a D455 at 424 × 240, the
+    same angle in finer images."""
     min_points: int = ranged(1, 100, default=4)
     """Number of points that the footprint must meet before they count as an obstacle and not as
     noise."""

@@ -3,6 +3,7 @@ projection."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,6 +15,8 @@ from navcore.geometry.arrays import Floats
 
 Real = float | np.floating[Any]
 Pose = npt.NDArray[np.floating[Any]]
+REFERENCE_FOCAL_PX = 220.0
+"""Focal length in pixels of a D455 at 424 × 240, in whose pixels thresholds are stated."""
 NEAREST_M = 1e-6
 """Least depth in metres that a projection divides by."""
 
@@ -52,6 +55,20 @@ class Intrinsics:
     def pinhole(self) -> Pinhole:
         """Focal lengths and principal point for compiled kernels."""
         return Pinhole(float(self.fx), float(self.fy), float(self.cx), float(self.cy))
+
+    def length_px(self, reference_px: int) -> int:
+        """Return the length in pixels of this camera under the angle that `reference_px` pixels of
+        a D455 at 424 × 240 cover; never less than these, for what so few pixels show is noise."""
+        return max(reference_px, round(reference_px * self._finer))
+
+    def area_px(self, reference_px: int) -> int:
+        """Return the number of pixels of this camera in the solid angle of `reference_px` pixels of
+        a D455 at 424 × 240; never less than these."""
+        return max(reference_px, round(reference_px * self._finer**2))
+
+    @property
+    def _finer(self) -> float:
+        return math.sqrt(self.fx * self.fy) / REFERENCE_FOCAL_PX
 
 
 def back_project(depth_m: npt.NDArray[np.floating], intrinsics: Intrinsics) -> Floats:

@@ -84,6 +84,7 @@ def reject_flat_regions(
     `heights_m` is that of `heights_above_floor`.
     """
     keep = np.ones(class_ids.shape, dtype=np.bool_)
+    ring_px = frame.intrinsics.length_px(config.ring_px)
     for entry in beware.classes:
         if entry.min_height_m is None and entry.min_size_m is None:
             continue
@@ -95,7 +96,7 @@ def reject_flat_regions(
         )
         for name in range(1, count):
             left, top, width, height, area = (int(value) for value in boxes[name])
-            window = _window((left, top, width, height), class_ids.shape, config.ring_px)
+            window = _window((left, top, width, height), class_ids.shape, ring_px)
             region = _Region(
                 box=(left, top, width, height),
                 inside=names[window] == name,
@@ -219,7 +220,7 @@ def _is_flat(
     error_m = _height_error_m(float(np.median(region.depth_m[measured])), frame, sensor)
     if config.min_standard_errors * error_m > threshold_m:
         return False
-    side = 2 * config.ring_px + 1
+    side = 2 * frame.intrinsics.length_px(config.ring_px) + 1
     wide = cv2.dilate(region.inside.view(np.uint8), np.ones((side, side), dtype=np.uint8)) > 0
     ring = wide & ~region.inside & region.unlabelled & (region.depth_m > 0)
     if int(ring.sum()) < config.min_pixels:

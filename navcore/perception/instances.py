@@ -46,7 +46,7 @@ def detect_instances(
 ) -> tuple[Detection, ...]:
     """Return the regions that bind the robot, the largest first, without people and without regions
     of too few measured pixels."""
-    binding = labels.mask(beware)
+    binding, min_pixels = labels.mask(beware), frame.intrinsics.area_px(config.min_pixels)
     found: list[tuple[int, int, Bools]] = []
     for class_id in np.unique(labels.class_ids[binding]):
         if class_id in (NOTHING, *beware.people_ids):
@@ -57,7 +57,7 @@ def detect_instances(
         found += [
             (int(sizes[name]), int(class_id), names == name)
             for name in range(1, count)
-            if sizes[name] >= config.min_pixels
+            if sizes[name] >= min_pixels
         ]
     found.sort(key=lambda region: -region[0])
     regions = (
@@ -73,17 +73,19 @@ def _detection(
     """Return a region with its position; None when too few of its pixels are measured."""
     measured = mask & (frame.depth_m > 0) & (frame.depth_m <= config.max_range_m)
     rows, cols = np.nonzero(measured)
-    if len(rows) < config.min_pixels // 2:
+    lens = frame.intrinsics
+    if len(rows) < lens.area_px(config.min_pixels) // 2:
         return None
     depth = frame.depth_m[rows, cols].astype(np.float64)
-    points = pixel_rays(rows, cols, frame.intrinsics) * depth[:, None]
+    points = pixel_rays(rows, cols, lens) * depth[:, None]
     xy = points @ frame.T_map_camera[:2, :3].T + frame.T_map_camera[:2, 3]
     cells, counts = np.unique(
         np.floor(xy / CELL_M).astype(np.int64)[:, ::-1], axis=0, return_counts=True
     )
     # The rim of an object mixes its depth with the background: cells with few pixels do not belong
     # to it.
-    kept = cells[counts >= max(config.min_cell_pixels, config.min_cell_share * len(rows))]
+    least = lens.area_px(config.min_cell_pixels)
+    kept = cells[counts >= max(least, config.min_cell_share * len(rows))]
     x_m, y_m = np.median(xy, axis=0)
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
     return Detection(

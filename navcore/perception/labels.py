@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.geometry.arrays import Bools, FloatImage
-from navcore.mission.beware_list import BewareClass, BewareList
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.robot.frame import Frame
 
 
@@ -65,6 +65,18 @@ class Segmenter(Protocol):
 def with_full_confidence(class_ids: npt.NDArray[np.uint8]) -> Labels:
     """Return labels with a confidence of 1 everywhere."""
     return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
+
+
+def only_coloured(labels: Labels, frame: Frame) -> Labels:
+    """Return the labels without those of pixels whose colour the frame does not know; the same
+    labels where it knows all."""
+    if frame.uncoloured is None:
+        return labels
+    return Labels(
+        class_ids=np.where(frame.uncoloured, np.uint8(NOTHING), labels.class_ids),
+        confidence=labels.confidence,
+        hypotheses=tuple(only_coloured(source, frame) for source in labels.hypotheses),
+    )
 
 
 def _min_confidences(beware: BewareList) -> FloatImage:

@@ -229,7 +229,7 @@ def _discriminant(near: Floats, far: Floats, config: PrototypeConfig) -> Floats:
 
 def _regions(fits: Bools, frame: Frame, prototype: Prototype, config: PrototypeConfig) -> Bools:
     """Return the (H, W) pixels of the regions that have the size and height of a prototype."""
-    heights_m = heights_above_floor(frame)
+    heights_m, min_px = heights_above_floor(frame), frame.intrinsics.area_px(config.min_region_px)
     kept = fits & _is_near(frame, config)
     kept &= (heights_m >= config.floor_m) & (heights_m <= prototype.max_height_m)
     count, names, boxes, _ = cv2.connectedComponentsWithStats(kept.view(np.uint8), connectivity=8)
@@ -240,7 +240,7 @@ def _regions(fits: Bools, frame: Frame, prototype: Prototype, config: PrototypeC
         size_m = width * float(np.median(frame.depth_m[window][region])) / frame.intrinsics.fx
         top_m = float(np.percentile(heights_m[window][region], 95))
         is_low = top > 0 and top_m < prototype.min_height_m
-        if area < config.min_region_px or size_m > prototype.max_size_m or is_low:
+        if area < min_px or size_m > prototype.max_size_m or is_low:
             kept[window] &= ~region
     return np.asarray(kept)
 

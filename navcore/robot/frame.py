@@ -45,6 +45,9 @@ class Frame:
     pitch_rad: float = 0.0
     """Rotation of the body about its y axis in radians, positive with the front down (REP 103); of
     gravity, by the accelerometer. 0 where it is not measured."""
+    uncoloured: npt.NDArray[np.bool_] | None = None
+    """(H, W) pixels whose colour is not known, and black, because the colour lens does not see what
+    they show: no label of them counts. None where all colours are known."""
     fixes: tuple[PositionFix, ...] = ()
     """Absolute positions measured in the last second, in order of time: a reader that skips frames
     misses none, and the stamps tell which are new. In the map's frame, even before the frame is
@@ -107,6 +110,8 @@ def check_frame(frame: Frame) -> None:
         raise BadFrame(
             f"rgb is {frame.rgb.dtype} {frame.rgb.shape}, expected uint8 {(height, width, 3)}"
         )
+    if frame.uncoloured is not None and frame.uncoloured.shape != (height, width):
+        raise BadFrame(f"uncoloured has shape {frame.uncoloured.shape}, expected {(height, width)}")
     if frame.depth_m.dtype != np.float32:
         raise BadFrame(f"depth is {frame.depth_m.dtype}, expected float32 metres")
     measured, invalid = _count_depths(frame.depth_m)

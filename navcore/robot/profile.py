@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Matrix, camera_mount
+from navcore.robot.camera_stream import CameraStream
 from navcore.toml_config import from_table, ranged, read_toml
 
 
@@ -71,6 +72,8 @@ class RobotProfile:
     """Mount of the camera."""
     depth_sensor: DepthSensor = field(default_factory=DepthSensor)
     """Accuracy of the camera's depth."""
+    stream: CameraStream = field(default_factory=CameraStream)
+    """Size and rate of the camera's images."""
 
     @property
     def circumscribed_radius_m(self) -> float:

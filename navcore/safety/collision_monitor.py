@@ -71,7 +71,7 @@ def near_points(frame: Frame, config: CollisionMonitorConfig = _DEFAULT) -> Near
             frame.T_base_camera.astype(np.float32),
             frame.intrinsics.pinhole,
             limits,
-            config.stride_px,
+            frame.intrinsics.length_px(config.stride_px),
         )
     )
 

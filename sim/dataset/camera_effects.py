@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 
 from sim.dataset.patterns import smooth_noise
+from sim.rendering.lighting import PLAIN, Lighting
+from sim.sensors.exposure import expose
 from sim.sensors.stereo_noise import Depth, Rgb, StereoErrors, degrade_colour, degrade_depth
 
 SIMULATOR_ERRORS = StereoErrors()
@@ -24,10 +26,19 @@ def random_errors(rng: np.random.Generator) -> StereoErrors:
 
 
 def apply_camera_effects(
-    rgb: Rgb, depth_m: Depth, focal_px: float, rng: np.random.Generator, *, like_simulator: bool
+    rgb: Rgb,
+    depth_m: Depth,
+    focal_px: float,
+    rng: np.random.Generator,
+    *,
+    like_simulator: bool,
+    lighting: Lighting = PLAIN,
+    turn_radps: float = 0.0,
 ) -> tuple[Rgb, Depth]:
     """Return colours and depth as the camera reports them; `like_simulator` applies exactly the
-    errors of the simulator."""
+    errors of the simulator. `lighting`: settings of the colour camera, of a robot that turns at
+    `turn_radps`."""
+    rgb = expose(rgb, lighting, turn_radps * focal_px)
     errors = SIMULATOR_ERRORS if like_simulator else random_errors(rng)
     if not like_simulator:
         rgb = _blurred(_exposed(rgb, rng), rng)

@@ -21,12 +21,15 @@ from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.renderer import PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import Scene
+from sim.rendering.lighting import PLAIN, random_lighting
 from sim.sensors.stereo_noise import Rgb
 
 Split = Literal["train", "valid", "test"]
 SPLITS: tuple[Split, ...] = get_args(Split)
 WORLDS_PER_SHARD = 1000
 """Largest number of worlds of a shard; more would overlap with those of the next shard."""
+FASTEST_TURN_RADPS = 1.5
+"""Largest yaw rate in images with motion blur."""
 SHARDS_PER_SPLIT = 1000
 """Largest number of shards of a split."""
 
@@ -61,9 +64,13 @@ def render_images(
     worlds: int,
     poses_per_world: int,
     size: tuple[int, int] = (424, 240),
+    disturbed: bool = False,
 ) -> Iterator[LabelledImage]:
     """Yield images of random worlds, from `poses_per_world` poses each; the same seed
     gives the same bits. Raises `BadConfiguration`.
+
+    `disturbed`: each world has a random light and each pose a random turn, drawn beside everything
+    else, so that worlds, poses and labels are the same without.
     """
     if seed < 0 or not 0 <= worlds <= WORLDS_PER_SHARD or poses_per_world < 1:
         raise BadConfiguration(
@@ -72,19 +79,30 @@ def render_images(
         )
     scene_renderer = SceneRenderer(seed=seed, size=size)
     for i in range(worlds):
-        yield from _render_world(scene_renderer, WORLDS_PER_SHARD * seed + i, poses_per_world)
+        world_seed = WORLDS_PER_SHARD * seed + i
+        yield from _render_world(scene_renderer, world_seed, poses_per_world, disturbed=disturbed)
 
 
 def _render_world(
-    scene_renderer: SceneRenderer, world_seed: int, poses: int
+    scene_renderer: SceneRenderer, world_seed: int, poses: int, *, disturbed: bool
 ) -> Iterator[LabelledImage]:
     rng = np.random.default_rng((world_seed, 2))
     scene = random_scene(rng, patterns=PATTERNS, prints=scene_renderer.prints)
     scene_renderer.build(scene)
+    light_rng = np.random.default_rng((world_seed, 3))
+    lighting = random_lighting(light_rng) if disturbed else PLAIN
+    turns_radps = light_rng.uniform(-FASTEST_TURN_RADPS, FASTEST_TURN_RADPS, poses)
     for k in range(poses):
-        rgb, depth_m, labels = scene_renderer.render(_viewpoint(scene, rng, k), scene)
+        viewpoint = _viewpoint(scene, rng, k)
+        rgb, depth_m, labels = scene_renderer.render(viewpoint, scene, lighting)
         rgb, depth_m = apply_camera_effects(
-            rgb, depth_m, scene_renderer.intrinsics.fx, rng, like_simulator=scene.like_simulator
+            rgb,
+            depth_m,
+            scene_renderer.intrinsics.fx,
+            rng,
+            like_simulator=scene.like_simulator,
+            lighting=lighting,
+            turn_radps=float(turns_radps[k]),
         )
         depth_mm = np.round(depth_m * 1000).astype(np.uint16)
         yield LabelledImage(

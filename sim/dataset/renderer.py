@@ -17,6 +17,8 @@ from sim.models.items import ITEM_SIZES, item_shapes, item_solids
 from sim.models.person import Appearance, person_solids
 from sim.models.textures import GLOSS, PRINT_PX, Texture, print_texture, spill_texture
 from sim.physics.bodies import pose_matrix
+from sim.rendering.lamps import LampLight
+from sim.rendering.lighting import PLAIN, Lighting
 from sim.rendering.visible_world import FAR_M, VisibleWorld
 from sim.rendering.visual import flat_polygon, rectangle, solid_visuals
 from sim.sensors.camera import d455_intrinsics
@@ -46,6 +48,7 @@ class SceneRenderer:
         rng = np.random.default_rng((seed, 1))
         self.intrinsics = d455_intrinsics(size)
         self._world = VisibleWorld()
+        self._lamps: LampLight | None = None
         self._labels = np.full(2, LABELS["background"], dtype=np.uint8)
         self._patterns = [pattern(rng, outdoor=i >= PATTERNS[0]) for i in range(sum(PATTERNS))]
         self._patterns += [
@@ -82,14 +85,20 @@ class SceneRenderer:
             labels.append(solid_object.label)
         # The last entry belongs to `NO_OBJECT`.
         self._labels = np.array([LABELS[name] for name in (*labels, "background")], dtype=np.uint8)
-        self._world = world
+        self._world, self._lamps = world, None
 
-    def render(self, T_map_camera: Matrix, scene: Scene) -> tuple[Rgb, Depth, Labels]:
-        """Return colours, depth in metres and labels, all without errors."""
+    def render(
+        self, T_map_camera: Matrix, scene: Scene, lighting: Lighting = PLAIN
+    ) -> tuple[Rgb, Depth, Labels]:
+        """Return colours under a light, depth in metres and labels, all without errors of the
+        camera."""
         seen = self._world.image(T_map_camera, self.intrinsics, scene.light)
+        if self._lamps is None or self._lamps.lighting != lighting:
+            self._lamps = LampLight(self._world, lighting)
+        rgb = self._lamps.relight(seen, T_map_camera, self.intrinsics, scene.light)
         if scene.sky is not None:
-            seen.rgb[seen.depth_m > 0.98 * FAR_M] = scene.sky
-        return seen.rgb, seen.depth_m, self._labels[seen.objects]
+            rgb[seen.depth_m > 0.98 * FAR_M] = scene.sky
+        return rgb, seen.depth_m, self._labels[seen.objects]
 
     def _put_decal(self, world: VisibleWorld, decal: Decal, height_m: float) -> None:
         texture = None if decal.texture is None else self._patterns[decal.texture]

@@ -43,12 +43,15 @@ class VisibleWorld:
         self._objects: list[tuple[Visual, ...]] = []
         self._poses: list[Matrix] = []
         self._triangles: Triangles | None = None
+        self.changes = 0
+        """Number of times that an object was added or moved."""
 
     def add(self, visuals: Iterable[Visual], T_map_object: Matrix = ORIGIN) -> int:
         """Add an object and return its number."""
         self._objects.append(tuple(visuals))
         self._poses.append(np.array(T_map_object))
         self._triangles = None
+        self.changes += 1
         return len(self._objects) - 1
 
     def place(self, number: int, T_map_object: Matrix) -> None:
@@ -56,6 +59,7 @@ class VisibleWorld:
         if np.array_equal(self._poses[number], T_map_object):
             return
         self._poses[number] = np.array(T_map_object)
+        self.changes += 1
         if self._triangles is not None:
             self._triangles.place(number, T_map_object)
 

@@ -19,6 +19,7 @@ from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_s
 from sim.models.ground import Relief
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
 from sim.models.solids import Colour, Pattern, Size, Solid, facing_quaternion, quaternion
+from sim.rendering.lighting import PLAIN, Lighting
 from sim.scenario.scenery import FARTHEST_M, Room, Scatter
 from sim.scenario.tags import Tag
 from sim.sensors.faults import Fault
@@ -272,6 +273,8 @@ class Scenario:
     """Pattern that multiplies the colour of the floor."""
     relief: Relief | None = None
     """Relief of the ground; flat when left out."""
+    lighting: Lighting = PLAIN
+    """Light beyond daylight, and settings of the colour camera; nothing when left out."""
     walls: tuple[Wall, ...] = field(default=())
     """Walls of the world."""
     furniture: tuple[Furniture, ...] = field(default=())

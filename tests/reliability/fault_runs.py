@@ -23,6 +23,7 @@ from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Mission
 from navcore.navigator import Navigator, Stages
 from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause, GateDecision
@@ -32,7 +33,7 @@ from sim.scenario.schema import MapExtent, Scenario, map_grid
 from sim.sensors.faults import Fault
 from sim.simulator import Simulator
 
-CAMERA = (212, 120)
+CAMERA = CameraStream(width=212, height=120)
 """Image size of the runs: half of the usual one, because they are about stopping, not about range.
 """
 ROOM = "empty_room"
@@ -112,7 +113,7 @@ def fault_run(
         EpisodeSettings(
             beware=default_beware_list(),
             max_time_s=until_s,
-            camera_size=CAMERA,
+            camera=CAMERA,
             stages=stages or Stages(),
         ),
         seed=seed,
@@ -128,7 +129,7 @@ def fault_run(
 
 def first_frame(seed: int = 0) -> Frame:
     """Return the frame at the start of the room."""
-    with Simulator(load_scenario(ROOM), seed=seed, camera_size=CAMERA) as simulator:
+    with Simulator(load_scenario(ROOM), seed=seed, camera_size=CAMERA.size) as simulator:
         return simulator.capture()
 
 

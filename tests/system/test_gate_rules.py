@@ -35,7 +35,7 @@ def driven(
         EpisodeSettings(
             beware=beware or default_beware_list(),
             max_time_s=5.0,
-            camera_size=CAMERA,
+            camera=CAMERA,
             zones=zones,
             stages=drive_blindly(),
         ),

@@ -56,7 +56,7 @@ def driven(
         EpisodeSettings(
             beware=default_beware_list(),
             max_time_s=until_s,
-            camera_size=CAMERA,
+            camera=CAMERA,
             zones=(zone,),
             stages=Stages(localise=localise),
         ),

@@ -12,7 +12,9 @@ from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.robot.frame import Frame
 
 MAX_FRAMES = 60
-"""Largest number of frames, about 0.7 MB each at 424 × 240."""
+"""Largest number of frames."""
+MAX_PIXELS = MAX_FRAMES * 424 * 240
+"""Largest number of pixels of all frames, 7 bytes each; of finer images fewer frames are kept."""
 MAX_AGE_S = 300.0
 """Age from which a frame is forgotten, seconds."""
 STEP_M = 0.2
@@ -55,6 +57,8 @@ class RecentFrames:
             self._kept.popleft()
         if not self._kept or self._is_new(self._kept[-1], one):
             self._kept.append(one)
+            while len(self._kept) > max(1, MAX_PIXELS // frame.depth_m.size):
+                self._kept.popleft()
 
     def forget(self) -> None:
         """Forget all frames: the robot is at another site now."""

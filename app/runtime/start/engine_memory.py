@@ -121,13 +121,15 @@ def _export_version() -> str:
     return hashlib.blake2b(sources, digest_size=8).hexdigest()
 
 
-def key_of(network: str, *, live: bool, threads: int) -> str:
+def key_of(network: str, *, live: bool, threads: int, camera: tuple[int, int]) -> str:
     """Return the key of a network, by the hash of its file, on this machine with the installed
-    versions of the engines; `live` where it must keep up with real time."""
+    versions of the engines; `live` where it must keep up with real time, `camera` the columns and
+    rows of its images."""
     versions = []
     for package in PACKAGES:
         with suppress(importlib.metadata.PackageNotFoundError):
             versions.append(f"{package} {importlib.metadata.version(package)}")
     machine = f"{platform.node()}, {platform.machine()}, {os.cpu_count()} processors"
     pace = "real time" if live else "any pace"
-    return "; ".join([machine, network, f"{threads} threads, {pace}", *versions])
+    images = "images of {} × {}".format(*camera)
+    return "; ".join([machine, network, f"{threads} threads, {pace}, {images}", *versions])

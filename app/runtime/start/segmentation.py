@@ -45,8 +45,6 @@ from navcore.perception.labels import Segmenter
 log = logging.getLogger(__name__)
 Watch = Callable[[TrialStep], None]
 """Is told of each step of the trials of the engines."""
-CAMERA = Size(height=240, width=424)
-"""Image size of the simulated D455; weights without a working size of their own use the nearest."""
 RANDOM_CLASSES = 12
 """Number of classes of the network with random weights."""
 SLOWER = 2.0
@@ -75,6 +73,9 @@ class Perception:
     """Why the network does not run, for the operator; None when it does or was not asked for."""
     trials: tuple[EngineBenchmark, ...] = ()
     """Measurements of the engines, from which one was chosen."""
+    image_ms: float | None = None
+    """99th percentile of the network's time per image in milliseconds when its engine was chosen;
+    None where none was measured."""
     choice: SegmenterChoice
     """Options that give the same segmenter again, with the chosen engine."""
     examples: NetworkSegmenter | None = None
@@ -149,7 +150,7 @@ def measure_segmenter(
     weights, which takes the same time.
     """
     try:
-        file = open_network(weights or SHIPPED, camera=CAMERA)
+        file = open_network(weights or SHIPPED, camera=_camera(SegmenterChoice()))
     except BadConfiguration:
         if weights is not None:
             raise
@@ -167,9 +168,18 @@ class _Opened:
     file: NetworkFile
     engine: Inference
     trials: tuple[EngineBenchmark, ...] = ()
+    remembered_ms: float | None = None
+
+    @property
+    def image_ms(self) -> float | None:
+        """99th percentile of the time per image when the engine was chosen."""
+        names = {trial.name: trial.p99_ms for trial in self.trials if trial.failure is None}
+        return names.get(self.engine.name, self.remembered_ms)
 
 
-_Exported = tuple[SegmenterChoice, NetworkFile | None, str, tuple[EngineBenchmark, ...]]
+_Exported = tuple[
+    SegmenterChoice, NetworkFile | None, str, tuple[EngineBenchmark, ...], float | None
+]
 
 
 def _prepared_apart(
@@ -187,13 +197,12 @@ def _prepared_apart(
     key = None
     if memory is not None and choice.engine == "auto" and inference is None and path.exists():
         sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-        key = key_of(sha256, live=choice.live, threads=choice.threads)
+        key = key_of(sha256, live=choice.live, threads=choice.threads, camera=choice.camera)
         known = memory.recall(key)
         kept = memory.network(key, title=known.title, sha256=sha256) if known else None
         opened = _remembered(known, choice, kept, watch) if kept else None
         if opened is not None:
-            chosen, file, engine = opened
-            return _Opened(choice=chosen, file=file, engine=engine)
+            return opened
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(
@@ -212,14 +221,14 @@ def _prepared_apart(
         process.join()
     if isinstance(message, Exception):
         raise message
-    chosen, file, name, trials = message
+    chosen, file, name, trials, known_ms = message
     if file is None:
-        whole = open_network(path, camera=CAMERA)
+        whole = open_network(path, camera=_camera(choice))
         file = (whole.smaller() or whole) if chosen.smaller else whole
     elif memory is not None and key is not None and path.suffix != ".onnx":
         memory.keep_network(key, file.as_onnx())
     engine, _ = open_inference(file, name, threads=choice.threads)
-    return _Opened(choice=chosen, file=file, engine=engine, trials=trials)
+    return _Opened(choice=chosen, file=file, engine=engine, trials=trials, remembered_ms=known_ms)
 
 
 def _export_to(
@@ -247,11 +256,11 @@ def _exported(
     """Return what `_prepared` returns, with the ONNX file for the engine in place of the network,
     and the name of the engine in place of the engine; no file for torch, which reads its own."""
     opened = _prepared(choice, path, memory, inference, watch)
-    name, file = opened.engine.name, opened.file
-    if name.startswith("torch"):
-        return opened.choice, None, name, opened.trials
-    onnx = file.as_onnx(in_bytes=name.endswith("int8"))
-    return opened.choice, dataclasses.replace(file, network=None, onnx=onnx), name, opened.trials
+    name, file = opened.engine.name, None
+    if not name.startswith("torch"):
+        onnx = opened.file.as_onnx(in_bytes=name.endswith("int8"))
+        file = dataclasses.replace(opened.file, network=None, onnx=onnx)
+    return opened.choice, file, name, opened.trials, opened.remembered_ms
 
 
 def _prepared(
@@ -263,14 +272,13 @@ def _prepared(
 ) -> _Opened:
     """Read the network, and open the engine that was asked for, that is remembered, or that is the
     best by measurement."""
-    file = open_network(path, camera=CAMERA)
-    key = key_of(file.sha256, live=choice.live, threads=choice.threads)
+    file = open_network(path, camera=_camera(choice))
+    key = key_of(file.sha256, live=choice.live, threads=choice.threads, camera=choice.camera)
     known = None
     if memory is not None and choice.engine == "auto" and inference is None:
         known = _remembered(memory.recall(key), choice, file, watch)
     if known is not None:
-        chosen, file, engine = known
-        return _Opened(choice=chosen, file=file, engine=engine)
+        return known
     chosen, file, engine, trials = _measured(choice, file, inference or InferenceConfig(), watch)
     taken = next((trial for trial in trials if trial.name == engine.name), None)
     if memory is not None and taken is not None:
@@ -285,7 +293,7 @@ def _prepared(
 
 def _remembered(
     known: ChosenEngine | None, choice: SegmenterChoice, file: NetworkFile, watch: Watch
-) -> tuple[SegmenterChoice, NetworkFile, Inference] | None:
+) -> _Opened | None:
     """Open a remembered engine; None without one, and for one that no longer runs or has become
     too slow."""
     if known is None:
@@ -310,7 +318,12 @@ def _remembered(
             known.p99_ms,
         )
         return None
-    return dataclasses.replace(choice, smaller=smaller), file, engine
+    return _Opened(
+        choice=dataclasses.replace(choice, smaller=smaller),
+        file=file,
+        engine=engine,
+        remembered_ms=known.p99_ms,
+    )
 
 
 def _measured(
@@ -353,6 +366,7 @@ def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
         title=f"network {file.title}, {engine.name}, {_by(file.size)}",
         identity=f"network sha256 {file.sha256}, {_by(file.size)}, {precision}, with colour rules",
         trials=opened.trials,
+        image_ms=opened.image_ms,
         choice=dataclasses.replace(opened.choice, kind="network", engine=engine.name),
         examples=network.for_another_thread() if network.identity else None,
     )
@@ -371,10 +385,15 @@ def _random_network() -> NetworkFile:
         title="r18-nbt1d × 0.5 with RANDOM weights (none ship)",
         class_names=tuple(f"class {number}" for number in range(RANDOM_CLASSES)),
         depth=NYUV2_DEPTH,
-        size=nearest_size(CAMERA),
+        size=nearest_size(_camera(SegmenterChoice())),
         sha256="0" * 64,
         network=network,
     )
+
+
+def _camera(choice: SegmenterChoice) -> Size:
+    width, height = choice.camera
+    return Size(height=height, width=width)
 
 
 def _by(size: Size) -> str:

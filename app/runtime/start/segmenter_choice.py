@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from navcore.robot.camera_stream import CameraStream
+
 Kind = Literal["auto", "network", "colour"]
 Backend = Literal["auto", "torch", "onnxruntime", "openvino", "openvino-bf16", "openvino-int8"]
 
@@ -26,5 +28,8 @@ class SegmenterChoice:
     """Whether it must keep up with real time: smaller images if no engine is fast enough."""
     smaller: bool = False
     """Whether smaller images than in training are used; chosen by measuring, as the engine."""
+    camera: tuple[int, int] = CameraStream().size
+    """Columns and rows of the camera's images; weights without a working size of their own use the
+    nearest one."""
     threads: int = 2
     """Number of CPU threads of the engine."""

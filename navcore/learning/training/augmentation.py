@@ -8,6 +8,7 @@ import numpy as np
 
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray, RgbArray
+from navcore.learning.data.photometry import NEUTRAL_K, exposed, motion_blurred
 from navcore.learning.training.recipe import Augmentation
 from navcore.perception.esanet.network.preprocess import Size
 
@@ -38,8 +39,26 @@ def augmented(
         row, col = _window_on_class(sample.labels, scaled, window, random)
     cut = cropped(resized(sample, scaled), row, col, window)
     tinted_rgb = cut.rgb if (factors == 1.0).all() else tinted(cut.rgb, factors)
-    varied = Sample(rgb=tinted_rgb, depth=cut.depth, labels=cut.labels)
+    rgb = _in_other_light(tinted_rgb, scaled.width, changes, random)
+    varied = Sample(rgb=rgb, depth=cut.depth, labels=cut.labels)
     return flipped(varied) if mirrored else varied
+
+
+def _in_other_light(
+    rgb: RgbArray, width_px: int, changes: Augmentation, random: np.random.Generator
+) -> RgbArray:
+    """Return colours with a random exposure, white balance and motion blur; draws nothing for what
+    does not vary, so that earlier recipes give the same images. `width_px`: width of the whole
+    image, of which the colours may be a window."""
+    if changes.blur != (0.0, 0.0):
+        rgb = motion_blurred(rgb, width_px * random.uniform(*changes.blur))
+    light, white_k = 1.0, NEUTRAL_K
+    if changes.exposure != (1.0, 1.0):
+        light = float(np.exp(random.uniform(*np.log(changes.exposure))))
+    if changes.white_k != (NEUTRAL_K, NEUTRAL_K):
+        low, high = changes.white_k  # even steps of what is seen: of the reciprocal
+        white_k = 1 / random.uniform(1 / high, 1 / low)
+    return rgb if (light, white_k) == (1.0, NEUTRAL_K) else exposed(rgb, light, white_k)
 
 
 def _window_on_class(

@@ -16,6 +16,7 @@ from typing import Literal
 
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import DatasetCard
+from navcore.learning.data.photometry import NEUTRAL_K
 from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import Size, check_size
 from navcore.perception.esanet.network.variants import stem_channels, variant_named
@@ -27,6 +28,9 @@ WARM_SHARE, START_DIVISOR, END_DIVISOR = 0.1, 25.0, 1e4
 """One-cycle schedule: share of the warm-up steps, and divisors of the largest rate at both ends."""
 MOMENTUM, LEAST_MOMENTUM, CONSTANT_MOMENTUM = 0.95, 0.85, 0.9
 """Range of the momentum, which runs against the learning rate; and the momentum without a cycle."""
+
+ADDED_AUGMENTATIONS = ("exposure", "white_k", "blur")
+"""Fields that earlier versions did not have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +48,16 @@ class Augmentation:
     """Share of the images that are cropped around a pixel of a random class, preferring small
     classes."""
 
+    exposure: tuple[float, float] = ranged(0.02, 50.0, default=(1.0, 1.0))
+    """Range of the amount of light relative to that of the image, drawn on a logarithmic scale."""
+    white_k: tuple[float, float] = ranged(2000.0, 15_000.0, default=(NEUTRAL_K, NEUTRAL_K))
+    """Range of the colour temperature of the light in kelvin that the camera takes for neutral."""
+    blur: tuple[float, float] = ranged(0.0, 0.2, default=(0.0, 0.0))
+    """Range of the motion across the columns during the exposure, as a share of the width."""
+
     def __post_init__(self) -> None:
-        for name, (low, high) in (("scale", self.scale), ("hsv", self.hsv)):
+        for name in ("scale", "hsv", "exposure", "white_k", "blur"):
+            low, high = getattr(self, name)
             if low > high:
                 raise BadConfiguration(
                     f"augmentation.{name}: from {low:g} to {high:g}; expected the smaller one first"
@@ -121,13 +133,12 @@ class Recipe:
         Only values that differ from the defaults are hashed, so that a setting added later does not
         change the identity of old runs.
         """
-        defaults = dataclasses.asdict(Recipe())
+        defaults, own = dataclasses.asdict(Recipe()), dataclasses.asdict(self)
+        for name in ADDED_AUGMENTATIONS:
+            if own["augmentation"][name] == defaults["augmentation"].pop(name):
+                del own["augmentation"][name]
         content: dict[str, object] = {
-            "recipe": {
-                key: value
-                for key, value in dataclasses.asdict(self).items()
-                if value != defaults[key]
-            },
+            "recipe": {key: value for key, value in own.items() if value != defaults[key]},
             "data": dataclasses.asdict(card),
         }
         if start is not None:

@@ -59,7 +59,7 @@ def cast_rays(
         resolution_m=spec.resolution_m,
         max_range_m=rules.max_range_m,
         ceiling_m=rules.ceiling_m,
-        stride_px=density.stride_px,
+        stride_px=frame.intrinsics.length_px(density.stride_px),
         volume_stride=density.volume_stride,
     )
     t, lens = frame.T_map_camera, frame.intrinsics.pinhole

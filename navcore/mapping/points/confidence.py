@@ -83,7 +83,7 @@ def update_confidence(
         clearing,
         _LogOdds(config.claim_share, config.miss, config.least, config.most),
         config.trusted_m,
-        config.border_px,
+        frame.intrinsics.length_px(config.border_px),
     )
 
 

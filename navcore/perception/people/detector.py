@@ -110,7 +110,7 @@ class PersonDetector:
             inner,
             origin,
             now_s,
-            (config.min_pixels, config.fixed_s, config.fresh_s),
+            (lens.area_px(config.min_pixels), config.fixed_s, config.fresh_s),
             self._memory,
             kinds,
         )

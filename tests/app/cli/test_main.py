@@ -86,6 +86,14 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "finding", "--odometry", "poor"), "--odometry"),
         (("evaluate", "finding", "--latency", "none"), "--latency"),
         (("evaluate", "crossings", "--yielding"), "suite of its own"),
+        (("evaluate", "office", "--camera", "640x360"), "camera '640x360': expected one of"),
+        (("evaluate", "finding", "--camera", "@15"), "without a rate"),
+        (("evaluate", "light", "--segmenter", "colour"), "needs a network"),
+        (("evaluate", "light", "--workers", "2"), "runs as a whole"),
+        (("evaluate", "localisation", "--camera", "848x480"), "--camera"),
+        (("drive", "--camera", "848x480@25"), "one of 10, 15, 30, 60"),
+        (("console", "--camera", "large"), "camera 'large'"),
+        (("bench", "tick", "--camera", "12x12"), "camera '12x12'"),
         (("evaluate", "office", "--latency", "-5"), "--latency '-5'"),
         (("drive", "--latency", "fast"), "--latency 'fast'"),
         (("evaluate", "office", "--ablation", "no-zones"), "--zones"),
@@ -202,6 +210,8 @@ def test_a_drive_writes_its_report_and_plots_and_ends_with_0(tmp_path: Path) -> 
         "empty_room",
         "--seed",
         "1",
+        "--camera",
+        "848x480@15",
         "--report",
         str(report),
         "--plots",
@@ -213,7 +223,9 @@ def test_a_drive_writes_its_report_and_plots_and_ends_with_0(tmp_path: Path) -> 
     )
     assert answer.returncode == 0, answer.stderr
     assert "1 of 1 goals" in answer.stdout
-    assert json.loads(report.read_text())["success"] is True
+    said = json.loads(report.read_text())
+    assert said["success"] is True
+    assert said["camera"] == "848x480@15"
     names = ("frames", "progress", "top_view")
     assert sorted(path.name for path in plots.iterdir()) == [
         f"{name}.{kind}" for name in names for kind in ("png", "svg")

@@ -11,6 +11,7 @@ from app.episode import episode as episode_module
 from app.episode.episode import Episode, EpisodeSettings
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import BewareList, default_beware_list
+from navcore.robot.camera_stream import CameraStream
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
@@ -132,7 +133,7 @@ def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_n
             beware=default_beware_list(),
             goals=((0.5, -2.4),),
             max_time_s=600.0,
-            camera_size=(212, 120),  # enough to see a box
+            camera=CameraStream(width=212, height=120),  # enough to see a box
         ),
         seed=0,
     )

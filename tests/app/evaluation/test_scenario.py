@@ -162,6 +162,7 @@ def made_up(seed: int, **changes: Any) -> dict[str, Any]:
         "gnss": "none",
         "latency": "none",
         "people": "none",
+        "camera": "424x240@10",
         "seed": seed,
         "success": True,
         "goals": [[0.0, 0.0]],

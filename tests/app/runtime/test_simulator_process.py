@@ -114,10 +114,12 @@ def test_roll_pitch_and_fixes_cross_the_link_with_stamps_of_the_machine() -> Non
         twist=AHEAD,
         roll_rad=0.1,
         pitch_rad=-0.05,
+        uncoloured=np.arange(8).reshape(2, 4) % 3 == 0,
         fixes=fixes,
     )
     got, _ = _decode(_encode(sent, 5000, {}))
     assert (got.roll_rad, got.pitch_rad, got.stamp_ns) == (0.1, -0.05, 5000)
+    np.testing.assert_array_equal(got.uncoloured, sent.uncoloured)
     for before, after in zip(fixes, got.fixes, strict=True):
         assert after.stamp_ns == before.stamp_ns + 4000
         assert np.array_equal(after.covariance, before.covariance)

@@ -25,6 +25,7 @@ from tests.navcore.laws import law
 
 LENS = Intrinsics(width=16, height=12, fx=9.5, fy=8.5, cx=7.3, cy=5.1)
 MOUNT = camera_mount(x_m=0.3, y_m=0.0, z_m=0.6, pitch_down_rad=0.25)
+FINE = Intrinsics(width=848, height=480, fx=440.0, fy=440.0, cx=423.5, cy=239.5)
 ROWS, COLS = np.mgrid[0 : LENS.height, 0 : LENS.width]
 
 
@@ -74,3 +75,10 @@ def test_a_point_behind_the_camera_has_no_pixel() -> None:
     pixels = project(np.array([[0.1, 0.2, -1.0], [0.1, 0.2, 0.0], [0.0, 0.0, 2.0]]), LENS)
     assert np.isnan(pixels[:2]).all()
     np.testing.assert_array_equal(pixels[2], [LENS.cx, LENS.cy])
+
+
+def test_thresholds_cover_the_same_angle_in_finer_images_and_as_many_pixels_in_coarse_ones() -> (
+    None
+):
+    assert (FINE.length_px(5), FINE.area_px(12)) == (10, 48)
+    assert (LENS.length_px(5), LENS.area_px(12)) == (5, 12)

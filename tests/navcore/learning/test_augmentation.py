@@ -160,3 +160,22 @@ def test_a_focus_on_a_picture_without_labels_is_any_crop() -> None:
         crop=Size(height=32, width=32),
     )
     assert crop.labels.shape == (32, 32)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        Augmentation(scale=(1.0, 1.0), hsv=(1.0, 1.0), flip=0.0, exposure=(0.2, 0.5)),
+        Augmentation(scale=(1.0, 1.0), hsv=(1.0, 1.0), flip=0.0, white_k=(2800.0, 3500.0)),
+        Augmentation(scale=(1.0, 1.0), hsv=(1.0, 1.0), flip=0.0, blur=(0.03, 0.05)),
+    ],
+    ids=["exposure", "white balance", "blur"],
+)
+def test_other_light_changes_the_colours_alone(other: Augmentation) -> None:
+    made = sample(3, height=100, width=90)
+    plain = augmented(made, SIZE, STILL, np.random.default_rng(0))
+    lit, again = (augmented(made, SIZE, other, np.random.default_rng(0)) for _ in range(2))
+    np.testing.assert_array_equal(lit.rgb, again.rgb)
+    assert (np.abs(lit.rgb.astype(int) - plain.rgb).max(axis=2) > 3).mean() > 0.2
+    np.testing.assert_array_equal(lit.depth, plain.depth)
+    np.testing.assert_array_equal(lit.labels, plain.labels)

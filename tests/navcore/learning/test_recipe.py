@@ -10,10 +10,18 @@ import torch
 
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import DatasetCard
-from navcore.learning.training.recipe import Recipe, learning_rate, load_recipe, momentum
+from navcore.learning.training.recipe import (
+    Augmentation,
+    Recipe,
+    learning_rate,
+    load_recipe,
+    momentum,
+)
 from navcore.perception.esanet.network.preprocess import DepthStatistics
 
 CARD = DatasetCard(class_names=("a",), depth=DepthStatistics(mean=1.0, std=1.0, units_per_m=1.0))
+
+EARLIER = "e60350b8873753ec5b0156130acd5ffc4a30a4ee03f1678fc42b09e8896c4a96"
 
 
 @pytest.mark.parametrize("epochs", [11, 20, 60, 500])
@@ -98,3 +106,11 @@ def test_the_identity_tells_runs_apart() -> None:
     assert Recipe(seed=0).identity(CARD) == Recipe().identity(CARD)
     other = DatasetCard(class_names=("b",), depth=CARD.depth)
     assert Recipe().identity(other) != Recipe().identity(CARD)
+
+
+def test_changes_of_light_make_another_run_and_their_absence_none() -> None:
+    own = Recipe(augmentation=Augmentation(focus=0.5))
+    lit = Recipe(augmentation=Augmentation(focus=0.5, blur=(0.0, 0.03)))
+    assert lit.identity(CARD) != own.identity(CARD)
+    # What a version without changes of light said.
+    assert own.identity(CARD) == EARLIER

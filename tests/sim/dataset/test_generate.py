@@ -208,3 +208,22 @@ def test_floors_have_their_patterns_and_prints_differ_among_many_objects(
     assert max(image[near].astype(float).std(axis=(0, 1)).max() for image in patterned) > 4
     prints = [shot(scene(objects=crowd, posters=(poster(i),))) for i in (0, 30)]
     assert all((a != b).any(axis=2).sum() > 100 for a, b in pairwise(prints))
+
+
+def test_a_random_light_changes_the_colours_of_the_same_worlds_alone() -> None:
+    def rendered(*, disturbed: bool) -> list[LabelledImage]:
+        return list(
+            render_images(seed=4, worlds=6, poses_per_world=1, size=SMALL, disturbed=disturbed)
+        )
+
+    plain, lit, again = (rendered(disturbed=on) for on in (False, True, True))
+    for one, two, three in zip(plain, lit, again, strict=True):
+        assert one.name == two.name
+        np.testing.assert_array_equal(one.labels, two.labels)
+        np.testing.assert_array_equal(one.depth_mm, two.depth_mm)
+        np.testing.assert_array_equal(two.rgb, three.rgb)
+    changed = [
+        (np.abs(one.rgb.astype(int) - two.rgb).max(axis=2) > 8).mean() > 0.1
+        for one, two in zip(plain, lit, strict=True)
+    ]
+    assert sum(changed) >= len(changed) / 2, "each disturbance is in half of the worlds"

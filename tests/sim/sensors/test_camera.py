@@ -5,17 +5,21 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from navcore.errors import BadConfiguration
 from navcore.geometry.camera import back_project
 from navcore.geometry.transform import Matrix, Pose2, transform_points
+from navcore.robot.camera_stream import SIZES, CameraStream
 from navcore.robot.frame import check_frame
 from navcore.robot.profile import HUSKY, RobotProfile, load_profile
 from sim.bullet import pybullet
-from sim.scenario.load import load_scenario
+from sim.rendering.lighting import Lighting
+from sim.scenario.load import WORLDS, load_scenario
 from sim.scenario.schema import Furniture, Marking
 from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 from sim.sensors.stereo_noise import PERFECT, StereoErrors, degrade_depth
@@ -35,6 +39,29 @@ def test_the_lens_has_the_d455s_field_of_view() -> None:
     assert 2 * math.degrees(math.atan(212 / lens.fx)) == pytest.approx(87)
     assert 2 * math.degrees(math.atan(120 / lens.fy)) == pytest.approx(58)
     assert (lens.cx, lens.cy) == (211.5, 119.5)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_pixels_are_nearly_square_and_thresholds_those_of_the_smallest_image(
+    size: tuple[int, int],
+) -> None:
+    lens = d455_intrinsics(size)
+    assert lens.fx == pytest.approx(lens.fy, rel=0.05), "4:3 is cut out of the imager, not pressed"
+    assert lens.length_px(8) == round(8 * lens.fx / d455_intrinsics(SIZES[0]).fx)
+
+
+def test_the_camera_takes_images_of_the_profiles_size_and_rate() -> None:
+    stream = CameraStream(width=640, height=480, rate_hz=30.0)
+    robot = dataclasses.replace(HUSKY, stream=stream)
+    stamps = set()
+    with Simulator(open_floor(), seed=0, robot=robot) as simulator:
+        while simulator.now_ns() < 0.2e9:
+            simulator.step()
+            frame = simulator.newest_frame()
+            stamps.add(None if frame is None else frame.stamp_ns)
+    assert frame is not None
+    assert frame.rgb.shape == (480, 640, 3) and frame.depth_m.shape == (480, 640)
+    assert len(stamps) == 7
 
 
 def test_back_projected_pixels_lie_where_the_world_is() -> None:
@@ -185,3 +212,38 @@ def test_nothing_in_the_office_but_floor_book_and_cup_is_saturated() -> None:
                 rgb = simulator.camera.image(pose).rgb
                 hsv = np.asarray(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2HSV))
                 assert hsv[..., 1].max() < 0.52 * 255
+
+
+@pytest.mark.parametrize(
+    ("lighting", "blurs"),
+    [
+        (Lighting(lamp_spacing_m=3.0, polish=0.5), False),
+        (Lighting(exposure=0.3, white_k=3000.0), False),
+        (Lighting(exposure_ms=40.0), True),
+    ],
+    ids=["lamps", "exposure", "blur"],
+)
+def test_the_light_of_a_world_changes_colours_alone_and_blur_needs_a_turn(
+    lighting: Lighting, blurs: bool
+) -> None:
+    plain = open_floor(furniture=(BOX,))
+    lit = dataclasses.replace(plain, lighting=lighting)
+    for turn_radps in (0.0, 1.0):
+        frames = []
+        for scenario in (plain, lit):
+            with seeing(scenario) as simulator:
+                frames.append(simulator.camera.capture(simulator.true_pose(), turn_radps))
+        own, other = frames
+        np.testing.assert_array_equal(own.depth_m, other.depth_m)
+        changed = (np.abs(own.rgb.astype(int) - other.rgb).max(axis=2) > 8).mean()
+        assert (changed > 0.005) == (turn_radps > 0.0 or not blurs)
+
+
+def test_a_world_file_names_its_light(tmp_path: Path) -> None:
+    file = tmp_path / "dim.toml"
+    text = (WORLDS / "empty_room.toml").read_text(encoding="utf-8")
+    file.write_text(text + "\n[lighting]\nexposure = 0.4\npolish = 0.3\n", encoding="utf-8")
+    assert load_scenario(str(file)).lighting == Lighting(exposure=0.4, polish=0.3)
+    file.write_text(text + "\n[lighting]\nexposure = 0\n", encoding="utf-8")
+    with pytest.raises(BadConfiguration, match="exposure"):
+        load_scenario(str(file))

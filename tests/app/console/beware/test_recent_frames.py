@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from app.console.beware.recent_frames import MAX_AGE_S, MAX_FRAMES, STANDING_S, STEP_M, RecentFrames
 from navcore.geometry.transform import IDENTITY, Pose2
 from tests.navcore.scene import picture
@@ -23,6 +25,17 @@ def test_a_robot_that_drives_fast_leaves_no_more_than_the_largest_number_of_fram
     frames = noted(5 * MAX_FRAMES, step_m=2 * STEP_M, period_s=0.1)
     assert len(frames.all) == MAX_FRAMES
     assert frames.newest is frames.all[0]
+
+
+def test_of_finer_images_fewer_are_kept_in_the_same_memory() -> None:
+    frames, fine = (
+        RecentFrames(),
+        dataclasses.replace(picture(), depth_m=np.ones((480, 848), np.float32)),
+    )
+    for number in range(3 * MAX_FRAMES):
+        pose = Pose2(x_m=number * STEP_M, y_m=0.0, yaw_rad=0.0)
+        frames.note(dataclasses.replace(fine, pose=pose), 0, IDENTITY)
+    assert len(frames.kept) == MAX_FRAMES // 4
 
 
 def test_a_robot_that_stands_leaves_a_frame_now_and_then_and_forgets_those_of_minutes_ago() -> None:

@@ -15,7 +15,7 @@ import torch
 
 from app.runtime.start import segmentation
 from app.runtime.start.engine_memory import ChosenEngine, EngineMemory, key_of
-from app.runtime.start.segmentation import CAMERA, colour_perception, compose, measure_segmenter
+from app.runtime.start.segmentation import colour_perception, compose, measure_segmenter
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from navcore.config.inference import InferenceConfig
 from navcore.errors import BadConfiguration
@@ -25,7 +25,7 @@ from navcore.perception.esanet import build
 from navcore.perception.esanet.inference import selection
 from navcore.perception.esanet.inference.network_file import open_network
 from navcore.perception.esanet.inference.selection import EngineBenchmark, TrialStep, open_inference
-from navcore.perception.esanet.network.preprocess import DepthStatistics
+from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
 from navcore.perception.esanet.weights.weights_file import WeightsCard, save
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import LabelSource
@@ -194,7 +194,6 @@ def test_engines_are_measured_with_the_given_weights_or_with_random_ones_as_the_
     assert "RANDOM" in measure_segmenter()[0]
     with pytest.raises(BadConfiguration):
         measure_segmenter(tmp_path / "none.safetensors")
-    assert (CAMERA.height, CAMERA.width) == (240, 424)
 
 
 @pytest.mark.usefixtures("torch_alone")
@@ -221,7 +220,7 @@ def test_a_machine_too_slow_for_the_size_it_was_trained_at_gives_the_network_sma
 def test_one_slow_engine_beside_a_quick_one_makes_no_image_smaller(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file = open_network(weights(tmp_path), camera=CAMERA)
+    file = open_network(weights(tmp_path), camera=Size(height=240, width=424))
     engine, _ = open_inference(file, "torch", threads=1)
     trials = tuple(
         EngineBenchmark(name=f"{name} f32", p50_ms=ms, is_accurate=True)
@@ -231,6 +230,14 @@ def test_one_slow_engine_beside_a_quick_one_makes_no_image_smaller(
         "app.runtime.start.segmentation.open_inference", lambda *_, **__: (engine, trials)
     )
     assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), live=True)).title
+
+
+@pytest.mark.usefixtures("torch_alone")
+def test_weights_without_a_size_of_their_own_take_the_one_nearest_to_the_cameras(
+    tmp_path: Path,
+) -> None:
+    choice = SegmenterChoice(weights=weights(tmp_path), threads=1, camera=(640, 480))
+    assert "640 × 480" in compose(choice).title
 
 
 @pytest.mark.usefixtures("torch_alone")
@@ -245,6 +252,7 @@ def test_the_chosen_engine_is_remembered_and_measured_again_only_on_request_or_w
     assert first.trials
     again = compose(choice, memory=EngineMemory(tmp_path / "cache" / "engines.json"))
     assert (again.title, again.trials) == (first.title, ())
+    assert first.image_ms == again.image_ms is not None, "the time it was chosen with"
     asked = compose(choice, memory=memory, inference=InferenceConfig(trial_s=0.0))
     assert asked.trials
     other = compose(SegmenterChoice(weights=weights(tmp_path, 1), threads=1), memory=memory)
@@ -268,7 +276,12 @@ def test_smaller_images_are_remembered_and_an_engine_that_is_gone_is_replaced(
         assert "320 × 192" in compose(choice, memory=memory).title
     again = compose(choice, memory=memory)
     assert "320 × 192" in again.title and not again.trials
-    key = key_of(open_network(weights(tmp_path), camera=CAMERA).sha256, live=True, threads=1)
+    key = key_of(
+        open_network(weights(tmp_path), camera=Size(height=240, width=424)).sha256,
+        live=True,
+        threads=1,
+        camera=(424, 240),
+    )
     memory.remember(key, ChosenEngine(name="absent f32", p99_ms=1.0, smaller=False))
     assert compose(choice, memory=memory).trials
     assert "absent f32 does not run any more" in caplog.text
@@ -297,7 +310,9 @@ def test_a_later_start_opens_the_exported_network_without_torch_and_labels_alike
     pytest.importorskip("onnx")
     memory, path = EngineMemory(tmp_path / "memory" / "engines.json"), weights(tmp_path)
     choice = SegmenterChoice(weights=path, threads=1)
-    key = key_of(hashlib.sha256(path.read_bytes()).hexdigest(), live=False, threads=1)
+    key = key_of(
+        hashlib.sha256(path.read_bytes()).hexdigest(), live=False, threads=1, camera=(424, 240)
+    )
     engine = ChosenEngine(
         name="onnxruntime f32", p99_ms=1e6, smaller=False, title="r18-nbt1d × 0.125"
     )
