@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
 PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
-LIGHT_SUITE = "light"
-VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE)
+LIGHT_SUITE, TEACHING_SUITE = "light", "teaching"
+VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE, TEACHING_SUITE)
 """Suites in which a camera is carried through worlds and nothing drives."""
 ENOUGH_FOUND: Mapping[str, float] = {DETECTION_SUITE: 0.95, ONE_CLICK_SUITE: 0.8}
 """Share of objects found in time at which a suite succeeds."""
@@ -59,7 +59,7 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, doors, finding, light, localisation, one-click and paper."
+            "crossings, doors, finding, light, localisation, one-click, teaching and paper."
         ),
     ]
     experiment: Annotated[
@@ -167,6 +167,8 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         return _one_click(settings)
     if settings.suite == LIGHT_SUITE:
         return _light(settings)
+    if settings.suite == TEACHING_SUITE:
+        return _teaching(settings)
     if settings.suite == LOCALISATION_SUITE:
         return _localisation(settings, config)
     return _scenario(settings, config)
@@ -202,9 +204,9 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             "--shard, --workers and --engine are for suites of separate episodes, and "
             f"{settings.suite!r} runs as a whole"
         )
-    if settings.camera is not None and settings.suite == LOCALISATION_SUITE:
+    if settings.camera is not None and settings.suite in (LOCALISATION_SUITE, TEACHING_SUITE):
         raise BadConfiguration(
-            "--camera is for suites that drive or look, and 'localisation' replays recorded drives"
+            f"--camera is not for the suite {settings.suite!r}: its images have a size of their own"
         )
     if settings.suite in VIEWING and settings.stream.rate_hz != CameraStream().rate_hz:
         raise BadConfiguration(
@@ -331,6 +333,22 @@ def _light(settings: EvaluateSettings) -> bool:
     )
     needed = ENOUGH_FOUND[DETECTION_SUITE]
     return all(one["found_in_time"] >= needed for one in told["disturbances"].values())
+
+
+def _teaching(settings: EvaluateSettings) -> bool:
+    from app.evaluation.teaching import evaluate_teaching
+    from navcore.perception.esanet.inference.network_file import SHIPPED
+
+    if settings.beware is not None:
+        raise BadConfiguration(
+            "--beware names the classes that are known; the suite 'teaching' knows the network's"
+        )
+    seeds = range(settings.seed, settings.seed + (settings.episodes or 16))
+    return evaluate_teaching(
+        settings.segmentation.choice().weights or SHIPPED,
+        seeds,
+        out=_out(settings, TEACHING_SUITE),
+    )
 
 
 def _walked(settings: EvaluateSettings, walks: Walks, *, walks_by_default: int) -> bool:

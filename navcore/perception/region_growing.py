@@ -197,7 +197,7 @@ def _footprint(points_map: Floats, config: RegionGrowingConfig) -> Corners:
     xy, cell_m = points_map[good, :2], config.cell_m
     if len(xy) < config.min_pixels:
         raise BadGeometry(
-            f"only {len(xy)} pixels of the object have a distance, {config.min_pixels} are needed; "
+            f"too little of the object has a distance, {len(xy)} of {config.min_pixels} pixels; "
             "drive nearer"
         )
     low = xy.min(axis=0) - 3 * cell_m

@@ -115,7 +115,7 @@ function showView(name) {
 // After a click on a tool by mouse or finger the keys belong to the map again.
 document.querySelector(".tools").addEventListener("click", (event) => {
   if (event.detail > 0 && isOnMap() && event.target.closest("button:not([popovertarget])"))
-    element("map").focus({ preventScroll: true });
+    element("map-canvas").focus({ preventScroll: true });
 });
 
 const viewTabs = document.querySelectorAll("[data-view][role=tab]");

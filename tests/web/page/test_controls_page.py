@@ -206,3 +206,33 @@ def test_the_console_can_be_installed_as_an_application(page: Page, server: Cons
     assert manifest.headers["content-type"] == "application/manifest+json"
     icon = page.request.get(server.url + manifest.json()["icons"][0]["src"])
     assert icon.ok and icon.headers["content-type"] == "image/svg+xml"
+
+
+def test_a_goal_is_set_started_stopped_and_released_by_keyboard_alone(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+
+    def reach(name: str, key: str, most: int) -> None:
+        for _ in range(most):
+            page.keyboard.press(key)
+            if page.evaluate("document.activeElement?.dataset.testid") == name:
+                return
+        raise AssertionError(f"{name} is not reached by {most} times {key}")
+
+    # The address names the view, and the page is reloaded: Tab begins at the top all the same.
+    page.reload()
+    await_map(page)
+    reach("goal-input", "Tab", 30)
+    page.keyboard.type("2, 1")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+    reach("start", "Shift+Tab", 15)
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("DRIVING")
+    page.keyboard.press("Space")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+    reach("reset", "Shift+Tab", 5)
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("PAUSED")
+    assert not operations.state().stop_latched

@@ -171,6 +171,25 @@ def test_the_preview_of_a_draft_names_the_zone_that_cuts_the_goal_off(
     assert operations.zones.stored == ()
 
 
+def test_a_click_on_finish_counts_though_the_message_above_it_gets_shorter(
+    page: Page, operations: FakeOperations
+) -> None:
+    # As the click begins, the field of the name takes its text, and the preview is asked again.
+    long = "A zone with a name that takes more than one line of the form"
+    said = {"found": False, "cut_by": [long], "reason": "", "path": [], "present": None}
+    page.route("**/api/v1/preview", lambda route: route.fulfill(json=said))
+    page.set_viewport_size({"width": 1440, "height": 1000})
+    await_map(page)
+    page.keyboard.press("z")
+    for corner in ((-3.0, -3.0), (-2.0, -3.0), (-2.0, -2.0)):
+        click_map(page, *corner)
+    expect(page.get_by_test_id("draft-note")).to_contain_text(long)
+    page.get_by_test_id("zone-name").fill("Wet floor")
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    assert [zone.name for zone in operations.zones.stored] == ["Wet floor"]
+
+
 def test_goals_get_headings_by_drag_names_order_and_the_nearest_free_position_when_blocked(
     page: Page, operations: FakeOperations
 ) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import BrowserContext, Locator, Page, expect
 
 from tests.web.page.chromium import IS_TOPMOST
 from web.server import ConsoleServer
@@ -46,14 +48,47 @@ def test_the_page_of_runs_says_how_a_run_comes_about(page: Page, server: Console
     assert_seen(page.get_by_test_id("runs-note"))
 
 
-def test_the_3d_view_says_what_works_while_it_is_being_made(page: Page) -> None:
-    page.route("**/viewer/**", lambda route: None)  # never answered
+def test_the_3d_view_says_what_works_until_it_is_drawn(page: Page) -> None:
+    blank = "<html><body><div id=root></div></body></html>"
+    page.route("**/viewer/**", lambda route: route.fulfill(body=blank, content_type="text/html"))
     page.get_by_test_id("view-3d").click()
     sentence = page.locator("#gone")
     expect(sentence).to_have_text(
         "The 3D view is being made … Until then use the map; every control works."
     )
     expect(sentence).to_be_in_viewport(ratio=1.0)
+    # It is connected long before the first frame is on the screen.
+    page.evaluate("document.body.dataset.viewer = 'live'")
+    expect(page.get_by_test_id("progress")).to_contain_text("the 3D view")
+    expect(sentence).to_be_in_viewport(ratio=1.0)
+    page.get_by_test_id("view-3d-frame").dispatch_event("drawn")
+    expect(sentence).to_be_hidden()
+    expect(page.get_by_test_id("progress")).to_be_hidden()
     page.get_by_test_id("view-map").click()
     expect(page.get_by_test_id("map-canvas")).to_be_visible()
-    expect(sentence).to_be_hidden()
+
+
+def test_a_3d_view_that_cannot_be_had_says_so_and_is_tried_again(
+    page: Page, new_context: Callable[..., BrowserContext], server: ConsoleServer
+) -> None:
+    page.route("**/viewer/**", lambda route: route.fulfill(status=200, body="{}"))
+    page.get_by_test_id("view-3d").click()
+    expect(page.locator("#gone")).to_have_text(
+        "The 3D view cannot be loaded. Use the map; every control works."
+    )
+    expect(page.locator("#gone")).to_be_in_viewport(ratio=1.0)
+    page.unroute("**/viewer/**")
+    page.get_by_test_id("view-map").click()
+    page.get_by_test_id("view-3d").click()
+    expect(page.get_by_test_id("view-3d-frame")).to_be_visible()
+    other = new_context().new_page()
+    other.add_init_script(
+        "HTMLCanvasElement.prototype.getContext = new Proxy("
+        "HTMLCanvasElement.prototype.getContext, { apply: (get, canvas, [kind, ...more]) => "
+        "kind === 'webgl2' ? null : get.call(canvas, kind, ...more) });"
+    )
+    other.goto(f"{server.url}/#3d")
+    expect(other.locator("#gone")).to_have_text(
+        "This browser draws no 3D view: it has no WebGL. Use the map; every control works."
+    )
+    expect(other.get_by_test_id("view-3d-frame")).to_have_count(0)

@@ -12,7 +12,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from app.insight.event_log import EventLog
 from app.storage import Store
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import await_map, map_view
+from tests.web.page.chromium import IS_TOPMOST, await_map, map_view
 from web.interface.drafts import ZoneDraft
 from web.server import ConsoleServer
 
@@ -150,6 +150,10 @@ def test_a_wrong_detection_and_a_missed_object_are_labelled(
     await_map(page)
     page.get_by_test_id("tab-seen").click()
     expect(page.get_by_test_id("seen-counts")).to_contain_text("1 × cup")
+    # The whole card is in the drawer as it opens, down to its last answer.
+    card = page.get_by_test_id("detection")
+    expect(card.get_by_test_id("correction")).to_be_in_viewport(ratio=1.0)
+    assert all(part.evaluate(IS_TOPMOST) for part in card.locator("button, select").all())
     page.get_by_test_id("correction").select_option("book")
     expect(page.get_by_test_id("labelling")).to_contain_text("1 of at most 500")
     page.get_by_test_id("missed-open").click()

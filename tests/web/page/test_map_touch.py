@@ -58,7 +58,7 @@ def await_target(page: Page, x: float, y: float) -> None:
         right, down = on_page(page, x, y)
         page.mouse.move(right + 1, down)
         page.mouse.move(right, down)
-        return page.locator("#map.point").count() == 1
+        return page.locator("#map-canvas.point").count() == 1
 
     eventually(page, is_there)
 

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Phase
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import await_map, click_map, map_view
+from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, map_view
 from web.interface.drafts import ZoneDraft
 from web.server import ConsoleServer
 
@@ -264,6 +264,13 @@ def test_a_lost_connection_is_reported_and_the_page_reconnects(
     told = page.get_by_test_id("state-text")
     expect(told).to_contain_text("NO CONNECTION")
     assert told.evaluate("(text) => text.scrollHeight <= text.clientHeight + 1")
+    for size in ((1280, 720), (390, 844)):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        offline = page.get_by_test_id("offline")
+        expect(offline).to_contain_text("stops by itself")
+        expect(offline).to_be_in_viewport(ratio=1.0)
+        assert offline.evaluate(IS_TOPMOST)
+    page.set_viewport_size({"width": 1280, "height": 720})
     # The 3D view is not being made then.
     page.get_by_test_id("view-3d").click()
     expect(page.locator("#gone")).to_be_hidden()
@@ -274,6 +281,7 @@ def test_a_lost_connection_is_reported_and_the_page_reconnects(
     again.start()
     try:
         expect(page.get_by_test_id("connection")).to_have_text("live")
+        expect(page.get_by_test_id("offline")).to_be_hidden()
         expect(page.get_by_test_id("state-badge")).to_have_text("● IDLE")
         expect(start).to_be_enabled()
     finally:

@@ -109,6 +109,21 @@ def test_the_map_and_the_camera_image_are_large_enough_to_work_with(open_phone: 
         assert box is not None and box["width"] >= 330 and box["height"] >= height, part
 
 
+def test_the_log_can_be_read_on_a_phone(open_phone: Opener, operations: FakeOperations) -> None:
+    said = "The newest camera image is 0.53 s old, at most 0.5 s are allowed."
+    operations.insight.event_log.note(1.0, "stopped", said, (-3.0, 1.0))
+    page = open_phone(*PHONE)
+    page.get_by_test_id("tab-log").tap()
+    words = page.get_by_test_id("log-entry").first.locator(".words")
+    expect(words).to_be_in_viewport(ratio=1.0)
+    width = words.evaluate("(part) => part.getBoundingClientRect().width")
+    assert width > 0.8 * PHONE[0]
+    rows = page.get_by_test_id("pane-log").evaluate("(pane) => pane.clientHeight")
+    assert rows > PHONE[1] / 3
+    page.get_by_test_id("tab-log").tap()
+    expect(page.get_by_test_id("mode-draw")).to_be_visible()
+
+
 def test_a_goal_is_picked_a_zone_drawn_and_the_robot_driven_by_touch(
     open_phone: Opener, operations: FakeOperations
 ) -> None:
@@ -156,7 +171,7 @@ def test_two_fingers_zoom_the_map_and_place_no_goal(
     send("touchEnd", -80)
     send("touchEnd")
     page.wait_for_function(
-        "was => Number(document.getElementById('map').dataset.place.split(' ')[0]) > 1.8 * was",
+        "was => parseFloat(document.getElementById('map-canvas').dataset.place) > 1.8 * was",
         arg=scale,
     )
     assert 1.8 * scale < map_view(page)[0] < 2.2 * scale

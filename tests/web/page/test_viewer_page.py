@@ -16,15 +16,39 @@ from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import eventually
 from web.server import ConsoleServer
 
+PLACES = """() => {
+  const root = document.getElementById("viewer").contentDocument.getElementById("root");
+  const open = [root[Object.keys(root).find((name) => name.startsWith("__reactContainer$"))]];
+  while (open.length) {
+    const fiber = open.pop();
+    const state = fiber.memoizedProps?.value?.mutable?.current;
+    if (state?.nodeRefFromName && state.scene) return Object.fromEntries(
+      Object.entries(state.nodePoseData).filter(([name]) => state.nodeRefFromName[name])
+        .map(([name, { position }]) => [name, state.nodeRefFromName[name].position.toArray()
+          .every((value, i) => Math.abs(value - position[i]) < 1e-3)]));
+    for (const next of [fiber.sibling, fiber.child]) if (next) open.push(next);
+  }
+}"""
+"""JavaScript: whether each node of viser's page is drawn where the console has placed it."""
+
 
 def open_3d(page: Page) -> tuple[float, float]:
     """Show the 3D view from above; returns the pixel in its middle."""
     page.get_by_test_id("view-3d").click()
     expect(page.locator("body")).to_have_attribute("data-viewer", "live")
+    expect(page.locator("body")).to_have_attribute("data-drawn", "yes", timeout=60_000)
     page.get_by_test_id("look-top").click()
     box = page.get_by_test_id("view-3d-frame").bounding_box()
     assert box is not None
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_what_the_3d_view_shows_is_where_it_belongs(page: Page, operations: FakeOperations) -> None:
+    operations.goals.add(2.0, 1.0)
+    open_3d(page)
+    eventually(page, lambda: bool(page.evaluate(PLACES)["/floor/0_0"]))
+    # Nothing changes any more, and nothing asks for a frame.
+    eventually(page, lambda: all(page.evaluate(PLACES).values()))
 
 
 def test_a_goal_gets_its_heading_by_drag_in_the_3d_view(

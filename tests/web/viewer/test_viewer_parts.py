@@ -17,6 +17,7 @@ from navcore.mission.zone import Zone
 from tests.web.fake_operations import FakeOperations
 from web.interface.insight import Candidates
 from web.interface.snapshots import Cloud
+from web.viewer.layers.base import Scene
 from web.viewer.layers.cloud import (
     TILE_M,
     CloudLayer,
@@ -25,6 +26,7 @@ from web.viewer.layers.cloud import (
     index_tiles,
     is_kept,
 )
+from web.viewer.layers.floor import FloorLayer
 from web.viewer.layers.geometry import flag_mesh, handle_mesh, polyline_segments, triangulate
 from web.viewer.layers.goals_zones import label_of
 from web.viewer.layers.primitives import primitive_segments
@@ -141,6 +143,28 @@ def test_only_tiles_that_changed_are_sent_again() -> None:
         moved = np.vstack([points, [[1.0, 1.0, 0.5]]]).astype(np.float32)
         assert layer.push(cloud_of(moved, 2)) == 1
         assert layer.push(cloud_of(moved[moved[:, 0] > 8.0], 3)) == 0
+    finally:
+        server.stop()
+
+
+def test_a_tile_of_the_floor_that_changes_keeps_its_node_which_has_a_place() -> None:
+    # A node that is made again is drawn at the origin for a frame.
+    operations = FakeOperations()
+    tick = operations.picture()
+    assert tick is not None
+    listed = operations.beware.list
+    scene = Scene(state=operations.state(), tick=tick, zones=(), beware=listed)
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        layer = FloorLayer(server)
+        layer.push(scene)
+        before = dict(server.scene._handle_from_node_name)
+        assert [name for name in before if name.startswith("/floor/")]
+        layer.push(replace(scene, beware=replace(listed, version=listed.version + 1)))
+        after = server.scene._handle_from_node_name
+        assert {name: id(node) for name, node in after.items()} == {
+            name: id(node) for name, node in before.items()
+        }
     finally:
         server.stop()
 

@@ -54,6 +54,11 @@ export async function start() {
   };
   const title = t("Your name for the other operators");
   element("control-text").after(
-    make("button", { title, "data-testid": "own-name", onclick: open }, t("✎ Name")),
+    make(
+      "button",
+      { title, "aria-label": title, "data-testid": "own-name", onclick: open },
+      "✎",
+      make("span", {}, ` ${t("Name")}`), // hidden on a phone
+    ),
   );
 }

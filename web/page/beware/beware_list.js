@@ -2,7 +2,7 @@
 
 import { post, request } from "../core/api.js";
 import { element, make, reconcile, set, setText, setValue } from "../core/dom.js";
-import { decimal, sentence, t } from "../core/language.js";
+import { capitalised, decimal, sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import * as entryForm from "./entry.js";
 import { point } from "./example.js";
@@ -36,7 +36,7 @@ export function show(beware) {
   ({ limits, version } = beware);
   set(element("beware-this"), { disabled: beware.no_examples !== null });
   set(element("beware-this-note"), { hidden: beware.no_examples === null });
-  setText(element("beware-this-note"), sentence(beware.no_examples ?? ""));
+  setText(element("beware-this-note"), capitalised(sentence(beware.no_examples ?? "")));
   reconcile(
     element("beware"),
     beware.classes,

@@ -1,7 +1,7 @@
 // Short messages: refusals, and changes that took effect.
 
 import { element, make } from "./dom.js";
-import { t } from "./language.js";
+import { capitalised, t } from "./language.js";
 
 const box = element("toasts");
 const MAX_SHOWN = 4;
@@ -20,7 +20,7 @@ export function notify(
     "div",
     { class: good ? "toast done" : "toast", "data-text": text },
     make("b", {}, good ? "✓" : "!"),
-    make("span", {}, text),
+    make("span", {}, capitalised(text)),
     close,
   );
   close.before(...actions.map((one) => actionButton(one, toast)));

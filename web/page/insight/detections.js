@@ -63,7 +63,7 @@ export async function tick(isOpen) {
 const entryOf = (id) => shared.beware.classes.find((entry) => entry.class_id === id);
 
 function show({ seen, sightings, labelling }) {
-  showCounts(seen);
+  showCounts(seen, sightings);
   // Without the age, which would have the map painted again.
   const onMap = sightings.filter((detection) => !detection.verdict);
   shared.showSightings(
@@ -100,7 +100,7 @@ function show({ seen, sightings, labelling }) {
   setText(collected, text);
 }
 
-function showCounts(seen) {
+function showCounts(seen, sightings) {
   const total = Object.values(seen).reduce((sum, count) => sum + count, 0);
   setText(tab, total ? `${t("Detections")} · ${total}` : t("Detections"));
   const key = JSON.stringify(seen);
@@ -109,11 +109,16 @@ function showCounts(seen) {
   counts.replaceChildren(
     ...Object.entries(seen).map(([text, count]) => {
       const id = Number(text);
+      // A class that was removed from the list keeps the name with which it was seen.
+      const name =
+        entryOf(id)?.name ??
+        sightings.find((detection) => detection.class_id === id)?.class_name ??
+        t("class {id}", { id });
       return make(
         "span",
         { class: "count", "data-class": id },
         swatchOf(entryOf(id)),
-        `${count} × ${entryOf(id)?.name ?? t("class {id}", { id })}`,
+        `${count} × ${name}`,
       );
     }),
   );

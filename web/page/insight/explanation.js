@@ -5,7 +5,7 @@ import { swatch, patternOf } from "../beware/swatch.js";
 import { get, post } from "../core/api.js";
 import { make } from "../core/dom.js";
 import { formatNumber } from "../core/format.js";
-import { sentence, t } from "../core/language.js";
+import { capitalised, sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import { describe, listOf, metres, MIN_COST_M, nameOf } from "./explanation_text.js";
 
@@ -46,7 +46,7 @@ export async function tick(isOpen, now = true) {
     draw();
   } catch (error) {
     explained = trial = null;
-    words.textContent = error.message;
+    words.textContent = capitalised(error.message);
     main.replaceChildren();
     table.replaceChildren();
     shared.mark([]);

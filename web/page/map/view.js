@@ -7,7 +7,7 @@ const FIT_SHARE = 0.97;
 const CLOSE_SCALE = 60;
 const [MIN_SCALE, MAX_SCALE] = [2, 800];
 const IN_SIGHT_PX = 60;
-export const canvas = element("map");
+export const canvas = element("map-canvas");
 const MAX_FITTED_SCALE = 100;
 // Pixels per metre, the point in the middle in metres, whether the view was ever fitted, follows the
 // robot, and still shows what it was fitted to (the operator has not moved it since).

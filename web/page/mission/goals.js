@@ -62,7 +62,7 @@ export function showGoals(state) {
     else setText(child.querySelector(".place"), `${goal.name} ${positionText(goal)}`);
     setText(child.querySelector(".status"), statusText(goal, state.moving));
     const up = child.querySelector("[data-up]");
-    if (up) set(up, { disabled: goal.number === 1 });
+    if (up) set(up, { hidden: goal.number === 1 });
   });
   set(element("no-goals"), { hidden: waiting.length + reached.length > 0 });
   const counts = { waiting: waiting.length, reached: state.reached.length };

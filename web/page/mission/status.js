@@ -9,6 +9,7 @@ import { attempt } from "../core/toasts.js";
 import { holdFilter, NEEDED_HZ, rateMeter } from "./calm.js";
 
 const SLOWEST_CHANGE_MS = 1000;
+const OFFLINE_S = 3; // a shorter loss moves nothing on the page
 const CONSOLE = t("Operator console");
 const BADGES = {
   unknown: t("? UNKNOWN"),
@@ -31,6 +32,7 @@ let isSlowDismissed = false;
 
 export function showStatus(state) {
   const nowMs = performance.now();
+  set(element("offline"), { hidden: true });
   const isStopping = state.stop_latched || state.phase === "paused";
   const isHeld = isHoldShown(state.reasons.length > 0 && !isStopping, nowMs);
   if (!state.reasons.length) freeText = sentence(state.summary);
@@ -91,6 +93,7 @@ element("too-slow-close").onclick = () => {
 };
 
 onStale((seconds) => {
+  set(element("offline"), { hidden: seconds < OFFLINE_S });
   const age = seconds < 60 ? `${Math.floor(seconds)} s` : formatAge(seconds);
   showLine(
     {

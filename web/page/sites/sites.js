@@ -108,7 +108,7 @@ function fill(item, site) {
     map,
   ];
   if (site.accepted) parts.push(t("accepted map"));
-  if (site.chosen) parts.unshift("the robot is here");
+  if (site.chosen) parts.unshift(t("the robot is here"));
   setText(item.querySelector("small"), parts.join(" · "));
   item.classList.toggle("chosen", site.chosen);
   for (const testId of ["site-choose", "site-delete"])

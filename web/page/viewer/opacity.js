@@ -10,6 +10,7 @@
   const ONE_MINUS_CONSTANT_ALPHA = 214;
   const CHANGED = ["transparent", "opacity", "blending", "blendSrc", "blendDst", "blendAlpha"];
   const MAX_FIBERS = 20_000;
+  const ROBOT = "/robot/base"; // the node that every scene has, sooner or later
   const originals = new WeakMap(); // material → its own values
   let strengths = {};
   let viser = null;
@@ -58,6 +59,7 @@
     }
     // For programs that drive the page: the layers that are drawn faded.
     document.documentElement.dataset.faded = [...faded].join(" ");
+    window.isRobotDrawn = Boolean(viser.nodeRefFromName[ROBOT]);
   }
 
   // Called before each frame; the scene itself calls before it is drawn, when all nodes are new.

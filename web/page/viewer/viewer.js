@@ -1,7 +1,7 @@
 // The 3D view: viser's page in a frame. The frame is made when the view is first shown, draws nothing
 // while hidden, and is removed after a while, so that the console has nothing to send either.
 
-import { element, make } from "../core/dom.js";
+import { element, make, setText } from "../core/dom.js";
 import { t } from "../core/language.js";
 import { showProgress } from "../core/progress.js";
 import { onTheme } from "../core/theme.js";
@@ -20,7 +20,7 @@ let frame = null;
 let isShown = false;
 let strengths = {};
 let timer = 0;
-let onLive = () => {};
+let onDrawn = () => {};
 const frameListeners = [];
 // Called with the window of each new frame.
 export const onFrame = (listener) => frameListeners.push(listener);
@@ -55,20 +55,31 @@ export function fadeViewer(strength) {
 // Whether viser's page is connected, as the console says.
 export function setConnected(connected) {
   document.body.dataset.viewer = connected ? "live" : "gone";
-  onLive();
+}
+
+function setDrawn() {
+  document.body.dataset.drawn = "yes";
+  onDrawn();
 }
 
 function update() {
   const isVisible = isShown && !document.hidden;
   clearTimeout(timer);
-  if (isVisible && !frame) open();
+  if (isVisible && !frame) {
+    if (webgl === "none") say(t("This browser draws no 3D view: it has no WebGL. Use the map; every control works."));
+    else open();
+  }
   if (!frame) return;
   frame.dataset.seen = isVisible ? "yes" : "no";
   if (isVisible) frame.contentWindow?.dispatchEvent(new Event("seen"));
   else timer = setTimeout(close, KEPT_MS);
 }
 
+// In the place of the scene.
+const say = (text) => setText(element("gone"), text);
+
 function open() {
+  say(t("The 3D view is being made … Until then use the map; every control works."));
   const query = webgl === "hardware" ? "" : `?fixedDpr=${SOFTWARE_DPR}`;
   frame = make("iframe", {
     id: "viewer",
@@ -78,10 +89,11 @@ function open() {
     "data-testid": "view-3d-frame",
   });
   frame.addEventListener("load", prepare);
+  frame.addEventListener("drawn", setDrawn);
   panel.append(frame);
   showProgress(
     new Promise((resolve) => {
-      onLive = resolve;
+      onDrawn = resolve;
     }),
     t("the 3D view"),
   );
@@ -90,11 +102,17 @@ function open() {
 function close() {
   frame?.remove();
   frame = null;
-  onLive();
+  delete document.body.dataset.drawn;
+  onDrawn();
 }
 
 function prepare() {
   const { contentWindow, contentDocument } = frame;
+  if (!contentDocument?.getElementById("root")) {
+    close();
+    say(t("The 3D view cannot be loaded. Use the map; every control works."));
+    return;
+  }
   // Keys pressed while the 3D view has the focus are the console's keys too.
   contentWindow?.addEventListener("keydown", onKeyDown, true);
   contentWindow?.addEventListener("keyup", onKeyUp, true);

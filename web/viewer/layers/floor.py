@@ -37,15 +37,24 @@ class FloorLayer:
         tick, spec = scene.tick, scene.tick.grid_spec
         part = top, left, bottom, right = tile_cells(tile, tick)
         image = paint_floor(tick, scene.beware, part)
-        if (old := self._images.pop(tile, None)) is not None:
-            old.remove()
         if not image[..., 3].max() > UNKNOWN_ALPHA:
+            if (old := self._images.pop(tile, None)) is not None:
+                old.remove()
             return
         metre = spec.resolution_m
         x, y = (
             spec.origin_x_m + (left + right) / 2 * metre,
             spec.origin_y_m + (top + bottom) / 2 * metre,
         )
+        # A new image would be drawn at the origin for one frame, which takes seconds on a slow
+        # browser: the one that is there gets the contents.
+        if (shown := self._images.get(tile)) is not None:
+            with self._server.atomic():
+                shown.render_width = (right - left) * metre
+                shown.render_height = (bottom - top) * metre
+                shown.position = (x, y, FLOOR_Z)
+                shown.image = image
+            return
         # Image rows go down, towards −y; half a turn about x puts the image face up on the floor.
         self._images[tile] = self._server.scene.add_image(
             f"/floor/{tile[0]}_{tile[1]}",
