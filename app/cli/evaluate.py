@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
 PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
-TEACHING_SUITE, LIGHT_SUITE = "teaching", "light"
-VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, TEACHING_SUITE, LIGHT_SUITE)
+LIGHT_SUITE, TEACHING_SUITE = "light", "teaching"
+VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE, TEACHING_SUITE)
 """Suites in which a camera is carried through worlds and nothing drives."""
 ENOUGH_FOUND: Mapping[str, float] = {DETECTION_SUITE: 0.95, ONE_CLICK_SUITE: 0.8}
 """Share of objects found in time at which a suite succeeds."""
@@ -59,7 +59,7 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, doors, finding, light, localisation, one-click, paper and teaching."
+            "crossings, doors, finding, light, localisation, one-click, teaching and paper."
         ),
     ]
     experiment: Annotated[
@@ -165,10 +165,10 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         return _detection(settings)
     if settings.suite == ONE_CLICK_SUITE:
         return _one_click(settings)
-    if settings.suite == TEACHING_SUITE:
-        return _teaching(settings)
     if settings.suite == LIGHT_SUITE:
         return _light(settings)
+    if settings.suite == TEACHING_SUITE:
+        return _teaching(settings)
     if settings.suite == LOCALISATION_SUITE:
         return _localisation(settings, config)
     return _scenario(settings, config)
@@ -204,9 +204,9 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             "--shard, --workers and --engine are for suites of separate episodes, and "
             f"{settings.suite!r} runs as a whole"
         )
-    if settings.camera is not None and settings.suite == LOCALISATION_SUITE:
+    if settings.camera is not None and settings.suite in (LOCALISATION_SUITE, TEACHING_SUITE):
         raise BadConfiguration(
-            "--camera is for suites that drive or look, and 'localisation' replays recorded drives"
+            f"--camera is not for the suite {settings.suite!r}: its images have a size of their own"
         )
     if settings.suite in VIEWING and settings.stream.rate_hz != CameraStream().rate_hz:
         raise BadConfiguration(

@@ -20,6 +20,7 @@ from app.evaluation.campaign import HERE, Campaign, write_summary
 from app.evaluation.detection import ENOUGH_PX, walk_of_seed
 from app.evaluation.detection_counts import DetectionCounts
 from app.evaluation.detection_counts import summary as rates_of
+from app.evaluation.light_figures import row_of
 from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
@@ -170,14 +171,3 @@ def _show(told: Mapping[str, Any]) -> None:
     for name, measured in told["disturbances"].items():
         table.add_row(name, *row_of(measured))
     Terminal().print(table)
-
-
-def row_of(measured: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the figures of one disturbance as the cells of a table."""
-    few, many = measured["false_items_per_10_m_ci95"]
-    return (
-        f"{measured['mean_iou']:.3f}",
-        f"{measured['found']} of {measured['things_in_view']}",
-        measured["found_of_thin"],
-        f"{measured['false_items_per_10_m']:.2f} ({few:.2f} to {many:.2f})",
-    )

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from app.evaluation.light_figures import row_of
 from app.evaluation.summary import RATES, rate_interval
 from navcore.errors import BadConfiguration
 
@@ -39,6 +40,11 @@ def is_walked(result: Result) -> bool:
     return "found_in_time" in result
 
 
+def is_lit(result: Result) -> bool:
+    """Return whether a result is of the walks under each disturbance of the light."""
+    return "disturbances" in result
+
+
 def short_table(results: Sequence[Result]) -> str:
     """Return the table of the first page."""
     return _table(
@@ -53,7 +59,7 @@ def short_table(results: Sequence[Result]) -> str:
                 f"{result['ideal_spl']:.2f}",
             )
             for result in results
-            if not is_paper(result) and not is_walked(result)
+            if not (is_paper(result) or is_walked(result) or is_lit(result))
         ],
     )
 
@@ -72,7 +78,7 @@ def full_table(results: Sequence[Result]) -> str:
                 _failures(result),
             )
             for result in results
-            if not is_paper(result) and not is_walked(result)
+            if not (is_paper(result) or is_walked(result) or is_lit(result))
         ],
     )
     missions = _table(
@@ -90,6 +96,10 @@ def full_table(results: Sequence[Result]) -> str:
             *("false per 10 m", "false by class", "walked"),
         ),
         walked,
+    )
+    light = _table(
+        ("images", "seeds", "light", "mIoU", "found in time", "of thin ones", "false per 10 m"),
+        [row for result in results if is_lit(result) for row in _light_rows(result)],
     )
     origins = _table(
         (
@@ -118,7 +128,8 @@ def full_table(results: Sequence[Result]) -> str:
             for result in results
         ],
     )
-    return "\n".join([figures, missions, *([walks] if walked else []), origins])
+    lit = [light] if any(map(is_lit, results)) else []
+    return "\n".join([figures, missions, *([walks] if walked else []), *lit, origins])
 
 
 PAGES: Mapping[str, Callable[[Sequence[Result]], str]] = {
@@ -181,6 +192,14 @@ def _walks_row(result: Result) -> Sequence[str]:
         _listed(result["false_items_by_class"]),
         f"{result['walked_m']:.0f} m",
     )
+
+
+def _light_rows(result: Result) -> list[Sequence[str]]:
+    size = "{} × {}".format(*result["images"])
+    seeds = f"{min(result['seeds'])} to {max(result['seeds'])}"
+    return [
+        (size, seeds, name, *row_of(measured)) for name, measured in result["disturbances"].items()
+    ]
 
 
 def _listed(by_name: Mapping[str, object]) -> str:

@@ -101,3 +101,22 @@ def test_a_table_stands_between_its_two_lines() -> None:
     for page in ("a\n", f"a\n{BEGIN}b\n", f"a\n{END}b\n{BEGIN}"):
         with pytest.raises(BadConfiguration, match="no lines"):
             with_table(page, "new\n")
+
+
+def test_walks_under_each_light_have_a_row_for_each_on_the_page_about_evaluation() -> None:
+    counts = [DetectionCounts(seen=Counter(cable=2), found=Counter(cable=1), walked_m=5.0)]
+    measured = summary(counts, BEWARE_CLASSES[1:]) | {"mean_iou": 0.7149}
+    lit = {
+        "scenario": "light",
+        "segmenter": "network",
+        "images": [848, 480],
+        "seeds": [7],
+        "versions": ["1"],
+        "machines": ["m"],
+        "command": "c",
+        "disturbances": {"none": measured, "dark": measured},
+    }
+    page = full_table([*KEPT.values(), lit])
+    for name in ("none", "dark"):
+        assert f"| 848 × 480 | 7 to 7 | {name} | 0.715 | 1 of 2 | 1/2 |" in page
+    assert "| none |" not in short_table([*KEPT.values(), lit])
