@@ -7,7 +7,7 @@ from collections.abc import Callable
 import httpx
 import numpy as np
 import numpy.typing as npt
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import BrowserContext, FloatRect, Page, expect
 
 from app.teaching.networks.versions import MODEL_NAME, write_version
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH
@@ -89,6 +89,53 @@ def test_an_object_is_marked_by_mouse_and_keys_and_every_edit_is_saved(
     expect(page.locator(".toast").last).to_contain_text("1 annotated frames show it")
 
 
+def test_keys_belong_to_the_field_that_has_the_focus_and_a_stroke_to_its_image(
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+) -> None:
+    client.post("/api/v1/beware", json={"name": "shoe"})
+    for x_m, brightness in ((1.0, 120), (3.0, 60)):
+        look(operations, x_m, brightness)
+        client.post("/api/v1/teach/frames")
+    page = opened(new_context, server, 1024, 768)
+    current = page.locator("[aria-current=true]")
+    expect(current).to_have_attribute("data-testid", "frame-000001")
+    chosen = page.get_by_test_id("class")
+    chosen.select_option("shoe")
+    chosen.press("b")
+    expect(page.get_by_test_id("tool-brush")).to_have_attribute("aria-checked", "true")
+    expect(chosen).to_have_value("shoe")
+    rehearsal = page.get_by_test_id("rehearsal")
+    rehearsal.press("e")
+    expect(page.get_by_test_id("tool-brush")).to_have_attribute("aria-checked", "true")
+    rehearsal.press("Space")
+    eventually(page, lambda: bool(operations.stops))
+
+    chosen.focus()
+    expect(page.get_by_test_id("marks")).to_have_attribute("width", str(WIDTH))
+    box = page.get_by_test_id("marks").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 40, box["y"] + 40)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 90, box["y"] + 60)
+    page.keyboard.press("n")
+    expect(current).to_have_attribute("data-testid", "frame-000002")
+    page.mouse.move(box["x"] + 200, box["y"] + 200)
+    page.mouse.up()
+    expect(page.get_by_test_id("frame-000001")).to_contain_text("shoe")
+    expect(page.get_by_test_id("frame-000002")).to_contain_text("not marked")
+
+    delete = page.get_by_test_id("delete-frame")
+    delete.click()
+    expect(delete).to_have_text("Really delete?")
+    assert len(client.get("/api/v1/teach/frames").json()["frames"]) == 2
+    delete.click()
+    expect(current).to_have_attribute("data-testid", "frame-000001")
+    assert len(client.get("/api/v1/teach/frames").json()["frames"]) == 1
+
+
 def test_a_network_that_does_not_find_its_class_is_no_success(
     new_context: Callable[..., BrowserContext],
     server: ConsoleServer,
@@ -127,6 +174,14 @@ def test_a_network_that_does_not_find_its_class_is_no_success(
         use.click()
 
 
+def overlap(one: FloatRect, other: FloatRect | None) -> bool:
+    """Return whether two boxes of the page share a pixel."""
+    return other is not None and all(
+        one[at] + 1 < other[at] + other[size] and other[at] + 1 < one[at] + one[size]
+        for at, size in (("x", "width"), ("y", "height"))
+    )
+
+
 def test_the_stop_is_visible_and_works_in_every_window(
     new_context: Callable[..., BrowserContext], server: ConsoleServer, operations: FakeOperations
 ) -> None:
@@ -137,6 +192,12 @@ def test_the_stop_is_visible_and_works_in_every_window(
         expect(stop).to_be_visible()
         assert stop.evaluate(IS_TOPMOST) and stop.evaluate(IS_WITHIN_VIEWPORT)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        boxes = [card.bounding_box() for card in page.locator(".card").all()]
+        for place, one in enumerate(boxes):
+            assert one is not None and not any(overlap(one, other) for other in boxes[:place])
+        export = page.get_by_test_id("frames-export")
+        export.scroll_into_view_if_needed()
+        assert export.evaluate(IS_TOPMOST)
         train = page.get_by_test_id("train")
         train.scroll_into_view_if_needed()
         assert stop.evaluate(IS_WITHIN_VIEWPORT) and train.evaluate(IS_WITHIN_VIEWPORT)

@@ -25,6 +25,7 @@ export const shownFrame = () => frame;
 
 // Show an image and its marks; the marks of the one before are saved first.
 export async function show(next) {
+  endStroke();
   await flush();
   frame = next;
   labels = null;
@@ -126,11 +127,12 @@ marks.onpointerdown = (event) => {
 marks.onpointermove = (event) => {
   if (stroke) paintTo(pixelAt(event));
 };
-marks.onpointerup = marks.onpointercancel = () => {
+function endStroke() {
   if (!stroke) return;
   stroke = null;
   edited();
-};
+}
+marks.onpointerup = marks.onpointercancel = endStroke;
 
 export function chooseTool(name) {
   tool = name;

@@ -4,6 +4,7 @@ import { abortableFetch, get, post, request } from "../core/api.js";
 import { element, make, set, setText } from "../core/dom.js";
 import { number, sentence, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
+import { askTwice } from "../core/twice.js";
 
 const ORIGINS = { start: t("given at the start"), training: t("trained here"), upload: t("uploaded") };
 let shown = "";
@@ -34,7 +35,8 @@ function rowOf(version, used, exchange) {
   const way = missed.length ? `${path}/use?force=true` : `${path}/use`;
   const use = make("button", { "data-testid": `use-${name}`, onclick: () => act(() => post(way)) }, missed.length ? t("Use anyway") : t("Use"));
   use.disabled = name === used || Boolean(exchange);
-  const remove = make("button", { onclick: () => act(() => request("DELETE", path)) }, t("Delete"));
+  const remove = make("button", {}, t("Delete"));
+  askTwice(remove, t("Really delete?"), () => act(() => request("DELETE", path)));
   remove.disabled = name === used || origin === "start";
   const facts = [ORIGINS[origin], sha256.slice(0, 12)];
   if (from) facts.push(t("from {name}", { name: from }));

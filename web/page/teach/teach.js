@@ -6,6 +6,7 @@ import { sentence, t, tn } from "../core/language.js";
 import { stop } from "../core/stop.js";
 import "../core/theme.js";
 import { attempt, notify } from "../core/toasts.js";
+import { askTwice } from "../core/twice.js";
 import { chooseClass, loadClasses } from "./classes.js";
 import { chooseTool, redo, show, shownFrame, undo, whenSaved } from "./drawing.js";
 import { refreshNetworks, upload } from "./networks.js";
@@ -13,6 +14,7 @@ import { refreshTraining } from "./training.js";
 
 const POLL_MS = 1500;
 const TEXT = "input:not([type=checkbox]):not([type=range]):not([type=number]), textarea";
+const NUMBER = "input[type=number]";
 let frames = [];
 
 async function refreshFrames() {
@@ -46,7 +48,10 @@ function refreshFrame(row, frame) {
 
 async function choose(frame) {
   await show(frame);
-  for (const row of element("frames").children) refreshFrame(row, row.item);
+  for (const row of element("frames").children) {
+    refreshFrame(row, row.item);
+    if (row.item.id === frame.id) row.scrollIntoView({ block: "nearest" });
+  }
 }
 
 function step(by) {
@@ -77,13 +82,14 @@ element("frames-file").onchange = ({ target }) => {
     await refreshFrames();
   });
 };
-element("delete").onclick = () =>
+askTwice(element("delete"), t("Really delete?"), () =>
   attempt(async () => {
     const at = frames.findIndex(({ id }) => id === shownFrame().id);
     await request("DELETE", `/teach/frames/${shownFrame().id}`);
     await refreshFrames();
     if (frames.length) await choose(frames[Math.min(at, frames.length - 1)]);
-  });
+  }),
+);
 element("previous").onclick = () => step(-1);
 element("next").onclick = () => step(1);
 whenSaved(() => attempt(refreshFrames));
@@ -108,12 +114,17 @@ document.addEventListener(
     if (event.code === "Space") {
       event.preventDefault();
       if (!event.repeat) stopNow();
-    } else if (event.ctrlKey && event.key.toLowerCase() === "z") {
+      return;
+    }
+    if (event.target.matches?.(NUMBER)) return; // its digits, its e, its undo
+    if (event.ctrlKey && event.key.toLowerCase() === "z") {
       event.preventDefault();
       (event.shiftKey ? redo : undo)();
     } else if (!event.ctrlKey && !event.altKey && !event.metaKey) {
-      if (/^[1-9]$/.test(event.key) && !event.target.matches?.("input")) chooseClass(Number(event.key) - 1);
-      else KEYS[event.key.toLowerCase()]?.();
+      const act = /^[1-9]$/.test(event.key) ? () => chooseClass(Number(event.key) - 1) : KEYS[event.key.toLowerCase()];
+      if (!act) return;
+      event.preventDefault(); // a list with the focus would choose what begins with the letter
+      act();
     }
   },
   true,
