@@ -35,6 +35,7 @@ from navcore.mapping.views.extent import needed_part, permitted_part
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
+from navcore.mission.zone_growth import GrownZone
 from navcore.perception.ground import ground_heights
 from navcore.perception.labels import Labels, Segmenter
 from navcore.perception.people.track import Track
@@ -69,6 +70,8 @@ class TickResult:
     closed: tuple[Zone, ...] = ()
     """Zones that the robot avoids of its own accord for a while: passages that it found blocked,
     lanes of people."""
+    in_growth: bool = False
+    """Whether the robot drives out of the growth of a zone before it goes on to the goal."""
 
 
 def _segment(segmenter: Segmenter, frame: Frame, beware: BewareList) -> Labels:
@@ -163,10 +166,16 @@ class Navigator:
         return self._stages.segment(self._segmenter, frame, beware)
 
     def tick(
-        self, frame: Frame, request: NavigationRequest, labels: Labels | None = None
+        self,
+        frame: Frame,
+        request: NavigationRequest,
+        labels: Labels | None = None,
+        *,
+        held: bool = False,
     ) -> TickResult:
         """Turn a frame into a motion; `labels`: those by `segment`, if they are known already.
-        Raises `BadFrame`, and then has changed nothing."""
+        `held`: whether the safety gate has kept the robot from the motions of the last ticks for
+        the sake of a zone or the beware list. Raises `BadFrame`, and then has changed nothing."""
         check_frame(frame)
         stages, beware = self._stages, request.beware
         if labels is None:
@@ -181,7 +190,9 @@ class Navigator:
         people = tuple(person.placed(place.T_map_odom) for person in people)
         self.behaviour = self.behaviour.towards(request)
         keep_outs = self.behaviour.keep_outs
-        request = dataclasses.replace(request, zones=self.zone_margins.follow(request.zones, place))
+        grown = self.zone_margins.follow(request.zones, place)
+        around = self.zone_margins.covering_robot(request.zones, place) if request.goal else ()
+        request = dataclasses.replace(request, zones=grown)
         zones = (*request.zones, *keep_outs)
         if place.is_known:
             self.grow_to(self._needed_part(frame, request, zones))
@@ -196,11 +207,12 @@ class Navigator:
             route = stages.plan(
                 self._planner, costmap, frame.pose, request, keep_outs, stages.replan
             )
-        task = self._control_task(costmap, frame, route, people, request)
+        task = self._control_task(costmap, frame, route, people, request, around)
         motion = stages.control(self._controller, task)
         self.behaviour, motion = stages.supervise(
             self.behaviour,
             motion,
+            held=held,
             frame=frame,
             route=route,
             people=people,
@@ -218,6 +230,7 @@ class Navigator:
             motion=self.limit(motion, request.zones, frame.pose, frame.twist),
             people=people,
             closed=keep_outs,
+            in_growth=len(around) > 0,
         )
 
     def grow_to(self, part: Box) -> bool:
@@ -338,6 +351,7 @@ class Navigator:
         route: Route | None,
         people: tuple[Track, ...],
         request: NavigationRequest,
+        around: tuple[GrownZone, ...],
     ) -> ControlTask:
         behaviour = self.behaviour
         zones = (*request.zones, *behaviour.keep_outs)
@@ -350,8 +364,10 @@ class Navigator:
             reaches_goal=route is not None and isinstance(route.outcome, Path),
             people=people,
             goal_yaw_rad=request.goal_yaw_rad,
-            leaving=zones if request.leave else None,
+            leaving=zones if request.leave or around else None,
             retreat=behaviour.retreat,
             spin=behaviour.spins,
+            around=around,
+            goal=request.goal,
             ignore_predictions=behaviour.waiting.is_over(self._config.people),
         )

@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
 PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
-VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE)
+TEACHING_SUITE = "teaching"
+VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, TEACHING_SUITE)
 """Suites in which a camera is carried through worlds and nothing drives."""
 ENOUGH_FOUND: Mapping[str, float] = {DETECTION_SUITE: 0.95, ONE_CLICK_SUITE: 0.8}
 """Share of objects found in time at which a suite succeeds."""
@@ -54,7 +55,7 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, doors, finding, one-click, localisation and paper."
+            "crossings, doors, finding, one-click, teaching, localisation and paper."
         ),
     ]
     experiment: Annotated[
@@ -155,6 +156,8 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         return _detection(settings)
     if settings.suite == ONE_CLICK_SUITE:
         return _one_click(settings)
+    if settings.suite == TEACHING_SUITE:
+        return _teaching(settings)
     if settings.suite == LOCALISATION_SUITE:
         return _localisation(settings, config)
     return _scenario(settings, config)
@@ -289,6 +292,22 @@ def _one_click(settings: EvaluateSettings) -> bool:
         )
     perception = compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
     return _walked(settings, walks(perception), walks_by_default=20)
+
+
+def _teaching(settings: EvaluateSettings) -> bool:
+    from app.evaluation.teaching import evaluate_teaching
+    from navcore.perception.esanet.inference.network_file import SHIPPED
+
+    if settings.beware is not None:
+        raise BadConfiguration(
+            "--beware names the classes that are known; the suite 'teaching' knows the network's"
+        )
+    seeds = range(settings.seed, settings.seed + (settings.episodes or 16))
+    return evaluate_teaching(
+        settings.segmentation.choice().weights or SHIPPED,
+        seeds,
+        out=_out(settings, TEACHING_SUITE),
+    )
 
 
 def _walked(settings: EvaluateSettings, walks: Walks, *, walks_by_default: int) -> bool:

@@ -43,7 +43,7 @@ from app.runtime.start.progress_lines import (
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.storage.site_store import SiteStore
-from app.teaching.networks import composed_at_start
+from app.teaching.networks.live_networks import composed_at_start
 from app.teaching.service import versions_in
 from navcore.config.navigator import NavigatorConfig, load_config
 from navcore.mapping.point_map import PointMap

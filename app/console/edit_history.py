@@ -1,18 +1,114 @@
-"""One undo and redo for the edits of zones, beware list, map and path settings, in the order in
-which they were made."""
+"""Undo and redo: the steps of one editor, and one order of the edits of zones, beware list, map and
+path settings."""
 
 from __future__ import annotations
 
+import itertools
 import threading
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 from navcore.errors import Refused
 from web.interface.drafts import EditHistory
 
+Step = TypeVar("Step")
+"""What an editor has to know of an edit to undo and repeat it."""
+MAX_UNDO = 100
+"""Largest number of edits of an editor that can be undone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edit(Generic[Step]):
+    """An edit that can be undone."""
+
+    number: int
+    """Number among the edits of all editors; 0 for one of an earlier start of the console."""
+    text: str
+    """Description."""
+    step: Step
+    """What was changed."""
+
+
+class EditStack(Generic[Step]):
+    """The edits of one editor that can be undone and repeated. Safe from any thread: an editor
+    holds `editing` while it changes something, so there is one edit at a time."""
+
+    def __init__(
+        self,
+        *,
+        number: Callable[[], int] | None = None,
+        earlier: Iterable[tuple[str, Step]] = (),
+        bytes_used: Callable[[Step], int] = lambda step: 0,
+        max_bytes: int = 0,
+    ) -> None:
+        """`number` counts the edits of all editors; `earlier`: description and step of the edits of
+        earlier starts, oldest first. The oldest edits go while the steps use more than `max_bytes`.
+        """
+        self._number = number or itertools.count(1).__next__
+        self._bytes_used, self._max_bytes = bytes_used, max_bytes
+        edits = (Edit(number=0, text=text, step=step) for text, step in earlier)
+        self._done: deque[Edit[Step]] = deque(edits, maxlen=MAX_UNDO)
+        self._undone: list[Edit[Step]] = []
+        self._lock = threading.RLock()
+        self._is_retired = False
+
+    @contextmanager
+    def retired(self) -> Iterator[None]:
+        """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
+        with self._lock:
+            yield
+            self._is_retired = True
+
+    @contextmanager
+    def editing(self) -> Iterator[None]:
+        """Hold off other edits; raises `Refused` when the editor is retired."""
+        with self._lock:
+            if self._is_retired:
+                raise Refused("the site has been changed meanwhile; load the page again")
+            yield
+
+    @property
+    def history(self) -> EditHistory:
+        """Descriptions of the next undo and redo."""
+        return EditHistory.of(self._done, self._undone)
+
+    def add(self, text: str, step: Step) -> None:
+        """Add an edit that was made; those that were undone before cannot be repeated any more."""
+        self._done.append(Edit(number=self._number(), text=text, step=step))
+        self._undone = []
+        while sum(self._bytes_used(edit.step) for edit in self._done) > self._max_bytes:
+            self._done.popleft()
+
+    def undo(self, take_back: Callable[[Edit[Step]], None]) -> str:
+        """Take back the newest edit and return its description; raises `Refused` without one.
+
+        An edit that cannot be taken back stays the newest.
+        """
+        with self.editing():
+            if not self._done:
+                raise Refused("there is no edit to undo")
+            take_back(self._done[-1])
+            self._undone.append(self._done.pop())
+            return self._undone[-1].text
+
+    def redo(self, repeat: Callable[[Edit[Step]], Step]) -> str:
+        """Repeat the edit that was undone last and return its description; raises `Refused` without
+        one. `repeat` returns the step that undoes it then."""
+        with self.editing():
+            if not self._undone:
+                raise Refused("there is no edit to redo")
+            edit = self._undone[-1]
+            step = repeat(edit)
+            self._undone.pop()
+            self._done.append(Edit(number=edit.number, text=edit.text, step=step))
+            return edit.text
+
 
 class Editor(Protocol):
-    """Editor of one editor."""
+    """An editor of zones, beware list, map or path settings."""
 
     @property
     def history(self) -> EditHistory:

@@ -45,9 +45,9 @@ from app.runtime.start.segmentation import compose
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.storage.site_store import SiteStore
-from app.teaching.networks import Compose
+from app.teaching.networks.live_networks import Compose
+from app.teaching.networks.versions import START
 from app.teaching.service import DEFAULT_CHOICE, LiveTeaching
-from app.teaching.versions import START
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused

@@ -31,6 +31,11 @@ def status_message(
         return "Leaving the beware area by the shortest path."
     if stands_in_zone(decision):
         return "Standing in a beware area; have it leave, or change the area."
+    if mission.phase is Phase.DRIVING and decision is not None and decision.in_growth:
+        return (
+            "The position has become uncertain beside a zone: driving away from the zone before "
+            "going on to the goal."
+        )
     if mission.phase is Phase.DRIVING and decision is not None:
         goal = mission.queue[0]
         what = decision.motion.outcome if moving else "about to move"

@@ -39,7 +39,7 @@ from navcore.perception.prototype import background_of, example_of, fitted
 from navcore.perception.region_growing import thing_at
 from navcore.robot.frame import Frame
 from sim.dataset.generate import shard_seed
-from sim.dataset.renderer import PATTERNS, UNSEEN_LABEL, SceneRenderer
+from sim.dataset.renderer import PATTERNS, UNSEEN_LABEL, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import UNSEEN, Scene, SolidObject, Spot
 from sim.models.unseen_items import UNSEEN_ITEMS
@@ -60,7 +60,7 @@ def click_and_walk(network: NetworkSegmenter, seed: int) -> DetectionCounts:
     """Click and walk once on the site of a seed; return the counts by kind."""
     renderer = SceneRenderer(seed=shard_seed(seed, "test", TEST_SHARD), size=(424, 240))
     rng = np.random.default_rng((seed, 25))
-    site = _site(renderer, rng, kind=list(UNSEEN_ITEMS)[seed % len(UNSEEN_ITEMS)])
+    site = site_of(renderer, rng, kind=list(UNSEEN_ITEMS)[seed % len(UNSEEN_ITEMS)])
     renderer.build(site.scene)
     classes: tuple[BewareClass, ...] = ()
     refused: tuple[str, ...] = ()
@@ -103,7 +103,7 @@ def walks(perception: Perception) -> Walks:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Site:
+class Site:
     """A world with two things of one kind."""
 
     kind: str
@@ -112,9 +112,11 @@ class _Site:
     """Poses of the walk."""
     first: Spot
     """Place of the thing that is clicked."""
+    second: Spot
+    """Place of the thing that the walk passes."""
 
 
-def _site(renderer: SceneRenderer, rng: Rng, *, kind: str) -> _Site:
+def site_of(renderer: SceneRenderer, rng: Rng, *, kind: str) -> Site:
     """Return a random world in which both things have a place: the second beside the far half of
     the walk, the first anywhere."""
     while True:
@@ -126,14 +128,16 @@ def _site(renderer: SceneRenderer, rng: Rng, *, kind: str) -> _Site:
             int(np.clip(c * by + t, 10, 250)) for c, t in zip(usual, tint, strict=True)
         )
         radius_m = 0.7 * max(size_m[:2])
-        for beside in (True, False):
-            spot = _free_spot(scene, rng, radius_m, drive[len(drive) // 2 :] if beside else None)
+        spots: list[Spot] = []
+        for beside in (drive[len(drive) // 2 :], None):
+            spot = _free_spot(scene, rng, radius_m, beside)
             if spot is None:
                 break
+            spots.append(spot)
             scene = _with_thing(scene, rng, kind, (red, green, blue), spot)
         else:
-            assert spot is not None
-            return _Site(kind=kind, scene=scene, drive=drive, first=spot)
+            second, first = spots
+            return Site(kind=kind, scene=scene, drive=drive, first=first, second=second)
 
 
 def _free_spot(scene: Scene, rng: Rng, radius_m: float, beside: list[Pose2] | None) -> Spot | None:
@@ -175,17 +179,21 @@ def _with_thing(
 
 
 def _taught(
-    network: NetworkSegmenter, renderer: SceneRenderer, site: _Site, rng: Rng
+    network: NetworkSegmenter, renderer: SceneRenderer, site: Site, rng: Rng
 ) -> Prototype | None:
     """Return the prototype of three clicks, None where the thing is seen from no free place; raises
     `Refused` where it cannot be made."""
-    clicked = list(_views(renderer, site, rng))
+    clicked = list(views(renderer, site, site.first, rng, CLICKS))
     if not clicked:
         return None
     described = [network.described(frame) for frame, _ in clicked]
     examples = [
-        example_of(frame, cells, thing_at(frame, *_middle(truth & (frame.depth_m > 0))))
-        for (frame, truth), cells in zip(clicked, described, strict=True)
+        example_of(
+            frame,
+            cells,
+            thing_at(frame, *_middle((labels == UNSEEN_LABEL) & (frame.depth_m > 0))),
+        )
+        for (frame, labels), cells in zip(clicked, described, strict=True)
     ]
     other = drive_poses(site.scene, rng)
     frames = [
@@ -198,26 +206,23 @@ def _taught(
     return fitted(network.identity, examples, np.concatenate(background))
 
 
-def _views(
-    renderer: SceneRenderer, site: _Site, rng: Rng
-) -> Iterator[tuple[Frame, npt.NDArray[np.bool_]]]:
-    """Yield up to three frames that show the first thing, with its pixels."""
+def views(
+    renderer: SceneRenderer, site: Site, thing: Spot, rng: Rng, count: int
+) -> Iterator[tuple[Frame, Labels]]:
+    """Yield up to `count` frames that show a thing, with the label of every pixel."""
     yielded = 0
     for _ in range(TRIALS):
         turn, away = float(rng.uniform(-math.pi, math.pi)), float(rng.uniform(*CLICK_M))
-        x_m = site.first.x_m - away * math.cos(turn)
-        y_m = site.first.y_m - away * math.sin(turn)
+        x_m, y_m = thing.x_m - away * math.cos(turn), thing.y_m - away * math.sin(turn)
         stand = Spot(x_m=x_m, y_m=y_m, radius_m=CLEARANCE_M)
         if not _is_free(site.scene, stand):
             continue
         yaw = turn + float(rng.uniform(-0.3, 0.3))
-        pose = Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw)
-        frame, _, labels = picture(renderer, site.scene, pose, rng)
-        truth = labels == UNSEEN_LABEL
-        if truth.sum() >= CLICK_PX:
-            yield frame, truth
+        frame, _, labels = picture(renderer, site.scene, Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw), rng)
+        if np.count_nonzero(labels == UNSEEN_LABEL) >= CLICK_PX:
+            yield frame, labels
             yielded += 1
-        if yielded == CLICKS:
+        if yielded == count:
             return
 
 

@@ -12,7 +12,7 @@ import sys
 import threading
 from pathlib import Path
 
-from app.teaching.lock import RunLock
+from app.teaching.training.lock import RunLock
 
 DONE, FAILED, CANCELLED, TAKEN = 0, 1, 3, 4
 NICENESS = 19
@@ -31,8 +31,8 @@ def _run(folder: Path) -> int:
     import cv2
     import torch
 
-    from app.teaching.progress import read_progress, write_progress
-    from app.teaching.run import Cancelled, TeachingRun
+    from app.teaching.training.progress import read_progress, write_progress
+    from app.teaching.training.run import Cancelled, TeachingRun
     from navcore.errors import BewareNavError
 
     asked = threading.Event()

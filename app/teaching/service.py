@@ -8,10 +8,10 @@ from pathlib import Path
 from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import Perception, compose
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from app.teaching.frames import LiveFrames
-from app.teaching.networks import Compose, LiveNetworks
-from app.teaching.trainings import LiveTrainings
-from app.teaching.versions import START, VersionStore
+from app.teaching.frames.live_frames import LiveFrames
+from app.teaching.networks.live_networks import Compose, LiveNetworks
+from app.teaching.networks.versions import START, VersionStore
+from app.teaching.training.live_trainings import LiveTrainings
 from navcore.mission.beware_list import BewareList
 from navcore.robot.frame import Frame
 

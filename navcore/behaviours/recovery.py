@@ -63,8 +63,17 @@ class Recovery:
     backed_from: Pose2 | None = None
     """Pose where the last of those started."""
 
-    def after(self, motion: Motion, pose: Pose2, stamp_ns: int, rules: RecoveryConfig) -> Recovery:
-        """Return the state after one more tick; `pose` is in the map frame."""
+    def after(
+        self,
+        motion: Motion,
+        pose: Pose2,
+        stamp_ns: int,
+        rules: RecoveryConfig,
+        *,
+        held: bool = False,
+    ) -> Recovery:
+        """Return the state after one more tick; `pose` is in the map frame, `held` whether the
+        safety gate keeps the robot from its motion, which no waiting changes."""
         if self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > rules.left_m:
             return Recovery()
         turned = self.turned_rad + abs(wrap_angle(pose.yaw_rad - self.heading_rad))
@@ -72,6 +81,8 @@ class Recovery:
         now = dataclasses.replace(counted, turned_rad=turned, heading_rad=pose.yaw_rad)
         stuck = motion.outcome is ControllerState.BLOCKED or now.backs >= rules.tries
         lasts_s = (stamp_ns - self.since_ns) / 1e9
+        if self.action is RecoveryAction.NONE and held:
+            return now._enter(now._stronger(), pose, stamp_ns)
         if self.action is RecoveryAction.NONE:
             return now._enter(RecoveryAction.WAIT, pose, stamp_ns) if stuck else now
         if self.action is RecoveryAction.GIVE_UP:
@@ -79,12 +90,15 @@ class Recovery:
         if self.action is RecoveryAction.WAIT:
             if not stuck:
                 return now._ended()
-            stronger = RecoveryAction(max(self.tried, RecoveryAction.WAIT) + 1)
-            return now._enter(stronger, pose, stamp_ns) if lasts_s >= rules.wait_s else now
-        blocked = motion.outcome is ControllerState.BLOCKED
+            return now._enter(now._stronger(), pose, stamp_ns) if lasts_s >= rules.wait_s else now
+        blocked = held or motion.outcome is ControllerState.BLOCKED
         if blocked or lasts_s >= rules.manoeuvre_s or now._is_done(pose, rules):
             return dataclasses.replace(now._ended(), tried=self.action, backs=0)
         return now
+
+    def _stronger(self) -> RecoveryAction:
+        """Return the action after the last one that failed."""
+        return RecoveryAction(max(self.tried, RecoveryAction.WAIT) + 1)
 
     def _ended(self) -> Recovery:
         return dataclasses.replace(self, action=RecoveryAction.NONE)

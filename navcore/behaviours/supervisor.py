@@ -76,11 +76,13 @@ class Behaviour:
         request: NavigationRequest,
         profile: RobotProfile,
         config: NavigatorConfig,
+        held: bool = False,
     ) -> tuple[Behaviour, Motion]:
         """Return the state after one more tick and the motion to carry out.
 
-        `motion` is the controller's. It is replaced by standing while the robot waits for the path
-        to clear, or when every recovery has failed.
+        `motion` is the controller's, `held` whether the safety gate keeps the robot from it. It is
+        replaced by standing while the robot waits for the path to clear, or when every recovery has
+        failed.
         """
         now = self._with_people(motion, frame, route, people, profile, config)
         now = dataclasses.replace(now, trail=trail_with(now.trail, frame.pose, config.recovery))
@@ -91,7 +93,9 @@ class Behaviour:
         )
         if route is None or len(route.points) == 0 or at_viewpoint:
             return now._without_path(frame, request), motion
-        recovery = now.recovery.after(motion, frame.pose, frame.stamp_ns, config.recovery)
+        recovery = now.recovery.after(
+            motion, frame.pose, frame.stamp_ns, config.recovery, held=held
+        )
         closed = now.closed
         closes = recovery.action is RecoveryAction.CLOSE
         if (

@@ -301,6 +301,27 @@ class SpeedLimitConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class GrowthExitConfig:
+    """Tuning of driving out of the growth of a zone (TOML table `control.growth_exit`)."""
+
+    speed_mps: float = ranged(0.05, 1.0, default=0.25)
+    """Speed in metres per second."""
+    yaw_rate_radps: float = ranged(0.05, 2.0, default=0.5)
+    """Largest yaw rate in radians per second."""
+    yaw_rates: int = ranged(3, 51, default=11)
+    """Number of yaw rates that are tried; an odd one has straight motions among them."""
+    horizon_s: float = ranged(0.5, 5.0, default=1.5)
+    """Time in seconds for which a motion is predicted."""
+    poses: int = ranged(2, 50, default=10)
+    """Number of poses at which it is checked."""
+    goal_weight: float = ranged(0.0, 1.0, default=0.1)
+    """Worth of a metre towards the goal in metres away from the zone."""
+    keep_on_m: float = ranged(0.0, 1.0, default=0.1)
+    """Worth in metres of going on forward or backward as before: between two walls the robot would
+    turn back again and again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ControlConfig:
     """Tuning of the control stage."""
 
@@ -322,6 +343,8 @@ class ControlConfig:
     """Rollouts among people who do not give way."""
     social: SocialConfig = field(default_factory=SocialConfig)
     """Tolerances beside people."""
+    growth_exit: GrowthExitConfig = field(default_factory=GrowthExitConfig)
+    """Driving out of the growth of a zone."""
     speed_limits: SpeedLimitConfig = field(default_factory=SpeedLimitConfig)
     """Speed limits of zones."""
 

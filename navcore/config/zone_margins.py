@@ -26,4 +26,8 @@ class ZoneMarginConfig:
     """Step in metres of the clearance of zones beside which the position is too uncertain, for the
     same reason."""
     body_gap_m: float = ranged(0.0, 0.5, default=0.1)
-    """Least distance in metres between the body and that clearance: it gives way to the robot."""
+    """Least distance in metres between the body and that clearance, and between the body and what
+    is left of a growth that the robot is in: both give way to the robot."""
+    within_m: float = ranged(0.0, 0.5, default=0.08)
+    """Distance in metres between the body and a grown zone below which the robot is in the growth:
+    it drives out of it before it goes on."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState, Motion
@@ -21,6 +23,7 @@ from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mission.zone import Zone
+from navcore.mission.zone_growth import GrownZone
 from navcore.perception.people.track import Track
 from navcore.robot.profile import RobotProfile
 
@@ -44,8 +47,12 @@ class ControlTask:
     goal_yaw_rad: float | None = None
     """Heading in the map frame to take at the goal; None for any."""
     leaving: tuple[Zone, ...] | None = None
-    """All zones in force while the robot leaves the one it stands in; None otherwise. A robot that
-    leaves may cross the area it stands in, and no other."""
+    """All zones in force while the robot leaves the one it stands in, or the growth of one; None
+    otherwise. A robot that leaves may cross the area it stands in, and no other."""
+    around: tuple[GrownZone, ...] = ()
+    """Zones whose growth the robot is in, and drives out of before it goes on."""
+    goal: tuple[float, float] | None = None
+    """(x, y) of the goal in metres of the map frame; None without one."""
     retreat: Points | None = None
     """(N, 2) driven path in the map frame, newest first, to back off along; None otherwise."""
     spin: bool = False
@@ -72,10 +79,12 @@ class Controller:
         if task.leaving is not None:
             # Near the end of the escape path is still inside.
             local = dataclasses.replace(local, nearly_m=0.0)
-            _, forbidden = split_areas(around, task.leaving, self._profile, pose)
+            within = {one.zone.id for one in task.around}
+            zones = tuple(zone for zone in task.leaving if zone.id not in within)
+            _, forbidden = split_areas(around, zones, self._profile, pose)
         forbidden_points = nearby(forbidden, around, pose, reach_m)
         cell_m = around.spec.resolution_m
-        if len(task.track) == 0:
+        if len(task.track) == 0 and not task.around:
             trapped = footprint_overlaps(forbidden_points, self._profile, cell_m)
             in_zone = Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
             self._motion = in_zone if trapped else IDLE
@@ -88,7 +97,7 @@ class Controller:
                 forbidden=forbidden_points,
                 unseen=nearby(unseen, around, pose, reach_m),
                 cell_m=cell_m,
-                path=task.track,
+                path=task.track if len(task.track) else np.array([task.goal]),
                 pose=pose,
                 twist=task.twist,
                 previous=self._motion,
@@ -98,6 +107,7 @@ class Controller:
                 people=PeopleState.of(task.people, pose, people, control.social),
                 people_config=people,
                 goal_yaw_rad=task.goal_yaw_rad,
+                around=task.around,
                 retreat=task.retreat,
                 spin=task.spin,
                 ignore_predictions=task.ignore_predictions,

@@ -19,6 +19,7 @@ from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerCo
 from navcore.config.people import PeopleConfig
 from navcore.control.collision_checker import CollisionChecker, stopping_trajectory
 from navcore.control.dynamic_window import avoid, will_collide
+from navcore.control.growth_exit import drive_out
 from navcore.control.manoeuvre import Manoeuvre, steer
 from navcore.control.motion import ARRIVED, BLOCKED, ControllerState, Motion
 from navcore.control.motion_primitives import arcs
@@ -34,6 +35,7 @@ from navcore.costmap.local_costmap import footprint_overlaps, outside
 from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import metres_along, path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist, wrap_angle
+from navcore.mission.zone_growth import GrownZone
 from navcore.robot.profile import RobotProfile
 
 _DRIVES_ON = (ControllerState.FOLLOW, ControllerState.TURN)
@@ -75,6 +77,8 @@ class LocalPlannerInput:
     """Rules beside people."""
     goal_yaw_rad: float | None = None
     """Heading in the map frame to take at the goal; None for any."""
+    around: tuple[GrownZone, ...] = ()
+    """Zones whose growth the robot is in, and drives out of first; they are not in `forbidden`."""
     retreat: Points | None = None
     """(R, 2) driven path in the map frame, newest first, to back off along; None otherwise."""
     spin: bool = False
@@ -99,7 +103,7 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
     where people are near."""
     path = path_from(inputs.path, inputs.pose)
     goal = _goal(inputs, path)
-    if goal.reached and goal.aligned:
+    if goal.reached and goal.aligned and not inputs.around:
         return ARRIVED
     if footprint_overlaps(inputs.forbidden, inputs.profile, inputs.cell_m):
         return Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
@@ -155,6 +159,8 @@ def _select(
         return _retreat(checker, path_from(inputs.retreat, inputs.pose)) or BLOCKED
     if inputs.spin:
         return _spin(checker) or BLOCKED
+    if inputs.around:
+        return drive_out(checker, inputs.around, inputs.pose, inputs.path[-1], inputs.previous)
     if goal.reached:
         motion = _align(inputs, checker, goal)
     else:

@@ -9,6 +9,9 @@ The growth is that of the safety gate or more: where the planner leads, the gate
 Where the position is so uncertain that the safety gate slows the robot down beside the zone, the
 zone has a clearance besides, so that the path leads round at a distance. The clearance gives way to
 a robot that is nearer already, which can then drive away.
+
+The growth itself may come over a robot beside the zone, which then drives out of it before it goes
+on to its goal (`navcore.control.growth_exit`).
 """
 
 from __future__ import annotations
@@ -24,7 +27,14 @@ from navcore.config.zone_margins import ZoneMarginConfig
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.zone import Zone
-from navcore.mission.zone_growth import covering, distance_m, grow, largest_axis_m, spread_of
+from navcore.mission.zone_growth import (
+    GrownZone,
+    covering,
+    distance_m,
+    grow,
+    largest_axis_m,
+    spread_of,
+)
 from navcore.robot.profile import RobotProfile
 
 _ZERO = np.zeros((2, 2))
@@ -45,6 +55,8 @@ class _Margin:
     """Distance in metres that is kept from the grown zone besides."""
     cleared: Zone | None = None
     """The grown zone with its clearance, if it has one."""
+    covers_robot: bool = False
+    """Whether the robot is in the growth, and not in the zone itself."""
 
 
 class ZoneMargins:
@@ -76,6 +88,27 @@ class ZoneMargins:
         keys = {(zone.id, zone.version) for zone in zones}
         self._margins = {key: one for key, one in self._margins.items() if key in keys}
         return tuple(self._grown(zone, place) for zone in zones)
+
+    def covering_robot(
+        self, zones: tuple[Zone, ...], place: LocalisationEstimate
+    ) -> tuple[GrownZone, ...]:
+        """Return the zones, as the safety gate grows them, whose growth the robot is in, but not
+        in the zone itself. `follow` has to be called before."""
+        body = np.array([shapely.polygons(place.T_map_base.to_parent(self._footprint))])
+        found = []
+        for zone in zones:
+            margin = self._margins[zone.id, zone.version]
+            least_m = self._config.body_gap_m if margin.covers_robot else self._config.within_m
+            margin.covers_robot = (
+                zone.closed
+                and margin.grown is not zone
+                and float(distance_m(margin.grown, body)[0]) < least_m
+                and float(distance_m(zone, body)[0]) > 0
+            )
+            if margin.covers_robot:
+                needed = covering(self.covariance(zone, place))
+                found.append(GrownZone(zone, spread_of(needed, self._gate.sigmas)))
+        return tuple(found)
 
     def covariance(self, zone: Zone, place: LocalisationEstimate) -> Matrix:
         """Return the (2, 2) covariance of the robot's position relative to a zone, square
@@ -133,7 +166,7 @@ class ZoneMargins:
         room_m = min(max(room_m, 0.0), gate.uncertain_clearance_m)
         step_m = config.clearance_step_m
         free_m = step_m * math.floor(room_m / step_m + 1e-6)
-        gives_way = body_m < kept_m + config.body_gap_m / 2
+        gives_way = body_m < kept_m + config.within_m
         return free_m if gives_way else max(free_m, kept_m)
 
     def _anchor(self, zone: Zone) -> Matrix:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -111,3 +112,32 @@ def distance_m(zone: Zone, shapes: npt.NDArray[np.object_]) -> Floats:
         return np.asarray(shapely.distance(polygon, shapes))
     inside = shapely.covers(polygon, shapes)
     return np.where(inside, shapely.distance(polygon.exterior, shapes), 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GrownZone:
+    """A zone and the ellipse by which it is grown."""
+
+    zone: Zone
+    """The zone of the operator."""
+    spread: Matrix
+    """(2, 2) matrix of `spread_of`."""
+
+    def relative_distance(self, outlines: Floats) -> Floats:
+        """Return (N,) distances of (N, K, 2) outlines of the map frame; see `relative_distance`."""
+        return relative_distance(self.zone, self.spread, outlines)
+
+    @property
+    def growth_m(self) -> float:
+        """Largest growth in metres."""
+        return largest_axis_m(self.spread)
+
+
+def relative_distance(zone: Zone, spread: Matrix, outlines: Floats) -> Floats:
+    """Return (N,) distances of (N, K, 2) outlines of the map frame from what a zone forbids, in
+    units of the ellipse of `spread_of`: 1 where they touch the zone that is grown by it, 0 where
+    they touch the zone itself."""
+    to_disc, _ = _scales(spread)
+    corners = (np.asarray(zone.polygon) @ to_disc).tolist()
+    in_disc = dataclasses.replace(zone, polygon=tuple((x, y) for x, y in corners))
+    return distance_m(in_disc, np.asarray(shapely.polygons(outlines @ to_disc)))

@@ -2,7 +2,10 @@
 
 The check is independent of map, planner and local planner: it takes the operator's zones and the
 known beware cells as they are, predicts where the footprint sweeps until the robot stands, and
-gives the largest share of the velocity from which it enters no area.
+gives the largest share of the velocity from which it comes too near to no area.
+
+How far an area is kept grows with the uncertainty of the position, also while the robot stands
+beside it. A robot that is nearer than that may drive where it comes no nearer: away, along, back.
 """
 
 from __future__ import annotations
@@ -16,7 +19,6 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely.geometry import Polygon
 
 from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
 from navcore.geometry.arrays import Floats, Points
@@ -29,6 +31,7 @@ from navcore.mission.zone_growth import (
     grow,
     largest_axis_m,
     polygon_of,
+    relative_distance,
     spread_of,
 )
 from navcore.robot.profile import RobotProfile
@@ -37,20 +40,41 @@ from navcore.safety.collision_monitor import braking_s
 NO_CELLS: Points = np.empty((0, 2))
 _DEFAULT = DEFAULT_SAFETY.keep_out
 _NEGLIGIBLE_M = 1e-3
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class _Area:
     """What a zone forbids, grown by the uncertainty of the position."""
 
-    zone: Zone
-    """The grown zone."""
+    drawn: Zone
+    """The zone of the operator."""
+    spread: Matrix
+    """(2, 2) ellipse by which it is grown."""
+    growth_m: float = 0.0
+    """Largest growth in metres."""
     clearance_m: float = 0.0
-    """Distance in metres from it within which the side of the robot moves slowly."""
+    """Distance in metres from the grown zone within which the side of the robot moves slowly."""
 
     @property
-    def polygon(self) -> Polygon:
-        return polygon_of(self.zone.polygon)
+    def grown(self) -> Zone:
+        """The grown zone."""
+        return grow(self.drawn, self.spread)
+
+    def title(self, *, uncertain: bool) -> str:
+        """What the zone is called in reasons, with how uncertain the position is."""
+        name = self.drawn.name
+        if uncertain:
+            return f"zone {name!r} (the position is uncertain by {self.growth_m:.1f} m)"
+        return f"zone {name!r}"
+
+    def is_near(self, pose: Pose2, reach_m: float) -> bool:
+        """Whether what is forbidden, or the clearance, may be within reach of a pose."""
+        if self.drawn.forbids_outside:
+            return True
+        left, bottom, right, top = self.drawn.bounds
+        beside_m = max(left - pose.x_m, pose.x_m - right, bottom - pose.y_m, pose.y_m - top)
+        return beside_m <= reach_m + self.growth_m + self.clearance_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,9 +108,10 @@ def permitted_share(
 ) -> tuple[float, str]:
     """Return the largest share of a velocity, 0 to 1, that enters no area, and what is in the way.
 
-    An area that the footprint overlaps already may be left, but not covered any further. The name
-    is empty where the whole velocity is permitted. Beside a zone relative to which the position is
-    too uncertain, the robot is slowed down.
+    An area that is nearer already than the uncertainty asks for may not come nearer, and one that
+    the footprint overlaps may not be covered any further; both may be left. The name is empty where
+    the whole velocity is permitted. Beside a zone relative to which the position is too uncertain,
+    the robot is slowed down.
     """
     twist, start = _within_limits(twist, profile), keep_outs.pose
     if start is None or _fastest_mps(twist, profile) < config.standing_mps:
@@ -94,11 +119,7 @@ def permitted_share(
     late_s = max(config.reaction_s, frame_age_s + config.reaction_after_frame_s)
     travelled_m = abs(twist.v_mps) * (late_s + braking_s(twist, profile)) + config.stop_margin_m
     reach_m = profile.circumscribed_radius_m + travelled_m
-    areas = [
-        area
-        for area in _areas(keep_outs, config)
-        if area.zone.forbids_outside or _beside_m(area, start) <= reach_m + area.clearance_m
-    ]
+    areas = [area for area in _areas(keep_outs, config) if area.is_near(start, reach_m)]
     keep_outs = _near_cells(keep_outs, start, reach_m)
     if not areas and not len(keep_outs.cells):
         return 1.0, ""
@@ -128,12 +149,11 @@ def _areas(keep_outs: KeepOuts, config: KeepOutMonitorConfig) -> list[_Area]:
 def _area(zone: Zone, covariance: Matrix, config: KeepOutMonitorConfig) -> _Area:
     growth_m = largest_axis_m(spread_of(covariance, config.sigmas))
     if growth_m < _NEGLIGIBLE_M:
-        return _Area(zone)
-    grown = grow(zone, spread_of(covering(covariance), config.sigmas))
+        return _Area(zone, spread_of(np.zeros((2, 2)), config.sigmas))
+    spread = spread_of(covering(covariance), config.sigmas)
     if growth_m <= config.largest_growth_m:
-        return _Area(grown)
-    name = f"{zone.name} (the position is uncertain by {growth_m:.1f} m)"
-    return _Area(dataclasses.replace(grown, name=name), config.uncertain_clearance_m)
+        return _Area(zone, spread, largest_axis_m(spread))
+    return _Area(zone, spread, largest_axis_m(spread), config.uncertain_clearance_m)
 
 
 def _within_limits(twist: Twist, profile: RobotProfile) -> Twist:
@@ -147,12 +167,6 @@ def _within_limits(twist: Twist, profile: RobotProfile) -> Twist:
 def _fastest_mps(twist: Twist, profile: RobotProfile) -> float:
     """Return an upper bound of the speed of every point of the body in metres per second."""
     return abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
-
-
-def _beside_m(area: _Area, pose: Pose2) -> float:
-    """Return a lower bound of the distance in metres between a pose and an area."""
-    left, bottom, right, top = area.polygon.bounds
-    return max(left - pose.x_m, pose.x_m - right, bottom - pose.y_m, pose.y_m - top)
 
 
 def _near_cells(keep_outs: KeepOuts, pose: Pose2, reach_m: float) -> KeepOuts:
@@ -186,34 +200,53 @@ def _entered(
     profile: RobotProfile,
     spacing_m: float,
 ) -> str | None:
-    """Return the name of the first area that the footprint enters at any of the poses."""
+    """Return the name of the first area that the footprint enters, or comes too near to, at any of
+    the poses."""
     corners = profile.footprint()
-    swept = shapely.polygons(np.stack([pose.to_parent(corners) for pose in poses]))
+    outlines = np.stack([pose.to_parent(corners) for pose in (start, *poses)])
     for area in areas:
-        zone = area.zone
-        if zone.forbids_outside:
-            touched = ~shapely.covers(area.polygon, swept)
-        else:
-            touched = shapely.intersects(area.polygon, swept)
-        if not touched.any():
+        now, *later = relative_distance(area.drawn, area.spread, outlines).tolist()
+        if min(later) >= min(now, 1.0) - _ROUNDING and now > 0:
             continue
-        body = _body_points(profile.length_m, profile.width_m, spacing_m)
-        covered = int(_forbidden(zone, start.to_parent(body)).sum())
-        if not covered:
-            return f"zone {zone.name!r}"
-        if keep_outs.leaving:
+        if keep_outs.leaving and now < 1:
             continue
-        points = np.stack([pose.to_parent(body) for pose in poses])
-        counts = _forbidden(zone, points).sum(axis=1)
-        if counts.max() > covered:
-            return f"zone {zone.name!r}"
-    cells = keep_outs.cells
-    if len(cells):
-        growth_m = _growth_of(keep_outs)
-        covered = _covered_cells(cells, growth_m, start, profile)
-        if not (covered and keep_outs.leaving) and any(
-            _covered_cells(cells, growth_m, pose, profile) > covered for pose in poses
-        ):
+        if now > 0 or _goes_in(area.drawn, start, poses, profile, spacing_m):
+            return area.title(uncertain=now < 1 or area.clearance_m > 0)
+    return _cell_entered(keep_outs, start, poses, profile)
+
+
+def _goes_in(
+    zone: Zone, start: Pose2, poses: list[Pose2], profile: RobotProfile, spacing_m: float
+) -> bool:
+    """Return whether the footprint, which touches a zone, covers more of it at any of the poses, or
+    its middle lies deeper in the zone."""
+    body = _body_points(profile.length_m, profile.width_m, spacing_m)
+    covered = _forbidden(zone, np.stack([pose.to_parent(body) for pose in (start, *poses)]))
+    counts = covered.sum(axis=1)
+    if (counts[1:] > counts[0]).any():
+        return True
+    middles = np.array([(pose.x_m, pose.y_m) for pose in (start, *poses)])
+    edge = polygon_of(zone.polygon).exterior
+    depths = np.where(
+        _forbidden(zone, middles), shapely.distance(edge, shapely.points(middles)), 0.0
+    )
+    return bool((depths[1:] > depths[0] + _ROUNDING).any())
+
+
+def _cell_entered(
+    keep_outs: KeepOuts, start: Pose2, poses: list[Pose2], profile: RobotProfile
+) -> str | None:
+    """Return what the beware cells are called, where the footprint comes too near to any of them at
+    any of the poses."""
+    if not len(keep_outs.cells):
+        return None
+    growth_m = _growth_of(keep_outs)
+    now = _distances_to_cells(keep_outs.cells, start, profile)
+    if keep_outs.leaving and (now < growth_m).any():
+        return None
+    kept = np.minimum(now, growth_m) - _ROUNDING
+    for pose in poses:
+        if (_distances_to_cells(keep_outs.cells, pose, profile) < kept).any():
             return "an object of the beware list"
     return None
 
@@ -225,8 +258,8 @@ def _slowed(areas: list[_Area], poses: list[Pose2], profile: RobotProfile) -> st
     for area in areas:
         if area.clearance_m:
             least_m = profile.width_m / 2 + area.clearance_m
-            if distance_m(area.zone, points).min() < least_m:
-                return f"zone {area.zone.name!r}"
+            if distance_m(area.grown, points).min() < least_m:
+                return area.title(uncertain=True)
     return None
 
 
@@ -241,14 +274,11 @@ def _growth_of(keep_outs: KeepOuts) -> Floats:
     return np.zeros(len(keep_outs.cells)) if growth_m is None else growth_m
 
 
-def _covered_cells(cells: Points, growth_m: Floats, pose: Pose2, profile: RobotProfile) -> int:
-    """Return the number of cell centres under the footprint, which is grown for each cell."""
+def _distances_to_cells(cells: Points, pose: Pose2, profile: RobotProfile) -> Floats:
+    """Return (N,) distances in metres of cell centres from the footprint along its axes, negative
+    under it."""
     x, y = np.abs(pose.from_parent(cells)).T
-    return int(
-        np.count_nonzero(
-            (x < profile.length_m / 2 + growth_m) & (y < profile.width_m / 2 + growth_m)
-        )
-    )
+    return np.asarray(np.maximum(x - profile.length_m / 2, y - profile.width_m / 2))
 
 
 @lru_cache(maxsize=4)

@@ -5,13 +5,12 @@ round what it would have driven over.
 `make test-teaching` runs it. It takes minutes, as a training has the lowest priority. What is
 learned does not depend on the speed of the machine: the frames are those of a simulator that is
 stepped, from given poses, and are uploaded; the seed of the training is given. The parts of the
-pipeline are tested in `tests/app/teaching`.
+pipeline, and all of it but page and drive, are tested in `tests/app/teaching`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,15 +25,11 @@ from playwright.sync_api import Page, expect, sync_playwright
 
 from app.console.application import ConsoleOptions, RunningConsole, console
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from app.teaching.frame_archive import exported
-from app.teaching.frame_store import FrameStore
-from app.teaching.rules import CaptureRules
-from navcore.geometry.transform import Pose2
+from app.teaching.frames.frame_archive import exported
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.network.preprocess import Size
 from navcore.perception.esanet.weights import weights_file
-from sim.scenario.load import load_scenario
-from sim.simulator import Simulator
+from tests.app.teaching.shoe_room import LOOKS, SHOE, frames_of_the_shoe, room_file, shoe_in
 from tests.system.conftest import state_when
 from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NO_BROWSER
 
@@ -43,31 +38,6 @@ pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not ins
 PATIENCE_S = 240.0
 TRAINING_S = 900.0
 """A training has the lowest priority: beside other work it takes long."""
-SHOE = (-0.9, 0.0)
-ROOM = """
-name = "room with a shoe"
-size_m = [8.0, 6.0]
-start = [-3.0, 0.0, 0.0]
-goals = [[2.2, 0.0]]
-beware_off = ["bottle", "book", "box", "landmine"]
-[map]
-size_m = [9.0, 7.0]
-[[walls]]
-points = [[-3.94, -2.94], [3.94, -2.94], [3.94, 2.94], [-3.94, 2.94], [-3.94, -2.94]]
-[[items]]
-kind = "shoe"
-at = [-0.9, 0.0]
-yaw_deg = 60
-size_m = [0.34, 0.16, 0.07]
-colour = [30, 120, 130]
-"""
-"""The shoe is lower than what counts as an obstacle, and no class of the shipped network. What that
-one mistakes it for is switched off: the robot has to know it for a shoe."""
-LOOKS = (
-    *((1.7, -0.5, 0.3), (1.7, 0.0, -0.25), (1.7, 0.5, 0.1), (2.1, -0.3, -0.35)),
-    *((2.1, 0.25, 0.4), (2.25, -0.4, 0.15), (2.25, 0.05, -0.4), (2.25, 0.4, 0.3)),
-)
-"""Where the frames look at the shoe from: distance in metres, direction and the angle beside it."""
 
 
 @pytest.fixture(scope="module")
@@ -83,22 +53,13 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The file of a room with a shoe between start and goal."""
-    path = tmp_path_factory.mktemp("world") / "room.toml"
-    path.write_text(ROOM, encoding="utf-8")
-    return path
+    return room_file(tmp_path_factory.mktemp("world"))
 
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory, world: Path) -> bytes:
-    """Frames of the shoe from the poses of `LOOKS`, as the export of captured frames."""
-    store = FrameStore(tmp_path_factory.mktemp("frames"), CaptureRules(alike=0.0, same=0.0))
-    with Simulator(load_scenario(str(world)), seed=0) as simulator:
-        for away_m, turn_rad, aside_rad in LOOKS:
-            x_m = SHOE[0] - away_m * math.cos(turn_rad)
-            y_m = SHOE[1] - away_m * math.sin(turn_rad)
-            simulator.teleport(Pose2(x_m=x_m, y_m=y_m, yaw_rad=turn_rad + aside_rad))
-            assert store.add_frame(simulator.capture(), "drive") is not None
-    return exported(store)
+    """Frames of the shoe from given poses, as the export of captured frames."""
+    return exported(frames_of_the_shoe(tmp_path_factory.mktemp("frames"), world))
 
 
 @pytest.fixture(scope="module")
@@ -131,17 +92,13 @@ def off_the_line_m(program: httpx.Client) -> float:
     return float(shapely.LineString(path).distance(shapely.Point(SHOE)))
 
 
-def shoe_in(program: httpx.Client, frame_id: str) -> tuple[int, int] | None:
+def shoe_at(program: httpx.Client, frame_id: str) -> tuple[int, int] | None:
     """Return row and column of the middle of the shoe in a frame; None where it does not show
     it."""
     data = program.get(f"/api/v1/teach/frames/{frame_id}.png").content
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
     assert image is not None
-    blue, green, red = (image[..., channel].astype(int) for channel in range(3))
-    rows, cols = np.nonzero((green > red + 40) & (blue > red + 40))
-    if len(rows) < 150 or rows.max() > image.shape[0] - 3:
-        return None
-    return int(np.median(rows)), int(np.median(cols))
+    return shoe_in(np.asarray(image, dtype=np.uint8))
 
 
 def annotate(page: Page, frame_id: str, at: tuple[int, int]) -> None:
@@ -196,12 +153,11 @@ def test_a_class_is_taught_and_avoided(
             return list(program.get("/api/v1/teach/frames").json()["frames"])
 
         frames = stored()
-        shown = {one["id"]: at for one in frames if (at := shoe_in(program, one["id"]))}
+        shown = {one["id"]: at for one in frames if (at := shoe_at(program, one["id"]))}
         assert len(shown) == len(LOOKS), f"the shoe is in {len(shown)} of {len(frames)} frames"
         page.get_by_test_id("capture").click()
         eventually(lambda: len(stored()) == len(LOOKS) + 1)
         page.get_by_test_id("class").select_option("shoe")
-        page.get_by_test_id("steps").fill("120")
         page.get_by_test_id("rehearsal").fill("16")
         chosen = list(shown.items())
         for frame_id, at in chosen[:2]:

@@ -32,16 +32,23 @@ KEPT_M = (
 """Distance of the robot's middle from the zone with its whole clearance."""
 
 
-def driven(*, from_m: float, until_s: float = 25.0) -> tuple[dict[str, Any], float]:
+def driven(
+    *,
+    from_m: float,
+    until_s: float = 25.0,
+    over_m: float = GROWS_OVER_M,
+    sigma_m: float = SIGMA_M,
+    zone: tuple[tuple[float, float], ...] = BESIDE,
+) -> tuple[dict[str, Any], float]:
     """The report of a drive past a zone, on which the position becomes uncertain from a place on,
-    and the least distance of the robot's middle from the zone."""
+    over a distance, and the least distance of the robot's middle from the zone."""
 
     def localise(localisation: Localisation, *inputs: Any) -> LocalisationEstimate:
         place = Localisation.update(localisation, *inputs)
         poses.append(place.T_map_base)
         driven_m = max(pose.x_m for pose in poses) - from_m
-        sigma_m = SIGMA_M * float(np.clip(driven_m / GROWS_OVER_M, 0.0, 1.0))
-        return dataclasses.replace(place, covariance=np.diag([sigma_m**2, sigma_m**2, 1e-4]))
+        now_m = sigma_m * float(np.clip(driven_m / over_m, 0.0, 1.0))
+        return dataclasses.replace(place, covariance=np.diag([now_m**2, now_m**2, 1e-4]))
 
     poses: list[Pose2] = []
     episode = Episode(
@@ -50,7 +57,7 @@ def driven(*, from_m: float, until_s: float = 25.0) -> tuple[dict[str, Any], flo
             beware=default_beware_list(),
             max_time_s=until_s,
             camera_size=CAMERA,
-            zones=(BESIDE,),
+            zones=(zone,),
             stages=Stages(localise=localise),
         ),
         seed=0,
@@ -60,7 +67,7 @@ def driven(*, from_m: float, until_s: float = 25.0) -> tuple[dict[str, Any], flo
     finally:
         episode.close()
     places = shapely.points([(pose.x_m, pose.y_m) for pose in poses])
-    return report, float(shapely.distance(shapely.Polygon(BESIDE), places).min())
+    return report, float(shapely.distance(shapely.Polygon(zone), places).min())
 
 
 def test_the_path_keeps_the_clearance_of_a_zone_far_ahead() -> None:
@@ -86,3 +93,19 @@ def test_without_the_clearance_the_path_passes_nearer(monkeypatch: pytest.Monkey
         lambda self, *inputs, **options: make(self, *inputs, gate=without, **options),
     )
     assert driven(from_m=-12.0, until_s=9.0)[1] < KEPT_M
+
+
+AHEAD = ((-4.0, -1.0), (-2.5, -1.0), (-2.5, 3.0), (-4.0, 3.0))
+"""A zone before which the robot stands, facing it, when its growth comes over it."""
+
+
+def test_a_robot_that_the_growth_of_a_zone_comes_over_drives_out_and_on_to_the_goal() -> None:
+    report, _ = driven(from_m=-6.2, over_m=0.05, sigma_m=0.6, zone=AHEAD, until_s=60.0)
+    assert report["goals_reached"] == 1
+    assert report["zone_intrusions"] == 0
+
+
+def test_without_driving_out_it_stands_there_for_good(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(zone_margins.ZoneMargins, "covering_robot", lambda *_: ())
+    report, _ = driven(from_m=-6.2, over_m=0.05, sigma_m=0.6, zone=AHEAD, until_s=12.0)
+    assert report["stops"][-1]["duration_s"] > 6.0

@@ -12,6 +12,9 @@ from web.interface.operations import RobotService
 from web.interface.teaching import VERSION_NAME, NetworkVersion, TrainingRun
 from web.schemas.teaching import NetworksOut, TrainingIn, TrainingOut
 
+Force = Annotated[
+    bool, Query(description="Whether to use a version that does not find what it was taught.")
+]
 VersionName = Annotated[str, Path(pattern=VERSION_NAME)]
 _REFUSALS = refusals(404, 409, 422, 503)
 
@@ -82,10 +85,11 @@ def teach_training_router(operations: RobotService) -> APIRouter:
         return networks()
 
     @router.post("/teach/networks/{name}/use", response_model=NetworksOut, responses=_REFUSALS)
-    def use_network(name: VersionName) -> NetworksOut:
+    def use_network(name: VersionName, force: Force = False) -> NetworksOut:
         """Prepare a version beside the tick, then exchange the network between two frames. The
-        answer comes at once; `exchange` names the version until it is in use."""
-        operations.teaching.networks.use(name)
+        answer comes at once; `exchange` names the version until it is in use. A version that does
+        not find what it was taught needs `force`."""
+        operations.teaching.networks.use(name, force=force)
         return networks()
 
     @router.delete(

@@ -157,6 +157,9 @@ class ClassFigures:
     without a true pixel."""
     new: float | None = None
     """IoU of the new network; null without a true pixel."""
+    change: tuple[float, float] | None = None
+    """95 % interval of new − old over these images; null where one of them is, and where fewer than
+    two images show the class."""
     images: Literal["captured", "rendered"]
     """Images of the comparison: captured frames that were held back, or rendered ones."""
 
@@ -186,6 +189,8 @@ class NetworkVersion:
     kept_share: float | None = None
     """Share of the pixels of the held-back frames that no annotation names, where the new network
     says what the old one said."""
+    not_found: tuple[str, ...] = ()
+    """Taught classes that it does not find in the held-back frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,6 +221,9 @@ class TrainingRun:
     """Why it failed; empty unless it has."""
     running: bool
     """Whether its process runs."""
+    not_found: tuple[str, ...] = ()
+    """Annotated classes that the trained network does not find in the frames that were held back;
+    known when it is done."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,13 +235,13 @@ class TrainingOrder:
     class_names: tuple[str, ...] = ()
     """Classes that must be annotated; the training takes all that are."""
     steps: int | None = None
-    """Number of steps; None for the default."""
+    """Largest number of steps; None for the default."""
     rehearsal: int | None = None
     """Number of rendered images for rehearsal and for comparison each; None for the default."""
     size: tuple[int, int] | None = None
     """Working size of the network (height, width), multiples of 32; None for that of the start."""
     seed: int = 0
-    """Random seed."""
+    """Random seed of the rendered images."""
 
 
 class Trainings(Protocol):
@@ -274,9 +282,10 @@ class Networks(Protocol):
     def all(self) -> Sequence[NetworkVersion]:
         """Return all versions, oldest first."""
 
-    def use(self, name: str) -> None:
+    def use(self, name: str, *, force: bool = False) -> None:
         """Prepare a version beside the tick and exchange the network between two frames; returns at
-        once. Raises `NotKnown`, and `Refused` while another one is being prepared."""
+        once. Raises `NotKnown`, and `Refused` while another one is being prepared and, without
+        `force`, for a version that does not find what it was taught."""
 
     def roll_back(self) -> str:
         """Use the version that was in use before and return its name; raises `Refused` without

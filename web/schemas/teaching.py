@@ -145,14 +145,14 @@ class TrainingIn(Closed):
     class_names: Annotated[tuple[Name, ...], Field(max_length=250)] = ()
     """Classes that must be annotated; the training takes all that are."""
     steps: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
-    """Number of steps."""
+    """Largest number of steps; it ends before when the loss falls no more."""
     rehearsal: Annotated[int, Field(strict=True, ge=0, le=1000)] | None = None
     """Number of rendered images for rehearsal, and as many others for comparison."""
     size: SizeIn | None = None
     """Working size of the network, multiples of 32; null for that of the start. A smaller one is
     faster and sees less."""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**31)] = 0
-    """Random seed."""
+    """Random seed of the rendered images."""
 
     def order(self) -> TrainingOrder:
         """Return the order."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import threading
 import time
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from app.console.edit_history import MAX_UNDO, Edit, EditStack
 from app.runtime.control.operator_state import StateHolder
 from navcore.errors import BadConfiguration, NotKnown, Outdated, Refused
 from navcore.mapping.points.erasing import Erased
@@ -29,7 +28,6 @@ from web.interface.drafts import EditHistory
 
 Removed = list[Erased]
 """What the map will have lost by an edit, filled before the next tick."""
-MAX_UNDO = 100
 MAX_TOLD = 3
 """Largest number of changes that a description names."""
 
@@ -62,11 +60,9 @@ class CheckedColours(ColourRules, Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Edit:
-    """One step of the operator that can be undone."""
+class _Lists:
+    """The lists before and after an edit."""
 
-    number: int
-    text: str
     before: BewareList
     after: BewareList
     removed: Removed = field(default_factory=list)
@@ -94,25 +90,17 @@ class BewareEditor:
         self._holder, self._store, self._segmenter = holder, store, segmenter
         self._colours, self._follower, self._examples = colours, follower, examples
         self._defaults = defaults or default_beware_list()
-        self._calendar_s, self._number = calendar_s, number or itertools.count(1).__next__
+        self._calendar_s = calendar_s
         stored = store.beware_versions()[: MAX_UNDO + 1][::-1]
-        self._done: deque[_Edit] = deque(
-            (
-                _Edit(number=0, text=new.what or "an edit", before=old.list, after=new.list)
-                for old, new in itertools.pairwise(stored)
-            ),
-            maxlen=MAX_UNDO,
+        earlier = (
+            (new.what or "an edit", _Lists(before=old.list, after=new.list))
+            for old, new in itertools.pairwise(stored)
         )
-        self._undone: list[_Edit] = []
-        self._editing = threading.Lock()
-        self._is_retired = False
+        self._edits = EditStack[_Lists](number=number, earlier=earlier)
 
-    @contextmanager
-    def retired(self) -> Iterator[None]:
+    def retired(self) -> AbstractContextManager[None]:
         """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
-        with self._editing:
-            yield
-            self._is_retired = True
+        return self._edits.retired()
 
     @property
     def list(self) -> BewareList:
@@ -122,7 +110,7 @@ class BewareEditor:
     @property
     def history(self) -> EditHistory:
         """Edits that can be undone and redone."""
-        return EditHistory.of(self._done, self._undone)
+        return self._edits.history
 
     @property
     def colours(self) -> ColourRules:
@@ -147,12 +135,12 @@ class BewareEditor:
         by: str = OPERATOR,
     ) -> BewareList:
         """Change fields of one class."""
-        with self._editing:
+        with self._edits.editing():
             return self._step(_edited(self._expected(expected_version), name, changes), by)
 
     def add(self, entry: Mapping[str, object], *, by: str = OPERATOR) -> BewareList:
         """Add a class."""
-        with self._editing:
+        with self._edits.editing():
             return self._step(self.list.added(entry), by)
 
     def remove(
@@ -164,12 +152,12 @@ class BewareEditor:
         by: str = OPERATOR,
     ) -> BewareList:
         """Remove a class."""
-        with self._editing:
+        with self._edits.editing():
             return self._step(self._expected(expected_version).removed(name), by, force=force)
 
     def order(self, names: Sequence[str], *, by: str = OPERATOR) -> BewareList:
         """Change the order of the classes."""
-        with self._editing:
+        with self._edits.editing():
             return self._step(self.list.ordered(names), by)
 
     def replace(
@@ -181,7 +169,7 @@ class BewareEditor:
         by: str = OPERATOR,
     ) -> BewareList:
         """Replace the list in force."""
-        with self._editing:
+        with self._edits.editing():
             wanted = self._expected(expected_version).replaced(beware.classes)
             return self._step(wanted, by, force=force)
 
@@ -194,14 +182,14 @@ class BewareEditor:
         by: str = OPERATOR,
     ) -> BewareList:
         """Replace the list in force by that of a TOML document."""
-        with self._editing:
+        with self._edits.editing():
             read = parse_beware_list(text, "the file")
             wanted = self._expected(expected_version).adopted(read.classes)
             return self._step(wanted, by, force=force, what="import of a file")
 
     def restore_defaults(self, *, by: str = OPERATOR) -> BewareList:
         """Replace the list in force by that of a new site."""
-        with self._editing:
+        with self._edits.editing():
             wanted = self.list.adopted(self._defaults.classes)
             return self._step(wanted, by, what="default list")
 
@@ -211,7 +199,7 @@ class BewareEditor:
 
     def restore(self, version: int, *, force: bool = False, by: str = OPERATOR) -> BewareList:
         """Bring back a stored version, as the next one."""
-        with self._editing:
+        with self._edits.editing():
             for stored in self.versions():
                 if stored.list.version == version:
                     wanted = self.list.replaced(stored.list.classes)
@@ -231,22 +219,20 @@ class BewareEditor:
 
     def undo(self, *, by: str = OPERATOR) -> str:
         """Restore the list before the newest edit, as a new version."""
-        with self._editing:
-            edit = _last(self._done, "undo")
-            wanted = self.list.replaced(edit.before.classes)
-            self._apply(wanted, by, f"undo: {edit.text}", put_back=edit.removed)
-            self._undone.append(self._done.pop())
-        return edit.text
+        return self._edits.undo(lambda edit: self._take_back(edit, by))
 
     def redo(self, *, by: str = OPERATOR) -> str:
         """Repeat the edit that was undone last, as a new version."""
-        with self._editing:
-            edit = _last(self._undone, "redo")
-            wanted = self.list.replaced(edit.after.classes)
-            removed = self._apply(wanted, by, f"redo: {edit.text}")
-            self._undone.pop()
-            self._done.append(dataclasses.replace(edit, removed=removed))
-        return edit.text
+        return self._edits.redo(lambda edit: self._repeat(edit, by))
+
+    def _take_back(self, edit: Edit[_Lists], by: str) -> None:
+        wanted = self.list.replaced(edit.step.before.classes)
+        self._apply(wanted, by, f"undo: {edit.text}", put_back=edit.step.removed)
+
+    def _repeat(self, edit: Edit[_Lists], by: str) -> _Lists:
+        wanted = self.list.replaced(edit.step.after.classes)
+        removed = self._apply(wanted, by, f"redo: {edit.text}")
+        return dataclasses.replace(edit.step, removed=removed)
 
     def _expected(self, version: int | None) -> BewareList:
         beware = self.list
@@ -271,10 +257,7 @@ class BewareEditor:
         details = "; ".join(told[:MAX_TOLD]) + more
         text = ": ".join(filter(None, (what, details))) or "no change"
         removed = self._apply(beware, by, text)
-        self._done.append(
-            _Edit(number=self._number(), text=text, before=before, after=beware, removed=removed)
-        )
-        self._undone = []
+        self._edits.add(text, _Lists(before=before, after=beware, removed=removed))
         return beware
 
     def _check_colours(self, before: BewareList, beware: BewareList) -> None:
@@ -286,8 +269,6 @@ class BewareEditor:
     ) -> Removed:
         """Store a list, put it in force and let the map follow; returns what that removes from the
         map. The first edit stores the list before it, too, so that this one can be brought back."""
-        if self._is_retired:
-            raise Refused("the site has been changed meanwhile; load the beware list again")
         before, now_s = self.list, self._calendar_s()
         if not self._store.beware_versions():
             self._store.save_beware(before, unix_s=now_s, by="", what="list of a new site")
@@ -306,9 +287,3 @@ def _edited(beware: BewareList, name: str, changes: Mapping[str, object]) -> Bew
     if not fields:
         return renamed if renamed is not beware else beware.edited(name)
     return dataclasses.replace(renamed.edited(new, **fields), version=beware.version + 1)
-
-
-def _last(edits: Sequence[_Edit], verb: str) -> _Edit:
-    if not edits:
-        raise Refused(f"there is no edit of the beware list to {verb}")
-    return edits[-1]

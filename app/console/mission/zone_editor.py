@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import logging
-import threading
 import time
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from itertools import zip_longest
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
+from app.console.edit_history import Edit, EditStack
 from app.console.mission.saved_missions import DocumentStore
 from app.runtime.control.operator_state import StateHolder
 from app.storage.records import zone_of, zone_record
@@ -26,7 +24,6 @@ from web.interface.operations import Existing
 
 MAX_ZONES = 500
 MAX_SETS = 50
-MAX_UNDO = 100
 MAX_NAMED = 5
 """Largest number of zones that a refused import names."""
 MAX_LIFETIME_S = 366 * 24 * 3600.0
@@ -50,18 +47,13 @@ class ZoneWatcher(Protocol):
         """Called with all zones whenever they have changed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Edit:
-    """One step of the operator that can be undone."""
+class _Zones(NamedTuple):
+    """Zones that an edit changed, by id."""
 
-    number: int
-    """Number of the step among all edits."""
-    text: str
-    """Description of the step."""
     before: Mapping[str, Zone | None]
-    """Changed zones before the step, by id; None for a zone that did not exist."""
+    """As they were; None for a zone that did not exist."""
     after: Mapping[str, Zone | None]
-    """Changed zones after the step, by id; None for a deleted zone."""
+    """As they are; None for a deleted zone."""
 
 
 class ZoneEditor:
@@ -81,21 +73,14 @@ class ZoneEditor:
         `number` counts the edits of all kinds."""
         self._holder, self._store, self._watcher = holder, store, watcher
         self._calendar_s, self._new_id = calendar_s, new_id
-        self._number = number or itertools.count(1).__next__
-        self._lock = threading.RLock()
+        self._edits = EditStack[_Zones](number=number)
         saved = (zone for zones in self.sets().values() for zone in zones)
         self._versions = {zone.id: zone.version for zone in (*self.stored, *saved)}
-        self._done: list[_Edit] = []
-        self._undone: list[_Edit] = []
         self._changes = 0
-        self._is_retired = False
 
-    @contextmanager
-    def retired(self) -> Iterator[None]:
+    def retired(self) -> AbstractContextManager[None]:
         """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
-        with self._lock:
-            yield
-            self._is_retired = True
+        return self._edits.retired()
 
     @property
     def stored(self) -> tuple[Zone, ...]:
@@ -110,7 +95,7 @@ class ZoneEditor:
     @property
     def history(self) -> EditHistory:
         """Descriptions of the next undo and redo."""
-        return EditHistory.of(self._done, self._undone)
+        return self._edits.history
 
     def checked(self, draft: ZoneDraft, *, zone_id: str, version: int) -> Zone:
         """Return the zone of a draft; raises `BadGeometry` with what is wrong."""
@@ -131,7 +116,7 @@ class ZoneEditor:
     def add_all(self, drafts: Sequence[ZoneDraft], existing: Existing = "keep") -> tuple[Zone, ...]:
         """Store many zones as one step; an expired zone is stored switched off."""
         now_s = self._calendar_s()
-        with self._lock:
+        with self._edits.editing():
             drafts = [_expired_off(now_s, draft) for draft in drafts]
             for draft in drafts:  # a wrong zone is refused before the operator is asked
                 self.checked(draft, zone_id="", version=1)
@@ -162,7 +147,7 @@ class ZoneEditor:
         self, drafts: Sequence[ZoneDraft], text: str, ids: Sequence[str | None] = ()
     ) -> tuple[Zone, ...]:
         """Store zones under the ids that are given, else under new ones."""
-        with self._lock:
+        with self._edits.editing():
             zones = tuple(
                 self.checked(draft, zone_id=zone_id or self._new_id(), version=1)
                 for draft, zone_id in zip_longest(drafts, ids)
@@ -179,7 +164,7 @@ class ZoneEditor:
         self, zone_id: str, draft: ZoneDraft, *, expected_version: int | None = None
     ) -> Zone:
         """Change a zone."""
-        with self._lock:
+        with self._edits.editing():
             old = self._expected(zone_id, expected_version)
             zone = self.checked(draft, zone_id=zone_id, version=old.version + 1)
             self._step(f"change of {zone.name!r}", {zone_id: zone})
@@ -187,37 +172,33 @@ class ZoneEditor:
 
     def move(self, zones: Iterable[Zone]) -> None:
         """Replace zones by their id, because the map was corrected: no step that can be undone."""
-        with self._lock:
+        with self._edits.editing():
             known = {zone.id for zone in self.stored}
             self._apply({zone.id: zone for zone in zones if zone.id in known})
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Delete a zone."""
-        with self._lock:
+        with self._edits.editing():
             old = self._expected(zone_id, expected_version)
             self._step(f"deletion of {old.name!r}", {zone_id: None})
 
     def undo(self, *, by: str = OPERATOR) -> str:
         """Undo the newest edit and return its description; only the audit log keeps who did it."""
-        with self._lock:
-            edit = _last(self._done, "undo")
-            self._apply(edit.before)
-            self._undone.append(self._done.pop())
-        return edit.text
+        return self._edits.undo(lambda edit: self._apply(edit.step.before))
 
     def redo(self, *, by: str = OPERATOR) -> str:
         """Repeat the edit that was undone last and return its description."""
-        with self._lock:
-            edit = _last(self._undone, "redo")
-            self._apply(edit.after)
-            self._done.append(self._undone.pop())
-        return edit.text
+        return self._edits.redo(self._repeat)
+
+    def _repeat(self, edit: Edit[_Zones]) -> _Zones:
+        self._apply(edit.step.after)
+        return edit.step
 
     def expire(self) -> None:
         """Switch off expired zones; when the store refuses, the next call tries again."""
         if not any(self._is_expired(zone) for zone in self.stored):
             return
-        with self._lock:
+        with self._edits.editing():
             expired = [zone for zone in self.stored if self._is_expired(zone)]
             try:
                 self._apply(
@@ -244,7 +225,7 @@ class ZoneEditor:
 
         A set stores the remaining time of a zone in `expires_at_s`, not the date of its expiry.
         """
-        with self._lock:
+        with self._edits.editing():
             saved = self._store.documents(SETS)
             if name not in saved and len(saved) >= MAX_SETS:
                 raise Refused(f"at most {MAX_SETS} sets are kept; delete one first")
@@ -259,13 +240,13 @@ class ZoneEditor:
 
     def use_set(self, name: str) -> None:
         """Replace the present zones by those of a set, as one step that can be undone."""
-        with self._lock:
+        with self._edits.editing():
             wanted = {zone.id: self._from_now(zone) for zone in self._set(name)}
             self._step(f"switch to {name!r}", {**{zone.id: None for zone in self.stored}, **wanted})
 
     def delete_set(self, name: str) -> None:
         """Delete a set; the present zones stay."""
-        with self._lock:
+        with self._edits.editing():
             self._set(name)
             self._store.save_document(SETS, name, None)
 
@@ -311,9 +292,7 @@ class ZoneEditor:
         present = {zone.id: zone for zone in self.stored}
         before = {zone_id: present.get(zone_id) for zone_id in after}
         self._apply(after)
-        edit = _Edit(number=self._number(), text=text, before=before, after=after)
-        self._done = [*self._done[1 - MAX_UNDO :], edit]
-        self._undone = []
+        self._edits.add(text, _Zones(before, after))
 
     def _apply(self, wanted: Mapping[str, Zone | None]) -> None:
         """Store zones, then put them in force: a refusal has changed nothing.
@@ -321,8 +300,6 @@ class ZoneEditor:
         No version number is used twice, so that an edit of an outdated version is recognised even
         when the zone was deleted and restored in between.
         """
-        if self._is_retired:
-            raise Refused("the site has been changed meanwhile; load the zones again")
         present = {zone.id: zone for zone in self.stored}
         saved = {
             zone_id: dataclasses.replace(
@@ -355,9 +332,3 @@ def _how_many_there(count: int, known: Sequence[str]) -> str:
     more = f" and {len(known) - MAX_NAMED} more" if len(known) > MAX_NAMED else ""
     zones, are = "zone" if count == 1 else "zones", "is" if len(known) == 1 else "are"
     return f"{count} {zones}: {len(known)} {are} here already ({names}{more})"
-
-
-def _last(edits: list[_Edit], verb: str) -> _Edit:
-    if not edits:
-        raise Refused(f"there is no edit of a zone to {verb}")
-    return edits[-1]

@@ -6,16 +6,15 @@ log then says what it has changed.
 
 from __future__ import annotations
 
-import itertools
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 import shapely
 
+from app.console.edit_history import Edit, EditStack
 from app.insight.detections import DetectionExtent
 from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.mapping.point_map import PointMap
@@ -29,8 +28,6 @@ from web.interface.wire import Position
 
 MAX_AREA_M2 = 2500.0
 """Largest area that is erased at once, square metres."""
-MAX_UNDO = 100
-"""Largest number of edits that can be undone."""
 MAX_UNDO_BYTES = 1 << 26
 """Memory of what was erased and can be put back; beyond it the oldest edits cannot be undone."""
 _WHAT = {
@@ -61,13 +58,11 @@ class Gallery(Protocol):
         """Mark an object with the operator's verdict."""
 
 
-class _Edit(Protocol):
+class _Step(Protocol):
     """One step of the operator; its methods run in the thread of the map, by turns."""
 
     text: str
     """Description of the step."""
-    number: int
-    """Number of the step among all edits."""
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
         """Change the map."""
@@ -89,7 +84,6 @@ class _Erasure:
     text: str
     place: Position
     erased: Erased | None = field(default=None, init=False)
-    number: int = field(default=0, init=False)
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
         cells = np.flatnonzero(rasterise(self.polygon, point_map.spec))
@@ -117,7 +111,6 @@ class _Rejecting:
     text: str
     place: Position
     done: list[tuple[int, Erased]] = field(default_factory=list, init=False)
-    number: int = field(default=0, init=False)
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
         for extent in self.extents:
@@ -151,7 +144,6 @@ class _Forgetting:
     text: str
     place: Position
     removed: Rejection | None = field(default=None, init=False)
-    number: int = field(default=0, init=False)
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
         self.removed = point_map.take_back(self.rejection_id)
@@ -180,29 +172,25 @@ class MapEditor:
         names: Callable[[], Mapping[int, str]],
         tell: Tell,
         number: Callable[[], int] | None = None,
+        max_undo_bytes: int = MAX_UNDO_BYTES,
     ) -> None:
         """`point_map` is only read here; `detections` gives the present gallery, `names` the name
         of each class, `tell` notes a sentence with its place in the log, and `number` counts the
         edits of all kinds."""
         self._holder, self._map, self._tell = holder, point_map, tell
         self._detections, self._names = detections, names
-        self._number = number or itertools.count(1).__next__
-        self._lock = threading.Lock()
-        self._is_retired = False
-        self._done: list[_Edit] = []
-        self._undone: list[_Edit] = []
+        self._edits = EditStack[_Step](
+            number=number, bytes_used=lambda step: step.bytes_used, max_bytes=max_undo_bytes
+        )
 
-    @contextmanager
-    def retired(self) -> Iterator[None]:
+    def retired(self) -> AbstractContextManager[None]:
         """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
-        with self._lock:
-            yield
-            self._is_retired = True
+        return self._edits.retired()
 
     @property
     def history(self) -> EditHistory:
         """Descriptions of the next undo and redo."""
-        return EditHistory.of(self._done, self._undone)
+        return self._edits.history
 
     def erase(self, corners: Corners, what: Erasable, *, by: str) -> None:
         """Erase what is in a polygon; raises `BadGeometry` with what is wrong with it."""
@@ -267,19 +255,15 @@ class MapEditor:
 
     def undo(self, *, by: str) -> str:
         """Undo the newest edit and return its description."""
-        with self._lock:
-            edit = self._last(self._done, "undo")
-            self._post(edit.take_back, by)
-            self._undone.append(self._done.pop())
-        return edit.text
+        return self._edits.undo(lambda edit: self._post(edit.step.take_back, by))
 
     def redo(self, *, by: str) -> str:
         """Repeat the edit that was undone last and return its description."""
-        with self._lock:
-            edit = self._last(self._undone, "redo")
-            self._post(edit.apply, by)
-            self._done.append(self._undone.pop())
-        return edit.text
+        return self._edits.redo(lambda edit: self._repeat(edit, by))
+
+    def _repeat(self, edit: Edit[_Step], by: str) -> _Step:
+        self._post(edit.step.apply, by)
+        return edit.step
 
     def _check(self, polygon: Corners) -> None:
         area = shapely.Polygon(polygon)
@@ -293,22 +277,10 @@ class MapEditor:
         if not area.intersects(shapely.box(left, low, left + width_m, low + height_m)):
             raise BadGeometry(f"area is beside the map, which covers {spec.extent()}")
 
-    def _step(self, edit: _Edit, by: str) -> None:
-        with self._lock:
-            self._post(edit.apply, by)
-            edit.number = self._number()
-            self._done = [*self._done[1 - MAX_UNDO :], edit]
-            self._undone = []
-            while sum(step.bytes_used for step in self._done) > MAX_UNDO_BYTES:
-                del self._done[0]
+    def _step(self, step: _Step, by: str) -> None:
+        with self._edits.editing():
+            self._post(step.apply, by)
+            self._edits.add(step.text, step)
 
     def _post(self, run: Callable[[PointMap, Tell, str], None], by: str) -> None:
-        if self._is_retired:
-            raise Refused("the site has been changed meanwhile; load the map again")
         self._holder.edit_map(lambda point_map: run(point_map, self._tell, by))
-
-    @staticmethod
-    def _last(edits: list[_Edit], verb: str) -> _Edit:
-        if not edits:
-            raise Refused(f"there is no edit of the map to {verb}")
-        return edits[-1]

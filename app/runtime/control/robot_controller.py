@@ -59,6 +59,9 @@ command thread waited for the lock, nanoseconds."""
 KEEP_OUT_REACH_M = 2.5
 """Distance in metres from the robot within which beware cells are given to the gate; at full speed
 the robot stops within 0.5 m."""
+HELD_NS = 1_000_000_000
+"""Time for which the gate has to keep the robot from its motion, before a zone or an object of the
+beware list, until the recovery tries another, nanoseconds."""
 HAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
 """Lifetime of a command of teleoperation, nanoseconds."""
 
@@ -91,6 +94,7 @@ class RobotController:
         self._mapped, self._watched = SensorMonitor(), SensorMonitor()
         self._recent_obstacles = RecentObstacles()
         self._blocked_since_ns: int | None = None
+        self._held_since_ns: int | None = None
         self._cell_margins = CellMargins(
             sigmas=DEFAULT_SAFETY.keep_out.sigmas,
             resolution_m=navigator.map.spec.resolution_m,
@@ -298,7 +302,7 @@ class RobotController:
             labels = None
             if ahead is not None:
                 labels = ahead.labels_by(request.beware) or self.segment(frame, request.beware)
-            return self.navigator.tick(frame, request, labels)
+            return self.navigator.tick(frame, request, labels, held=self._is_held(frame))
 
     def _corrected_twist(self, decision: TickResult) -> Twist:
         """Return the twist of a tick; a standstill while a large correction waits for it."""
@@ -348,8 +352,25 @@ class RobotController:
             self._watch(clock(), newest)
             verdict = self._verdict(clock(), period_s)
             self._sent = verdict.twist
+            self._note_held(verdict)
             send(verdict.twist)
         return verdict
+
+    def _note_held(self, verdict: GateDecision) -> None:
+        """Note since when a zone or the beware list is all that keeps the robot from its motion."""
+        causes = {reason.cause for reason in verdict.reasons}
+        if causes != {Cause.BEWARE_AHEAD}:
+            self._held_since_ns = None
+        elif self._held_since_ns is None:
+            self._held_since_ns = self._watched.newest.stamp_ns if self._watched.newest else None
+
+    def _is_held(self, frame: Frame) -> bool:
+        """Whether the gate has held the robot for so long that it has to try another motion."""
+        since_ns = self._held_since_ns
+        if since_ns is None or frame.stamp_ns - since_ns < HELD_NS:
+            return False
+        self._held_since_ns = None  # what the robot tries next is judged afresh
+        return True
 
     @property
     def pose_in_doubt(self) -> bool:

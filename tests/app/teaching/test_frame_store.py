@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.teaching import frame_store
-from app.teaching.frame_archive import add_archive, exported
-from app.teaching.frame_store import FrameStore
-from app.teaching.frames import LiveFrames
-from app.teaching.rules import CaptureRules
+from app.teaching.frames import frame_store
+from app.teaching.frames.frame_archive import add_archive, exported
+from app.teaching.frames.frame_store import FrameStore
+from app.teaching.frames.live_frames import LiveFrames
+from app.teaching.frames.rules import CaptureRules
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.learning.data.dataset import load_dataset
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH, frame_at

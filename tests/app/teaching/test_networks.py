@@ -13,8 +13,8 @@ import pytest
 from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import Perception, colour_perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from app.teaching.networks import LiveNetworks, composed_at_start
-from app.teaching.versions import MODEL_NAME, START, VersionStore, write_version
+from app.teaching.networks.live_networks import LiveNetworks, composed_at_start
+from app.teaching.networks.versions import MODEL_NAME, START, VersionStore, write_version
 from navcore.errors import BadConfiguration, NotKnown, Refused
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
 from navcore.perception.labels import Labels, LabelSource, with_full_confidence
@@ -51,7 +51,7 @@ def perception_of(choice: SegmenterChoice) -> Perception:
     )
 
 
-def store_of(folder: Path, *numbers: int) -> VersionStore:
+def store_of(folder: Path, *numbers: int, not_found: tuple[str, ...] = ()) -> VersionStore:
     """Return a folder with versions `taught N`."""
     for number in numbers:
         version = folder / f"taught {number}"
@@ -65,6 +65,7 @@ def store_of(folder: Path, *numbers: int) -> VersionStore:
                 sha256="0" * 64,
                 class_names=("background", "shoe"),
                 created_unix_s=float(number),
+                not_found=not_found,
             ),
         )
     return VersionStore(folder)
@@ -147,6 +148,18 @@ def test_a_version_in_use_stays_and_an_unknown_one_is_refused(tmp_path: Path) ->
         networks.use("taught 9")
     networks.delete("taught 3")
     assert [one.name for one in versions.all()] == ["taught 2"]
+
+
+def test_what_does_not_find_its_class_is_used_by_force_alone(tmp_path: Path) -> None:
+    versions = store_of(tmp_path, 2, not_found=("shoe",))
+    live = LivePerception(perception_of(SegmenterChoice()))
+    networks = networks_of(versions, live)
+    with pytest.raises(Refused, match="does not find shoe yet: mark more images"):
+        networks.use("taught 2")
+    assert label_of(live) == 1
+    networks.use("taught 2", force=True)
+    eventually(lambda: networks.exchange is None)
+    assert label_of(live) == 2
 
 
 def test_a_damaged_upload_is_refused_in_words(tmp_path: Path) -> None:

@@ -315,3 +315,23 @@ def test_where_it_was_sent_to_look_and_sees_no_way_what_it_found_closed_is_a_way
     frame = picture(pose=here, stamp_ns=8_000_000_000)
     behaviour, _ = supervised(navigator.behaviour, IDLE, frame, looked, ORDER)
     assert not behaviour.closed
+
+
+def test_a_robot_that_the_gate_holds_backs_off_without_waiting_then_tries_what_is_stronger() -> (
+    None
+):
+    onward, here = Motion(twist=STANDSTILL, outcome=ControllerState.FOLLOW), HERE
+    recovery, tried, t_ns = Recovery(), list[RecoveryAction](), 0
+    for held in (False, True, True, True, True, True, True, True, True):
+        t_ns += 1_000_000_000
+        recovery = recovery.after(onward, here, t_ns, RULES, held=held)
+        if not tried or recovery.action is not tried[-1]:
+            tried.append(recovery.action)
+    assert [action for action in tried if action is not RecoveryAction.NONE] == [
+        RecoveryAction.BACK_UP,
+        RecoveryAction.SPIN,
+        RecoveryAction.CLOSE,
+        RecoveryAction.GIVE_UP,
+    ]
+    # Control: without the gate's word a robot that follows its path is never blocked.
+    assert Recovery().after(onward, here, t_ns, RULES).action is RecoveryAction.NONE

@@ -152,3 +152,17 @@ def test_the_clearance_gives_way_to_a_robot_that_is_nearer_and_comes_back_behind
         reach_m.append(11.0 - gap_m(grown, -10.0))
     # How far the zone reaches beyond its edge grows as the robot drives away, and stays so.
     assert reach_m[0] < reach_m[1] < reach_m[2] == reach_m[3] == reach_m[4]
+
+
+def test_the_zone_whose_growth_the_robot_is_in_is_named_until_it_is_out() -> None:
+    margins = margins_of()
+
+    def covering(x_m: float, sigma_m: float) -> list[str]:
+        here = place(x_m, sigma_m)
+        margins.follow((ZONE,), here)
+        return [one.zone.id for one in margins.covering_robot((ZONE,), here)]
+
+    assert covering(0.2, 0.0) == []
+    assert covering(0.2, 0.3) == [ZONE.id]
+    assert covering(-0.5, 0.3) == []
+    assert covering(0.8, 0.3) == []  # the body is in the zone itself: to leave it takes an order

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
@@ -15,6 +16,7 @@ from navcore.config.safety import DEFAULT_SAFETY
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.zone import Zone, ZoneKind
+from navcore.mission.zone_growth import distance_m
 from navcore.robot.driver import Command
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause, GateDecision, GateInput, gate
@@ -170,6 +172,110 @@ def test_braking_from_the_permitted_velocity_never_enters_the_zone_or_leaves_the
         area = Polygon(keep_out.polygon)
         entered = body.difference(area) if bounded else body.intersection(area)
         assert entered.area < 1e-4
+
+
+def stopped_from(start: Pose2, twist: Twist) -> list[Pose2]:
+    """The poses of a robot that drives on for 0.25 s and brakes as the platform does."""
+    late_s, step_s, pose, found = 0.25, 0.01, start, []
+    brakes_s = max(
+        abs(twist.v_mps) / HUSKY.max_accel_mps2, abs(twist.w_radps) / HUSKY.max_yaw_accel_radps2
+    )
+    for k in range(round((late_s + brakes_s) / step_s)):
+        left = 1.0 if brakes_s == 0 else 1.0 - max(0.0, k * step_s - late_s) / brakes_s
+        v_mps, w_radps = left * twist.v_mps, left * twist.w_radps
+        pose = pose @ Pose2(x_m=v_mps * step_s, y_m=0.0, yaw_rad=w_radps * step_s)
+        found.append(pose)
+    return found
+
+
+def drawn_case(rng: np.random.Generator) -> tuple[KeepOuts, Twist, float]:
+    """A robot beside or within the growth of a zone or a boundary, a velocity, and the distance
+    that its uncertainty asks for, metres."""
+    sides, turned = rng.uniform(0.3, 4.0, 2), rng.uniform(-math.pi, math.pi)
+    box = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * sides / 2
+    pose = Pose2(x_m=rng.uniform(-2, 2), y_m=rng.uniform(-2, 2), yaw_rad=turned)
+    sigma_m = float(rng.choice([0.0, 0.1, 0.2, 0.5]))
+    bounded = rng.random() < 0.3
+    keep_out = Zone(
+        id="z",
+        name="Wet floor",
+        polygon=tuple((float(x), float(y)) for x, y in box * (3.0 if bounded else 1.0)),
+        kind=ZoneKind.STAY_INSIDE if bounded else ZoneKind.KEEP_OUT,
+    )
+    keep_outs = KeepOuts(pose=pose, zones=(keep_out,), covariance=sigma_m**2 * np.eye(2))
+    asked = Twist(v_mps=rng.uniform(-1.0, 1.0), w_radps=rng.uniform(-1.5, 1.5))
+    return keep_outs, asked, DEFAULT_SAFETY.keep_out.sigmas * sigma_m
+
+
+def clearance_m(keep_out: Zone, poses: list[Pose2]) -> float:
+    """The least distance of the footprint from what a zone forbids, at any of the poses."""
+    bodies = shapely.polygons(np.stack([pose.to_parent(HUSKY.footprint()) for pose in poses]))
+    return float(distance_m(keep_out, np.asarray(bodies)).min())
+
+
+def lost_m(*, checked: bool) -> tuple[float, float, int]:
+    """What the permitted velocities cost of the least of present clearance and the distance asked
+    for, at most; how much of the zone is covered besides; and how many robots within the distance
+    may move."""
+    rng, most, deeper, moving = np.random.default_rng(0), 0.0, 0.0, 0
+    for _ in range(300):
+        keep_outs, asked, needed_m = drawn_case(rng)
+        assert keep_outs.pose is not None
+        permitted = share(keep_outs, asked) if checked else 1.0
+        twist = Twist(v_mps=permitted * asked.v_mps, w_radps=permitted * asked.w_radps)
+        (keep_out,), poses = keep_outs.zones, stopped_from(keep_outs.pose, twist)
+        now_m = clearance_m(keep_out, [keep_outs.pose])
+        if now_m > 0:
+            most = max(most, min(now_m, needed_m) - clearance_m(keep_out, poses))
+        elif keep_out.kind is ZoneKind.KEEP_OUT:
+            area = Polygon(keep_out.polygon)
+            covers = [
+                Polygon(pose.to_parent(HUSKY.footprint())).intersection(area).area
+                for pose in (keep_outs.pose, *poses)
+            ]
+            deeper = max(deeper, max(covers) - covers[0])
+        moving += 0 < now_m < needed_m and permitted > 0
+    return most, deeper, moving
+
+
+def test_no_permitted_velocity_comes_nearer_than_the_least_of_what_is_and_what_is_asked_for() -> (
+    None
+):
+    most, deeper, moving = lost_m(checked=True)
+    assert most < 2e-3  # a corner bulges out between two poses that are checked
+    assert deeper < 0.04  # the footprint is counted by points, 3 cm apart
+    assert moving > 20  # and a robot that is within the distance can get out
+
+
+def test_without_the_check_velocities_come_nearer() -> None:
+    """Control for the test above."""
+    most, deeper, _ = lost_m(checked=False)
+    assert most > 0.2
+    assert deeper > 0.1
+
+
+def test_a_robot_within_the_growth_of_a_zone_may_back_off_and_not_drive_in() -> None:
+    """The body is in the grown zone as a whole, half a metre before the zone itself."""
+    within = KeepOuts(
+        pose=HERE, zones=(zone(FRONT_M + 0.5, FRONT_M + 2.0),), covariance=np.diag([0.6**2, 0.0])
+    )
+    assert share(within, BACK) > 0.0
+    permitted, reason = permitted_share(within, AHEAD, HUSKY, frame_age_s=0.05)
+    assert permitted == 0.0
+    assert "uncertain by 1.2 m" in reason
+    assert share(within, Twist(v_mps=0.0, w_radps=0.5)) == 0.0  # a corner would come nearer
+    # Along the zone it may drive on however uncertain the position is.
+    beside = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi / 2)
+    assert share(dataclasses.replace(within, pose=beside)) > 0.0
+
+
+def test_a_robot_within_the_growth_of_a_beware_cell_may_back_off_and_not_drive_on() -> None:
+    before = KeepOuts(
+        pose=HERE, cells=np.array([[FRONT_M + 0.1, 0.0]]), cell_growth_m=np.array([0.3])
+    )
+    assert share(before, BACK) == 1.0
+    assert share(before) == 0.0
+    assert share(dataclasses.replace(before, cell_growth_m=np.array([0.0]))) > 0.0
 
 
 @pytest.mark.parametrize("keep_out", [zone(3.0, 5.0), site(3.0)], ids=["zone", "site"])

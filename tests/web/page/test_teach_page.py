@@ -9,10 +9,12 @@ import numpy as np
 import numpy.typing as npt
 from playwright.sync_api import BrowserContext, Page, expect
 
+from app.teaching.networks.versions import MODEL_NAME, write_version
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH
 from tests.web.api.test_teaching import look
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, eventually
+from web.interface.teaching import ClassFigures, NetworkVersion
 from web.server import ConsoleServer
 
 ON_BLOCK = (30, 37)
@@ -85,6 +87,44 @@ def test_an_object_is_marked_by_mouse_and_keys_and_every_edit_is_saved(
     expect(current).to_have_attribute("data-testid", "frame-000001")
     page.get_by_test_id("train").click()
     expect(page.locator(".toast").last).to_contain_text("1 annotated frames show it")
+
+
+def test_a_network_that_does_not_find_its_class_is_no_success(
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+) -> None:
+    figures = (
+        ClassFigures(
+            name="cup", pixels=9, old=0.5, new=0.3, change=(-0.3, -0.1), images="rendered"
+        ),
+        ClassFigures(name="shoe", pixels=9, new=0.02, images="captured"),
+    )
+    folder = operations.teaching.networks.versions.folder / "taught 1"
+    folder.mkdir(parents=True)
+    (folder / MODEL_NAME).write_bytes(b"weights")
+    write_version(
+        folder,
+        NetworkVersion(
+            name="taught 1",
+            origin="training",
+            sha256="0" * 64,
+            class_names=("background", "cup", "shoe"),
+            taught=("shoe",),
+            figures=figures,
+            not_found=("shoe",),
+        ),
+    )
+    page = opened(new_context, server, 1440, 900)
+    expect(page.get_by_test_id("missed-taught 1")).to_contain_text("does not find shoe yet")
+    expect(page.get_by_test_id("networks")).to_contain_text("Finds less well than before: cup")
+    use = page.get_by_test_id("use-taught 1")
+    expect(use).to_have_text("Use anyway")
+    refused = client.post("/api/v1/teach/networks/taught 1/use")
+    assert refused.status_code == 409 and "mark more images" in refused.text
+    with page.expect_request("**/use?force=true"):
+        use.click()
 
 
 def test_the_stop_is_visible_and_works_in_every_window(

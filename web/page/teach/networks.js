@@ -29,27 +29,37 @@ export async function refreshNetworks() {
 }
 
 function rowOf(version, used, exchange) {
-  const { name, origin, sha256, taught, figures, kept_share: kept, start_name: from } = version;
-  const use = make("button", { "data-testid": `use-${name}`, onclick: () => act(() => post(`/teach/networks/${encodeURIComponent(name)}/use`)) }, t("Use"));
+  const { name, origin, sha256, taught, figures, kept_share: kept, start_name: from, not_found: missed } = version;
+  const path = `/teach/networks/${encodeURIComponent(name)}`;
+  const way = missed.length ? `${path}/use?force=true` : `${path}/use`;
+  const use = make("button", { "data-testid": `use-${name}`, onclick: () => act(() => post(way)) }, missed.length ? t("Use anyway") : t("Use"));
   use.disabled = name === used || Boolean(exchange);
-  const remove = make("button", { onclick: () => act(() => request("DELETE", `/teach/networks/${encodeURIComponent(name)}`)) }, t("Delete"));
+  const remove = make("button", { onclick: () => act(() => request("DELETE", path)) }, t("Delete"));
   remove.disabled = name === used || origin === "start";
   const facts = [ORIGINS[origin], sha256.slice(0, 12)];
   if (from) facts.push(t("from {name}", { name: from }));
   if (taught.length) facts.push(t("taught: {names}", { names: taught.join(", ") }));
   if (kept !== null) facts.push(t("{share} % elsewhere unchanged", { share: number(100 * kept, 1) }));
   const row = make("li", { "data-used": String(name === used) }, make("b", {}, name), make("span", { class: "soft" }, facts.join(" · ")), make("div", { class: "row card-tools" }, use, remove));
+  if (missed.length) row.append(make("p", { class: "bad", "data-testid": `missed-${name}` }, missedText(missed)));
+  const worse = figures.filter(({ change }) => change && change[1] < 0).map((one) => one.name);
+  if (worse.length) row.append(make("p", { class: "bad" }, t("Finds less well than before: {names}", { names: worse.join(", ") })));
   if (figures.length) row.append(make("details", {}, make("summary", {}, t("Old and new, class by class")), tableOf(figures)));
   return row;
 }
 
+// What to do about classes that were taught and are not found.
+export const missedText = (names) =>
+  t("It does not find {names} yet. Mark more images, from other sides and distances, and train again.", { names: names.join(", ") });
+
 function tableOf(figures) {
   const cell = (value) => make("td", {}, value === null ? "–" : number(value, 2));
-  const head = [t("class"), t("old"), t("new"), t("images")].map((title) => make("th", {}, title));
+  const between = (change) => make("td", {}, change ? change.map((value) => number(value, 2)).join(" … ") : "–");
+  const head = [t("class"), t("old"), t("new"), t("change"), t("images")].map((title) => make("th", {}, title));
   const images = { captured: t("held back"), rendered: t("rendered") };
   const rows = figures
     .filter(({ pixels }) => pixels)
-    .map((one) => make("tr", {}, make("td", {}, one.name), cell(one.old), cell(one.new), make("td", {}, images[one.images])));
+    .map((one) => make("tr", {}, make("td", {}, one.name), cell(one.old), cell(one.new), between(one.change), make("td", {}, images[one.images])));
   return make("table", { "data-testid": "figures" }, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
 }
 

@@ -2,9 +2,10 @@
 
 import { get, post } from "../core/api.js";
 import { element, make, reconcile, set, setText } from "../core/dom.js";
-import { number, sentence, t, tn } from "../core/language.js";
+import { number, sentence, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { flush } from "./drawing.js";
+import { missedText } from "./networks.js";
 
 const PHASES = {
   waiting: t("starting"),
@@ -30,7 +31,8 @@ export async function refreshTraining() {
   const count = run.of && !ENDED.includes(run.phase) ? ` ${run.done}/${run.of}` : "";
   setText(element("training-phase"), `${run.name}: ${PHASES[run.phase]}${count}`);
   set(element("progress"), { value: run.phase === "done" ? 1 : run.of ? run.done / run.of : 0 });
-  setText(element("training-message"), run.message ? sentence(run.message) : "");
+  const said = run.not_found.length ? missedText(run.not_found) : run.message && sentence(run.message);
+  setText(element("training-message"), said);
   if (last !== JSON.stringify([run.name, run.losses, run.looks])) {
     last = JSON.stringify([run.name, run.losses, run.looks]);
     showCurves(run);
@@ -89,12 +91,9 @@ element("train").onclick = () =>
     await flush();
     await act("/teach/training", {
       start: element("start").value || null,
-      steps: Number(element("steps").value),
       rehearsal: Number(element("rehearsal").value),
     });
-    notify(tn("Training begins: {n} step", "Training begins: {n} steps", Number(element("steps").value)), {
-      good: true,
-    });
+    notify(t("Training begins"), { good: true });
   });
 element("cancel").onclick = () => attempt(() => act("/teach/training/cancel"));
 element("resume").onclick = () => attempt(() => act("/teach/training/resume"));

@@ -82,7 +82,7 @@ class Decoder(nn.Module):
         `skips` are ordered from fine to coarse: 1/4, 1/8, 1/16.
         """
         features, side_outputs = self._decoded(x, skips)
-        logits = self._classified(features)
+        logits = self.classified(features)
         if not self.training:
             return logits
         coarse, middle, fine = side_outputs
@@ -92,7 +92,7 @@ class Decoder(nn.Module):
         """Return the logits at full size, and what the classifier makes them of: the features
         (B, C, h, w) at 1/4."""
         features, _ = self._decoded(x, skips)
-        return self._classified(features), features
+        return self.classified(features), features
 
     def _decoded(self, x: Tensor, skips: Sequence[Tensor]) -> tuple[Tensor, list[Tensor]]:
         """Return the features at 1/4 and, in train mode, the side outputs from coarse to fine."""
@@ -105,5 +105,6 @@ class Decoder(nn.Module):
             x = module.merge(refined, skip)
         return x, side_outputs
 
-    def _classified(self, features: Tensor) -> Tensor:
+    def classified(self, features: Tensor) -> Tensor:
+        """Map the features (B, C, h, w) at 1/4 to logits (B, classes, 4h, 4w)."""
         return self.upsample2(self.upsample1(self.conv_out(features)))  # type: ignore[no-any-return]

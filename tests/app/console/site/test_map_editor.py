@@ -7,8 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from app.console.site import map_editor
-from app.console.site.map_editor import MapEditor
+from app.console.site.map_editor import MAX_UNDO_BYTES, MapEditor
 from app.insight.detections import DetectionGallery
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
@@ -70,12 +69,22 @@ def gallery() -> DetectionGallery:
 
 @pytest.fixture
 def editor(holder: Holder, gallery: DetectionGallery, told: list[str]) -> MapEditor:
+    return editor_of(holder, gallery, told)
+
+
+def editor_of(
+    holder: Holder,
+    gallery: DetectionGallery,
+    told: list[str],
+    max_undo_bytes: int = MAX_UNDO_BYTES,
+) -> MapEditor:
     return MapEditor(
         holder,
         point_map=holder.map,
         detections=lambda: gallery,
         names=lambda: LIST.names,
         tell=lambda text, place: told.append(text),
+        max_undo_bytes=max_undo_bytes,
     )
 
 
@@ -185,7 +194,7 @@ def test_erasing_is_done_by_the_thread_of_the_map_and_told_with_the_user(
 def test_an_erasure_is_undone_and_redone_also_before_it_is_done(
     editor: MapEditor, holder: Holder, told: list[str]
 ) -> None:
-    with pytest.raises(Refused, match="no edit of the map to undo"):
+    with pytest.raises(Refused, match="no edit to undo"):
         editor.undo(by="Ana")
     editor.erase(AREA, Erasable.BOTH, by="Ana")
     assert editor.undo(by="Bo") == "erasing of obstacles and beware points around (2.0, 0.0)"
@@ -197,7 +206,7 @@ def test_an_erasure_is_undone_and_redone_also_before_it_is_done(
     editor.undo(by="Ana")
     assert holder.tick() == 400
     editor.erase(AREA, Erasable.GEOMETRY, by="Ana")
-    with pytest.raises(Refused, match="no edit of the map to redo"):
+    with pytest.raises(Refused, match="no edit to redo"):
         editor.redo(by="Ana")
 
 
@@ -220,9 +229,9 @@ def test_a_bad_area_is_refused_in_words_and_nothing_is_posted(
 
 
 def test_what_takes_too_much_memory_can_not_be_undone_any_more(
-    editor: MapEditor, holder: Holder, monkeypatch: pytest.MonkeyPatch
+    holder: Holder, gallery: DetectionGallery
 ) -> None:
-    monkeypatch.setattr(map_editor, "MAX_UNDO_BYTES", 100)
+    editor = editor_of(holder, gallery, [], max_undo_bytes=100)
     editor.erase(AREA, Erasable.BOTH, by="Ana")
     holder.tick()
     editor.erase(AREA, Erasable.GEOMETRY, by="Ana")

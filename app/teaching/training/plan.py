@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.teaching.frame_store import FrameStore
+from app.teaching.frames.frame_store import FrameStore
 from app.teaching.json_files import json_of
 from navcore.errors import BadConfiguration, Refused, StorageFailed
 from navcore.files import read_whole, write_whole
@@ -124,7 +124,10 @@ def read_plan(folder: Path) -> TrainingPlan:
     path = folder / PLAN_NAME
     try:
         table = json.loads(read_whole(path, at_most=MAX_PLAN_BYTES))
-    except (ValueError, RecursionError) as error:
+        # A plan of an earlier release holds numbers that no longer exist.
+        names = {field.name for field in dataclasses.fields(TeachingRecipe)}
+        table["recipe"] = {key: table["recipe"][key] for key in names & table["recipe"].keys()}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadConfiguration(f"{path}: not readable: {error!s:.200}") from None
     return from_table(TrainingPlan, table, str(path))
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from app.teaching.training.paired_counts import PairedCounts
 from navcore.learning.data.card import Sample
 from navcore.learning.training.evaluation import InferenceSettings, predict
-from navcore.learning.training.metrics import confusion_matrix, ious
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork
 from web.interface.teaching import NOTHING_NAME, ClassFigures
 
-Confusion = npt.NDArray[np.int64]
+LEAST_IOU = 0.3
+"""IoU in the captured images below which a taught class is not found."""
 
 
 def compared(
@@ -33,7 +33,7 @@ def compared(
     images, whose labels are exact.
     """
     classes = len(new.card.class_names)
-    on_captured, on_rendered = _Pair(classes), _Pair(classes)
+    on_captured, on_rendered = PairedCounts(classes), PairedCounts(classes)
     alike = unnamed = done = 0
     annotated: set[int] = set()
     for sample in captured:
@@ -55,39 +55,33 @@ def compared(
         on_progress(done := done + 1)
     figures = []
     for index, name in enumerate(new.card.class_names):
-        is_annotated = index + 1 in annotated and name != NOTHING_NAME
-        pair = on_captured if is_annotated else on_rendered
+        is_captured = index + 1 in annotated and name != NOTHING_NAME
+        pair = on_captured if is_captured else on_rendered
         known = index < len(old.card.class_names)
-        figures.append(
-            ClassFigures(
-                name=name,
-                pixels=int(pair.old[index].sum()),
-                old=_figure(pair.old, index) if known else None,
-                new=_figure(pair.new, index),
-                images="captured" if is_annotated else "rendered",
-            )
-        )
+        figures.append(_figures(pair, index, name, known=known, captured=is_captured))
     return figures, round(alike / unnamed, 4) if unnamed else None
 
 
-class _Pair:
-    """Confusion matrices (C, C) of both networks on the same images."""
-
-    def __init__(self, classes: int) -> None:
-        self.old: Confusion = np.zeros((classes, classes), dtype=np.int64)
-        self.new: Confusion = np.zeros((classes, classes), dtype=np.int64)
-
-    def add(
-        self,
-        truth: npt.NDArray[np.uint8],
-        was: npt.NDArray[np.uint8],
-        now: npt.NDArray[np.uint8],
-    ) -> None:
-        """Add an image."""
-        self.old += confusion_matrix(truth, was, len(self.old))
-        self.new += confusion_matrix(truth, now, len(self.new))
+def not_found(figures: Sequence[ClassFigures], taught: Sequence[str]) -> tuple[str, ...]:
+    """Return the taught classes that the new network does not find in images it was not trained
+    on."""
+    wanted = {name.casefold() for name in taught}
+    return tuple(
+        one.name
+        for one in figures
+        if one.name.casefold() in wanted and (one.new is None or one.new < LEAST_IOU)
+    )
 
 
-def _figure(confusion: Confusion, index: int) -> float | None:
-    value = float(ious(confusion)[index])
-    return None if np.isnan(value) else round(value, 4)
+def _figures(
+    pair: PairedCounts, index: int, name: str, *, known: bool, captured: bool
+) -> ClassFigures:
+    ious, change = pair.ious(index), pair.interval(index) if known else None
+    return ClassFigures(
+        name=name,
+        pixels=pair.pixels(index),
+        old=round(ious[0], 4) if ious and known else None,
+        new=round(ious[1], 4) if ious else None,
+        change=(round(change[0], 4), round(change[1], 4)) if change else None,
+        images="captured" if captured else "rendered",
+    )

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from app.teaching.frames.thumbnails import SIZE, Look, thumbnail_of
 from app.teaching.json_files import json_of
-from app.teaching.thumbnails import SIZE, Look, thumbnail_of
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole
 from navcore.geometry.camera import Intrinsics

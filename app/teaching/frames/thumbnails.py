@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.teaching.rules import CaptureRules
+from app.teaching.frames.rules import CaptureRules
 from navcore.geometry.transform import Pose2, wrap_angle
 
 SIZE = (32, 18)

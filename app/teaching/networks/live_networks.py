@@ -18,7 +18,7 @@ from pathlib import Path
 from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import Perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from app.teaching.versions import (
+from app.teaching.networks.versions import (
     MAX_VERSIONS,
     MODEL_NAME,
     START,
@@ -126,9 +126,16 @@ class LiveNetworks:
             raise Refused("there is no network to start from; upload one")
         return name, weights
 
-    def use(self, name: str) -> None:
+    def use(self, name: str, *, force: bool = False) -> None:
         """Prepare a version in a thread, then use it."""
         choice = self._choice_of(name)
+        missed = next((one.not_found for one in self.versions.all() if one.name == name), ())
+        if missed and not force:
+            names = ", ".join(missed)
+            raise Refused(
+                f"{name!r} does not find {names} yet: mark more images, from other sides and "
+                "distances, and train again"
+            )
         with self._lock:
             if self._exchange is not None:
                 raise Refused(f"the network {self._exchange!r} is being prepared; wait for it")

@@ -18,9 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
-from app.teaching.frame_record import UNITS_PER_M, FrameRecord, depth_mm_of, read_record, record_of
-from app.teaching.rules import CaptureRules
-from app.teaching.thumbnails import is_near_duplicate
+from app.teaching.frames.frame_record import (
+    UNITS_PER_M,
+    FrameRecord,
+    depth_mm_of,
+    read_record,
+    record_of,
+)
+from app.teaching.frames.rules import CaptureRules
+from app.teaching.frames.thumbnails import is_near_duplicate
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import write_whole
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, DatasetCard, DepthSums

@@ -12,8 +12,8 @@ import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
-from app.teaching.frame_record import UNITS_PER_M
-from app.teaching.frame_store import FrameStore
+from app.teaching.frames.frame_record import UNITS_PER_M
+from app.teaching.frames.frame_store import FrameStore
 from navcore.errors import BadConfiguration, Refused, StorageFailed
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS
 from navcore.learning.data.dataset import Dataset, load_dataset

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from app.teaching import frame_archive
-from app.teaching.frame_record import UNITS_PER_M
-from app.teaching.frame_store import FrameStore
-from app.teaching.rules import CaptureRules, RegionRules
+from app.teaching.frames import frame_archive
+from app.teaching.frames.frame_record import UNITS_PER_M
+from app.teaching.frames.frame_store import FrameStore
+from app.teaching.frames.rules import CaptureRules, RegionRules
 from navcore.errors import BadConfiguration, BewareNavError, Refused
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.perception.region_growing import alike_at

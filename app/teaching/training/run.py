@@ -16,43 +16,32 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 
-from app.teaching.comparison import compared
-from app.teaching.looks import write_looks
-from app.teaching.plan import DATA_NAME, TrainingPlan, read_plan
-from app.teaching.progress import RunProgress, read_progress, write_progress
-from app.teaching.versions import MODEL_NAME, write_version
+from app.teaching.networks.versions import MODEL_NAME, write_version
+from app.teaching.training.comparison import compared, not_found
+from app.teaching.training.looks import write_looks
+from app.teaching.training.plan import DATA_NAME, TrainingPlan, read_plan
+from app.teaching.training.progress import RunProgress, read_progress, write_progress
+from app.teaching.training.rehearsal import around_objects, rendered
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
-from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.learning.data.dataset import Dataset, load_dataset
-from navcore.learning.training.batches import plain_batch
-from navcore.learning.training.class_teaching import (
-    ClassTeacher,
-    grown_network,
-    with_own_labels,
-)
+from navcore.learning.training.class_teaching import ClassTeacher, grown_network
 from navcore.learning.training.evaluation import InferenceSettings
 from navcore.learning.training.metrics import confusion_matrix, mean_iou
+from navcore.learning.training.taught_rows import Encoded
 from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import Size, check_size
-from navcore.perception.esanet.network.quantisation import measured_ranges
-from navcore.perception.esanet.weights.weights_file import TrainedNetwork, digest, load, save
-from sim.dataset.generate import render_images, shard_seed
-from web.interface.teaching import NOTHING_NAME, CurvePoint, NetworkVersion
+from navcore.perception.esanet.weights.weights_file import WeightsCard, digest, load, save
+from sim.dataset.generate import Split
+from web.interface.teaching import CurvePoint, NetworkVersion
 
 STATE_NAME = "state.pt"
 WRITE_EVERY_S = 1.0
 """Time between two writes of the progress, seconds."""
-POSES_PER_WORLD = 4
-RIM_PX = 33
-"""Side in pixels of the square by which objects of rendered images are widened."""
-RANGES_ON = 16
-"""Number of images on which the ranges for eight bits are measured."""
 
 
 class Cancelled(Exception):  # noqa: N818 - no error
@@ -72,7 +61,7 @@ class TeachingRun:
         self.start = load(Path(self.plan.start_path))
         size = self._working_size()
         self.inference = InferenceSettings(size=size, batch=1)
-        self.grown = grown_network(self.start, self.plan.class_names, self.recipe.seed)
+        self.grown = grown_network(self.start, self.plan.class_names)
 
     def _taught(self) -> list[int]:
         """Return the numbers of the annotated classes in the grown network."""
@@ -94,39 +83,27 @@ class TeachingRun:
     def run(self) -> NetworkVersion:
         """Train, compare and write the version; raises `Cancelled`."""
         rehearsed = [
-            self._around_objects(one) for one in self._rendered("train", self.recipe.rehearsal)
+            around_objects(one, self.grown.card.class_names)
+            for one in self._rendered("train", self.recipe.rehearsal)
         ]
-        teacher = ClassTeacher(self.grown.network, self.inference.size, self.recipe, self._taught())
+        teacher = ClassTeacher(
+            self.grown.network,
+            self.inference.size,
+            self.recipe,
+            self._taught(),
+            known=self.start.card.num_classes,
+        )
         held = self._encode(teacher, rehearsed)
         self._resume(teacher)
         self._train(teacher, held)
-        return self._finish(teacher, rehearsed)
+        return self._finish()
 
-    def _rendered(self, split: Any, count: int) -> Iterator[Sample]:
-        """Yield rendered images with the labels of the grown network; void for classes that it
-        does not know."""
-        names = [name.casefold() for name in self.grown.card.class_names]
-        labels = np.zeros(256, dtype=np.uint8)
-        for index, name in enumerate(BEWARE_CLASSES):
-            labels[index + 1] = names.index(name) + 1 if name in names else 0
-        images = render_images(
-            seed=shard_seed(self.recipe.seed % 300 + 10, split, 0),
-            worlds=-(-count // POSES_PER_WORLD),
-            poses_per_world=POSES_PER_WORLD,
-        )
-        for index, image in zip(range(count), images, strict=False):
+    def _rendered(self, split: Split, count: int) -> Iterator[Sample]:
+        """Yield rendered images with the labels of the grown network."""
+        images = rendered(split, count, self.grown.card.class_names, self.recipe.seed)
+        for index, sample in enumerate(images):
             self._tell("rendering", index, count)
-            yield Sample(rgb=image.rgb, depth=image.depth_mm, labels=labels[image.labels])
-
-    def _around_objects(self, sample: Sample) -> Sample:
-        """Return a rendered image whose background is void but for a rim around the objects:
-        elsewhere may stand what is to be taught, which the renderer calls background."""
-        names = self.grown.card.class_names
-        nothing = names.index(NOTHING_NAME) + 1 if NOTHING_NAME in names else 0
-        objects = (sample.labels > 0) & (sample.labels != nothing)
-        near = cv2.dilate(objects.view(np.uint8), np.ones((RIM_PX, RIM_PX), dtype=np.uint8)) > 0
-        labels = np.where((sample.labels == nothing) & ~near, 0, sample.labels).astype(np.uint8)
-        return dataclasses.replace(sample, labels=labels)
+            yield sample
 
     def captured(self, split: Any) -> Iterator[Sample]:
         """Yield the captured images of a split, with the labels of the grown network."""
@@ -140,28 +117,18 @@ class TeachingRun:
 
     def _encode(
         self, teacher: ClassTeacher, rehearsed: Sequence[Sample]
-    ) -> list[tuple[Sample, Any]]:
-        """Encode all images; return the held-back ones with their features."""
+    ) -> list[tuple[Sample, Encoded]]:
+        """Encode all images; return the held-back ones with what came of them."""
         statistics, total = self.start.card.depth, len(self.dataset) + len(rehearsed)
         done, held = 0, []
         for split in ("train", "valid"):
             for sample in self.captured(split):
                 self._tell("encoding", done, total)
-                targets = with_own_labels(
-                    self.start.network,
-                    sample,
-                    sample.labels,
-                    self.inference,
-                    statistics,
-                    self.recipe.sure,
-                    self._taught(),
-                )
-                targeted = dataclasses.replace(sample, labels=targets)
-                encoded = teacher.encoded(targeted, statistics)
+                encoded = teacher.encoded(sample, statistics, own_labels=True)
                 if split == "train":
                     teacher.captured.append(encoded)
                 else:
-                    held.append((targeted, encoded))
+                    held.append((sample, encoded))
                 done += 1
         for sample in rehearsed:
             self._tell("encoding", done, total)
@@ -169,24 +136,23 @@ class TeachingRun:
             done += 1
         return held
 
-    def _train(self, teacher: ClassTeacher, held: list[tuple[Sample, Any]]) -> None:
-        losses: list[float] = []
-        for loss in teacher.losses():
-            losses.append(loss)
-            step, steps = teacher.step, self.recipe.steps
-            if step % self.recipe.validate_every == 0 or step == steps:
-                self._validate(teacher, held, float(np.mean(losses)))
-                losses = []
-            self._tell("training", step, steps)
+    def _train(self, teacher: ClassTeacher, held: Sequence[tuple[Sample, Encoded]]) -> None:
+        def tell() -> None:
+            self._tell("training", teacher.step, self.recipe.steps)
 
-    def _validate(self, teacher: ClassTeacher, held: list[tuple[Sample, Any]], loss: float) -> None:
+        for loss in teacher.losses(tell):
+            self._validate(teacher, held, loss)
+
+    def _validate(
+        self, teacher: ClassTeacher, held: Sequence[tuple[Sample, Encoded]], loss: float
+    ) -> None:
         """Judge the held-back images, draw them, and save the state."""
         classes = len(self.grown.card.class_names)
         total = np.zeros((classes, classes), dtype=np.int64)
         found = [teacher.predicted(encoded) for _, encoded in held]
         for (_, encoded), predicted in zip(held, found, strict=True):
             total += confusion_matrix(encoded.labels, predicted, classes)
-        self.progress.losses.append(CurvePoint(step=teacher.step, value=round(loss, 4)))
+        self.progress.losses.append(CurvePoint(step=teacher.step, value=round(loss, 6)))
         self.progress.mious.append(CurvePoint(step=teacher.step, value=round(mean_iou(total), 4)))
         self.progress.looks = write_looks(
             self.folder, [sample.rgb for sample, _ in held], found, self.grown.card.class_names
@@ -194,7 +160,7 @@ class TeachingRun:
         self._save_state(teacher)
         self._tell("training", teacher.step, self.recipe.steps, at_once=True)
 
-    def _finish(self, teacher: ClassTeacher, rehearsed: Sequence[Sample]) -> NetworkVersion:
+    def _finish(self) -> NetworkVersion:
         """Compare, save the network, and write the version."""
         tests = list(self._rendered("test", self.recipe.rendered_test))
         self._tell("comparing", 0, len(tests), at_once=True)
@@ -207,7 +173,7 @@ class TeachingRun:
             lambda done: self._tell("comparing", done, len(tests) + self.dataset.count("valid")),
         )
         target = self.folder / MODEL_NAME
-        save(self.grown.network, self._card(rehearsed).card, target, half=True)
+        save(self.grown.network, self._card(), target, half=True)
         version = NetworkVersion(
             name=self.plan.name,
             origin="training",
@@ -218,6 +184,7 @@ class TeachingRun:
             created_unix_s=round(time.time(), 1),
             figures=tuple(figures),
             kept_share=kept,
+            not_found=not_found(figures, self.plan.class_names),
         )
         write_version(self.folder, version)
         self._tell("done", self.recipe.steps, self.recipe.steps, at_once=True)
@@ -225,22 +192,12 @@ class TeachingRun:
         shutil.rmtree(self.folder / DATA_NAME, ignore_errors=True)
         return version
 
-    def _card(self, rehearsed: Sequence[Sample]) -> TrainedNetwork:
-        """Return the network with its card: its identity, and ranges for eight bits where the start
-        had them."""
-        card, network = self.grown.card, self.grown.network
-        ranges = None
-        if self.start.card.ranges is not None:
-            images = [*self.captured("train"), *rehearsed][:RANGES_ON]
-            batches = (plain_batch([one], self.inference.size, card.depth) for one in images)
-            ranges = measured_ranges(network, ((batch.rgb, batch.depth) for batch in batches))
-        plan = json.dumps(dataclasses.asdict(self.plan.recipe), sort_keys=True)
-        identity = digest(network.state_dict(), {"recipe": plan})
-        return TrainedNetwork(
-            network=network,
-            card=dataclasses.replace(
-                card, source_sha256=identity, ranges=ranges, size=self.inference.size
-            ),
+    def _card(self) -> WeightsCard:
+        """Return the card with the identity of the network."""
+        recipe = json.dumps(dataclasses.asdict(self.recipe), sort_keys=True)
+        identity = digest(self.grown.network.state_dict(), {"recipe": recipe})
+        return dataclasses.replace(
+            self.grown.card, source_sha256=identity, size=self.inference.size
         )
 
     def _save_state(self, teacher: ClassTeacher) -> None:

@@ -11,11 +11,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from app.teaching.frame_store import FrameStore
-from app.teaching.lock import ask_to_end, holder_of
-from app.teaching.plan import PLAN_NAME, TrainingPlan, prepare, read_plan
-from app.teaching.progress import LOOKS_NAME, RunProgress, read_progress, write_progress
-from app.teaching.versions import VERSION_NAME, VersionStore
+from app.teaching.frames.frame_store import FrameStore
+from app.teaching.networks.versions import VERSION_NAME, VersionStore, read_version
+from app.teaching.training.lock import ask_to_end, holder_of
+from app.teaching.training.plan import PLAN_NAME, TrainingPlan, prepare, read_plan
+from app.teaching.training.progress import LOOKS_NAME, RunProgress, read_progress, write_progress
 from navcore.errors import BadConfiguration, NotKnown, Refused
 from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.toml_config import from_table
@@ -24,8 +24,6 @@ from web.interface.teaching import TrainingOrder, TrainingPhase, TrainingRun
 END_S = 20.0
 """Longest wait for a run that was asked to end, seconds; then it is killed. What it has saved
 stays."""
-VALIDATIONS = 8
-"""Number of validations of a run whose number of steps is given."""
 LOG_NAME = "training.log"
 log = logging.getLogger(__name__)
 Start = Callable[[str | None], tuple[str, Path]]
@@ -172,7 +170,18 @@ class LiveTrainings:
             looks=progress.looks,
             message=progress.message or _silent_end(progress, running=running),
             running=running,
+            not_found=_not_found(folder),
         )
+
+
+def _not_found(folder: Path) -> tuple[str, ...]:
+    """Return the classes that the network of a run does not find; empty before it is done."""
+    if not (folder / VERSION_NAME).exists():
+        return ()
+    try:
+        return read_version(folder).not_found
+    except BadConfiguration:
+        return ()
 
 
 def _phase(progress: RunProgress, *, running: bool) -> TrainingPhase:
@@ -196,6 +205,4 @@ def _recipe(order: TrainingOrder) -> TeachingRecipe:
         "seed": order.seed,
     }
     table = {name: value for name, value in given.items() if value is not None}
-    if order.steps is not None:
-        table["validate_every"] = max(1, order.steps // VALIDATIONS)
     return from_table(TeachingRecipe, table, "training")

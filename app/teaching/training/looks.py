@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.teaching.progress import LOOKS_NAME
+from app.teaching.training.progress import LOOKS_NAME
 from navcore.learning.data.images import LabelArray, RgbArray, write_rgb
 from web.interface.teaching import NOTHING_NAME
 

@@ -1,0 +1,1 @@
+"""Captured frames: what is stored of them, and their annotation."""

@@ -1,0 +1,1 @@
+"""Versions of the network, and the exchange of the one in use."""
