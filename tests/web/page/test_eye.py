@@ -130,12 +130,14 @@ def test_the_check_finds_a_control_without_a_name_and_pale_text(page: Page) -> N
     page.evaluate(
         """() => document.querySelector("main").insertAdjacentHTML("beforeend",
           "<button id=nameless></button><p id=pale>pale text</p>"
-          + "<div style='position: fixed; top: 300px; left: 300px; z-index: 99'>"
+          + "<div id=over>"
           + "<button class=tiny>a</button><button class=tiny>b</button></div>")"""
     )
     page.evaluate(
         """() => { const { style } = document.getElementById("pale");
           style.color = "#333"; style.background = "#222"; style.fontSize = "9px";
+          document.getElementById("over").style.cssText =
+            "position: fixed; top: 300px; left: 300px; z-index: 99";
           for (const one of document.querySelectorAll(".tiny"))
             one.style.cssText = "all: unset; width: 9px; height: 9px; display: block"; }"""
     )
