@@ -45,7 +45,8 @@ def open_3d(page: Page) -> tuple[float, float]:
 
 def test_what_the_3d_view_shows_is_where_it_belongs(page: Page, operations: FakeOperations) -> None:
     operations.goals.add(2.0, 1.0)
-    open_3d(page)
+    page.get_by_test_id("view-3d").click()
+    expect(page.locator("body")).to_have_attribute("data-drawn", "yes", timeout=60_000)
     eventually(page, lambda: bool(page.evaluate(PLACES)["/floor/0_0"]))
     # Nothing changes any more, and nothing asks for a frame.
     eventually(page, lambda: all(page.evaluate(PLACES).values()))
