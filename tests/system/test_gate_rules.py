@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.control import robot_controller
+from navcore.behaviours.supervisor import Behaviour
+from navcore.control.motion import Motion
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.safety.keep_out_monitor import KeepOuts
 from sim.scenario.schema import Marking, Scenario
@@ -28,6 +31,7 @@ def driven(
     zones: tuple[tuple[tuple[float, float], ...], ...] = (),
     world: Scenario = OPEN,
     beware: BewareList | None = None,
+    supervise: Callable[..., tuple[Behaviour, Motion]] = Behaviour.after,
 ) -> dict[str, Any]:
     """The report of a drive by a local planner that only drives straight on at full speed."""
     episode = Episode(
@@ -37,7 +41,7 @@ def driven(
             max_time_s=5.0,
             camera=CAMERA,
             zones=zones,
-            stages=drive_blindly(),
+            stages=dataclasses.replace(drive_blindly(), supervise=supervise),
         ),
         seed=0,
     )
@@ -60,6 +64,22 @@ def test_a_planner_that_ignores_a_zone_does_not_bring_the_robot_into_it(
 def test_without_the_check_it_does(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(robot_controller, "KeepOuts", lambda **_: KeepOuts())
     assert driven(zones=(ACROSS,))["zone_intrusions"] > 0
+
+
+def test_the_recovery_is_told_that_the_gate_holds_the_robot_before_a_zone() -> None:
+    told: list[bool] = []
+
+    def supervise(*inputs: Any, held: bool, **others: Any) -> tuple[Behaviour, Motion]:
+        told.append(held)
+        return Behaviour.after(*inputs, **others)  # which goes on driving blindly
+
+    report = driven(zones=(ACROSS,), supervise=supervise)
+    stands_s = report["stops"][-1]["duration_s"]
+    assert stands_s > 1.5
+    assert 1 <= sum(told) <= stands_s  # once a second
+    told.clear()
+    driven(supervise=supervise)  # control: without a zone nothing holds it
+    assert told and not any(told)
 
 
 RED = dataclasses.replace(
