@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from navcore.config.localisation import LocalisationConfig, TrackingConfig
-from navcore.geometry.arrays import Floats, Indices
+from navcore.geometry.arrays import Floats, Indices, Points
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.localisation.scans.matching import Match, match
 from navcore.localisation.scans.scan import Keyframe, Scan
@@ -89,9 +89,13 @@ class RecentScans:
 
     def _in_view(self, before: Scan, now: Scan) -> Scan:
         """Return the points of a scan that the camera of another one, in the same frame, has in
-        view and that nothing hides, as a person does who steps in."""
-        bearing, range_m = _polar(now)
-        bearing_before, range_before_m = _polar(before)
+        view and that nothing hides, as a person does who steps in.
+
+        What counts is where they are from the later camera: a post that the robot has come past is
+        beside it then, and no longer in view.
+        """
+        bearing, range_m = _polar(now.points_base, now.origin)
+        bearing_before, range_before_m = _polar(before.points_base, now.origin)
         seen_m = np.full(math.ceil(2 * math.pi / _DIRECTION_RAD) + 1, np.inf)
         np.minimum.at(seen_m, _direction(bearing), range_m)
         in_view = (bearing_before > bearing.min()) & (bearing_before < bearing.max())
@@ -118,9 +122,10 @@ class RecentScans:
         self._newest = None
 
 
-def _polar(scan: Scan) -> tuple[Floats, Floats]:
-    """Return (N,) bearings from the camera in radians and (N,) distances in metres."""
-    x, y = (scan.points_base - scan.origin).T
+def _polar(points: Points, camera: Points) -> tuple[Floats, Floats]:
+    """Return (N,) bearings in radians and (N,) distances in metres of (N, 2) points from a camera
+    at (2,)."""
+    x, y = (points - camera).T
     return np.arctan2(y, x), np.hypot(x, y)
 
 

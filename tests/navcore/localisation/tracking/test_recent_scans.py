@@ -10,7 +10,7 @@ from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.localisation.tracking.recent_scans import RecentScans
-from tests.navcore.localisation.plan_worlds import drive, office
+from tests.navcore.localisation.plan_worlds import PlanWorld, drive, office
 
 WORLD = office(3)
 ROUTE = drive([(1.5, 0.0), (8.0, 0.0)])
@@ -62,6 +62,22 @@ def test_the_next_view_continues_the_last_ones_and_another_place_does_not(
 def test_a_person_who_steps_in_ends_nothing(recent: RecentScans, share: float) -> None:
     view = with_person(seen_from(HERE), share)
     assert recent.are_continued(view, HERE, step_by()) is not False
+
+
+def test_a_post_that_the_robot_has_come_past_is_not_missed() -> None:
+    world = PlanWorld()
+    world.box(0.8, -0.45, 0.9, -0.05)  # fills a third of the first view, and is beside the second
+    world.box(5.4, -5.0, 5.5, 5.0)  # comes into range between the two
+    rng, before = np.random.default_rng(1), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    scans = RecentScans(LocalisationConfig())
+    scans.add(world.scan(before, rng), before)
+
+    after = Pose2(x_m=0.55, y_m=0.1, yaw_rad=0.2)
+    assert scans.are_continued(world.scan(after, rng), after, step_by()) is None
+    # Control: from where it should be in view the post is missed.
+    world.boxes[0] = (0.0, 9.0, 0.1, 9.1)
+    ahead = Pose2(x_m=0.25, y_m=0.0, yaw_rad=0.0)
+    assert scans.are_continued(world.scan(ahead, rng), ahead, step_by()) is False
 
 
 def test_nothing_is_said_without_scans_with_few_points_and_over_large_turns(
