@@ -8,7 +8,7 @@ import numpy.typing as npt
 from navcore.learning.training.metrics import confusion_matrix
 
 RESAMPLES = 500
-"""Number of times that the images are drawn anew for an interval."""
+"""Number of times that the images are drawn again for an interval."""
 Classes = npt.NDArray[np.uint8]
 Counts = npt.NDArray[np.int64]
 
