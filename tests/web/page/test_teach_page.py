@@ -176,9 +176,11 @@ def test_a_network_that_does_not_find_its_class_is_no_success(
 
 def overlap(one: FloatRect, other: FloatRect | None) -> bool:
     """Return whether two boxes of the page share a pixel."""
-    return other is not None and all(
-        one[at] + 1 < other[at] + other[size] and other[at] + 1 < one[at] + one[size]
-        for at, size in (("x", "width"), ("y", "height"))
+    return other is not None and (
+        one["x"] + 1 < other["x"] + other["width"]
+        and other["x"] + 1 < one["x"] + one["width"]
+        and one["y"] + 1 < other["y"] + other["height"]
+        and other["y"] + 1 < one["y"] + one["height"]
     )
 
 
