@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 failed (the progress says why), 3 cancelled, 4 another pro
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import signal
@@ -33,7 +34,7 @@ def _run(folder: Path) -> int:
 
     from app.teaching.training.progress import read_progress, write_progress
     from app.teaching.training.run import Cancelled, TeachingRun
-    from navcore.errors import BewareNavError
+    from navcore.errors import BewareNavError, StorageFailed
 
     asked = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: asked.set())
@@ -53,7 +54,8 @@ def _run(folder: Path) -> int:
         progress.phase = "failed"
         known = isinstance(error, BewareNavError)
         progress.message = str(error) if known else f"{type(error).__name__}: {error}"[:300]
-        write_progress(folder, progress)
+        with contextlib.suppress(StorageFailed):  # on a full disk, which the log says
+            write_progress(folder, progress)
         return FAILED
     return DONE
 

@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 import logging
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -194,8 +195,12 @@ class LiveNetworks:
                 folder.mkdir(parents=True)
             except OSError as error:
                 raise StorageFailed(f"{folder}: cannot be made: {error.strerror}") from error
-            write_whole(folder / MODEL_NAME, data)
-            write_version(folder, version)
+            try:
+                write_whole(folder / MODEL_NAME, data)
+                write_version(folder, version)
+            except StorageFailed:
+                shutil.rmtree(folder, ignore_errors=True)
+                raise
         return version
 
     def delete(self, name: str) -> None:

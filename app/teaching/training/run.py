@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import io
 import json
 import shutil
 import time
@@ -26,6 +27,7 @@ from app.teaching.training.plan import DATA_NAME, TrainingPlan, read_plan
 from app.teaching.training.progress import RunProgress, read_progress, write_progress
 from app.teaching.training.rehearsal import around_objects, rendered
 from navcore.errors import BadConfiguration
+from navcore.files import write_whole
 from navcore.learning.data.card import Sample
 from navcore.learning.data.dataset import Dataset, load_dataset
 from navcore.learning.training.class_teaching import ClassTeacher, grown_network
@@ -201,9 +203,9 @@ class TeachingRun:
         )
 
     def _save_state(self, teacher: ClassTeacher) -> None:
-        partial = self.folder / f".{STATE_NAME}"
-        torch.save(teacher.state(), partial)
-        partial.replace(self.folder / STATE_NAME)
+        content = io.BytesIO()
+        torch.save(teacher.state(), content)
+        write_whole(self.folder / STATE_NAME, content.getvalue())
 
     def _resume(self, teacher: ClassTeacher) -> None:
         """Continue from the last saved state, if there is one."""

@@ -13,9 +13,10 @@ import pytest
 from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import Perception, colour_perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
+from app.teaching.networks import live_networks
 from app.teaching.networks.live_networks import LiveNetworks, composed_at_start
 from app.teaching.networks.versions import MODEL_NAME, START, VersionStore, write_version
-from navcore.errors import BadConfiguration, NotKnown, Refused
+from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
 from navcore.perception.labels import Labels, LabelSource, with_full_confidence
 from navcore.robot.frame import Frame
@@ -169,3 +170,19 @@ def test_a_damaged_upload_is_refused_in_words(tmp_path: Path) -> None:
     with pytest.raises(BadConfiguration, match="name of a version"):
         networks.add("../mine", b"")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_upload_on_a_full_disk_leaves_its_name_free(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(folder: Path, version: NetworkVersion) -> None:
+        raise StorageFailed(f"{folder} cannot be written: No space left on device")
+
+    networks = networks_of(VersionStore(tmp_path), LivePerception(perception_of(SegmenterChoice())))
+    monkeypatch.setattr(live_networks, "_check", lambda path: None)
+    with monkeypatch.context() as context:
+        context.setattr(live_networks, "write_version", full)
+        with pytest.raises(StorageFailed, match="No space left"):
+            networks.add("mine", b"weights")
+    assert list(tmp_path.iterdir()) == []
+    assert networks.add("mine", b"weights").name == "mine"

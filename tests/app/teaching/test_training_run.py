@@ -7,19 +7,22 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 import torch
 
+import navcore.files
 from app.teaching.frames.frame_store import FrameStore
 from app.teaching.networks.versions import MODEL_NAME, VersionStore
+from app.teaching.training import plan, run
 from app.teaching.training.comparison import LEAST_IOU
 from app.teaching.training.live_trainings import LiveTrainings
 from app.teaching.training.lock import holder_of
 from app.teaching.training.plan import PLAN_NAME, TrainingPlan, held_back, prepare, read_plan
-from app.teaching.training.run import Cancelled, TeachingRun
-from navcore.errors import Refused
+from app.teaching.training.run import STATE_NAME, Cancelled, TeachingRun
+from navcore.errors import Refused, StorageFailed
 from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet import build
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
@@ -72,7 +75,7 @@ def frames(tmp_path: Path) -> FrameStore:
 
 def planned(folder: Path, frames: FrameStore, start: Path) -> Path:
     """Prepare a run and return its folder."""
-    plan = TrainingPlan(
+    wanted = TrainingPlan(
         name=folder.name,
         start_name="start",
         start_path=str(start),
@@ -81,7 +84,7 @@ def planned(folder: Path, frames: FrameStore, start: Path) -> Path:
         threads=1,
         recipe=RECIPE,
     )
-    prepare(folder, frames, plan)
+    prepare(folder, frames, wanted)
     return folder
 
 
@@ -107,10 +110,10 @@ def test_a_resumed_run_ends_as_an_uninterrupted_one(
 ) -> None:
     whole, halved = (planned(tmp_path / name, frames, start) for name in ("a", "b"))
     TeachingRun(whole).run()
-    run = TeachingRun(halved)
-    run._is_cancelled = lambda: bool(run.progress.losses)  # after the first validation
+    half = TeachingRun(halved)
+    half._is_cancelled = lambda: bool(half.progress.losses)  # after the first validation
     with pytest.raises(Cancelled):
-        run.run()
+        half.run()
     assert not (halved / MODEL_NAME).exists()
     TeachingRun(halved).run()
     one, other = (load(folder / MODEL_NAME).network.state_dict() for folder in (whole, halved))
@@ -189,6 +192,41 @@ def test_the_process_of_a_run_is_of_the_lowest_priority_cancelled_and_resumed(
 
 def newest(trainings: LiveTrainings) -> TrainingRun:
     """Return the newest run."""
-    run = trainings.newest()
-    assert run is not None
-    return run
+    shown = trainings.newest()
+    assert shown is not None
+    return shown
+
+
+def refuse_writes(monkeypatch: pytest.MonkeyPatch, module: ModuleType, name: str) -> None:
+    """Let a module write no file of a name any more, as on a full disk."""
+    whole = navcore.files.write_whole
+
+    def full(path: Path, data: bytes) -> None:
+        if path.name == name:
+            raise StorageFailed(f"{path} cannot be written: No space left on device")
+        whole(path, data)
+
+    monkeypatch.setattr(module, "write_whole", full)
+
+
+def test_on_a_full_disk_no_half_of_a_run_is_left(
+    tmp_path: Path, frames: FrameStore, start: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse_writes(monkeypatch, plan, PLAN_NAME)
+    trainings = trainings_of(tmp_path, frames, start)
+    with pytest.raises(StorageFailed, match="No space left"):
+        trainings.start(TrainingOrder())
+    assert trainings.newest() is None and not list((tmp_path / "versions").glob("*"))
+    assert all(frame.annotated for frame in frames.all())
+
+
+def test_a_disk_that_fills_up_ends_a_training_in_words_and_it_can_be_resumed(
+    tmp_path: Path, frames: FrameStore, start: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = planned(tmp_path / "taught 1", frames, start)
+    with monkeypatch.context() as full:
+        refuse_writes(full, run, STATE_NAME)
+        with pytest.raises(StorageFailed, match="No space left"):
+            TeachingRun(folder).run()
+    assert not (folder / MODEL_NAME).exists()
+    assert TeachingRun(folder).run().taught == ("shoe",)

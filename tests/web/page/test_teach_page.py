@@ -176,13 +176,12 @@ def test_a_network_that_does_not_find_its_class_is_no_success(
 
 def overlap(one: FloatRect, other: FloatRect | None) -> bool:
     """Return whether two boxes of the page share a pixel."""
-    if other is None:
-        return False
-    beside = one["x"] + 1 < other["x"] + other["width"] and other["x"] + 1 < one["x"] + one["width"]
-    above = (
-        one["y"] + 1 < other["y"] + other["height"] and other["y"] + 1 < one["y"] + one["height"]
+    return other is not None and (
+        one["x"] + 1 < other["x"] + other["width"]
+        and other["x"] + 1 < one["x"] + one["width"]
+        and one["y"] + 1 < other["y"] + other["height"]
+        and other["y"] + 1 < one["y"] + one["height"]
     )
-    return beside and above
 
 
 def test_the_stop_is_visible_and_works_in_every_window(
