@@ -39,6 +39,16 @@ def is_walked(result: Result) -> bool:
     return "found_in_time" in result
 
 
+def is_doors(result: Result) -> bool:
+    """Return whether a result is of the suite of doors."""
+    return "first_try" in result
+
+
+def is_random(result: Result) -> bool:
+    """Return whether a result is of random missions in a world."""
+    return not (is_paper(result) or is_walked(result) or is_doors(result))
+
+
 def short_table(results: Sequence[Result]) -> str:
     """Return the table of the first page."""
     return _table(
@@ -53,7 +63,7 @@ def short_table(results: Sequence[Result]) -> str:
                 f"{result['ideal_spl']:.2f}",
             )
             for result in results
-            if not is_paper(result) and not is_walked(result)
+            if is_random(result)
         ],
     )
 
@@ -72,7 +82,7 @@ def full_table(results: Sequence[Result]) -> str:
                 _failures(result),
             )
             for result in results
-            if not is_paper(result) and not is_walked(result)
+            if is_random(result)
         ],
     )
     missions = _table(
@@ -90,6 +100,17 @@ def full_table(results: Sequence[Result]) -> str:
             *("false per 10 m", "false by class", "walked"),
         ),
         walked,
+    )
+    doors = _table(
+        (
+            "suite",
+            "seeds",
+            "passed at the first try",
+            "collisions",
+            "least clearance",
+            "not passed",
+        ),
+        [_doors_row(result) for result in results if is_doors(result)],
     )
     origins = _table(
         (
@@ -118,7 +139,8 @@ def full_table(results: Sequence[Result]) -> str:
             for result in results
         ],
     )
-    return "\n".join([figures, missions, *([walks] if walked else []), origins])
+    passed = [doors] if any(map(is_doors, results)) else []
+    return "\n".join([figures, missions, *([walks] if walked else []), *passed, origins])
 
 
 PAGES: Mapping[str, Callable[[Sequence[Result]], str]] = {
@@ -180,6 +202,18 @@ def _walks_row(result: Result) -> Sequence[str]:
         f"{result['false_items_per_10_m']:.2f} ({few:.2f} to {many:.2f})",
         _listed(result["false_items_by_class"]),
         f"{result['walked_m']:.0f} m",
+    )
+
+
+def _doors_row(result: Result) -> Sequence[str]:
+    seeds = ", ".join(map(str, result["not_at_first_try_seeds"]))
+    return (
+        f"`{result['scenario']}`",
+        f"{min(result['seeds'])} to {max(result['seeds'])}",
+        f"{_count(result, 'first_try')} ({_interval(result, 'first_try')})",
+        str(result["collisions"]),
+        f"{result['min_clearance_m']:.2f} m",
+        seeds or "none",
     )
 
 
