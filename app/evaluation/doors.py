@@ -21,6 +21,7 @@ from app.episode.episode import Episode, EpisodeSettings
 from app.episode.latency import NO_LATENCY, Latency
 from app.evaluation.campaign import HERE, Campaign, Fleet, conclude
 from app.evaluation.summary import rate_interval
+from app.runtime.record.provenance import command_line
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
@@ -201,8 +202,13 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the summary of a campaign as a JSON object, with Wilson's interval."""
     passed = [report for report in reports if report["first_try"]]
     return {
+        "command": command_line(),
+        "scenario": SUITE,
+        **{key: reports[0][key] for key in ("segmenter", "odometry", "gnss", "latency", "people")},
+        "versions": sorted({report["version"] for report in reports}),
+        "machines": sorted({report["machine"] for report in reports}),
         "episodes": len(reports),
-        "latency": reports[0]["latency"],
+        "seeds": [report["seed"] for report in reports],
         "first_try": round(len(passed) / len(reports), 4),
         "first_try_ci95": [round(end, 4) for end in rate_interval(len(passed), len(reports))],
         "not_at_first_try_seeds": [report["seed"] for report in reports if not report["first_try"]],

@@ -45,6 +45,16 @@ def is_lit(result: Result) -> bool:
     return "disturbances" in result
 
 
+def is_doors(result: Result) -> bool:
+    """Return whether a result is of the suite of doors."""
+    return "first_try" in result
+
+
+def is_random(result: Result) -> bool:
+    """Return whether a result is of random missions in a world."""
+    return not (is_paper(result) or is_walked(result) or is_lit(result) or is_doors(result))
+
+
 def short_table(results: Sequence[Result]) -> str:
     """Return the table of the first page."""
     return _table(
@@ -59,7 +69,7 @@ def short_table(results: Sequence[Result]) -> str:
                 f"{result['ideal_spl']:.2f}",
             )
             for result in results
-            if not (is_paper(result) or is_walked(result) or is_lit(result))
+            if is_random(result)
         ],
     )
 
@@ -78,7 +88,7 @@ def full_table(results: Sequence[Result]) -> str:
                 _failures(result),
             )
             for result in results
-            if not (is_paper(result) or is_walked(result) or is_lit(result))
+            if is_random(result)
         ],
     )
     missions = _table(
@@ -100,6 +110,17 @@ def full_table(results: Sequence[Result]) -> str:
     light = _table(
         ("images", "seeds", "light", "mIoU", "found in time", "of thin ones", "false per 10 m"),
         [row for result in results if is_lit(result) for row in _light_rows(result)],
+    )
+    doors = _table(
+        (
+            "suite",
+            "seeds",
+            "passed at the first try",
+            "collisions",
+            "least clearance",
+            "not passed",
+        ),
+        [_doors_row(result) for result in results if is_doors(result)],
     )
     origins = _table(
         (
@@ -129,7 +150,8 @@ def full_table(results: Sequence[Result]) -> str:
         ],
     )
     lit = [light] if any(map(is_lit, results)) else []
-    return "\n".join([figures, missions, *([walks] if walked else []), *lit, origins])
+    passed = [doors] if any(map(is_doors, results)) else []
+    return "\n".join([figures, missions, *([walks] if walked else []), *lit, *passed, origins])
 
 
 PAGES: Mapping[str, Callable[[Sequence[Result]], str]] = {
@@ -200,6 +222,18 @@ def _light_rows(result: Result) -> list[Sequence[str]]:
     return [
         (size, seeds, name, *row_of(measured)) for name, measured in result["disturbances"].items()
     ]
+
+
+def _doors_row(result: Result) -> Sequence[str]:
+    seeds = ", ".join(map(str, result["not_at_first_try_seeds"]))
+    return (
+        f"`{result['scenario']}`",
+        f"{min(result['seeds'])} to {max(result['seeds'])}",
+        f"{_count(result, 'first_try')} ({_interval(result, 'first_try')})",
+        str(result["collisions"]),
+        f"{result['min_clearance_m']:.2f} m",
+        seeds or "none",
+    )
 
 
 def _listed(by_name: Mapping[str, object]) -> str:
