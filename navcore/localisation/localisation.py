@@ -38,6 +38,8 @@ from navcore.robot.frame import Frame
 FIX_LIFE_NS = 2_000_000_000
 """Time in nanoseconds for which an absolute position locates the robot."""
 Task = CloseLoops | PrepareSearch | SearchPlaces
+PlaceFix = tuple[Pose2, Matrix | None]
+"""T_map_odom, and the (3, 3) covariance of the robot's pose there."""
 Outcome = LoopClosures | PlaceMap | SearchResult
 
 
@@ -62,6 +64,8 @@ class Localisation:
         self._place_map: PlaceMap | None = None
         self._relocaliser: Relocaliser | None = None
         self._is_lost, self._T_map_odom = False, IDENTITY
+        self._may_be_there = False
+        self._still: PlaceFix | None = None
 
     def update(
         self, frame: Frame, labels: Labels, people: tuple[Track, ...], ground_m: FloatImage
@@ -85,15 +89,23 @@ class Localisation:
         self.tracker.is_confirmed = self._start is None
         estimate = self.tracker.follow(frame, scan)
         self._loops.note(self.tracker.take_edges())
+        is_believed = self._probation is None and self._start is None
         estimate = self._confirmed(self._fixed(frame, estimate), frame)
         was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
         self._T_map_odom = estimate.T_map_odom
+        if self._is_lost and not was_lost:
+            self._begin_search(may_be_there=is_believed and not len(self.tracker.saved_map))
         if not self._is_searching:
             self._relocaliser = None
             return estimate
-        if self._is_lost and not was_lost and not len(self.tracker.saved_map):
-            self._place_map = None  # the map has grown since it was searched last
         return self._searched(estimate, frame)
+
+    def _begin_search(self, *, may_be_there: bool) -> None:
+        """Look for a lost robot, which `may_be_there` where odometry has it: only its own scans of
+        the last metres have said otherwise."""
+        self._is_lost, self._may_be_there, self._still = True, may_be_there, None
+        if not len(self.tracker.saved_map):
+            self._place_map = None  # the map has grown since it was searched last
 
     @property
     def _is_searching(self) -> bool:
@@ -111,13 +123,19 @@ class Localisation:
         if not self._is_lost:
             return estimate
         proposal = self._relocaliser.proposal
+        found = self._still
         if proposal.state is RelocalisationState.ACCEPTED and proposal.T_map_odom is not None:
-            self.tracker.place(proposal.T_map_odom @ frame.pose, proposal.covariance, frame)
-            self._relocaliser, self._is_lost = None, False
-            self._probation = Probation(self._config.start, self._config.relocalisation)
-            self._restart_chain()
-            return self.tracker.estimate(frame)
-        return _ambiguous(estimate, proposal)
+            found = proposal.T_map_odom, proposal.covariance
+        return _ambiguous(estimate, proposal) if found is None else self._found(found, frame)
+
+    def _found(self, place: PlaceFix, frame: Frame) -> LocalisationEstimate:
+        """Return the estimate at a place that a search has found, which is on probation."""
+        T_map_odom, covariance = place
+        self.tracker.place(T_map_odom @ frame.pose, covariance, frame)
+        self._relocaliser, self._is_lost, self._still = None, False, None
+        self._probation = Probation(self._config.start, self._config.relocalisation)
+        self._restart_chain()
+        return self.tracker.estimate(frame)
 
     def _fixed(self, frame: Frame, estimate: LocalisationEstimate) -> LocalisationEstimate:
         """Return the estimate with the absolute positions of a frame, which locate the robot for a
@@ -184,8 +202,11 @@ class Localisation:
                 keyframes=self.searched_map.keyframes,
                 config=rules,
             )
+        if self._relocaliser is None:
+            return None
         given = None if self._is_lost else self._T_map_odom
-        task = None if self._relocaliser is None else self._relocaliser.next_task(given)
+        last = self._T_map_odom if self._is_lost and self._may_be_there else None
+        task = self._relocaliser.next_task(given, last)
         if task is None:
             return None
         return SearchPlaces(task=task, place_map=self._place_map, config=rules)
@@ -203,6 +224,9 @@ class Localisation:
             return
         if self._relocaliser is not None:
             self._relocaliser.take(outcome)
+        if self._is_lost and (fit := outcome.still_there(self._config.relocalisation)):
+            T_base_odom = outcome.task.everything.T_odom_base.inverse()
+            self._still = fit.T_map_base @ T_base_odom, fit.covariance
         if self._probation is not None:
             self._probation.take(outcome)
 
@@ -261,6 +285,7 @@ class Localisation:
     def search(self, stamp_ns: int) -> None:
         """Forget the place, and look for it in the whole map."""
         self.tracker.lose(stamp_ns)
+        self._begin_search(may_be_there=False)
 
     def load(
         self,

@@ -14,11 +14,13 @@ from enum import StrEnum
 
 from navcore.config.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.localisation.relocalisation.place_check import PlaceCheck, check_place
 from navcore.localisation.relocalisation.place_fit import (
     PlaceFit,
     doubt_of,
     evaluate_place,
     fit_place,
+    is_same_place,
     rivals_of,
 )
 from navcore.localisation.relocalisation.place_map import PlaceMap
@@ -73,6 +75,9 @@ class SearchTask:
     given: Pose2 | None = None
     """T_map_base at which `everything` was seen if a place to be checked is right; None without
     one."""
+    last: Pose2 | None = None
+    """The same of a lost robot if it is about where odometry has it since the place was believed
+    last; None where that tells nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,6 +95,22 @@ class SearchResult:
     in this map is seen by them."""
     given: PlaceFit | None = None
     """Fit near the place to be checked; None without one, or if too little was seen."""
+    last: PlaceCheck | None = None
+    """What the scans say about the place that was believed last; None without one."""
+
+    def still_there(self, rules: RelocalisationConfig) -> PlaceFit | None:
+        """Return the fit at about the place that was believed last if the robot is there: what it
+        sees fits there as it must at an operator's place, and nowhere else clearly better.
+
+        Rooms are alike, and a robot that was disturbed or pushed is most probably still where it
+        was: of places that fit alike, that is the one.
+        """
+        if self.last is None or not self.last.is_accepted:
+            return None
+        fit = self.last.fit
+        others = [one for one in self.everything if not is_same_place(one, fit, rules)]
+        is_worse = any(rules.second_share * one.score >= fit.score for one in others)
+        return None if is_worse else fit
 
 
 def search_task(
@@ -104,6 +125,7 @@ def search_task(
     given = None
     if task.given is not None and len(everything) >= config.search.least_points:
         given = fit_place(everything, task.given, place_map, config.fit)
+    last = None if task.last is None else check_place(everything, task.last, place_map, config)
     found: list[tuple[PlaceFit, ...]] = []
     for submap in (everything, task.newest, everything.mirrored):
         is_control = len(found) == 2
@@ -116,7 +138,12 @@ def search_task(
                 return None
         found.append(tuple(search.candidates()))
     return SearchResult(
-        task=task, everything=found[0], newest=found[1], mirrored=found[2], given=given
+        task=task,
+        everything=found[0],
+        newest=found[1],
+        mirrored=found[2],
+        given=given,
+        last=last,
     )
 
 
@@ -166,9 +193,11 @@ class Relocaliser:
         if self._leading is not None and len(scan):
             self._track(scan, T_odom_base, stamp_ns)
 
-    def next_task(self, T_map_odom: Pose2 | None = None) -> SearchTask | None:
+    def next_task(
+        self, T_map_odom: Pose2 | None = None, last: Pose2 | None = None
+    ) -> SearchTask | None:
         """Return what to search now, or None until enough new has been seen; `T_map_odom` is a
-        place to be checked beside."""
+        place to be checked beside, and `last` the one that was believed last, in the same way."""
         driven_m, turned_rad = self._searched_at
         if not self._views or not (
             self._driven_m - driven_m >= self._config.search_m
@@ -183,6 +212,7 @@ class Relocaliser:
             newest=newest,
             has_only_turned=has_only_turned,
             given=None if T_map_odom is None else T_map_odom @ everything.T_odom_base,
+            last=None if last is None else last @ everything.T_odom_base,
         )
 
     def take(self, result: SearchResult) -> PlaceProposal:
