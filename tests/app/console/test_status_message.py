@@ -14,7 +14,9 @@ from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.safety.gate import StopReason
 
-FOLLOWING = cast(Any, SimpleNamespace(motion=SimpleNamespace(outcome=ControllerState.FOLLOW)))
+FOLLOWING = cast(
+    Any, SimpleNamespace(motion=SimpleNamespace(outcome=ControllerState.FOLLOW), in_growth=False)
+)
 
 
 def operator(*goals: Goal, phase: Phase = Phase.DRIVING) -> OperatorState:
@@ -34,3 +36,10 @@ def test_what_holds_the_robot_comes_first() -> None:
     held = cast(StopReason, SimpleNamespace(text="A person is in the way."))
     goal = Goal(id=1, x_m=3.0, y_m=0.0)
     assert status_message(operator(goal), FOLLOWING, (held,), moving=False) == held.text
+
+
+def test_a_robot_that_drives_out_of_the_growth_of_a_zone_says_so() -> None:
+    growing = cast(Any, SimpleNamespace(motion=FOLLOWING.motion, in_growth=True))
+    goal = Goal(id=1, x_m=3.0, y_m=0.0)
+    text = status_message(operator(goal), growing, (), moving=True)
+    assert text.startswith("The position has become uncertain beside a zone")

@@ -57,4 +57,4 @@ def test_without_a_network_the_page_says_why_the_button_is_off(page: Page) -> No
     await_map(page)
     expect(page.get_by_test_id("beware-this")).to_be_disabled()
     note = page.get_by_test_id("beware-this-note")
-    expect(note).to_contain_text("only colour rules run here")
+    expect(note).to_contain_text("Only colour rules run here")

@@ -103,7 +103,7 @@ def test_the_explanation_names_the_rule_its_cost_and_what_to_remove(
     page: Page, operations: FakeOperations
 ) -> None:
     page.get_by_test_id("tab-why").click()
-    expect(page.get_by_test_id("why-words")).to_contain_text("there is no goal")
+    expect(page.get_by_test_id("why-words")).to_contain_text("There is no goal")
     zone = operations.zones.add(WET)
     operations.goals.add(4.4, -0.5)
     rule = page.locator(f'[data-testid="why-rule"][data-key="zone:{zone.id}"]')
