@@ -133,6 +133,7 @@ class Recovery:
 _ONWARD = (
     ControllerState.FOLLOW,
     ControllerState.TURN,
+    ControllerState.LOOK,
     ControllerState.ALIGN,
     ControllerState.ARRIVED,
 )

@@ -90,6 +90,11 @@ class TurnConfig:
     the person in view."""
     spin_check_deg: float = ranged(5.0, 180.0, default=30.0)
     """Angle in degrees ahead that must be free for a robot that spins to look around."""
+    look_from_deg: float = ranged(10.0, 180.0, default=35.0)
+    """Angle in degrees off the heading beyond which the robot turns to unobserved floor that the
+    path leads over; at 180 it never does."""
+    look_until_deg: float = ranged(1.0, 90.0, default=25.0)
+    """Angle in degrees off the heading at which such a turn ends."""
     goal_drift_factor: float = ranged(1.0, 5.0, default=2.0)
     """Factor on the goal tolerance while the robot turns to its final heading: wheels that skid
     carry it off the spot."""

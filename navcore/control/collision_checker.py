@@ -13,7 +13,13 @@ from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerCo
 from navcore.config.people import PeopleConfig
 from navcore.config.safety import GateConfig
 from navcore.control.footprint_distance import footprint_distances
-from navcore.control.manoeuvre import Manoeuvre, ManoeuvreProblem, manoeuvre_along, manoeuvre_to_see
+from navcore.control.manoeuvre import (
+    Manoeuvre,
+    ManoeuvreProblem,
+    manoeuvre_along,
+    manoeuvre_to_see,
+    visible_by_turning,
+)
 from navcore.control.motion_primitives import arcs
 from navcore.control.social import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
 from navcore.costmap.local_costmap import outside
@@ -107,6 +113,11 @@ class CollisionChecker:
         """Find the cheapest manoeuvre to a viewpoint of the unobserved cells that a body which
         turns along the (N, 2) path, base frame, may sweep; None without one."""
         return manoeuvre_to_see(path, self._manoeuvre_problem(), pose)
+
+    def visible_by_turning(self, path: Points, *, beyond_rad: float) -> Points:
+        """(K, 2) unobserved cells that a body which follows the (N, 2) path soon sweeps, and that
+        the camera sees when the robot turns to them in place by more than an angle."""
+        return visible_by_turning(path, self._manoeuvre_problem(), beyond_rad=beyond_rad)
 
     def _manoeuvre_problem(self) -> ManoeuvreProblem:
         return ManoeuvreProblem(

@@ -38,10 +38,12 @@ from navcore.geometry.transform import STANDSTILL, Pose2, Twist, wrap_angle
 from navcore.mission.zone_growth import GrownZone
 from navcore.robot.profile import RobotProfile
 
-_DRIVES_ON = (ControllerState.FOLLOW, ControllerState.TURN)
+_DRIVES_ON = (ControllerState.FOLLOW, ControllerState.TURN, ControllerState.LOOK)
 """States in which the robot gets on along the path."""
 _STRUGGLES = (ControllerState.MANOEUVRE, ControllerState.BACK, ControllerState.BLOCKED)
 """States that are not worth the last centimetres to the goal."""
+_TURN_POSES = 12
+"""Number of poses at which the clearance of a turn is measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -199,6 +201,7 @@ def _drive(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
     motion = (
         _continue(inputs, checker, path)
         or _turn_to_path(inputs, checker, bearing)
+        or _look(inputs, checker, path)
         or follow(checker, path, primitives)
     )
     if motion is not None:
@@ -236,6 +239,27 @@ def _turn_to_path(
     turning = inputs.previous.outcome is ControllerState.TURN
     least_deg = inputs.local.turn_until_deg if turning else inputs.local.turn_from_deg
     return _turn(checker, bearing) if abs(bearing) > math.radians(least_deg) else None
+
+
+def _look(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -> Motion | None:
+    """Turn in place to see the unobserved floor where the path leads next, as long as there is room
+    to turn: beside such floor the robot could only back off. None where the camera has it in view,
+    or the turn would bring the body close to an obstacle."""
+    config, follower = inputs.control.turn, inputs.control.path_follower
+    looking = inputs.previous.outcome is ControllerState.LOOK
+    least_deg = config.look_until_deg if looking else config.look_from_deg
+    cells = checker.visible_by_turning(path, beyond_rad=math.radians(least_deg))
+    if len(cells) == 0:
+        return None
+    x, y = cells[np.hypot(*cells.T).argmin()]
+    bearing = math.atan2(y, x)
+    turn = _turn(checker, bearing, both_directions=False)
+    poses = np.zeros((1, _TURN_POSES, 3))
+    poses[..., 2] = np.linspace(0.0, bearing, _TURN_POSES)
+    close_m = follower.padding_factor * inputs.local.padding_m
+    if turn is None or not (checker.clearance(poses) > close_m).all():
+        return None
+    return dataclasses.replace(turn, outcome=ControllerState.LOOK)
 
 
 def _manoeuvre(

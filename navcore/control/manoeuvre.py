@@ -102,6 +102,31 @@ def manoeuvre_to_see(path: Points, problem: ManoeuvreProblem, pose: Pose2) -> Ma
     return _found(ends, ahead[apart[nearest].argmin()], problem, pose)
 
 
+def visible_by_turning(path: Points, problem: ManoeuvreProblem, *, beyond_rad: float) -> Points:
+    """Return the (K, 2) unobserved cells, base frame, that a body which follows the (N, 2) path
+    soon sweeps, and that the camera sees when the robot turns to them in place by more than an
+    angle."""
+    config, unseen = problem.config, problem.unseen
+    away, bearing = np.hypot(*unseen.T), np.arctan2(unseen[:, 1], unseen[:, 0])
+    in_range = (away >= config.view_from_m) & (away <= config.view_to_m)
+    cells = unseen[in_range & (np.abs(bearing) > beyond_rad)]
+    ahead = path[metres_along(path) <= config.advance_m]
+    apart = np.hypot(*(cells[:, None] - ahead).transpose(2, 0, 1)).min(axis=1)
+    swept = cells[apart < problem.profile.circumscribed_radius_m]
+    hidden = np.array([_is_hidden(cell, problem) for cell in swept], dtype=np.bool_)
+    return np.asarray(swept[~hidden])
+
+
+def _is_hidden(cell: Points, problem: ManoeuvreProblem) -> bool:
+    """Whether an obstacle lies between a (2,) cell and the camera of a robot that faces it."""
+    away_m, radius_m = math.hypot(*cell), problem.cell_radius_m
+    ahead = cell / away_m
+    along = problem.obstacles @ ahead
+    across = problem.obstacles @ np.array([-ahead[1], ahead[0]])
+    between = (along > problem.profile.camera.x_m) & (along < away_m - radius_m)
+    return bool((between & (np.abs(across) < radius_m)).any())
+
+
 def _found(
     ends: Ends, target: Points | None, problem: ManoeuvreProblem, pose: Pose2
 ) -> Manoeuvre | None:

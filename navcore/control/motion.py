@@ -14,6 +14,7 @@ class ControllerState(StrEnum):
 
     FOLLOW = "following the path"
     TURN = "turning in place"
+    LOOK = "turning to look where the path leads"
     BACK = "backing off"
     MANOEUVRE = "manoeuvring in a tight place"
     ALIGN = "turning to the heading asked for"

@@ -31,6 +31,10 @@ NONE: Points = np.empty((0, 2))
 AHEAD: Points = np.column_stack([np.linspace(0, 3, 31), np.zeros(31)])
 ORIGIN = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 TURNING = Motion(twist=STANDSTILL, outcome=ControllerState.TURN)
+BEND: Points = np.array([[0.0, 0.0], [0.5, 0.0], [0.7, 0.5], [0.7, 1.5]])
+"""A path that bends to the left."""
+ROUND_THE_BEND: Points = np.array([[0.7, y] for y in (1.0, 1.1, 1.2)])
+"""Unobserved cells that it leads over."""
 
 
 def decide(
@@ -333,6 +337,30 @@ def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it() -> None:
     wall = np.array([[0.9, y] for y in np.arange(-1.5, 1.51, 0.05)])
     assert 0.0 < decide(unseen=wall).twist.v_mps < decide().twist.v_mps
     assert stands(decide(unseen=ring(0.51, 0.36)), ControllerState.BLOCKED)
+
+
+def test_where_the_path_bends_over_unseen_floor_the_robot_looks_there_while_it_has_room() -> None:
+    motion = decide(path=BEND, unseen=ROUND_THE_BEND)
+    assert motion.outcome is ControllerState.LOOK
+    assert motion.twist.v_mps == 0.0 < motion.twist.w_radps
+    looking = Motion(twist=STANDSTILL, outcome=ControllerState.LOOK)
+    seen = decide(path=BEND, previous=looking)
+    assert seen.outcome is ControllerState.FOLLOW and seen.twist.v_mps > 0.0
+
+
+def test_the_robot_does_not_turn_to_floor_that_it_could_not_see_or_close_to_an_obstacle() -> None:
+    wall = np.array([[x, 0.75] for x in np.arange(0.3, 1.0, 0.1)])
+    beside_the_body = np.array([[-0.2, 0.55]])
+    beyond_the_bend = np.array([[2.0, 2.0]])
+    near = np.array([[0.0, -0.75]])
+    for unseen, obstacles in (
+        (ROUND_THE_BEND, wall),
+        (ROUND_THE_BEND, near),
+        (beside_the_body, NONE),
+        (beyond_the_bend, NONE),
+    ):
+        motion = decide(path=BEND, unseen=unseen, geometric=obstacles)
+        assert motion.outcome is not ControllerState.LOOK
 
 
 @pytest.mark.parametrize(("distance", "arrived"), [(0.0, True), (0.11, True), (0.13, False)])
