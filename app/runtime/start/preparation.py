@@ -27,6 +27,8 @@ def prepared_perception(
     trials: list[TrialStep] = []
 
     with compiling_apart(say) as compiler:
+        if choice.kind == "colour":  # there is nothing to load
+            return compose(choice, config=config)
 
         def watch(step: TrialStep) -> None:
             trials.append(step)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Page, Route, expect
 
 from navcore.mission.zone import ZoneKind
 from navcore.mission.zone_shapes import Circle, Corridor
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, click_map, on_page
+from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, click_map, eventually, on_page
 from web.interface.drafts import ZoneDraft
 
 IS_IN_ROW = """(part) => {
@@ -278,3 +281,23 @@ def test_layers_theme_and_keys_are_one_press_away_and_a_tablet_shows_it_all(page
     expect(page.get_by_test_id("help")).to_contain_text("stop, anywhere")
     page.keyboard.press("Escape")
     expect(page.get_by_test_id("help")).to_be_hidden()
+
+
+def test_the_legend_has_the_colours_of_the_map_in_either_theme(page: Page) -> None:
+    await_map(page)
+    entry = page.locator("#map-layers li", has=page.get_by_test_id("layer-free"))
+    colours = set()
+    for theme in ("dark", "light"):
+        page.emulate_media(color_scheme="light" if theme == "light" else "dark")
+        expect(page.locator("html")).to_have_attribute("data-theme", theme)
+        shown = entry.locator(".swatch").evaluate("(s) => getComputedStyle(s).backgroundColor")
+        colour = [int(part) for part in re.findall(r"\d+", shown)]
+
+        def is_on_the_map(colour: list[int] = colour) -> bool:
+            shot = Image.open(io.BytesIO(page.get_by_test_id("map-canvas").screenshot()))
+            differs = np.abs(np.asarray(shot.convert("RGB")).astype(int) - colour).max(axis=2)
+            return bool((differs <= 2).mean() > 0.1)
+
+        eventually(page, is_on_the_map)
+        colours.add(shown)
+    assert len(colours) == 2

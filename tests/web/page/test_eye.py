@@ -5,55 +5,29 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Literal
 
+import httpx
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, await_map
+from tests.web.page.eye import AXE, LEAST_FONT_PX, SMALL_TARGETS, SMALL_TEXT, serious_findings
 from tests.web.page.states import SIZES, STATES, TABS, furnish
 from web.pages import FOLDER
+from web.port import reserve
 from web.server import ConsoleServer
+from web.starting import StartingPage
 
-AXE = (Path(__file__).parent / "axe" / "axe.min.js").read_text(encoding="utf-8")
-SERIOUS = ("serious", "critical")
-LEAST_FONT_PX = 12
-LEAST_TARGET_PX = 44
-RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
-"""Tags of the rules."""
-FINDINGS = """async (runOnly) => {
-  const { violations } = await axe.run(document, { iframes: false, runOnly,
-    rules: { "target-size": { enabled: true } }, resultTypes: ["violations"] });
-  // The rule of the size of targets takes a menu in the top layer for covered by what is below it.
-  for (const one of violations) if (one.id === "target-size")
-    one.nodes = one.nodes.filter(({ target, any }) => !(/obscured/.test(any[0]?.message)
-      && document.querySelector(target[0])?.closest(":popover-open")));
-  return violations.filter(({ nodes }) => nodes.length).map(({ id, impact, nodes }) => [id, impact,
-    nodes.slice(0, 3).map(({ html, any }) => `${html.slice(0, 120)} ${any[0]?.message ?? ""}`)]);
+GROUND = """() => {
+  const probe = document.body.appendChild(document.createElement("i"));
+  probe.style.color = "canvas";
+  const system = getComputedStyle(probe).color;
+  probe.remove();
+  return `${getComputedStyle(document.body).backgroundColor} on ${system}`;
 }"""
-SMALL_TEXT = f"""() => [...document.querySelectorAll("body *")]
-  .filter((node) => node.checkVisibility() && [...node.childNodes].some((child) =>
-    child.nodeType === 3 && child.textContent.trim()))
-  .filter((node) => parseFloat(getComputedStyle(node).fontSize) < {LEAST_FONT_PX}
-    && !node.closest("svg"))
-  .map((node) => `${{node.tagName}} ${{node.textContent.trim().slice(0, 40)}}`)"""
-"""JavaScript: visible texts below the least size."""
-SMALL_TARGETS = f"""() => [...document.querySelectorAll("button, select, a[href], summary, input")]
-  .filter((node) => node.checkVisibility({{ visibilityProperty: true }}) && node.type !== "file")
-  .map((node) => [node, (node.type === "checkbox" ? node.closest("label, li") : node)
-    .getBoundingClientRect()])
-  .filter(([node, box]) => box.width && (box.height < {LEAST_TARGET_PX} - 0.5
-    || (box.width < {LEAST_TARGET_PX} - 0.5 && node.type !== "range")))
-  .map(([node, box]) => `${{node.tagName}} ${{node.id || node.dataset.testid || node.textContent}} `
-    + `${{Math.round(box.width)}} × ${{Math.round(box.height)}}`)"""
-"""JavaScript: controls that are too small for a finger; a tick box counts with its label."""
-
-
-def serious_findings(page: Page) -> list[list[str]]:
-    """Return [rule, impact, places] of what axe finds on a page that has loaded it."""
-    return [one for one in page.evaluate(FINDINGS, RULES) if one[1] in SERIOUS]
+"""JavaScript: the colour behind the page; that of the browser where the page has none."""
 
 
 @pytest.mark.parametrize(
@@ -101,19 +75,42 @@ def test_every_main_state_can_be_read_named_and_hit(
     assert found == {}, "\n".join(f"{name}: {what}" for name, what in found.items())
 
 
-def test_the_pages_of_runs_and_of_the_interface_have_no_serious_finding(
-    page: Page, server: ConsoleServer
+@pytest.mark.parametrize("size", ["desktop", "phone"])
+def test_every_other_page_can_be_read_named_and_hit(
+    size: str,
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    locked: ConsoleServer,
 ) -> None:
-    for path in ("/runs", "/docs"):
-        page.goto(server.url + path)
-        page.wait_for_timeout(800)
+    width, height = SIZES[size]
+    is_touch = size == "phone"
+    page = new_context(
+        viewport={"width": width, "height": height}, has_touch=is_touch, is_mobile=is_touch
+    ).new_page()
+    urls = [server.url + path for path in ("/runs", "/docs", "/teach")] + [locked.url]
+    with reserve("127.0.0.1", 0) as listener, StartingPage(listener) as starting:
+        starting.say("Compiling", "Compiling … 50 / 200", 0.25)
+        port = listener.getsockname()[1]
+        start = httpx.get(f"http://127.0.0.1:{port}", trust_env=False).text
+    found: dict[str, object] = {}
+    for url in [*urls, ""]:
+        if url:
+            page.goto(url)
+            page.wait_for_timeout(500)
+        else:  # it would load itself again
+            page.set_content(start)
         page.evaluate(AXE)
-        grounds = set()
+        grounds, serious = set(), []
         for theme in ("dark", "light"):
-            page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
-            assert serious_findings(page) == [], (path, theme)
-            grounds.add(page.locator("body").evaluate("(b) => getComputedStyle(b).backgroundColor"))
-        assert len(grounds) == 2, path
+            page.emulate_media(color_scheme="light" if theme == "light" else "dark")
+            serious += serious_findings(page)
+            grounds.add(page.evaluate(GROUND))
+        small = page.evaluate(SMALL_TEXT)
+        targets = page.evaluate(SMALL_TARGETS) if is_touch else []
+        wide = page.evaluate("document.documentElement.scrollWidth > innerWidth")
+        if serious or small or targets or wide or len(grounds) < 2:
+            found[page.title()] = [serious, small, targets, wide, grounds]
+    assert found == {}, "\n".join(f"{name}: {what}" for name, what in found.items())
 
 
 def test_no_style_sheet_has_text_below_the_least_size() -> None:

@@ -11,6 +11,7 @@ from playwright.sync_api import BrowserContext, Locator, Page, expect
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, middle_of
+from tests.web.page.eye import AXE, SMALL_TARGETS, SMALL_TEXT, serious_findings
 from web.pages import FOLDER
 from web.server import ConsoleServer
 
@@ -79,6 +80,7 @@ def test_every_menu_and_dialog_opens_on_the_screen_as_a_whole_and_leaves_the_sto
     size: str, open_page: Opener, operations: FakeOperations
 ) -> None:
     page = open_page(size)
+    page.evaluate(AXE)
     on_page = page.evaluate(
         "[...document.querySelectorAll('[popover], dialog')].map((overlay) => overlay.id)"
     )
@@ -91,6 +93,12 @@ def test_every_menu_and_dialog_opens_on_the_screen_as_a_whole_and_leaves_the_sto
         expect(overlay).to_be_visible()
         assert overlay.evaluate(IS_TOPMOST), f"{overlay_id} is covered"
         assert overlay.evaluate(IS_WITHIN_VIEWPORT), f"{overlay_id} sticks out of the window"
+        small = page.evaluate(SMALL_TEXT) + (
+            page.evaluate(SMALL_TARGETS) if size == "phone" else []
+        )
+        assert small == [], overlay_id
+        if size == "laptop":
+            assert serious_findings(page, f"#{overlay_id}") == [], overlay_id
         press(page.get_by_test_id("stop"))
         expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
         assert operations.stops.pop() == "admin (console button)", overlay_id

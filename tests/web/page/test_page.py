@@ -6,11 +6,13 @@ import re
 
 from playwright.sync_api import Browser, Page, Route, expect
 
+from navcore.localisation.estimate import LocalisationState
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Phase
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, map_view
 from web.interface.drafts import ZoneDraft
+from web.interface.localisation import PlaceOut
 from web.server import ConsoleServer
 
 
@@ -287,6 +289,50 @@ def test_a_lost_connection_is_reported_and_the_page_reconnects(
     finally:
         again.stop()
         context.close()
+
+
+def test_without_a_connection_no_state_is_told_and_each_comes_back_with_it(
+    browser: Browser, operations: FakeOperations
+) -> None:
+    console = ConsoleServer(operations, port=0)
+    console.start()
+    page = browser.new_context().new_page()
+    page.goto(f"{console.url}/#map")
+    expect(page.get_by_test_id("connection")).to_have_text("live")
+    page.get_by_test_id("goal-input").fill("2, 0")
+    page.get_by_test_id("goal-add").click()
+    page.get_by_test_id("start").click()
+    page.get_by_test_id("stop").click()
+    operations.place.now = PlaceOut(state=LocalisationState.LOST, text="Lost: look round.")
+    has_control, is_lost = page.get_by_test_id("control-give"), page.get_by_test_id("place-unknown")
+    told = [*page.locator("#figures dd").all(), page.get_by_test_id("segmenter")]
+    told += [page.locator("#goal-count"), page.locator("#goals .status")]
+
+    def expect_all_live() -> None:
+        expect(page.get_by_test_id("reset")).to_be_enabled()
+        expect(page.get_by_test_id("stop")).to_have_attribute("aria-pressed", "true")
+        expect(is_lost).to_be_visible()
+        for one in told:
+            expect(one).not_to_have_text("unknown")
+
+    expect_all_live()
+    expect(has_control).to_be_visible()
+    console.stop()
+    expect(page.get_by_test_id("state-badge")).to_have_text("? UNKNOWN")
+    expect(page.get_by_test_id("control-text")).to_have_text("? Control unknown")
+    for one in told:
+        expect(one).to_have_text("unknown")
+    expect(is_lost).to_be_hidden()
+    expect(has_control).to_be_hidden()
+    expect(page.get_by_test_id("reset")).to_be_disabled()
+    expect(page.get_by_test_id("stop")).to_have_attribute("aria-pressed", "mixed")
+    again = ConsoleServer(operations, port=int(console.url.rsplit(":", 1)[1]))
+    again.start()
+    try:
+        expect_all_live()
+    finally:
+        again.stop()
+        page.context.close()
 
 
 def test_the_space_key_stops_wherever_a_blank_means_nothing(

@@ -1,6 +1,7 @@
 // The robot's place: what it knows of it, and a place that the operator proposes.
 
 import { post } from "../core/api.js";
+import { onStale } from "../core/connection.js";
 import { element, make, set, setText } from "../core/dom.js";
 import { sentence, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
@@ -51,6 +52,8 @@ async function accept(isForced) {
     show(null, null);
   });
 }
+
+onStale(() => set(element("place-unknown"), { hidden: true }));
 
 element("place-search").onclick = () => attempt(() => post("/localisation/search"));
 element("place-proposal").addEventListener("keydown", (event) => {

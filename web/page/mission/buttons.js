@@ -46,6 +46,9 @@ export function enableButtons(state) {
 onStale(() => {
   for (const button of document.querySelectorAll("[data-mission]"))
     set(button, { disabled: true, title: t("no connection") });
+  set(element("stop"), { ariaPressed: "mixed" });
+  set(element("reset"), { disabled: true, title: t("no connection") });
+  element("reset").classList.remove("due");
 });
 
 for (const button of document.querySelectorAll("[data-mission]")) {

@@ -10,6 +10,7 @@ import { addStopChannel } from "../core/stop.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const EDITORS = ".left, [aria-label='Mode'], #beware, #beware-tools";
+const ACTIONS = ["take", "ask", "give"];
 let previous = null;
 let releaseKeys = () => {};
 
@@ -50,6 +51,7 @@ async function checkSession() {
 onStale(() => {
   set(element("control").dataset, { who: "free" });
   setText(element("control-text"), t("? Control unknown"));
+  for (const action of ACTIONS) set(element(`control-${action}`), { hidden: true });
 });
 
 function show(now) {
@@ -98,6 +100,6 @@ function announce(now) {
   }
 }
 
-for (const action of ["take", "ask", "give"]) {
+for (const action of ACTIONS) {
   element(`control-${action}`).onclick = () => attempt(() => post(`/control/${action}`));
 }

@@ -1,5 +1,6 @@
 // Position, speed and other figures below the view, twice a second at most.
 
+import { onStale } from "../core/connection.js";
 import { element, make, set, setText } from "../core/dom.js";
 import { formatNumber } from "../core/format.js";
 import { number, sentence, t } from "../core/language.js";
@@ -35,6 +36,11 @@ export function showFigures(state) {
     list.append(...rows.map(([name]) => make("div", {}, make("dt", {}, name), make("dd"))));
   rows.forEach(([, value], i) => setText(list.children[i].lastChild, value));
 }
+
+onStale(() => {
+  for (const value of element("figures").querySelectorAll("dd")) setText(value, t("unknown"));
+  setText(element("segmenter"), t("unknown"));
+});
 
 function showSegmenter({ segmenter, segmenter_warning: warning }) {
   setText(element("segmenter"), warning ? `▲ ${sentence(warning)}` : sentence(segmenter));

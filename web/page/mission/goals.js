@@ -2,6 +2,7 @@
 // nearest free position.
 
 import { post, request } from "../core/api.js";
+import { onStale } from "../core/connection.js";
 import { clearSent, element, make, reconcile, set, setText, setValue } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
 import { t, tn } from "../core/language.js";
@@ -69,6 +70,12 @@ export function showGoals(state) {
   setText(element("goal-count"), t("{waiting} waiting · {reached} reached", counts));
   if (!isLoopPending) element("loop").checked = state.loop;
 }
+
+onStale(() => {
+  setText(element("goal-count"), t("unknown"));
+  for (const status of element("goals").querySelectorAll("li:not(.reached) .status"))
+    setText(status, status.textContent && t("unknown"));
+});
 
 function statusText(goal, isMoving) {
   if (goal.number === 0) return t("reached");

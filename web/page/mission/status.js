@@ -93,6 +93,7 @@ element("too-slow-close").onclick = () => {
 };
 
 onStale((seconds) => {
+  for (const id of ["back-off", "nothing-enabled", "too-slow"]) set(element(id), { hidden: true });
   set(element("offline"), { hidden: seconds < OFFLINE_S });
   const age = seconds < 60 ? `${Math.floor(seconds)} s` : formatAge(seconds);
   showLine(
