@@ -15,7 +15,7 @@ from navcore.control.motion import Motion
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
-from navcore.geometry.arrays import FloatImage, Points
+from navcore.geometry.arrays import FloatImage, Floats, Points
 from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.grid.grid import Box, GridSpec, OccupancyGrid, inflate_layers
 from navcore.grid.growth import growth_to
@@ -36,7 +36,7 @@ from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import GrownZone
-from navcore.perception.ground import ground_heights
+from navcore.perception.ground import cell_centres, ground_heights
 from navcore.perception.labels import Labels, Segmenter, only_coloured
 from navcore.perception.people.track import Track
 from navcore.perception.people.tracker import PeopleTracker
@@ -88,8 +88,11 @@ class Stages:
 
     segment: Callable[[Segmenter, Frame, BewareList], Labels] = _segment
     """Label the pixels."""
-    estimate_ground: Callable[[Frame, float, GroundConfig], FloatImage] = ground_heights
-    """(H, W) height of the ground below each pixel; the number is the steepest slope of ground."""
+    estimate_ground: Callable[[Frame, float, GroundConfig, Floats | None], FloatImage] = (
+        ground_heights
+    )
+    """(H, W) height of the ground below each pixel; the number is the steepest slope of ground, the
+    last argument the slopes that were seen earlier."""
     track: Callable[[PeopleTracker, Frame, Labels, BewareList, FloatImage], tuple[Track, ...]] = (
         PeopleTracker.follow
     )
@@ -133,7 +136,7 @@ class Navigator:
     ) -> None:
         self.first_grid = spec
         """Grid of a map in which nothing is known yet."""
-        self.map = PointMap(spec, config.map)
+        self.map = PointMap(spec, config.map, profile)
         """The global map."""
         self.behaviour = Behaviour()
         """Recovery, waiting and keep-outs as of the newest tick."""
@@ -180,8 +183,13 @@ class Navigator:
         stages, beware = self._stages, request.beware
         if labels is None:
             labels = self.segment(frame, beware)
+        ground_rules = self._config.perception.ground
+        # Localisation needs the ground: the pose here is that of the last correction.
+        slopes = self.map.terrain.slopes_around(
+            frame.placed(self.place.T_map_odom), cell_centres(ground_rules)
+        )
         ground_m = stages.estimate_ground(
-            frame, self._config.points.max_slope, self._config.perception.ground
+            frame, self._config.points.max_slope, ground_rules, slopes
         )
         people = stages.track(self._tracker, frame, labels, beware, ground_m)
         correction = self._correction.apply(self.place.T_map_base, frame.twist)

@@ -256,7 +256,7 @@ class Simulator:
             errors=errors,
             rng=generator(seed, Source.CAMERA),
             mount=self.profile.camera.T_base_camera,
-            ground=Ground(self.scenario.relief),
+            ground=self.ground,
             lighting=self.scenario.lighting,
             colour_lens=self.profile.stream.colour_lens,
         )
@@ -269,7 +269,7 @@ class Simulator:
         self._crowd = Crowd(
             self.world, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile
         )
-        self.ground = Ground(self.scenario.relief)
+        self.ground = Ground(self.scenario.relief, self.scenario.raised)
         """The ground of the world."""
         self._robot = SkidSteer(self.client, self.scenario.start_pose, self._chassis, self.ground)
         for _ in range(SETTLING_STEPS):

@@ -124,6 +124,35 @@ class RaycastConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TerrainConfig:
+    """How slope, steps and roughness of the ground are measured and kept; what the robot takes of
+    them is in its profile."""
+
+    enabled: bool = True
+    """Whether slopes and steps beyond the robot's limits are obstacles."""
+    cell_m: float = ranged(0.05, 0.5, default=0.1)
+    """Side of a cell in metres, to whole cells of the map; slope and roughness are those of 5 × 5
+    cells, a step is measured from one neighbour to the opposite one."""
+    max_range_m: float = ranged(0.5, 10.0, default=3.0)
+    """Depth in metres beyond which heights are too coarse."""
+    min_pixels: int = ranged(1, 100, default=3)
+    """Number of pixels that make the height of a cell."""
+    min_cells: int = ranged(6, 25, default=15)
+    """Number of heights among the 5 × 5 cells from which a plane is fitted to them."""
+    look_every_m: float = ranged(0.0, 1.0, default=0.05)
+    """Distance in metres after which another look counts: images from one position err alike."""
+    look_every_deg: float = ranged(0.0, 90.0, default=3.0)
+    """Turn in degrees after which another look counts."""
+    min_looks: int = ranged(1, 100, default=3)
+    """Number of looks from which the ground of a cell is known."""
+    smooth_m: float = ranged(0.0, 0.1, default=0.005)
+    """Roughness in metres, the standard deviation of heights from the plane, up to which a slope is
+    that of the ground and not the edge of an object."""
+    uneven_slope: float = ranged(0.0, 1.0, default=0.05)
+    """Slope relative to the plane on which the robot stands below which ground is that plane."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MappingConfig:
     """When a pose gets a new ID, when a point is removed, and how much memory the points may
     take."""
@@ -159,6 +188,8 @@ class MappingConfig:
     """How flat points of the colour rules fade."""
     rejection: RejectionConfig = field(default_factory=RejectionConfig)
     """What counts where an operator has rejected a detection."""
+    terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    """Slope, steps and roughness of the ground."""
     raycast: RaycastConfig = field(default_factory=RaycastConfig)
     """How densely lines of sight are cast."""
 

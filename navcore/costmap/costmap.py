@@ -147,7 +147,7 @@ def layer_grid(point_map: PointMap, beware: BewareList, zones: Iterable[Zone]) -
     plain, wide = zone_masks(zones, point_map.spec)
     return OccupancyGrid(
         spec=point_map.spec,
-        geometric=point_map.layers.bools(NOTHING),
+        geometric=point_map.layers.bools(NOTHING) | point_map.terrain.bools,
         beware={entry.class_id: point_map.layers.bools(entry.class_id) for entry in beware.enabled},
         margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
         zones=plain,

@@ -11,6 +11,7 @@ import numpy as np
 
 from navcore.costmap.beyond import closed_from_beyond
 from navcore.costmap.costmap import Costmap, are_set
+from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import BitPlane
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE, FreeSpace
@@ -64,7 +65,7 @@ class LiveCostmap:
         """Return the costmap of the present map for a beware list and zones; the same object as
         long as nothing has changed."""
         self._map.use(beware)
-        changes = self._map.layers.take_changes()
+        changes = _joined(self._map.layers.take_changes(), self._map.terrain.take_changes())
         if changes is None or self._order != (beware, zones) or self._now is None:
             self._order = (beware, zones)
             self._rebuild(beware, zones)
@@ -107,6 +108,7 @@ class LiveCostmap:
             self._groups.setdefault(radius, [])
             if plane is not None:
                 self._groups[radius].append(plane)
+        self._groups[self._radius(0.0)].append(self._map.terrain.untraversable)
 
     def _apply(self, changes: Changes) -> None:
         self._regroup()
@@ -142,6 +144,9 @@ class LiveCostmap:
         plane, spec = self._map.layers.plane(class_id), self._map.spec
         if plane is None:
             return CellMask.empty(spec.rows, spec.cols)
+        if class_id == NOTHING:
+            # Ground that the robot cannot drive on is an obstacle like any other.
+            return CellMask(plane | self._map.terrain.untraversable, spec.rows, spec.cols)
         return CellMask.copied(plane, spec.rows, spec.cols)
 
     def _radius(self, margin_m: float) -> int:
@@ -150,3 +155,18 @@ class LiveCostmap:
             safety_margin_m=self._margin_m + margin_m,
             resolution_m=self._map.spec.resolution_m,
         )
+
+
+def _joined(layers: Changes | None, terrain: Indices | None) -> Changes | None:
+    """Return the changed cells of the layers, and those of the terrain as geometric ones; None if
+    all cells of either count as changed."""
+    if layers is None or terrain is None:
+        return None
+    if not len(terrain):
+        return layers
+    return Changes(
+        class_ids=np.concatenate(
+            [layers.class_ids, np.full(len(terrain), NOTHING, dtype=np.uint8)]
+        ),
+        cells=np.concatenate([layers.cells, terrain]),
+    )

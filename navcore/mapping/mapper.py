@@ -12,6 +12,7 @@ from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import NOTHING, BewareList
+from navcore.perception.ground import flat_ground
 from navcore.perception.labels import Labels
 from navcore.perception.people.tracker import PeopleTracker
 from navcore.robot.frame import Frame
@@ -49,6 +50,9 @@ class Mapper:
         rules = self._config.points
         seen = observe(frame, labels, beware, self.map.spec, rules, ground_m)
         self.map.insert(seen, frame, labels)
+        if ground_m is None:
+            ground_m = flat_ground(frame.depth_m.shape)
+        self.map.version += self.map.terrain.observe(frame, ground_m, rules.obstacle_height_m)
         people = beware.people_ids
         self.map.forget(self._tracker.trail(self.map.spec, T_map_odom), [NOTHING, *people])
         self.map.clear_ghosts(

@@ -51,16 +51,18 @@ from navcore.mapping.points.pose_ids import PoseIds, check_movable
 from navcore.mapping.points.rejections import Rejection, Rejections
 from navcore.mapping.storage.map_state import MapState
 from navcore.mapping.storage.stored_scans import NO_SCANS, StoredScans
+from navcore.mapping.terrain.terrain_map import TerrainMap
 from navcore.mapping.views.observation import Observation
 from navcore.mission.beware_list import NOTHING, BewareList, ColourRule
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, RobotProfile
 
 
 class PointMap:
     """Points by pose ID, the cells that they occupy, and the known space."""
 
-    def __init__(self, spec: GridSpec, rules: MappingConfig) -> None:
+    def __init__(self, spec: GridSpec, rules: MappingConfig, profile: RobotProfile = HUSKY) -> None:
         if spec.rows * spec.cols > MOST_CELLS:
             raise BadConfiguration(
                 f"the map would have {spec.rows} × {spec.cols} cells, at most {MOST_CELLS} in all; "
@@ -75,6 +77,8 @@ class PointMap:
         """Poses from which the points were measured."""
         self.explored = VisibilityMap(spec, rules.raycast, self.pose_ids)
         """Known space."""
+        self.terrain = TerrainMap(spec, rules.terrain, self.pose_ids, profile)
+        """Slope, steps and roughness of the ground."""
         self.rejections = Rejections(rules.rejection)
         """What an operator has said is not there."""
         self._has_uncertain = False  # whether any point may have a confidence below 1
@@ -333,6 +337,7 @@ class PointMap:
         beside = self._points.grow(growth)
         self.layers.grow(growth)
         self.explored.grow(growth)
+        self.terrain.grow(growth)
         rows = pose_rows(self.pose_ids.poses)
         self.layers.refresh(self._points, replace_points(self._points, beside, rows, self.spec))
         self.rejections.place(rows, self.spec)
@@ -362,6 +367,7 @@ class PointMap:
         prepared.points.reuse(self._points)
         self._points = prepared.points
         self.explored.replace(prepared.explored, touched)
+        self.terrain.place()
         self.layers.replace(prepared.rules, prepared.planes, prepared.prior, self._points)
         if self.layers.floor_bins:
             floor = [self.explored.floor_of(pose_id) for pose_id in touched]
@@ -418,6 +424,7 @@ class PointMap:
             self.spec, (state.measured, state.visible, state.driven), state.volume, state.submaps
         )
         self.layers.rebuild(self._points, state.prior.bools, self.spec)
+        self.terrain.clear(self.spec)
         self.scans = lambda: state.scans
         self.rejections.load(state.rejections, rows, self.spec)
         self._snapshot += 1

@@ -5,8 +5,9 @@ The robot stands on the ground, so there it is known: height 0, level. From ther
 grown outward, cell by cell. A measurement at a height to which a slope that the robot can drive may
 lead is ground; a higher or lower one is something else, and the ground is taken to continue there
 as before. So a slope is ground, while a step up or down, a wall, a table or a pit is not, however
-much of the image it fills. Nothing is remembered: heights are relative to the plane on which the
-robot stands, and that tilts with it. Errors are on the safe side: on a slope, ground beyond the
+much of the image it fills. Heights are relative to the plane on which the robot stands, and that
+tilts with it. Where the camera does not look, as just before the robot, the ground continues with
+the slope that was seen there earlier. Errors are on the safe side: on a slope, ground beyond the
 shadow of a wide object may be taken for an obstacle until it is seen from nearer.
 """
 
@@ -20,7 +21,7 @@ import numpy as np
 
 from navcore.compiled import compiled, inlined
 from navcore.config.perception import DEFAULT_PERCEPTION, GroundConfig
-from navcore.geometry.arrays import FloatImage, Floats, Indices
+from navcore.geometry.arrays import FloatImage, Floats, Indices, Points
 from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
 from navcore.robot.frame import Frame
 
@@ -36,15 +37,20 @@ class _Grid(NamedTuple):
     max_range_m: float
 
 
-def ground_heights(frame: Frame, max_slope: float, config: GroundConfig = _DEFAULT) -> FloatImage:
+def ground_heights(
+    frame: Frame,
+    max_slope: float,
+    config: GroundConfig = _DEFAULT,
+    slopes: Floats | None = None,
+) -> FloatImage:
     """Return the (H, W) height in metres, above the plane on which the robot stands, of the ground
     below each measured pixel; read-only.
 
     `max_slope` is the rise per metre up to which the ground continues; a steeper one is a step.
-    With 0 the ground is that plane.
+    With 0 the ground is that plane. `slopes`: those seen earlier, as in `cell_heights`.
     """
     if max_slope > 0:
-        cells = cell_heights(frame, max_slope, config)
+        cells = cell_heights(frame, max_slope, config, slopes)
         if cells.any():
             heights = _per_pixel(
                 frame.depth_m, frame.T_base_camera, frame.intrinsics.pinhole, _grid(config), cells
@@ -63,12 +69,19 @@ def flat_ground(shape: tuple[int, ...]) -> FloatImage:
     return level
 
 
-def cell_heights(frame: Frame, max_slope: float, config: GroundConfig = _DEFAULT) -> Floats:
+def cell_heights(
+    frame: Frame,
+    max_slope: float,
+    config: GroundConfig = _DEFAULT,
+    slopes: Floats | None = None,
+) -> Floats:
     """Return the (cells_ahead, 2 · cells_aside) height in metres of the ground in the base frame, x
     forward from one row behind the origin, then y from right to left.
 
     Exactly 0 where it differs from the robot's plane by less than `tolerance_m`, and nearer to it
-    by as much everywhere else.
+    by as much everywhere else. `slopes`: (cells_ahead · 2 · cells_aside, 2) rise per metre along x
+    and y of the base frame, relative to the robot's plane, of the ground as it was seen earlier;
+    NaN where it was not.
     """
     measured = _lowest_heights(
         frame.depth_m,
@@ -86,9 +99,25 @@ def cell_heights(frame: Frame, max_slope: float, config: GroundConfig = _DEFAULT
         _median_filter(measured),
         order,
         distance_m,
+        np.full((*measured.shape, 2), np.nan)
+        if slopes is None
+        else slopes.reshape(*measured.shape, 2),
         (config.cell_m, max_slope, config.max_step_m, config.tolerance_m),
     )
     return np.asarray(np.sign(heights) * np.maximum(np.abs(heights) - config.tolerance_m, 0.0))
+
+
+def cell_centres(config: GroundConfig = _DEFAULT) -> Points:
+    """Return the (cells_ahead · 2 · cells_aside, 2) middles in metres of the base frame of the
+    cells of `cell_heights`, row by row."""
+    x, y = _along_and_across(config.cell_m, config.cells_ahead, config.cells_aside)
+    return np.column_stack([np.repeat(x, len(y)), np.tile(y, len(x))])
+
+
+def _along_and_across(cell_m: float, ahead: int, aside: int) -> tuple[Floats, Floats]:
+    x = np.arange(ahead, dtype=np.float64) - 0.5
+    y = np.arange(2 * aside, dtype=np.float64) + 0.5 - aside
+    return x * cell_m, y * cell_m
 
 
 def _grid(config: GroundConfig) -> _Grid:
@@ -99,7 +128,7 @@ def _grid(config: GroundConfig) -> _Grid:
 def _cells_outward(cell_m: float, ahead: int, aside: int) -> tuple[Indices, Floats]:
     """Return all (N, 2) cells, the nearest to the robot first, and the (ahead, 2 · aside) distances
     of the cells from it in metres."""
-    x, y = (np.arange(ahead) - 0.5) * cell_m, (np.arange(2 * aside) + 0.5 - aside) * cell_m
+    x, y = _along_and_across(cell_m, ahead, aside)
     distance_m = np.hypot(x[:, None], y[None, :])
     order = np.argsort(distance_m, axis=None, kind="stable")
     cells = np.column_stack(np.unravel_index(order, distance_m.shape)).astype(np.int64)
@@ -179,12 +208,14 @@ def _grow_ground(
     measured: Floats,
     order: Indices,
     distance_m: Floats,
+    slopes: Floats,
     limits: tuple[float, float, float, float],
 ) -> Floats:
     """Return the ground, grown from the robot outward: the measurement where that can be ground,
-    the continuation of the ground before it elsewhere.
+    the continuation of the ground before it elsewhere, with the slope that is known of it.
 
-    `limits` are the side of a cell, the largest slope, the largest step and the tolerance.
+    `slopes` are those of `cell_heights`; `limits` are the side of a cell, the largest slope, the
+    largest step and the tolerance.
     """
     cell_m, max_slope, max_step_m, tolerance_m = limits
     rows, cols = measured.shape
@@ -192,12 +223,18 @@ def _grow_ground(
     for index in range(len(order)):
         row, col = order[index, 0], order[index, 1]
         total, weights, least = 0.0, 0.0, np.inf
+        is_known = not np.isnan(slopes[row, col, 0])
         for r in range(max(row - 1, 0), min(row + 2, rows)):
             for c in range(max(col - 1, 0), min(col + 2, cols)):
                 if distance_m[r, c] < distance_m[row, col]:
                     apart = cell_m * math.hypot(r - row, c - col)
                     weight = 1.0 / (apart + gap[r, c]) ** 2
-                    total, weights = total + weight * ground[r, c], weights + weight
+                    height = ground[r, c]
+                    if is_known:
+                        height += cell_m * (
+                            slopes[row, col, 0] * (row - r) + slopes[row, col, 1] * (col - c)
+                        )
+                    total, weights = total + weight * height, weights + weight
                     least = min(least, gap[r, c] + apart)
         before = total / weights if weights > 0 else 0.0
         reach = least if weights > 0 else distance_m[row, col]
@@ -206,7 +243,8 @@ def _grow_ground(
         if abs(height - before) <= min(max_slope * reach, max_step_m) + tolerance_m:
             ground[row, col] = height
         else:
-            ground[row, col], gap[row, col] = before, reach
+            # What was seen earlier adds nothing to the gap.
+            ground[row, col], gap[row, col] = before, reach - cell_m if is_known else reach
     return ground
 
 

@@ -70,6 +70,10 @@ class RobotProfile:
     """Largest yaw acceleration in radians per second squared."""
     camera: CameraMount
     """Mount of the camera."""
+    max_slope: float = ranged(0.0, 1.0, default=0.2)
+    """Largest slope that the robot drives on, rise per metre."""
+    max_step_m: float = ranged(0.0, 0.5, default=0.06)
+    """Largest step in metres that the robot drives over, up or down."""
     depth_sensor: DepthSensor = field(default_factory=DepthSensor)
     """Accuracy of the camera's depth."""
     stream: CameraStream = field(default_factory=CameraStream)

@@ -1,14 +1,14 @@
-"""The ground: flat, or rolling in long gentle waves. Its shape is a sum of plane waves, so height
-and slope are known anywhere.
+"""The ground: flat, rolling in long gentle waves, or flat with raised parts on it. Height and slope
+are known anywhere.
 
-Navigation assumes a plane around the robot (the paper's 10 cm above ground). So not the slope must
-stay small but its change: within the range of the camera the ground may leave the plane of the
-robot by a few centimetres only.
+Waves keep to a plane around the robot (the paper's 10 cm above ground): not their slope is small
+but its change. Raised parts do not: they are the ramps, kerbs and stairs of built places.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from navcore.geometry.transform import Matrix, Pose2, tilt_matrix
 from navcore.toml_config import ranged
+from sim.models.raised_ground import RaisedGround
 
 Floats = npt.NDArray[np.float64]
 WAVES = 7
@@ -24,6 +25,8 @@ LONGEST = 2.0
 """Ratio of the longest to the shortest wave length."""
 FLAT_SHARE = 1e-9
 """A smaller slope counts as flat."""
+FOOT_M = 0.27
+"""Distance of the feet of a body from its middle along x and y: wheels of the Husky."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,13 +42,17 @@ class Relief:
 
 
 class Ground:
-    """A ground of plane waves; without waves it is flat, at height 0."""
+    """A ground of plane waves, or of raised parts; without either it is flat, at height 0."""
 
-    def __init__(self, relief: Relief | None = None) -> None:
+    def __init__(self, relief: Relief | None = None, raised: Sequence[RaisedGround] = ()) -> None:
         rng = np.random.default_rng((0 if relief is None else relief.seed, WAVES))
         slope, wave_m = (0.0, 1.0) if relief is None else (relief.slope, relief.wave_m)
-        self.is_flat = slope < FLAT_SHARE
+        self.rolls = slope >= FLAT_SHARE
+        """Whether there are waves."""
+        self.is_flat = not self.rolls and not raised
         """Whether the height is 0 everywhere."""
+        self.raised = tuple(raised)
+        """Raised parts, which stand on a floor without waves."""
         turn, length_m = (
             rng.uniform(0, 2 * math.pi, WAVES),
             wave_m * rng.uniform(1.0, LONGEST, WAVES),
@@ -57,7 +64,15 @@ class Ground:
         self._phases, self._heights_m = rng.uniform(0, 2 * math.pi, WAVES), slopes / per_m
 
     def heights(self, points: Floats) -> Floats:
-        """Return (N,) heights in metres at (N, 2) points x, y."""
+        """Return (N,) heights in metres at (N, 2) points x, y; of raised parts that overlap, the
+        highest counts."""
+        if self.raised:
+            heights = np.zeros(len(points))
+            for part in self.raised:
+                own = part.pose.from_parent(points)
+                on = part.covers(own)
+                heights[on] = np.maximum(heights[on], part.heights(own[on]))
+            return heights
         return np.asarray(np.sin(points @ self._waves.T + self._phases) @ self._heights_m)
 
     def slopes(self, points: Floats) -> Floats:
@@ -71,9 +86,15 @@ class Ground:
         return 0.0 if self.is_flat else float(self.heights(np.array([[x_m, y_m]]))[0])
 
     def gradient(self, pose: Pose2) -> tuple[float, float]:
-        """Return the slope ahead of a pose and to its left, rise per metre."""
+        """Return the slope ahead of a pose and to its left, rise per metre; on raised parts that of
+        a body with its feet at the corners of a square."""
         if self.is_flat:
             return 0.0, 0.0
+        if self.raised:
+            (back_right, back_left), (front_right, front_left) = self._feet_m(pose).reshape(2, 2)
+            ahead = front_right + front_left - back_right - back_left
+            left = back_left + front_left - back_right - front_right
+            return float(ahead) / (4 * FOOT_M), float(left) / (4 * FOOT_M)
         ((along_x, along_y),) = self.slopes(np.array([[pose.x_m, pose.y_m]])).tolist()
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         return cos * along_x + sin * along_y, cos * along_y - sin * along_x
@@ -91,8 +112,19 @@ class Ground:
             return flat
         roll, pitch, _ = self.attitude(pose)
         surface_pose: Matrix = flat @ tilt_matrix(roll, pitch)
-        surface_pose[2, 3] = self.height_m(pose.x_m, pose.y_m)
+        surface_pose[2, 3] = self.standing_m(pose)
         return surface_pose
+
+    def standing_m(self, pose: Pose2) -> float:
+        """Return the height of the middle of a body that stands on the ground at a pose."""
+        if self.raised:
+            return float(self._feet_m(pose).mean())
+        return self.height_m(pose.x_m, pose.y_m)
+
+    def _feet_m(self, pose: Pose2) -> Floats:
+        """Return (4,) heights below the feet: back right, back left, front right, front left."""
+        feet = FOOT_M * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)], dtype=np.float64)
+        return self.heights(pose.to_parent(feet))
 
 
 FLAT = Ground()

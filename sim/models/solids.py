@@ -21,6 +21,8 @@ Size = tuple[float, float, float]
 Polygon = npt.NDArray[np.float64]
 """(N, 2) corners x, y, counter-clockwise."""
 
+FARTHEST_M = 100.0
+"""Largest coordinate of a world along x and y."""
 ROUND_CORNERS = 12
 """Number of corners of the outline of a cylinder on the floor."""
 

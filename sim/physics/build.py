@@ -73,8 +73,8 @@ class World:
 
 
 def build_world(client: int, scenario: Scenario) -> World:
-    """Build floor, markings, prints, static objects and items; people come with `Crowd`."""
-    ground, world = Ground(scenario.relief), World(client)
+    """Build ground, markings, prints, static objects and items; people come with `Crowd`."""
+    ground, world = Ground(scenario.relief, scenario.raised), World(client)
     _build_floor(world, scenario, ground)
     for i, marking in enumerate(scenario.markings):
         _build_marking(world, marking, scenario, i, ground)
@@ -99,7 +99,7 @@ class Crowd:
         period_s: float,
         robot: RobotProfile = HUSKY,
     ) -> None:
-        self._client, self._ground = world.client, Ground(scenario.relief)
+        self._client, self._ground = world.client, Ground(scenario.relief, scenario.raised)
         self.walkers = [Walker(person, rng, period_s, robot) for person in scenario.people]
         self._bodies = [_build_person(world, walker, self._ground) for walker in self.walkers]
         self._movers = [TimedMover(mover, period_s) for mover in scenario.movers]
@@ -123,7 +123,7 @@ class Crowd:
 def _build_floor(world: World, scenario: Scenario, ground: Ground) -> None:
     x_m, y_m = scenario.size_m[0] + 2.0, scenario.size_m[1] + 2.0
     side_m, colour = pattern_period_m(scenario.floor_pattern), scenario.floor_colour
-    if ground.is_flat:
+    if not ground.rolls:
         shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=world.client)
         mesh = merge_solids([box((x_m, y_m, 0.1), (0.0, 0.0), colour, bottom_m=-0.1)])
     else:
@@ -133,6 +133,11 @@ def _build_floor(world: World, scenario: Scenario, ground: Ground) -> None:
     pybullet.changeDynamics(floor, -1, lateralFriction=1.0, physicsClientId=world.client)
     texture = surface_texture(scenario.floor_pattern) if side_m else None
     world.seen.add([patterned(mesh, colour, texture, side_m)])
+    for part in ground.raised:
+        mesh = part.mesh()
+        shape = mesh_collision(world.client, mesh)
+        pybullet.createMultiBody(0, shape, NO_SHAPE, physicsClientId=world.client)
+        world.seen.add([patterned(mesh, part.colour, None, 1.0)])
 
 
 def _build_marking(
@@ -150,7 +155,7 @@ def _build_marking(
         texture = spill_texture(seen, GLOSS[marking.surface], seed)
         colour, side_m = WHITE, SPILL_SIDE_M
     parts = parts or [(colour, shapely.Polygon(marking.polygon))]
-    if ground.is_flat:
+    if not ground.rolls:
         patches = [flat_polygon(area, colour, texture, side_m=side_m) for colour, area in parts]
         pose = pose_matrix([0.0, 0.0, PAINT_M], quaternion(0.0))
     else:

@@ -98,7 +98,7 @@ class SkidSteer:
     def __init__(self, client: int, start: Pose2, chassis: Chassis, ground: Ground = FLAT) -> None:
         self._client, self._chassis, self._ground = client, chassis, ground
         turn = pybullet.getQuaternionFromEuler(ground.attitude(start))
-        position = [start.x_m, start.y_m, ground.height_m(start.x_m, start.y_m)]
+        position = [start.x_m, start.y_m, ground.standing_m(start)]
         self.body: int = pybullet.loadURDF(
             str(chassis.urdf()), position, turn, physicsClientId=client
         )
@@ -138,10 +138,10 @@ class SkidSteer:
         (_, _, z_m), _ = pybullet.getBasePositionAndOrientation(
             self.body, physicsClientId=self._client
         )
-        above_m = z_m - self._ground.height_m(here.x_m, here.y_m)
+        above_m = z_m - self._ground.standing_m(here)
         pybullet.resetBasePositionAndOrientation(
             self.body,
-            [pose.x_m, pose.y_m, self._ground.height_m(pose.x_m, pose.y_m) + above_m],
+            [pose.x_m, pose.y_m, self._ground.standing_m(pose) + above_m],
             pybullet.getQuaternionFromEuler(self._ground.attitude(pose)),
             physicsClientId=self._client,
         )
@@ -188,7 +188,7 @@ class SkidSteer:
 
     def _apply_force(self, pose: Pose2, force: tuple[float, float], left_m: float) -> None:
         """Apply a tyre force (forward, left) in newtons at `left_m` from the middle."""
-        height_m = self._ground.height_m(pose.x_m, pose.y_m) + self._chassis.grip_height_m
+        height_m = self._ground.standing_m(pose) + self._chassis.grip_height_m
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         pybullet.applyExternalForce(
             self.body,

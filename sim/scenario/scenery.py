@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from navcore.toml_config import ranged
+from sim.models.solids import FARTHEST_M
 
-FARTHEST_M = 100.0
-"""Largest coordinate of a world along x and y."""
 RoomKind = Literal["office", "meeting", "lounge", "store", "hall"]
 ScatterKind = Literal["house", "tree", "conifer", "bush", "rock", "landmine"]
 

@@ -18,9 +18,18 @@ from sim.models.floor_paint import PATTERN_COLOURS, PaintPattern
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
 from sim.models.ground import Relief
 from sim.models.items import ITEM_COLOURS, ITEM_SIZES, item_extent, item_shapes, item_solids
-from sim.models.solids import Colour, Pattern, Size, Solid, facing_quaternion, quaternion
+from sim.models.raised_ground import RaisedGround
+from sim.models.solids import (
+    FARTHEST_M,
+    Colour,
+    Pattern,
+    Size,
+    Solid,
+    facing_quaternion,
+    quaternion,
+)
 from sim.rendering.lighting import PLAIN, Lighting
-from sim.scenario.scenery import FARTHEST_M, Room, Scatter
+from sim.scenario.scenery import Room, Scatter
 from sim.scenario.tags import Tag
 from sim.sensors.faults import Fault
 from sim.sensors.gnss_settings import Gnss
@@ -273,6 +282,8 @@ class Scenario:
     """Pattern that multiplies the colour of the floor."""
     relief: Relief | None = None
     """Relief of the ground; flat when left out."""
+    raised: tuple[RaisedGround, ...] = field(default=())
+    """Raised parts of a floor without relief: ramps, platforms, kerbs, stairs, gravel."""
     lighting: Lighting = PLAIN
     """Light beyond daylight, and settings of the colour camera; nothing when left out."""
     walls: tuple[Wall, ...] = field(default=())

@@ -13,8 +13,7 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from navcore.localisation.fixes import MappedTag, TagMap, tag_map
 from navcore.toml_config import ranged
-from sim.models.solids import facing_quaternion
-from sim.scenario.scenery import FARTHEST_M
+from sim.models.solids import FARTHEST_M, facing_quaternion
 
 SURVEY_M, SURVEY_RAD = 0.01, math.radians(1.0)
 """Standard errors with which the pose of a tag is told: as a person measures it with a tape."""

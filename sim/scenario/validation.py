@@ -60,6 +60,10 @@ def _check_lists(scenario: Scenario, where: str) -> None:
                     f"{where}.walls[{i}].doors_m[{j}]: a door of {wall.door_m:g} m at "
                     f"{along_m:g} m does not fit into a wall of {length_m:g} m"
                 )
+    if scenario.relief is not None and scenario.raised:
+        raise BadConfiguration(
+            f"{where}.raised: raised parts stand on a floor without relief; leave one of them out"
+        )
     for i, item in enumerate(scenario.items):
         if item.shape and item.shape not in (known := item_shapes(item.kind)):
             raise BadConfiguration(
@@ -127,6 +131,8 @@ def _spots(scenario: Scenario) -> Iterator[tuple[str, Point2]]:
         yield f"goals[{i}]", goal
     for i, wall in enumerate(scenario.walls):
         yield from ((f"walls[{i}].points[{j}]", point) for j, point in enumerate(wall.points))
+    for i, part in enumerate(scenario.raised):
+        yield f"raised[{i}].at", part.at
     for i, piece in enumerate(scenario.furniture):
         yield f"furniture[{i}].at", piece.at
     for i, marking in enumerate(scenario.markings):

@@ -17,7 +17,7 @@ from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareList
 from navcore.perception.colour_segmenter import ColourSegmenter
-from navcore.perception.ground import ground_heights
+from navcore.perception.ground import cell_centres, ground_heights
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import near_points, time_to_contact
@@ -209,3 +209,18 @@ def test_paint_on_a_slope_is_as_low_as_on_flat_ground_and_a_red_object_on_it_is_
         .class_ids
     )
     assert (labels[(box.depth_m > 2.2) & (box.depth_m < 4.0)] == rule.class_id).mean() < 0.05
+
+
+def test_behind_a_hidden_foot_of_a_ramp_its_surface_is_ground_if_it_was_seen_before() -> None:
+    frame, slopes = seen(ramp(0.15, from_m=0.2)), np.zeros_like(cell_centres())
+    slopes[cell_centres()[:, 0] > 0.2] = (0.15, 0.0)
+
+    def heights(slopes: Floats | None) -> Floats:
+        ground = ground_heights(frame, RULES.max_slope, slopes=slopes)
+        labels = ColourSegmenter().segment(frame, NOTHING)
+        points = observe(frame, labels, NOTHING, SPEC, RULES, ground).points_map
+        return np.asarray(points[points[:, 0] < 3.0, 0], dtype=np.float64)
+
+    assert len(heights(slopes)) == 0
+    # Control: without memory a surface that rises from nowhere is an obstacle.
+    assert len(heights(None)) > 10

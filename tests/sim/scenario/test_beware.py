@@ -23,6 +23,7 @@ OFF = {
     "forest": {"book", "cup", "cable", "keyboard", "wet-floor sign"},
     "indoor": {"landmine"},
     "office": {"landmine"},
+    "terrain": {"landmine"},
 }
 
 

@@ -1,0 +1,1 @@
+"""Terrain: slope, steps and roughness of the ground, kept for each cell over time."""

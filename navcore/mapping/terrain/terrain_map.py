@@ -1,0 +1,263 @@
+"""Terrain map: the mean slope, step and roughness of each cell over all looks, and the cells that
+are beyond the robot's limits (Wermelinger et al. 2016).
+
+A cell belongs to the pose from which it was first seen, in whose frame its sums are kept: a
+correction of poses moves and turns them, and none are lost. As all are sums, the order of looks
+does not matter. Memory follows the ground that was seen: tiles of cells, and one record a cell.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from navcore.config.mapping import TerrainConfig
+from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, Points
+from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.grid.bitplane import ONE, PAD, BitPlane, empty_plane, unpack
+from navcore.grid.grid import BoolGrid, GridSpec
+from navcore.grid.growth import Growth
+from navcore.mapping.points.pose_ids import PoseIds
+from navcore.mapping.terrain.looks import VALUES, TerrainLooks, terrain_looks, tilt_slope
+from navcore.robot.frame import Frame
+from navcore.robot.profile import RobotProfile
+
+TILE = 64
+"""Side of a tile in cells."""
+NO_RECORD = -1
+RECORD = np.dtype(
+    [
+        ("pose_id", np.int32),
+        ("base", np.float32, (2,)),
+        ("sums", np.float32, (VALUES,)),
+    ]
+)
+"""Pose that first saw a cell, the middle of the cell in its base frame in metres, and the sums of
+all looks with the slope in that frame."""
+Records = npt.NDArray[np.void]
+
+
+class _Tile:
+    """Sums of the looks in the map frame, and the record to which further looks are added."""
+
+    def __init__(self) -> None:
+        self.sums = np.zeros((TILE, TILE, VALUES), dtype=np.float32)
+        self.record = np.full((TILE, TILE), NO_RECORD, dtype=np.int32)
+        self.is_uneven = False  # whether any cell ever had a slope
+
+
+class TerrainMap:
+    """Ground as it was seen over time, and the cells of the map's grid that the robot cannot
+    drive on."""
+
+    def __init__(
+        self, spec: GridSpec, rules: TerrainConfig, pose_ids: PoseIds, profile: RobotProfile
+    ) -> None:
+        self._spec, self._rules, self._pose_ids = spec, rules, pose_ids
+        self._limits = (profile.max_slope, profile.max_step_m)
+        self.clear(spec)
+
+    def clear(self, spec: GridSpec) -> None:
+        """Forget everything, and continue on a grid."""
+        self._spec = spec
+        self._parts = max(round(self._rules.cell_m / spec.resolution_m), 1)
+        self._cell_m = self._parts * spec.resolution_m
+        self._tiles: dict[tuple[int, int], _Tile] = {}
+        self._records, self._count = np.zeros(64, dtype=RECORD), 0
+        self.untraversable: BitPlane = empty_plane(spec.rows, spec.cols)
+        """Live plane of the cells with a slope or a step beyond the robot's limits."""
+        self._changes: list[Indices] | None = None
+        self._last: Pose2 | None = None
+
+    def observe(self, frame: Frame, ground_m: FloatImage, object_height_m: float) -> bool:
+        """Add what a frame, placed in the map, shows of the ground, if the robot has moved since
+        the last look; return whether any cell became traversable or the contrary.
+
+        `ground_m` and `object_height_m` are those of `terrain_looks`.
+        """
+        rules, last = self._rules, self._last
+        if not rules.enabled or (
+            last is not None
+            and last.distance_to(frame.pose.x_m, frame.pose.y_m) < rules.look_every_m
+            and abs(wrap_angle(frame.pose.yaw_rad - last.yaw_rad))
+            < math.radians(rules.look_every_deg)
+        ):
+            return False
+        self._last = frame.pose
+        looks = terrain_looks(frame, ground_m, object_height_m, rules, self._cell_m)
+        return self.add(looks, self._pose_ids.id_of(frame.pose))
+
+    def add(self, looks: TerrainLooks, pose_id: int) -> bool:
+        """Add looks from a pose ID; return whether any cell became traversable or the contrary."""
+        tile_of, inside = np.divmod(looks.cells, TILE)
+        changed: list[Indices] = []
+        for key in np.unique(tile_of, axis=0).tolist():
+            of_tile = (tile_of == key).all(axis=1)
+            tile = self._tiles.setdefault((key[0], key[1]), _Tile())
+            rows, cols = inside[of_tile].T
+            values = looks.values[of_tile]
+            new = tile.record[rows, cols] == NO_RECORD
+            if new.any():
+                tile.record[rows[new], cols[new]] = self._new_records(
+                    looks.cells[of_tile][new], pose_id
+                )
+            at = tile.record[rows, cols]
+            owners, which = np.unique(self._records["pose_id"][at], return_inverse=True)
+            yaw = np.array([self._pose_ids[owner].yaw_rad for owner in owners.tolist()])[which]
+            self._records["sums"][at] += _turned(values, -yaw)
+            tile.sums[rows, cols] += values
+            tile.is_uneven = tile.is_uneven or self._is_uneven(tile.sums[rows, cols])
+            beyond = self._beyond(tile.sums[rows, cols])
+            changed.append(self._mark(looks.cells[of_tile], beyond))
+        cells = np.concatenate([np.empty(0, dtype=np.int64), *changed])
+        if self._changes is not None and len(cells):
+            self._changes.append(cells)
+        return len(cells) > 0
+
+    def slopes_around(self, frame: Frame, points_base: Points) -> Floats | None:
+        """Return the (N, 2) slopes at (N, 2) points in metres of the base frame of a frame that is
+        placed in the map: rise per metre along x and y of this frame, relative to the plane on
+        which the robot stands; NaN where the ground is not known, not smooth, or beyond the robot's
+        limits. None where all of it is that plane."""
+        tilt, rules = tilt_slope(frame), self._rules
+        cells = np.floor(frame.pose.to_parent(points_base)[:, ::-1] / self._cell_m)
+        low, high = (cells.min(axis=0) // TILE).astype(int), (cells.max(axis=0) // TILE).astype(int)
+        keys = itertools.product(range(low[0], high[0] + 1), range(low[1], high[1] + 1))
+        tiles = {key: self._tiles[key] for key in keys if key in self._tiles}
+        if np.hypot(*tilt) <= rules.uneven_slope and not any(t.is_uneven for t in tiles.values()):
+            return None
+        tile_of, inside = np.divmod(cells.astype(np.int64), TILE)
+        sums = np.zeros((len(cells), VALUES), dtype=np.float32)
+        for key, tile in tiles.items():
+            own = (tile_of == key).all(axis=1)
+            sums[own] = tile.sums[tuple(inside[own].T)]
+        known = self._is_known(sums) & ~self._beyond(sums)
+        slopes = np.full((len(cells), 2), np.nan)
+        in_base = _turned(sums[known], np.full(int(known.sum()), -frame.pose.yaw_rad))
+        slopes[known] = in_base[:, 1:3] / in_base[:, :1] - tilt
+        uneven = np.hypot(*slopes[known].T) > rules.uneven_slope
+        return slopes if uneven.any() else None
+
+    def place(self) -> None:
+        """Compute all cells from the records at the present poses, after these were corrected."""
+        live = self._records[: self._count]
+        poses = self._pose_ids.array()[live["pose_id"]].reshape(-1, 3)
+        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x, y = live["base"].astype(np.float64).T
+        middle = np.column_stack([poses[:, 1] + sin * x + cos * y, poses[:, 0] + cos * x - sin * y])
+        cells = np.floor(middle / self._cell_m).astype(np.int64)
+        values = _turned(live["sums"], poses[:, 2])
+        self._tiles = {}
+        tile_of, inside = np.divmod(cells, TILE)
+        keys, which = np.unique(tile_of, axis=0, return_inverse=True)
+        order = np.argsort(which.reshape(-1), kind="stable")
+        ends = np.searchsorted(which.reshape(-1)[order], np.arange(len(keys) + 1))
+        for number, key in enumerate(keys.tolist()):
+            own = order[ends[number] : ends[number + 1]]
+            tile = self._tiles[key[0], key[1]] = _Tile()
+            rows, cols = inside[own].T
+            np.add.at(tile.sums, (rows, cols), values[own])
+            tile.record[rows, cols] = own
+            tile.is_uneven = self._is_uneven(tile.sums[rows, cols])
+        self._mark_all()
+
+    def grow(self, growth: Growth) -> None:
+        """Continue on a larger grid."""
+        self._spec = growth.new
+        self._mark_all()
+
+    @property
+    def bools(self) -> BoolGrid:
+        """(rows, cols) cells with a slope or a step beyond the robot's limits."""
+        return unpack(self.untraversable, self._spec.rows, self._spec.cols)
+
+    def take_changes(self) -> Indices | None:
+        """Return the (N,) cells, row · cols + col, that `untraversable` gained or lost since the
+        last call; None at the first, when all cells count as changed."""
+        taken, self._changes = self._changes, []
+        if taken is None:
+            return None
+        return np.concatenate([np.empty(0, dtype=np.int64), *taken])
+
+    def ground(self, x_m: float, y_m: float) -> tuple[float, float, float] | None:
+        """Return the mean slope, step in metres and roughness in metres at a position of the map
+        frame; None where too little was seen of it."""
+        row, col = math.floor(y_m / self._cell_m), math.floor(x_m / self._cell_m)
+        tile = self._tiles.get((row // TILE, col // TILE))
+        if tile is None or tile.sums[row % TILE, col % TILE, 0] < self._rules.min_looks:
+            return None
+        looks, across, along, rough, steps, step = tile.sums[row % TILE, col % TILE].tolist()
+        return math.hypot(across, along) / looks, step / max(steps, 1), math.sqrt(rough / looks)
+
+    @property
+    def memory_mb(self) -> float:
+        """Memory of records and tiles in megabytes."""
+        tile = TILE * TILE * (4 * VALUES + 4)
+        return (self._records.nbytes + tile * len(self._tiles)) / 1e6
+
+    def _new_records(self, cells: Indices, pose_id: int) -> Indices:
+        first, self._count = self._count, self._count + len(cells)
+        while self._count > len(self._records):
+            self._records = np.concatenate([self._records, np.zeros_like(self._records)])
+        numbers = np.arange(first, self._count)
+        middle = (cells[:, ::-1].astype(np.float64) + 0.5) * self._cell_m
+        self._records["pose_id"][numbers] = pose_id
+        self._records["base"][numbers] = self._pose_ids[pose_id].from_parent(middle)
+        return numbers
+
+    def _is_known(self, sums: npt.NDArray[np.float32]) -> Bools:
+        """Return (N,) whether (N, 6) sums are those of smooth ground with enough looks."""
+        looks, rules = sums[:, 0], self._rules
+        return np.asarray((looks >= rules.min_looks) & (sums[:, 3] <= rules.smooth_m**2 * looks))
+
+    def _is_uneven(self, sums: npt.NDArray[np.float32]) -> bool:
+        """Return whether any of (N, 6) sums is that of smooth ground with a slope."""
+        steep = np.hypot(sums[:, 1], sums[:, 2]) > self._rules.uneven_slope * sums[:, 0]
+        return bool((steep & self._is_known(sums)).any())
+
+    def _beyond(self, sums: npt.NDArray[np.float32]) -> Bools:
+        """Return (N,) whether (N, 6) sums are those of ground beyond the robot's limits."""
+        max_slope, max_step_m = self._limits
+        looks, steps, least = sums[:, 0], sums[:, 4], self._rules.min_looks
+        steep = np.hypot(sums[:, 1], sums[:, 2]) > max_slope * looks
+        high = (sums[:, 5] > max_step_m * steps) & (steps >= least)
+        return np.asarray((looks >= least) & (steep | high))
+
+    def _mark_all(self) -> None:
+        """Compute the plane from the tiles; all cells then count as changed."""
+        self.untraversable = empty_plane(self._spec.rows, self._spec.cols)
+        self._changes = None
+        for key, tile in self._tiles.items():
+            rows, cols = np.nonzero(tile.record != NO_RECORD)
+            cells = np.column_stack([rows, cols]) + TILE * np.array(key)
+            self._mark(cells, self._beyond(tile.sums[rows, cols]))
+
+    def _mark(self, cells: Indices, beyond: Bools) -> Indices:
+        """Write (N, 2) distinct cells into the plane; return the cells of the grid that changed."""
+        spec, within = self._spec, (np.arange(self._parts) + 0.5) / self._parts
+        y = (cells[:, 0, None, None] + within[:, None]) * self._cell_m - spec.origin_y_m
+        x = (cells[:, 1, None, None] + within) * self._cell_m - spec.origin_x_m
+        rows, cols = np.broadcast_arrays(
+            np.floor(y / spec.resolution_m).astype(np.int64),
+            np.floor(x / spec.resolution_m).astype(np.int64),
+        )
+        set_to = np.broadcast_to(beyond[:, None, None], rows.shape)
+        inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
+        rows, cols, set_to = rows[inside], cols[inside], set_to[inside]
+        words, bits = (cols + PAD) >> 6, ONE << (cols & 63).astype(np.uint64)
+        changes = (self.untraversable[rows + PAD, words] & bits != 0) != set_to
+        rows, cols, words, bits = rows[changes], cols[changes], words[changes], bits[changes]
+        np.bitwise_xor.at(self.untraversable, (rows + PAD, words), bits)
+        return np.asarray(rows * spec.cols + cols)
+
+
+def _turned(values: Floats | npt.NDArray[np.float32], yaw_rad: Floats) -> Floats:
+    """Return (N, 6) values with their slopes turned by (N,) angles."""
+    turned = values.astype(np.float64)
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    turned[:, 1] = cos * values[:, 1] - sin * values[:, 2]
+    turned[:, 2] = sin * values[:, 1] + cos * values[:, 2]
+    return turned
