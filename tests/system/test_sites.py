@@ -169,6 +169,7 @@ def test_after_a_kill_the_map_lacks_ten_seconds_at_most_and_goals_come_back_paus
     tmp_path: Path,
 ) -> None:
     seen: list[tuple[float, float]] = []
+    queues: list[tuple[float, list[float]]] = []
     with console_process(tmp_path) as (process, program):
         for goal in ({"x_m": -2.5, "y_m": 2.0}, {"x_m": 2.0, "y_m": 2.5}, {"x_m": 2.5, "y_m": -2}):
             program.post("goals", json=goal).raise_for_status()
@@ -177,6 +178,7 @@ def test_after_a_kill_the_map_lacks_ten_seconds_at_most_and_goals_come_back_paus
 
         def long_enough(state: dict[str, Any]) -> bool:
             seen.append((state["stamp_s"], state["explored_m2"]))
+            queues.append((state["stamp_s"], [goal["x_m"] for goal in state["queue"]]))
             return bool(state["stamp_s"] - seen[0][0] > 1.5 * PROMISED_S)
 
         last = _when(program, long_enough, patience_s=300.0)
@@ -192,7 +194,9 @@ def test_after_a_kill_the_map_lacks_ten_seconds_at_most_and_goals_come_back_paus
     with console_process(tmp_path) as (_, program):
         state = program.get("state").json()
         assert state["phase"] == "paused" and not state["moving"] and state["loop"]
-        assert [goal["x_m"] for goal in state["queue"]] == [goal["x_m"] for goal in last["queue"]]
+        # The robot may have reached a goal since the queue was written, which moved it to the end.
+        lately = [queue for stamp_s, queue in queues if stamp_s > last["stamp_s"] - PROMISED_S]
+        assert [goal["x_m"] for goal in state["queue"]] in lately
         told = _when(program, lambda state: state["reasons"])
         assert "last session" in told["reasons"][-1]["text"]
         assert _when(program, lambda state: state["explored_m2"] >= promised_m2)
