@@ -13,17 +13,17 @@ from pathlib import Path
 from rich.console import Console as Terminal
 from rich.table import Table
 
-from app.bench.chromium import NoBrowser
 from app.bench.compare import comparison_table
-from app.bench.console import console_table
-from app.bench.correction import correction_table
-from app.bench.latency import latency_table
-from app.bench.page import page_tables
+from app.bench.console.chromium import NoBrowser
+from app.bench.console.latency import latency_table
+from app.bench.console.page import page_tables
+from app.bench.console.soak import NotMeasured, soak_table
+from app.bench.console.view_3d import console_table
 from app.bench.parts import BenchPart
-from app.bench.planning import run_planning_bench
-from app.bench.soak import NotMeasured, soak_table
-from app.bench.tick import SIZE, tick_table
-from app.bench.training import training_table
+from app.bench.planning.queries import run_planning_bench
+from app.bench.stages.correction import correction_table
+from app.bench.stages.tick import SIZE, tick_table
+from app.bench.stages.training import training_table
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.control.stage_timer import STAGES, TICK
 from app.runtime.start.segmentation import measure_segmenter

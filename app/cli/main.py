@@ -106,7 +106,7 @@ def bench(
     """Measure this machine: a drive, a tick on a large map, segmentation by engine, planners, a
     live map, a page, training, the ticks of the console, what the console holds over time."""
     from app.bench.main import print_comparison, run_bench
-    from app.bench.peers import install_peers
+    from app.bench.planning.peers import install_peers
 
     parts = part or list(BenchPart)
     if against is not None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import httpx
 
-from app.bench.soak import process_tree
+from app.bench.console.soak import process_tree
 from tests.reliability.result import Measurement
 from web.port import reserve
 

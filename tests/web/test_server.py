@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
-from app.bench.viser_client import SUBPROTOCOL, camera, names_in
+from app.bench.console.viser_client import SUBPROTOCOL, camera, names_in
 from tests.web.fake_operations import FakeOperations
 from web.port import PortInUse, reserve
 from web.server import ConsoleServer

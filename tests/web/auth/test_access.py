@@ -14,7 +14,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from app.bench.viser_client import camera
+from app.bench.console.viser_client import camera
 from navcore.errors import BadConfiguration, Refused
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations

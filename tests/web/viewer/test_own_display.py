@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
-from app.bench.viser_client import camera, messages_in
+from app.bench.console.viser_client import camera, messages_in
 from navcore.geometry.transform import Pose2
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_server import viewer_of

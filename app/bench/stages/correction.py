@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 from rich.table import Table
 
-from app.bench.tick import CELL_M, SIDE_M, Forest
+from app.bench.stages.tick import CELL_M, SIDE_M, Forest
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception import ObservationConfig
 from navcore.geometry.transform import Pose2

@@ -21,8 +21,8 @@ import httpx
 import numpy as np
 from rich.table import Table
 
-from app.bench.chromium import chromium, chromium_cpu_s
-from app.bench.visit import visit_table
+from app.bench.console.chromium import chromium, chromium_cpu_s
+from app.bench.console.visit import visit_table
 from navcore.errors import BewareNavError
 from navcore.safety.gate import Cause
 from sim.scenario.load import load_scenario

@@ -19,7 +19,7 @@ import httpx
 import numpy as np
 from rich.table import Table
 
-from app.bench.page import console_process, drive_around
+from app.bench.console.page import console_process, drive_around
 from app.runtime.record.provenance import machine, shipped_sha256, version
 from navcore.files import write_whole
 from sim.scenario.load import load_scenario

@@ -20,7 +20,7 @@ from rich.table import Table
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
-from app.bench.viser_client import SUBPROTOCOL, camera, names_in
+from app.bench.console.viser_client import SUBPROTOCOL, camera, names_in
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2

@@ -2,7 +2,7 @@
 
 Published maps are read from a folder with `movingai/*/*.map` (and their `.scen`), `ros/*.npz` and
 `synthetic/*.npz`; without it two forests are made. Each duration, of this planner and of its peers
-(`app.bench.peers`), is the fastest of as many runs as it takes for two to agree.
+(`app.bench.planning.peers`), is the fastest of as many runs as it takes for two to agree.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ import numpy.typing as npt
 from rich.console import Console as Terminal
 from rich.table import Table
 
-from app.bench.peers import peers
-from app.bench.plain_astar import length_by_astar
+from app.bench.planning.peers import peers
+from app.bench.planning.plain_astar import length_by_astar
 from app.bench.quiet import QuietGuard
 from navcore.errors import BadConfiguration
 from navcore.grid.free_space import FreeSpace

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.bench.process_use import process_use
+from app.bench.console.process_use import process_use
 from navcore.errors import BewareNavError
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import httpx
 from rich.table import Table
 
-from app.bench.chromium import page_use
+from app.bench.console.chromium import page_use
 from navcore.errors import BewareNavError
 
 if TYPE_CHECKING:

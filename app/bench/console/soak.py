@@ -23,9 +23,9 @@ import httpx
 import numpy as np
 from rich.table import Table
 
-from app.bench.chromium import NoBrowser, PageUse, chromium, page_use
-from app.bench.page import LATE, console_process, drive_around
-from app.bench.process_use import ProcessUse, process_use
+from app.bench.console.chromium import NoBrowser, PageUse, chromium, page_use
+from app.bench.console.page import LATE, console_process, drive_around
+from app.bench.console.process_use import ProcessUse, process_use
 from app.runtime.record.provenance import machine, shipped_sha256, version
 from app.runtime.start.segmenter_choice import Kind
 from navcore.errors import BewareNavError

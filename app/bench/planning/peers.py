@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from app.bench.plain_astar import length_by_astar
+from app.bench.planning.plain_astar import length_by_astar
 from navcore.errors import BadConfiguration
 from navcore.grid.grid import BoolGrid, Cell
 
 Query = Callable[[Cell, Cell], object]
-_ROOT = Path(__file__).parents[2]
+_ROOT = Path(__file__).parents[3]
 FOLDER = _ROOT / "build" / "bench-peers"
 """The virtual environment of the peers."""
 

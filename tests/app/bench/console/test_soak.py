@@ -10,8 +10,8 @@ import threading
 import httpx
 import pytest
 
-from app.bench.process_use import process_use
-from app.bench.soak import NotMeasured, console_pids, growth_per_hour, set_off_again
+from app.bench.console.process_use import process_use
+from app.bench.console.soak import NotMeasured, console_pids, growth_per_hour, set_off_again
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="reads /proc, which only Linux has"

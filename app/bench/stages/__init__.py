@@ -1,0 +1,1 @@
+"""Benchmarks of single stages: the tick, corrections of the map, training."""
