@@ -11,21 +11,21 @@ import uvicorn
 from fastapi import FastAPI
 
 from web.api.audit import audit_router
-from web.api.beware import beware_router
-from web.api.beware_drafts import beware_drafts_router
-from web.api.control import control_router
-from web.api.detections import sightings_router
+from web.api.beware.beware import beware_router
+from web.api.beware.detections import sightings_router
+from web.api.beware.drafts import beware_drafts_router
 from web.api.events import events_router
 from web.api.health import health_router
 from web.api.insight import explain_router, journal_router
-from web.api.localisation import localisation_router
-from web.api.map_edits import map_edits_router
-from web.api.maps import maps_router, poses_router
-from web.api.mission import mission_router
-from web.api.path_settings import path_settings_router
+from web.api.map.edits import map_edits_router
+from web.api.map.localisation import localisation_router
+from web.api.map.maps import maps_router, poses_router
+from web.api.mission.control import control_router
+from web.api.mission.mission import mission_router
+from web.api.mission.path_settings import path_settings_router
 from web.api.sites import sites_router
-from web.api.teach_frames import teach_frames_router
-from web.api.teach_training import teach_training_router
+from web.api.teach.frames import teach_frames_router
+from web.api.teach.training import teach_training_router
 from web.api.users import access_router
 from web.api.viewer_link import viewer_link_router
 from web.api.zone_drafts import drawing_router

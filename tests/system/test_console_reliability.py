@@ -14,7 +14,7 @@ from app.console.operations import LiveOperations
 from navcore.config.safety import GateConfig, SafetyConfig
 from navcore.safety.gate import gate
 from tests.reliability import fault_runs, hostile, startup, storage, teleop
-from web.api import control
+from web.api.mission import control
 from web.gateway import problems
 
 NEVER_NS = 10**15

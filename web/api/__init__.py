@@ -1,1 +1,1 @@
-"""Routes of `/api/v1`, and the health routes; one file per concept."""
+"""Routes of `/api/v1`, and the health routes; by concept."""

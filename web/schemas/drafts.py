@@ -11,7 +11,7 @@ from navcore.planning.path import NoPath
 from web.interface.drafts import PathPreview, PreviewDraft, ZoneDraft
 from web.interface.wire import DOCUMENTED, Position, polyline
 from web.schemas.fields import MAX_NAME, Closed, Corner, Metres, Share, UnknownPrice
-from web.schemas.mission import GoalIn
+from web.schemas.mission.mission import GoalIn
 from web.schemas.zones import ZoneIn
 
 

@@ -18,12 +18,12 @@ from navcore.geometry.transform import Twist
 from navcore.mission.mission import Phase
 from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
-from web.api.control import MAX_DELAY_S, TeleopSession
+from web.api.mission.control import MAX_DELAY_S, TeleopSession
 from web.auth.access import Access
 from web.auth.control_lease import PAGE_LEASE_S, ControlLeases
 from web.auth.presence import PresenceMonitor
 from web.auth.roles import Role, Visitor
-from web.schemas.teleop import DriveMessage
+from web.schemas.mission.teleop import DriveMessage
 from web.server import ConsoleServer
 
 AHEAD = {"type": "drive", "v_mps": 0.3, "w_radps": 0.0}

@@ -25,7 +25,7 @@ from web.gateway.problems import JsonResponse, refusals
 from web.gateway.websockets import BAD_MESSAGE, until_one_ends
 from web.interface.operations import RobotService
 from web.schemas.access import ControlOut, VisitorOut
-from web.schemas.teleop import DriveMessage, HeartbeatMessage, StopMessage
+from web.schemas.mission.teleop import DriveMessage, HeartbeatMessage, StopMessage
 
 Action = Literal["take", "ask", "give"]
 REPEAT_S, POLL_S = 0.5, 0.05

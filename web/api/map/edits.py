@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from web.api.detections import SightingId
+from web.api.beware.detections import SightingId
 from web.auth.roles import CurrentVisitor
 from web.gateway.problems import JsonResponse, refusals
 from web.interface.operations import RobotService
-from web.schemas.map_edits import EditDone, EditsOut, EraseIn, MapEditsOut, RejectIn
+from web.schemas.map.edits import EditDone, EditsOut, EraseIn, MapEditsOut, RejectIn
 
 
 def map_edits_router(operations: RobotService) -> APIRouter:

@@ -10,7 +10,7 @@ from navcore.geometry.transform import Pose2
 from web.gateway.problems import JsonResponse, refusals
 from web.interface.localisation import PlaceCheck, PlaceOut
 from web.interface.operations import RobotService
-from web.schemas.localisation import PoseIn
+from web.schemas.map.localisation import PoseIn
 
 
 def localisation_router(operations: RobotService) -> APIRouter:

@@ -6,7 +6,7 @@ from fastapi import APIRouter
 
 from web.gateway.problems import JsonResponse, refusals
 from web.interface.operations import RobotService
-from web.schemas.path_settings import PathSettingsIn, PathSettingsOut
+from web.schemas.mission.path_settings import PathSettingsIn, PathSettingsOut
 
 
 def path_settings_router(operations: RobotService) -> APIRouter:

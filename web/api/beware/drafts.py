@@ -11,14 +11,14 @@ from fastapi import APIRouter, Path, Response
 
 from navcore.errors import NotKnown
 from navcore.mission.beware_changes import changes_between
-from web.api.beware import Force
+from web.api.beware.beware import Force
 from web.auth.roles import CurrentVisitor
 from web.gateway.etag import etag
 from web.gateway.problems import JsonResponse, refusals
 from web.images.camera import camera_jpg, mask_png, narrowed
 from web.interface.beware import BewareVersion, RecentLook
 from web.interface.operations import RobotService
-from web.schemas.beware import (
+from web.schemas.beware.beware import (
     BewareDraftIn,
     BewareOut,
     ClickIn,

@@ -12,13 +12,13 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Response
 
 from navcore.mission.mission import Goal
-from web.api.control import stop_source
+from web.api.mission.control import stop_source
 from web.auth.roles import CurrentVisitor
 from web.gateway.problems import JsonResponse, refusals
 from web.interface.operations import MissionAction, RobotService
 from web.interface.snapshots import State
 from web.schemas.fields import MAX_NAME, Name
-from web.schemas.mission import (
+from web.schemas.mission.mission import (
     GoalIn,
     GoalOrderIn,
     GoalPatchIn,

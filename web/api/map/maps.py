@@ -23,8 +23,15 @@ from web.images.tiles import TILE, TileVersions, changed_since, tile_cells
 from web.interface.operations import RobotService
 from web.interface.snapshots import TickSnapshot
 from web.interface.wire import polyline, values_of
-from web.schemas.maps import CameraLabelOut, CameraLabelsOut, MapOut, PathOut, PersonOut, TilesOut
-from web.schemas.poses import NumberedPose, PosesIn, PosesOut
+from web.schemas.map.maps import (
+    CameraLabelOut,
+    CameraLabelsOut,
+    MapOut,
+    PathOut,
+    PersonOut,
+    TilesOut,
+)
+from web.schemas.map.poses import NumberedPose, PosesIn, PosesOut
 from web.schemas.zones import ZoneOut
 
 _NOTHING_YET = refusals(404)

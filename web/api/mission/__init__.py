@@ -1,0 +1,1 @@
+"""Routes of the mission: goals, start and stop, driving by hand, settings of the path."""

@@ -1,0 +1,1 @@
+"""Routes of teaching: frames and their annotation, trainings and networks."""

@@ -1,0 +1,1 @@
+"""Models of the beware list and of teaching."""

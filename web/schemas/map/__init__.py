@@ -1,0 +1,1 @@
+"""Models of the map: its tiles, edits of it, poses."""

@@ -1,0 +1,1 @@
+"""Models of the mission: goals, settings of the path, driving by hand."""
