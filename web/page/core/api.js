@@ -23,8 +23,9 @@ export async function abortableFetch(address, options = {}) {
   pending.add(abort);
   try {
     const answer = await fetch(address, { ...options, signal: abort.signal });
-    const body = await answer.blob(); // an unread body occupies the connection
-    return new Response(body.size ? body : null, {
+    // An unread body occupies the connection; a blob would be held by the browser's main process.
+    const body = await answer.arrayBuffer();
+    return new Response(body.byteLength ? body : null, {
       status: answer.status,
       headers: answer.headers,
     });

@@ -40,21 +40,19 @@ const UNSEEN_INFLATION_SHARE = 0.45;
 const LIGHT_TONE_SHARE = 0.38;
 const FIXED = ["unknown", "free", "inflation", "obstacle", "prior"];
 
+const reader = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+
 // The bytes of a tile: rows × cols pixels with flags in red and class ids in green and blue.
 export async function read(blob) {
   const bitmap = await createImageBitmap(blob, {
     colorSpaceConversion: "none",
     premultiplyAlpha: "none",
   });
-  const pen = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d", {
-    willReadFrequently: true,
-  });
-  pen.drawImage(bitmap, 0, 0);
-  return {
-    cols: bitmap.width,
-    rows: bitmap.height,
-    data: pen.getImageData(0, 0, bitmap.width, bitmap.height).data,
-  };
+  const { width: cols, height: rows } = bitmap;
+  Object.assign(reader.canvas, { width: cols, height: rows }); // clears it, too
+  reader.drawImage(bitmap, 0, 0);
+  bitmap.close(); // else its pixels stay until the next collection of garbage
+  return { cols, rows, data: reader.getImageData(0, 0, cols, rows).data };
 }
 
 // Paint a tile whose upper left cell is (`left`, `top`), with `scale` pixels per cell and side.
