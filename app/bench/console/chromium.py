@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
+import subprocess
+import tempfile
+import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
+
+import httpx
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from app.bench.console.process_use import process_use
 from navcore.errors import BewareNavError
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser
 
 ARGUMENTS = (
     "--no-sandbox",
@@ -26,6 +34,8 @@ ARGUMENTS = (
     "--no-first-run",
 )
 """No graphics card, as on a server; the sandbox needs privileges; nothing else is fetched."""
+START_S = 60.0
+"""Longest start of Chromium, seconds."""
 
 
 class NoBrowser(BewareNavError):  # noqa: N818 - named after what happened, as all of them
@@ -42,6 +52,63 @@ class PageUse:
     """Number of nodes of the document, with those that scripts hold."""
     pss_mb: float
     """Memory of all processes of Chromium, shared pages divided among them, MB; Linux only."""
+
+
+class DevTools(Protocol):
+    """Connection to the tools for developers of a page."""
+
+    def send(self, method: str) -> dict[str, Any]:
+        """Call a method of the Chrome DevTools Protocol and return its result."""
+
+
+class _PageTools:
+    """`DevTools` over the page's websocket."""
+
+    def __init__(self, socket: Connection) -> None:
+        self._socket, self._calls = socket, 0
+
+    def send(self, method: str) -> dict[str, Any]:
+        self._calls += 1
+        self._socket.send(json.dumps({"id": self._calls, "method": method}))
+        while True:
+            answer = json.loads(self._socket.recv(timeout=START_S))
+            if answer.get("id") == self._calls:
+                return dict(answer["result"])
+
+
+@contextmanager
+def watched_page(address: str, size: tuple[int, int]) -> Iterator[DevTools]:
+    """Show a page in a headless Chromium whose traffic nothing records.
+
+    Playwright follows the network of its pages, whose processes keep the responses for it and grow
+    by some hundred megabytes an hour with the images of a camera. Raises `NoBrowser` without Chromium.
+    """
+    executable = shutil.which("chromium")
+    if executable is None:
+        raise NoBrowser("the page is not measured: chromium is not installed")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        options = ["--headless=new", *ARGUMENTS, f"--user-data-dir={profile}"]
+        options += ["--remote-debugging-port=0", "--window-size={},{}".format(*size)]
+        process = subprocess.Popen([executable, *options, address], stderr=subprocess.DEVNULL)
+        try:
+            with connect(_page_socket(Path(profile)), max_size=None) as socket:
+                yield _PageTools(socket)
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def _page_socket(profile: Path) -> str:
+    """Return the address of the websocket of the only page of a Chromium that is starting."""
+    deadline_s = time.monotonic() + START_S
+    while time.monotonic() < deadline_s:
+        with suppress(OSError, IndexError, StopIteration, httpx.HTTPError):
+            port = (profile / "DevToolsActivePort").read_text().split()[0]
+            with httpx.Client(trust_env=False) as client:
+                targets = client.get(f"http://127.0.0.1:{port}/json/list").json()
+            return str(next(t for t in targets if t["type"] == "page")["webSocketDebuggerUrl"])
+        time.sleep(0.1)
+    raise NoBrowser(f"the page is not measured: chromium did not start in {START_S:g} s")
 
 
 @contextmanager
@@ -64,14 +131,10 @@ def chromium() -> Iterator[Browser]:
             browser.close()
 
 
-def page_use(page: Page) -> PageUse:
+def page_use(page: DevTools) -> PageUse:
     """Return what a page holds."""
-    session = page.context.new_cdp_session(page)
-    try:
-        session.send("Performance.enable")
-        rows = session.send("Performance.getMetrics")["metrics"]
-    finally:
-        session.detach()
+    page.send("Performance.enable")
+    rows = page.send("Performance.getMetrics")["metrics"]
     metrics = {row["name"]: row["value"] for row in rows}
     return PageUse(
         script_mb=round(metrics["JSHeapUsedSize"] / 1e6, 2),

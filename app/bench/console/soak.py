@@ -17,13 +17,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import httpx
 import numpy as np
 from rich.table import Table
 
-from app.bench.console.chromium import NoBrowser, PageUse, chromium, page_use
+from app.bench.console.chromium import DevTools, NoBrowser, PageUse, page_use, watched_page
 from app.bench.console.page import LATE, console_process, drive_around
 from app.bench.console.process_use import ProcessUse, process_use
 from app.runtime.record.provenance import machine, shipped_sha256, version
@@ -31,9 +31,6 @@ from app.runtime.start.segmenter_choice import Kind
 from navcore.errors import BewareNavError
 from navcore.files import write_whole
 from sim.scenario.load import load_scenario
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
 
 log = logging.getLogger(__name__)
 PERIOD_S = 10.0
@@ -50,6 +47,8 @@ MOVING_S = 60.0
 """Longest wait for the robot to move before a stop, seconds."""
 STOPPED_S = 5.0
 """Longest wait for a command of zero after a stop, seconds."""
+WINDOW = (1280, 720)
+"""Width and height of the browser's window, pixels."""
 SETTLE_S = 5.0
 """Time in which the page is loaded, seconds."""
 QUANTITIES = {
@@ -106,7 +105,7 @@ class Watched:
     """Number of the console's process."""
     simulator: int
     """Number of the simulator's process."""
-    page: Page | None
+    page: DevTools | None
     """The page with the map, if there is a browser."""
 
 
@@ -187,13 +186,11 @@ def _arguments(pid: int) -> list[str]:
 
 
 @contextmanager
-def _page(program: httpx.Client) -> Iterator[Page | None]:
+def _page(program: httpx.Client) -> Iterator[DevTools | None]:
     """Show the map of the console; None without a browser."""
     try:
-        with chromium() as browser:
-            page = browser.new_page(viewport={"width": 1280, "height": 720})
-            page.goto(f"{program.base_url}/#map")
-            page.wait_for_timeout(1000 * SETTLE_S)
+        with watched_page(f"{program.base_url}/#map", WINDOW) as page:
+            time.sleep(SETTLE_S)
             yield page
     except NoBrowser as missing:
         log.warning("%s", missing)

@@ -72,7 +72,7 @@ def visit_table(program: httpx.Client, browser: Browser) -> Table:
     clicks, seconds = _first_goal(page, program)
     table.add_row("clicks to the first goal", str(clicks))
     table.add_row("from the first click until the robot drives", f"{seconds:.2f} s")
-    use = page_use(page)
+    use = page_use(session)
     table.add_row("script memory, elements", f"{use.script_mb:.1f} MB, {use.elements}")
     table.add_row("processes of Chromium (PSS)", f"{use.pss_mb:.0f} MB")
     program.post("/api/v1/mission/cancel")
