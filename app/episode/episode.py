@@ -240,8 +240,6 @@ class Episode:
         return report_of(self._record(time.perf_counter() - started, cut_short=cut_short))
 
     def _record(self, wall_time_s: float, *, cut_short: bool) -> EpisodeRecord:
-        driving = self.controller.intent.mission.phase is Phase.DRIVING
-        stopped = "by its judge" if cut_short else "standing" if self.is_stuck else "time"
         return EpisodeRecord(
             scenario=self.scenario,
             seed=self.seed,
@@ -251,7 +249,7 @@ class Episode:
             latency=self.latency.name,
             goals=self.goals,
             zones=self.zones,
-            ended=stopped if driving else "all goals",
+            ended=self._end(cut_short=cut_short),
             sim_time_s=self.now_s,
             wall_time_s=wall_time_s,
             spec=self.spec,
@@ -266,6 +264,16 @@ class Episode:
             beware=self.controller.intent.beware,
             map=self.controller.navigator.map,
         )
+
+    def _end(self, *, cut_short: bool) -> str:
+        """Return why the episode ended."""
+        phase = self.controller.intent.mission.phase
+        if cut_short:
+            return "by its judge"
+        if phase is Phase.DRIVING:
+            return "standing" if self.is_stuck else "time"
+        # A robot that does not know its place stands until an operator resumes; here there is none.
+        return "position lost" if phase is Phase.PAUSED else "all goals"
 
     @property
     def spec(self) -> GridSpec:

@@ -52,7 +52,8 @@ def _over_zones(report: Report) -> list[str]:
 
 
 def _why_not_there(report: Report) -> str:
-    """Return why a goal was not reached: a drifted position, the last stop or the longest one."""
+    """Return why a goal was not reached: a drifted position or one that was lost, the last stop or
+    the longest one."""
     if report["ended"] == "all goals":
         by_estimate = report["goal_errors_by_estimate_m"]
         missed = [
@@ -61,6 +62,8 @@ def _why_not_there(report: Report) -> str:
         if missed and all(by_estimate[goal] <= GOAL_RADIUS_M for goal in missed):
             return "goal missed: the estimated position had drifted"
         return "goal missed: it stopped beside it"
+    if report["ended"] == "position lost":
+        return "goal not reached: the position was lost"
     stops: Sequence[Mapping[str, Any]] = report["stops"]
     if not stops:
         return "goal not reached: out of time"

@@ -150,31 +150,32 @@ class MatchConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OdometryConfig:
-    """Expected errors of odometry; the defaults are those of a typical base with wheel encoders and
-    a calibrated gyro."""
+    """Expected errors of odometry.
 
-    length_scale: float = ranged(0.0, 0.2, default=0.01)
+    The defaults are those of worn tyres and a cheap gyro. The errors that stay the same are learnt
+    within metres where scans measure the motion, so a better base loses little by them, and a worse
+    one is not taken for exact.
+    """
+
+    length_scale: float = ranged(0.0, 0.2, default=0.02)
     """Standard deviation over runs of the relative error of lengths."""
     length_floor: float = ranged(0.0, 0.1, default=0.004)
     """Standard deviation of the relative error of lengths that scans measure, which is the same for
     all of them: below it no scan of a new map brings the error of odometry."""
-    gyro_scale: float = ranged(0.0, 0.2, default=0.003)
+    gyro_scale: float = ranged(0.0, 0.2, default=0.01)
     """Standard deviation over runs of the relative error of turns."""
-    gyro_bias_degph: float = ranged(0.0, 10_000.0, default=18.0)
+    gyro_bias_degph: float = ranged(0.0, 10_000.0, default=108.0)
     """Standard deviation over runs of the bias of the gyro after calibration, degrees per hour."""
     gyro_bias_drift_degph: float = ranged(0.0, 10_000.0, default=8.0)
     """Standard deviation of the change of that bias within an hour, degrees per hour."""
-    gyro_noise_deg: float = ranged(0.0, 5.0, default=0.01)
+    gyro_noise_deg: float = ranged(0.0, 5.0, default=0.02)
     """White noise of the gyro, degrees per square root of a second."""
-    slip_m: float = ranged(0.0, 1.0, default=0.01)
+    slip_m: float = ranged(0.0, 1.0, default=0.012)
     """Standard deviation of the distance after one metre by slip, metres."""
     aside_m: float = ranged(0.0, 1.0, default=0.006)
     """Standard deviation of the position across after one metre, metres."""
-    turn_slip_m: float = ranged(0.0, 1.0, default=0.01)
+    turn_slip_m: float = ranged(0.0, 1.0, default=0.013)
     """Standard deviation of the position after a turn of one radian, metres."""
-    correlated_m: float = ranged(0.0, 1000.0, default=20.0)
-    """Distance in metres over which the constant errors of scale and bias are spread as if they
-    were noise, in the edges of the pose graph, which takes edges as independent."""
     standing_mps: float = ranged(0.0, 0.1, default=0.005)
     """Speed in m/s below which the robot stands."""
     standing_radps: float = ranged(0.0, 0.1, default=0.004)

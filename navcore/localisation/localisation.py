@@ -191,8 +191,11 @@ class Localisation:
     def next_task(self) -> Task | None:
         """Return what to compute now beside the tick; None for nothing."""
         if not self._is_searching:
-            may_close = self.closures is None and not len(self.tracker.saved_map)
-            return self._loops.next_task(self.tracker.own_map.keyframe) if may_close else None
+            if self.closures is not None or len(self.tracker.saved_map):
+                return None
+            return self._loops.next_task(
+                self.tracker.own_map.keyframe, self.tracker.constant_errors
+            )
         rules = self._config.relocalisation
         if self._place_map is None:
             surfaces = self.searched_map.surfaces

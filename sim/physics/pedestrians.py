@@ -1,5 +1,5 @@
 """People who stand, or walk back and forth. They are moved, not pushed, on the clock of the
-physics."""
+physics, which would give them unlimited strength: a walker stops where the robot's body is."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Walker:
         """Advance by one physics step, or wait for the robot."""
         if not self.walks:
             return
-        if self._yields and self._is_blocked(robot):
+        if (self._yields and self._is_blocked(robot)) or self._walks_into(robot):
             self._waited_s += self._period_s
             if self._waited_s >= PATIENCE_S:
                 self._waited_s, self._sense = 0.0, -self._sense
@@ -78,12 +78,26 @@ class Walker:
             self._sense = -self._sense
         self.pose = self._pose_at(self._turned_yaw())
 
+    def _walks_into(self, robot: Pose2) -> bool:
+        """Return whether the next step would be into the robot's body.
+
+        Who does not look out walks until they touch the robot. They cannot push it: it weighs as
+        much as they do, or more, and its wheels are braked.
+        """
+        step_m, heading = self._speed_mps * self._period_s, self._heading()
+        x_m, y_m = self.pose.x_m, self.pose.y_m
+        gap_m = _gap_m(self._robot, robot, x_m, y_m)
+        if gap_m > step_m:
+            return False
+        x_m, y_m = x_m + step_m * math.cos(heading), y_m + step_m * math.sin(heading)
+        return _gap_m(self._robot, robot, x_m, y_m) < min(gap_m, 0.0)
+
     def _is_blocked(self, robot: Pose2) -> bool:
         reach = robot.distance_to(self.pose.x_m, self.pose.y_m)
         if reach > self._robot.circumscribed_radius_m + BODY_DIAMETER_M / 2 + POLITE_GAP_M:
             return False
         x, y = _nearest_of_footprint(self._robot, robot, self.pose.x_m, self.pose.y_m)
-        gap = math.hypot(x - self.pose.x_m, y - self.pose.y_m) - BODY_DIAMETER_M / 2
+        gap = _gap_m(self._robot, robot, self.pose.x_m, self.pose.y_m)
         if gap <= 0:
             bearing = math.atan2(robot.y_m - self.pose.y_m, robot.x_m - self.pose.x_m)
         else:
@@ -115,6 +129,13 @@ class Walker:
             share = (self._along_m - self._ends_m[leg]) / self._legs_m[leg]
             x, y = (1 - share) * self._points[leg] + share * self._points[leg + 1]
         return Pose2(x_m=float(x), y_m=float(y), yaw_rad=yaw_rad)
+
+
+def _gap_m(profile: RobotProfile, robot: Pose2, x_m: float, y_m: float) -> float:
+    """Return the distance in metres from a person at a position to the footprint; negative while
+    they overlap."""
+    x, y = _nearest_of_footprint(profile, robot, x_m, y_m)
+    return math.hypot(x - x_m, y - y_m) - BODY_DIAMETER_M / 2
 
 
 def _nearest_of_footprint(

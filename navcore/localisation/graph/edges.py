@@ -1,8 +1,11 @@
-"""Edges of the pose graph: measured poses of one keyframe in the frame of another."""
+"""Edges of the pose graph: measured poses of one keyframe in the frame of another, and the errors
+that all edges by odometry have in common."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from navcore.geometry.transform import Matrix, Pose2
 
@@ -19,4 +22,18 @@ class Edge:
     """Pose of the second keyframe in the frame of the first."""
     covariance: Matrix
     """(3, 3) covariance of x, y in metres and yaw in radians, in the frame of the second
-    keyframe: an error is the motion that follows `T_from_to`."""
+    keyframe: an error is the motion that follows `T_from_to`. Without what `by_constant_errors`
+    covers."""
+    by_constant_errors: Matrix = field(default_factory=lambda: np.zeros((3, 3)))
+    """(3, 3) derivative of the true motion by the constant errors of odometry, in the frame of the
+    second keyframe; zero for what was not measured by odometry."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ConstantErrors:
+    """The errors of odometry that stay the same for a whole drive, as far as they are known."""
+
+    mean: Matrix
+    """(3,) gyro bias in rad/s, relative errors of lengths and of turns."""
+    covariance: Matrix
+    """(3, 3) their covariance."""

@@ -1,4 +1,8 @@
-"""Sparse normal equations of a pose graph in the plane."""
+"""Sparse normal equations of a pose graph in the plane.
+
+The state is one row for each pose, x and y in metres and yaw, and a last one for the constant
+errors of odometry, which all its edges have in common.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +28,16 @@ class Factors(NamedTuple):
     """(F, 3) measured x, y in metres and yaw in radians."""
     whitening: Floats
     """(F, 3, 3) root of the information: its product with the error has unit covariance."""
+    by_errors: Floats
+    """(F, 3, 3) derivative of the whitened measurement by the constant errors."""
 
 
 def factors_of(
-    *, ends: Sequence[tuple[int, int]], measured: Sequence[Pose2], information: Sequence[Matrix]
+    *,
+    ends: Sequence[tuple[int, int]],
+    measured: Sequence[Pose2],
+    information: Sequence[Matrix],
+    by_errors: Sequence[Matrix],
 ) -> Factors:
     """Return factors as arrays; raises `LinAlgError` for information that has a negative
     eigenvalue."""
@@ -42,6 +52,7 @@ def factors_of(
         second=pairs[:, 1],
         measured=np.array([(p.x_m, p.y_m, p.yaw_rad) for p in measured]).reshape(-1, 3),
         whitening=roots,
+        by_errors=roots @ np.array(by_errors, dtype=np.float64).reshape(-1, 3, 3),
     )
 
 
@@ -49,21 +60,23 @@ class NormalEquations:
     """Errors, their derivatives and linear steps; the pattern of the matrix is found once."""
 
     def __init__(self, factors: Factors, poses: int, free: Bools) -> None:
-        """`poses`: number of poses. `free`: (poses,) which of them may move."""
+        """`poses`: number of poses. `free`: (poses + 1,) which rows of the state may change."""
         self._factors = factors
         self._free = free
         self._size = 3 * int(free.sum())
-        column = np.full(poses + 1, -1, dtype=np.int64)
+        column = np.full(poses + 2, -1, dtype=np.int64)
         column[:-1][free] = np.arange(int(free.sum()))
         self._column = column  # the last entry is the map, which index −1 names
+        errors = np.full(len(factors.first), poses, dtype=np.int64)
+        self._ends = (factors.first, factors.second, errors)
         self._kept: SuperLU | None = None
         self._pattern()
 
     def _pattern(self) -> None:
         """Find the row and the column of each block, and the place of each entry in the matrix."""
-        first, second = self._column[self._factors.first], self._column[self._factors.second]
-        rows = np.concatenate([first, first, second, second])
-        cols = np.concatenate([first, second, first, second])
+        columns = [self._column[end] for end in self._ends]
+        rows = np.concatenate([row for row in columns for _ in columns])
+        cols = np.concatenate(columns * len(columns))
         self._used = (rows >= 0) & (cols >= 0)
         three = np.arange(3)
         row = (3 * rows[self._used])[:, None, None] + three[None, :, None]
@@ -77,7 +90,7 @@ class NormalEquations:
         self._diagonal = self._place[len(self._place) - self._size :]
 
     def errors(self, state: Floats) -> Floats:
-        """Return the (F, 3) whitened errors of poses, (poses, 3) x, y in metres and yaw."""
+        """Return the (F, 3) whitened errors of a state."""
         if not len(self._factors.first):
             return np.zeros((0, 3))
         cos, sin, delta, turn = self._relative(state)
@@ -93,27 +106,28 @@ class NormalEquations:
                 yaw - 2.0 * np.pi * np.round(yaw / (2.0 * np.pi)),
             ]
         )
-        return np.asarray(np.einsum("fij,fj->fi", self._factors.whitening, error))
+        whitened = np.einsum("fij,fj->fi", self._factors.whitening, error)
+        return np.asarray(whitened - self._factors.by_errors @ state[-1])
 
     def chi2(self, state: Floats) -> Floats:
         """Return the (F,) squared Mahalanobis distances."""
         return np.asarray(np.square(self.errors(state)).sum(axis=1))
 
     def step(self, state: Floats, weights: Floats, damping: float) -> Floats:
-        """Return the (poses, 3) change of a damped Gauss–Newton step."""
+        """Return the (poses + 1, 3) change of a damped Gauss–Newton step."""
         change = np.zeros_like(state)
         if not self._size:
             return change
-        by_first, by_second = self._jacobians(state)
+        jacobians = self._jacobians(state)
         error = self.errors(state) * weights[:, None]
         gradient = np.zeros((len(state) + 1, 3))
-        for ends, jacobian in ((self._factors.first, by_first), (self._factors.second, by_second)):
+        for ends, jacobian in zip(self._ends, jacobians, strict=True):
             pulls = np.einsum("fji,fj->fi", jacobian, error)
             for k in range(3):
                 gradient[:, k] += np.bincount(
                     ends % (len(state) + 1), weights=pulls[:, k], minlength=len(state) + 1
                 )
-        solved = self._factorised(by_first, by_second, weights, damping).solve(
+        solved = self._factorised(jacobians, weights, damping).solve(
             -gradient[:-1][self._free].ravel()
         )
         change[self._free] = solved.reshape(-1, 3)
@@ -161,7 +175,7 @@ class NormalEquations:
     def _factor(self, state: Floats, weights: Floats, damping: float) -> SuperLU:
         """Return the factorised matrix at the final poses, which is needed again and again."""
         if self._kept is None:
-            self._kept = self._factorised(*self._jacobians(state), weights, damping)
+            self._kept = self._factorised(self._jacobians(state), weights, damping)
         return self._kept
 
     def _relative(self, state: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -170,9 +184,9 @@ class NormalEquations:
         one, two = padded[self._factors.first], padded[self._factors.second]
         return np.cos(one[:, 2]), np.sin(one[:, 2]), two[:, :2] - one[:, :2], two[:, 2] - one[:, 2]
 
-    def _jacobians(self, state: Floats) -> tuple[Floats, Floats]:
-        """Return the (F, 3, 3) derivatives of the whitened errors by the first and the second
-        pose."""
+    def _jacobians(self, state: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the (F, 3, 3) derivatives of the whitened errors by the first and the second pose
+        and by the constant errors."""
         cos, sin, delta, _ = self._relative(state)
         z = self._factors.measured[:, 2]
         # The rotation into the frame of the measured pose, and its derivative by the first yaw.
@@ -187,22 +201,13 @@ class NormalEquations:
         by_first[:, 1, 2] = -c * delta[:, 0] - s * delta[:, 1]
         by_first[:, 2, 2] = -1.0
         whitening = self._factors.whitening
-        return whitening @ by_first, whitening @ by_second
+        return whitening @ by_first, whitening @ by_second, -self._factors.by_errors
 
     def _factorised(
-        self, by_first: Floats, by_second: Floats, weights: Floats, damping: float
+        self, jacobians: tuple[Floats, Floats, Floats], weights: Floats, damping: float
     ) -> SuperLU:
-        weighted_first = by_first.transpose(0, 2, 1) * weights[:, None, None]
-        weighted_second = by_second.transpose(0, 2, 1) * weights[:, None, None]
-        cross = weighted_first @ by_second
-        blocks = np.concatenate(
-            [
-                weighted_first @ by_first,
-                cross,
-                cross.transpose(0, 2, 1),
-                weighted_second @ by_second,
-            ]
-        )[self._used]
+        weighted = [one.transpose(0, 2, 1) * weights[:, None, None] for one in jacobians]
+        blocks = np.concatenate([one @ two for one in weighted for two in jacobians])[self._used]
         values = np.concatenate([blocks.ravel(), np.zeros(self._size)])
         data = np.zeros(len(self._indices))
         data += np.bincount(self._place, weights=values, minlength=len(data))

@@ -1,8 +1,11 @@
 """Pose graph in the plane: the poses that agree best with all edges, and which loops do not.
 
-Levenberg–Marquardt on sparse normal equations. Odometry is trusted; loops and absolute positions
-are weighted by graduated non-convexity with a truncated least squares cost (Yang, Antonante,
-Tzoumas, Carlone 2020): the cost starts convex and tightens until each is believed or rejected.
+Levenberg–Marquardt on sparse normal equations. Edges are independent but for the constant errors of
+odometry, which are unknowns beside the poses (Kümmerle, Grisetti, Burgard 2012): errors of scale
+and bias of many edges add up themselves, not their variances. Odometry is trusted; loops and
+absolute positions are weighted by graduated non-convexity with a truncated least squares cost
+(Yang, Antonante, Tzoumas, Carlone 2020): the cost starts convex and tightens until each is believed
+or rejected.
 """
 
 from __future__ import annotations
@@ -15,8 +18,8 @@ import numpy as np
 from navcore.config.pose_graph import DEFAULT_POSE_GRAPH, PoseGraphConfig
 from navcore.errors import BadGeometry
 from navcore.geometry.arrays import Bools, Floats
-from navcore.geometry.transform import Matrix, Pose2, wrap_angle
-from navcore.localisation.graph.edges import Edge
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, wrap_angle
+from navcore.localisation.graph.edges import ConstantErrors, Edge
 from navcore.localisation.graph.normal_equations import Factors, NormalEquations, factors_of
 
 SMALLEST_DAMPING = 1e-9
@@ -48,6 +51,8 @@ class PoseGraph:
     """Trusted edges between the poses of consecutive keyframes."""
     loops: Sequence[Edge] = ()
     """Edges that may be wrong."""
+    constant_errors: ConstantErrors | None = None
+    """What is known of the constant errors of the odometry; None if it has none."""
     absolute: Sequence[AbsolutePose] = ()
     """Positions in the map that may be wrong."""
     fixed: frozenset[int] = frozenset()
@@ -100,19 +105,20 @@ def optimise(graph: PoseGraph, config: PoseGraphConfig = DEFAULT_POSE_GRAPH) -> 
     ids = list(graph.poses)
     index = {pose_id: i for i, pose_id in enumerate(ids)}
     factors = _factors(graph, index)
-    state = np.array([(p.x_m, p.y_m, p.yaw_rad) for p in graph.poses.values()]).reshape(-1, 3)
+    state = np.array([*((p.x_m, p.y_m, p.yaw_rad) for p in graph.poses.values()), (0.0, 0.0, 0.0)])
     equations = NormalEquations(factors, len(ids), _free(graph, ids))
-    trusted = np.zeros(len(factors.first), dtype=bool)
-    trusted[: len(graph.odometry)] = True
+    first_absolute = len(graph.odometry) + len(graph.loops)
+    after_absolute = first_absolute + len(graph.absolute)
+    trusted = np.ones(len(factors.first), dtype=bool)
+    trusted[len(graph.odometry) : after_absolute] = False
     solver = _Solver(equations, config)
     state, weights = solver.graduated(state, trusted)
     believed = weights > 0.5
     chi2 = equations.chi2(state)
-    first_absolute = len(graph.odometry) + len(graph.loops)
     return OptimisedGraph(
         poses=_poses(graph, ids, state),
         accepted_loops=tuple(map(bool, believed[len(graph.odometry) : first_absolute])),
-        accepted_absolute=tuple(map(bool, believed[first_absolute:])),
+        accepted_absolute=tuple(map(bool, believed[first_absolute:after_absolute])),
         chi2=float(chi2[believed].sum()),
         steps=solver.steps,
         _equations=equations,
@@ -128,18 +134,34 @@ def _factors(graph: PoseGraph, index: Mapping[int, int]) -> Factors:
         if pose_id not in index:
             raise BadGeometry(f"pose graph: unknown pose ID {pose_id}; it is none of the poses")
     ends = [(index[e.from_id], index[e.to_id]) for e in edges]
+    ends += [(-1, index[a.pose_id]) for a in graph.absolute]
+    known = graph.constant_errors
+    measured = [_without(e, known) for e in edges] + [a.T_map_base for a in graph.absolute]
+    by_errors = [e.by_constant_errors for e in edges] + [np.zeros((3, 3))] * len(graph.absolute)
     try:
         information: list[Matrix] = [np.asarray(np.linalg.inv(e.covariance)) for e in edges]
+        information += [_in_body(a) for a in graph.absolute]
+        if known is not None:  # the last factor says how far they may be from what is known
+            ends.append((-1, -1))
+            measured.append(IDENTITY)
+            information.append(np.asarray(np.linalg.inv(known.covariance)))
+            by_errors.append(np.eye(3))
         return factors_of(
-            ends=ends + [(-1, index[a.pose_id]) for a in graph.absolute],
-            measured=[e.T_from_to for e in edges] + [a.T_map_base for a in graph.absolute],
-            information=information + [_in_body(a) for a in graph.absolute],
+            ends=ends, measured=measured, information=information, by_errors=by_errors
         )
     except np.linalg.LinAlgError:
         raise BadGeometry(
             "pose graph: a covariance is not positive definite; give each edge (3, 3) with "
             "positive variances"
         ) from None
+
+
+def _without(edge: Edge, known: ConstantErrors | None) -> Pose2:
+    """Return the motion of an edge without the constant errors that are known."""
+    if known is None:
+        return edge.T_from_to
+    x_m, y_m, yaw_rad = (edge.by_constant_errors @ known.mean).tolist()
+    return edge.T_from_to @ Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
 def _in_body(absolute: AbsolutePose) -> Matrix:
@@ -153,7 +175,7 @@ def _free(graph: PoseGraph, ids: Sequence[int]) -> Bools:
     free = np.array([pose_id not in graph.fixed for pose_id in ids], dtype=bool)
     if not graph.fixed and not graph.absolute:
         free[:1] = False
-    return free
+    return np.append(free, graph.constant_errors is not None)
 
 
 def _poses(graph: PoseGraph, ids: Sequence[int], state: Floats) -> dict[int, Pose2]:
@@ -161,7 +183,7 @@ def _poses(graph: PoseGraph, ids: Sequence[int], state: Floats) -> dict[int, Pos
         pose_id: graph.poses[pose_id]
         if pose_id in graph.fixed
         else Pose2(x_m=float(x), y_m=float(y), yaw_rad=wrap_angle(float(yaw)))
-        for pose_id, (x, y, yaw) in zip(ids, state, strict=True)
+        for pose_id, (x, y, yaw) in zip(ids, state[:-1], strict=True)
     }
 
 

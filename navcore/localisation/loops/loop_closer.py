@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from navcore.config.localisation import MatchConfig
 from navcore.config.pose_graph import LoopClosureConfig, PoseGraphConfig
 from navcore.geometry.transform import IDENTITY, Pose2
-from navcore.localisation.graph.edges import Edge
+from navcore.localisation.graph.edges import ConstantErrors, Edge
 from navcore.localisation.loops.loop_closure import LoopClosures, close_loops
 from navcore.localisation.scans.scan import Keyframe
 
@@ -30,6 +30,8 @@ class CloseLoops:
     """Number of keyframes that were tried before."""
     loops: tuple[Edge, ...]
     """Loops that are believed already."""
+    constant_errors: ConstantErrors
+    """What is known of the constant errors of odometry."""
     loop_config: LoopClosureConfig
     """Which matches count."""
     graph_config: PoseGraphConfig
@@ -44,6 +46,7 @@ class CloseLoops:
             self.odometry,
             tried_until=self.tried_until,
             loops=self.loops,
+            constant_errors=self.constant_errors,
             config=self.loop_config,
             graph_config=self.graph_config,
             match_config=self.match_config,
@@ -73,9 +76,11 @@ class LoopCloser:
             self._chain.setdefault(edge.from_id)
             self._chain.setdefault(edge.to_id)
 
-    def next_task(self, keyframe: Callable[[int], Keyframe | None]) -> CloseLoops | None:
+    def next_task(
+        self, keyframe: Callable[[int], Keyframe | None], constant_errors: ConstantErrors
+    ) -> CloseLoops | None:
         """Return what to compute once enough keyframes are new; `keyframe` gives those of an ID at
-        its present pose."""
+        its present pose, and `constant_errors` are those of odometry as far as they are known."""
         if len(self._chain) - self._tried < self.loop_config.new_keyframes:
             return None
         tried, self._tried = self._tried, len(self._chain)
@@ -88,6 +93,7 @@ class LoopCloser:
             odometry=tuple(self._edges),
             tried_until=tried,
             loops=self._loops,
+            constant_errors=constant_errors,
             loop_config=self.loop_config,
             graph_config=self.graph_config,
             match_config=self.match_config,

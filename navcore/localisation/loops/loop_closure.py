@@ -17,7 +17,7 @@ from navcore.config.pose_graph import (
     PoseGraphConfig,
 )
 from navcore.geometry.transform import Pose2
-from navcore.localisation.graph.edges import Edge
+from navcore.localisation.graph.edges import ConstantErrors, Edge
 from navcore.localisation.graph.pose_graph import AbsolutePose, OptimisedGraph, PoseGraph, optimise
 from navcore.localisation.loops.loop_finder import LoopFinder
 from navcore.localisation.scans.scan import Keyframe
@@ -50,6 +50,7 @@ def close_loops(
     *,
     tried_until: int = 0,
     loops: Sequence[Edge] = (),
+    constant_errors: ConstantErrors | None = None,
     absolute: Sequence[AbsolutePose] = (),
     fixed: frozenset[int] = frozenset(),
     config: LoopClosureConfig = DEFAULT_LOOP_CLOSURE,
@@ -59,8 +60,9 @@ def close_loops(
 ) -> LoopClosures | None:
     """Return corrected poses if keyframes from index `tried_until` on close loops, else None.
 
-    `keyframes` are in the order of driving, `odometry` connects them. Also None if cancelled, which
-    is asked before every keyframe. Raises `BadGeometry` for edges of unknown keyframes.
+    `keyframes` are in the order of driving, `odometry` connects them, and `constant_errors` are
+    those of odometry as far as known. Also None if cancelled, which is asked before every keyframe.
+    Raises `BadGeometry` for edges of unknown keyframes.
     """
     if len(keyframes) < 2:
         return None
@@ -68,6 +70,7 @@ def close_loops(
         poses={keyframe.pose_id: keyframe.T_map_base for keyframe in keyframes},
         odometry=odometry,
         loops=loops,
+        constant_errors=constant_errors,
         absolute=absolute,
         fixed=fixed,
     )

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Protocol
 
-import numpy as np
-
 from navcore.config.localisation import LocalisationConfig
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2
+from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.graph.edges import Edge
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
-from navcore.localisation.tracking.odometry_model import OdometryStep, edge_covariance
-from navcore.localisation.tracking.pose_filter import PoseFilter
+from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep
 
 
 class KnownPoses(Protocol):
@@ -43,18 +39,15 @@ class KeyframeChain:
         self.map = ScanMap(config.match)
         """Surfaces of these keyframes."""
         self._last: Keyframe | None = None
-        self._since = PoseFilter(IDENTITY, config.odometry)
-        self._since_m = 0.0
+        self._since = OdometryMotion(IDENTITY, config.odometry)
         self._edges: list[Edge] = []
 
     def advance(self, step: OdometryStep) -> None:
         """Follow odometry from the last keyframe."""
-        self._since.predict(step)
-        self._since_m += step.distance_m
+        self._since.advance(step)
 
-    def add(self, scan: Scan, T_map_base: Pose2, stamp_ns: int, own: PoseFilter) -> Keyframe | None:
-        """Keep a scan if the pose is a new one; returns its keyframe, else None. The next edge is
-        by odometry as far as `own` knows its errors."""
+    def add(self, scan: Scan, T_map_base: Pose2, stamp_ns: int) -> Keyframe | None:
+        """Keep a scan if the pose is a new one; returns its keyframe, else None."""
         pose_id = self._pose_ids.id_of(T_map_base)
         if pose_id < self._pose_ids.frozen or pose_id in self.map:
             return None
@@ -66,8 +59,8 @@ class KeyframeChain:
         if self._last is not None:
             self._connect(self._last, keyframe, offset)
         self.map.put(keyframe)
-        self._last, self._since_m = keyframe, 0.0
-        self._since = own.at(offset)
+        self._last = keyframe
+        self._since = OdometryMotion(offset, self._config)
         return keyframe
 
     def take_edges(self) -> tuple[Edge, ...]:
@@ -91,21 +84,14 @@ class KeyframeChain:
         self._last = None
 
     def _connect(self, last: Keyframe, new: Keyframe, offset: Pose2) -> None:
-        """Add the edge by odometry, whose errors are known as well as at the last keyframe."""
-        expected = self._since.pose @ offset.inverse()
-        covariance = edge_covariance(self._since.covariance, self._since_m, self._config)
+        """Add the edge by odometry; `offset` is the robot's pose in the frame of the new one."""
+        measured, covariance, by_constant_errors = self._since.to(offset)
         self._edges.append(
             Edge(
                 from_id=last.pose_id,
                 to_id=new.pose_id,
-                T_from_to=expected,
-                covariance=_in_frame_of(expected, covariance),
+                T_from_to=measured,
+                covariance=covariance,
+                by_constant_errors=by_constant_errors,
             )
         )
-
-
-def _in_frame_of(pose: Pose2, covariance: Matrix) -> Matrix:
-    """Return the covariance of a pose's errors in the axes of the pose itself."""
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(turn @ covariance @ turn.T)

@@ -19,7 +19,7 @@ from navcore.localisation.estimate import (
     LocalisationEstimate,
     LocalisationState,
 )
-from navcore.localisation.graph.edges import Edge
+from navcore.localisation.graph.edges import ConstantErrors, Edge
 from navcore.localisation.scans.matching import Match, match, search
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
@@ -103,6 +103,11 @@ class Localiser:
         """T_map_base that a large correction leads to, which waits until the robot stands; None if
         none waits."""
         return self._flow.pending
+
+    @property
+    def constant_errors(self) -> ConstantErrors:
+        """What is known of the constant errors of odometry."""
+        return self._require_filter().constant_errors
 
     @property
     def keyframes(self) -> tuple[Keyframe, ...]:
@@ -382,7 +387,7 @@ class Localiser:
         self._recent.add(scan, frame.pose)
         if self._doubt_s == 0.0:
             pose = self._flow.T_map_odom @ frame.pose
-            self._chain.add(scan, pose, frame.stamp_ns, self._require_filter())
+            self._chain.add(scan, pose, frame.stamp_ns)
 
     def lose(self, stamp_ns: int) -> None:
         """Forget the pose: the robot is lost until it is placed."""

@@ -18,6 +18,10 @@ X, Y, YAW, GYRO_BIAS, LENGTH_SCALE, GYRO_SCALE, SCAN_SCALE = range(7)
 """Elements of the state: pose in metres and radians, bias in rad/s, relative errors."""
 STATES = 7
 """Number of elements."""
+ERRORS = slice(GYRO_BIAS, SCAN_SCALE)
+"""Elements that are the constant errors of odometry."""
+LEAST = np.diag([1e-4, 1e-4, 1e-5]) ** 2
+"""Least (3, 3) covariance of a pose or a motion, so that it can be inverted."""
 _DEFAULT = OdometryConfig()
 
 
@@ -88,9 +92,63 @@ def predict(
     """
     if step.is_standing(config):
         return _at_standstill(state, covariance, step, config)
-    length, gyro = 1.0 - state[LENGTH_SCALE], 1.0 - state[GYRO_SCALE]
-    turn = gyro * step.turn_rad - state[GYRO_BIAS] * step.duration_s
-    heading = state[YAW] + turn / 2
+    after, jacobian = _moved(state, step)
+    grown = jacobian @ covariance @ jacobian.T
+    grown[:3, :3] += _noise(step, _mean_heading(state, step), config)
+    grown[GYRO_BIAS, GYRO_BIAS] += _bias_growth(step, config)
+    return after, (grown + grown.T) / 2
+
+
+class OdometryMotion:
+    """A motion by odometry, with the noise of its measurement and its derivative by the constant
+    errors, which are taken to be zero."""
+
+    def __init__(self, pose: Pose2, config: OdometryConfig = _DEFAULT) -> None:
+        """`pose`: the exact one at which it begins."""
+        self._config = config
+        self._state = np.zeros(STATES)
+        self._state[:3] = (pose.x_m, pose.y_m, pose.yaw_rad)
+        self._noise, self._by_errors = LEAST, np.zeros((3, 3))
+
+    def advance(self, step: OdometryStep) -> None:
+        """Go on by a step. At standstill the pose stays."""
+        if step.is_standing(self._config):
+            return
+        noise = _noise(step, _mean_heading(self._state, step), self._config)
+        self._state, jacobian = _moved(self._state, step)
+        by_pose = jacobian[:3, :3]
+        self._noise = by_pose @ self._noise @ by_pose.T + noise
+        self._by_errors = by_pose @ self._by_errors + jacobian[:3, ERRORS]
+
+    def to(self, offset: Pose2) -> tuple[Pose2, Matrix, Matrix]:
+        """Return the pose of the frame in which the robot is at `offset`, the (3, 3) covariance of
+        the noise there, and the (3, 3) derivative by the constant errors, both along its axes."""
+        x, y, yaw = self._state[:3].tolist()
+        pose = Pose2(x_m=x, y_m=y, yaw_rad=yaw) @ offset.inverse()
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        swing = np.eye(3)
+        swing[:2, YAW] = y - pose.y_m, pose.x_m - x
+        into = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ swing
+        return pose, into @ self._noise @ into.T, into @ self._by_errors
+
+
+def _turn(state: Matrix, step: OdometryStep) -> float:
+    """Return the turn of a step in radians without the constant errors."""
+    return float((1.0 - state[GYRO_SCALE]) * step.turn_rad - state[GYRO_BIAS] * step.duration_s)
+
+
+def _mean_heading(state: Matrix, step: OdometryStep) -> float:
+    """Return the heading in radians in the middle of a step."""
+    return float(state[YAW]) + _turn(state, step) / 2
+
+
+def _moved(state: Matrix, step: OdometryStep) -> tuple[Matrix, Matrix]:
+    """Return the (N,) state after a step and its (N, N) derivative by the state before."""
+    length, turn, heading = (
+        1.0 - state[LENGTH_SCALE],
+        _turn(state, step),
+        _mean_heading(state, step),
+    )
     cos, sin = math.cos(heading), math.sin(heading)
     along, aside = length * step.along_m, length * step.aside_m
     dx, dy = cos * along - sin * aside, sin * along + cos * aside
@@ -104,23 +162,7 @@ def predict(
         jacobian[X, element], jacobian[Y, element] = -dy * by_turn / 2, dx * by_turn / 2
     jacobian[X, LENGTH_SCALE] = -(cos * step.along_m - sin * step.aside_m)
     jacobian[Y, LENGTH_SCALE] = -(sin * step.along_m + cos * step.aside_m)
-    grown = jacobian @ covariance @ jacobian.T
-    grown[:3, :3] += _noise(step, cos, sin, config)
-    grown[GYRO_BIAS, GYRO_BIAS] += _bias_growth(step, config)
-    return after, (grown + grown.T) / 2
-
-
-def edge_covariance(
-    covariance: Matrix, distance_m: float, config: OdometryConfig = _DEFAULT
-) -> Matrix:
-    """Return the (3, 3) covariance of an odometry edge for the pose graph.
-
-    `covariance` is the (3, 3) of the relative pose and `distance_m` its length. A graph adds the
-    variances of edges, while the errors of scale and bias add up themselves: an edge takes its
-    share of what they make over `correlated_m`.
-    """
-    distance = max(distance_m, 0.01)
-    return np.asarray(covariance * math.sqrt(max(config.correlated_m / distance, 1.0)))
+    return after, jacobian
 
 
 def _at_standstill(
@@ -136,7 +178,8 @@ def _at_standstill(
     return after, (grown + grown.T) / 2
 
 
-def _noise(step: OdometryStep, cos: float, sin: float, config: OdometryConfig) -> Matrix:
+def _noise(step: OdometryStep, heading_rad: float, config: OdometryConfig) -> Matrix:
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     by_turn = config.turn_slip_m**2 * abs(step.turn_rad)
     along = config.slip_m**2 * step.distance_m + by_turn
     aside = config.aside_m**2 * step.distance_m + by_turn

@@ -8,7 +8,10 @@ import numpy as np
 
 from navcore.config.localisation import OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.tracking.odometry_model import (
+    ERRORS,
+    LEAST,
     SCAN_SCALE,
     STATES,
     YAW,
@@ -20,8 +23,6 @@ from navcore.localisation.tracking.odometry_model import (
 )
 
 _DEFAULT = OdometryConfig()
-_LEAST = np.diag([1e-4, 1e-4, 1e-5]) ** 2
-"""Least covariance of a pose, so that it can be inverted."""
 _REFERENCE = slice(STATES, STATES + 3)
 """Elements of the state that are the pose of the reference."""
 
@@ -55,17 +56,19 @@ class PoseFilter:
     @property
     def covariance(self) -> Matrix:
         """(3, 3) covariance of the pose, in map axes."""
-        return np.asarray(self._covariance[:3, :3] + _LEAST)
+        return np.asarray(self._covariance[:3, :3] + LEAST)
 
     @property
     def covariance_within(self) -> Matrix:
         """(3, 3) covariance of the pose within the robot's own new map, in map axes."""
-        return np.asarray(self._within[:3, :3] + _LEAST)
+        return np.asarray(self._within[:3, :3] + LEAST)
 
     @property
-    def odometry_errors(self) -> Matrix:
-        """(3,) gyro bias in rad/s, relative errors of lengths and of turns."""
-        return np.asarray(self._state[3:SCAN_SCALE].copy())
+    def constant_errors(self) -> ConstantErrors:
+        """Constant errors of odometry as far as they are known."""
+        return ConstantErrors(
+            mean=self._state[ERRORS].copy(), covariance=self._covariance[ERRORS, ERRORS].copy()
+        )
 
     @property
     def motion(self) -> Pose2:
@@ -74,14 +77,6 @@ class PoseFilter:
         moved = Pose2(x_m=x, y_m=y, yaw_rad=yaw).inverse() @ self.pose
         scale = 1.0 + float(self._state[SCAN_SCALE])
         return Pose2(x_m=scale * moved.x_m, y_m=scale * moved.y_m, yaw_rad=moved.yaw_rad)
-
-    def at(self, pose: Pose2) -> PoseFilter:
-        """Return a filter at an exact pose that knows of odometry what this one does."""
-        other = PoseFilter(pose, self._config)
-        errors = slice(3, STATES)
-        other._state[errors] = self._state[errors]
-        other._covariance[errors, errors] = self._covariance[errors, errors]
-        return other
 
     def refer(self) -> None:
         """Make the present pose the reference."""
@@ -128,7 +123,7 @@ class PoseFilter:
         points makes smaller.
         """
         spread = self._covariance if absolute else self._within
-        before = spread[:3, :3] + _LEAST
+        before = spread[:3, :3] + LEAST
         prior = np.linalg.inv(before)
         # With z the pose by the scan alone: (prior + information) · (matched − pose)
         # = information · (z − pose); the floor is then added to the covariance of z.

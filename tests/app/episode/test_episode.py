@@ -11,6 +11,7 @@ from app.episode import episode as episode_module
 from app.episode.episode import Episode, EpisodeSettings
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import BewareList, default_beware_list
+from navcore.navigator import TickResult
 from navcore.robot.camera_stream import CameraStream
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
@@ -148,3 +149,23 @@ def test_a_goal_that_turns_out_to_be_walled_in_is_given_up_with_its_reason_and_n
         report["ended"] == "standing"
     )  # it has tried every recovery, and the episode does not wait ten minutes
     assert 25 <= report["sim_time_s"] < 85
+
+
+def test_an_episode_whose_robot_loses_its_place_ends_by_that_and_with_no_goal_reached() -> None:
+    episode = Episode(
+        ROOM,
+        EpisodeSettings(beware=default_beware_list(), camera=CameraStream(width=212, height=120)),
+        seed=0,
+    )
+
+    def lose(t_s: float, result: TickResult) -> None:
+        if t_s > 1.0 and result.place.is_known:
+            episode.controller.navigator.localisation.search(result.frame.stamp_ns)
+
+    episode.on_decision = lose
+    try:
+        report = episode.run()
+    finally:
+        episode.close()
+    assert (report["ended"], report["goals_reached"]) == ("position lost", 0)
+    assert report["causes"] == ["goal not reached: the position was lost"]

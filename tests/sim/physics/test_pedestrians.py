@@ -9,7 +9,8 @@ import pytest
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
-from sim.physics.pedestrians import Walker
+from navcore.robot.profile import HUSKY
+from sim.physics.pedestrians import BODY_DIAMETER_M, Walker
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Person
 
@@ -41,6 +42,29 @@ def test_a_walker_pauses_at_each_point_for_the_given_time() -> None:
         pauses_s=(0.0, 2.0, 100.0),
     )
     assert xs(person, 8) == pytest.approx([0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0, 0.0, 0.0], abs=0.03)
+
+
+def test_who_does_not_yield_walks_until_they_touch_the_robot_and_turns_back_later() -> None:
+    person = Person(points=((0.0, 0.0), (9.0, 0.0)), speed_mps=1.0, begins_at=0.0, yields=False)
+    walker, robot = (
+        Walker(person, np.random.default_rng(0), PERIOD_S),
+        Pose2(x_m=3.0, y_m=0.2, yaw_rad=0.0),
+    )
+    seen = []
+    for _ in range(700):
+        walker.step(robot)
+        seen.append(walker.pose.x_m)
+    touched_m = 3.0 - HUSKY.length_m / 2 - BODY_DIAMETER_M / 2
+    assert max(seen) == pytest.approx(touched_m, abs=0.011) and max(seen) <= touched_m
+    assert seen[-1] < 1.0
+
+
+def test_who_stands_in_the_robot_may_walk_out_of_it() -> None:
+    person = Person(points=((0.0, 0.0), (9.0, 0.0)), speed_mps=1.0, begins_at=0.5, yields=False)
+    walker = Walker(person, np.random.default_rng(0), PERIOD_S)
+    for _ in range(100):
+        walker.step(Pose2(x_m=4.2, y_m=0.0, yaw_rad=0.0))
+    assert walker.pose.x_m == pytest.approx(5.5, abs=0.02)
 
 
 def test_pauses_must_be_one_for_each_point(tmp_path: Path) -> None:

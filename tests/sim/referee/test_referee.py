@@ -226,6 +226,7 @@ def test_a_person_who_does_not_yield_strikes_the_standing_robot_without_a_collis
         assert {"person"} == {
             contact["what"] for contact in simulator.referee.summary()["contacts"]
         }
+        assert simulator.true_pose().distance_to(0.0, 0.0) < 0.01  # it is not pushed
 
 
 def test_a_person_who_yields_does_not_strike_the_robot() -> None:

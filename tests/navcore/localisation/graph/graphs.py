@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import Pose2
-from navcore.localisation.graph.edges import Edge
+from navcore.localisation.graph.edges import ConstantErrors, Edge
 from navcore.localisation.graph.pose_graph import PoseGraph
 
 ODOMETRY = np.diag(np.square([0.01, 0.005, 0.004]))
@@ -79,6 +80,27 @@ def known_graph(
     return KnownGraph(
         PoseGraph(poses=dict(enumerate(guess)), odometry=odometry, loops=loops),
         dict(enumerate(true)),
+        right,
+    )
+
+
+def drifting_graph(seed: int) -> KnownGraph:
+    """The graph of `known_graph` without wrong loops, whose odometry has constant errors as well,
+    drawn from what the graph knows of them."""
+    rng = np.random.default_rng((seed, 1))
+    known = ConstantErrors(mean=np.zeros(3), covariance=np.diag(np.square([1e-3, 0.02, 0.02])))
+    drawn = rng.multivariate_normal(known.mean, known.covariance)
+    graph, true, right = known_graph(seed)
+    edges, guess = [], [true[0]]
+    for edge in graph.odometry:
+        turn = edge.T_from_to.yaw_rad
+        by_errors = np.array([[0.0, -0.5, 0.0], [0.0, 0.0, 0.0], [-1.0, 0.0, -turn]])
+        measured = edge.T_from_to @ pose(*map(float, -by_errors @ drawn))
+        edges.append(replace(edge, T_from_to=measured, by_constant_errors=by_errors))
+        guess.append(guess[-1] @ measured)
+    return KnownGraph(
+        replace(graph, poses=dict(enumerate(guess)), odometry=edges, constant_errors=known),
+        true,
         right,
     )
 

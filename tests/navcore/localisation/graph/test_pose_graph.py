@@ -11,11 +11,14 @@ from hypothesis import strategies as st
 
 from navcore.config.pose_graph import PoseGraphConfig
 from navcore.errors import BadGeometry
+from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.graph.pose_graph import AbsolutePose, PoseGraph, optimise
+from navcore.localisation.tracking.pose_filter import difference
 from tests.navcore.laws import law
 from tests.navcore.localisation.graph.graphs import (
     LOOP,
     ODOMETRY,
+    drifting_graph,
     edge_between,
     known_graph,
     largest_error,
@@ -124,6 +127,36 @@ def test_a_loop_makes_the_last_pose_more_certain() -> None:
     alone = optimise(dataclasses.replace(known.graph, loops=()))
     with_loops = optimise(known.graph)
     assert np.trace(with_loops.covariances([95])[95]) < 0.5 * np.trace(alone.covariances([95])[95])
+
+
+def test_constant_errors_of_a_straight_drive_add_up_themselves_and_noise_by_its_variance() -> None:
+    known = ConstantErrors(mean=np.zeros(3), covariance=np.diag(np.square([1e-3, 0.02, 0.01])))
+    true = [pose(0.5 * i, 0.0, 0.0) for i in range(101)]
+    by_length = np.array([[0.0, -0.5, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    edges = [
+        dataclasses.replace(
+            edge_between(true, i, i + 1, np.diag([1e-4, 1e-4, 1e-12]), np.zeros(3)),
+            by_constant_errors=by_length,
+        )
+        for i in range(100)
+    ]
+    graph = PoseGraph(poses=dict(enumerate(true)), odometry=edges, constant_errors=known)
+    along = optimise(graph).covariances([100])[100][0, 0]
+    bare = optimise(dataclasses.replace(graph, constant_errors=None)).covariances([100])[100][0, 0]
+    assert along == pytest.approx(100 * 1e-4 + (0.02 * 50.0) ** 2, rel=2e-3)
+    assert bare == pytest.approx(100 * 1e-4, rel=1e-4)
+
+
+def test_with_loops_the_covariance_covers_constant_errors_that_it_would_not_as_noise() -> None:
+    squares = []
+    for seed in range(30):
+        graph, true, _ = drifting_graph(seed)
+        for one in (graph, dataclasses.replace(graph, constant_errors=None)):
+            found = optimise(one)
+            gap = difference(found.poses[60], true[60])
+            squares.append(gap @ np.linalg.solve(found.covariances([60])[60], gap))
+    assert 2.0 < np.mean(squares[::2]) < 4.2  # 3 degrees of freedom
+    assert np.mean(squares[1::2]) > 10.0  # control
 
 
 def test_an_unknown_pose_and_a_covariance_that_is_none_are_refused_by_name() -> None:

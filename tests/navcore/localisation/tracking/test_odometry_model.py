@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
 from navcore.config.localisation import DEGPH, OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
-from navcore.localisation.tracking.odometry_model import OdometryStep
+from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep
 from navcore.localisation.tracking.pose_filter import PoseFilter, difference
+from tests.navcore.laws import law
 
 START = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 CONFIG = OdometryConfig()
@@ -30,20 +33,21 @@ def test_uncertainty_along_the_route_grows_in_proportion_to_the_distance() -> No
     assert far[0, 0] > (CONFIG.length_scale * 160.0) ** 2
 
 
-def test_the_covariance_covers_the_errors_of_typical_odometry() -> None:
+def test_the_covariance_covers_the_errors_that_are_expected() -> None:
     rng = np.random.default_rng(3)
     squares = []
     for _ in range(60):
         own, true = PoseFilter(START), START
-        length, gyro = 1 + 0.01 * rng.standard_normal(), 1 + 0.003 * rng.standard_normal()
-        bias = 18 * DEGPH * rng.standard_normal()
+        length = 1 + CONFIG.length_scale * rng.standard_normal()
+        gyro = 1 + CONFIG.gyro_scale * rng.standard_normal()
+        bias = CONFIG.gyro_bias_degph * DEGPH * rng.standard_normal()
         for k in range(600):
             along, turn = 0.12, 0.03 * math.sin(k / 40)
             true = true @ Pose2(x_m=along, y_m=0.0, yaw_rad=turn)
-            noise = math.radians(0.01) * math.sqrt(0.2) * rng.standard_normal()
+            noise = math.radians(CONFIG.gyro_noise_deg) * math.sqrt(0.2) * rng.standard_normal()
             measured = Pose2(
-                x_m=length * along + 0.01 * math.sqrt(along) * rng.standard_normal(),
-                y_m=0.006 * math.sqrt(along) * rng.standard_normal(),
+                x_m=length * along + CONFIG.slip_m * math.sqrt(along) * rng.standard_normal(),
+                y_m=CONFIG.aside_m * math.sqrt(along) * rng.standard_normal(),
                 yaw_rad=gyro * turn + bias * 0.2 + noise,
             )
             own.predict(OdometryStep.between(START, measured, 0.2))
@@ -59,13 +63,52 @@ def test_the_covariance_covers_the_errors_of_typical_odometry() -> None:
     assert 2.0 < np.mean(squares) < 4.2  # 3 degrees of freedom
 
 
+@law(20)
+@given(seed=st.integers(0, 2**31), turn_rad=st.sampled_from([0.0, 0.05, 0.3]))
+def test_noise_and_constant_errors_of_a_motion_together_are_its_covariance(
+    seed: int, turn_rad: float
+) -> None:
+    """Also of a turn on the spot, which has no length."""
+    rng = np.random.default_rng(seed)
+    own, motion = PoseFilter(START), OdometryMotion(START)
+    for along in rng.uniform(0.02, 0.2, 20) if turn_rad < 0.3 else np.zeros(20):
+        step = OdometryStep(
+            along_m=float(along),
+            aside_m=0.0,
+            turn_rad=turn_rad * rng.uniform(0.5, 1.0),
+            duration_s=0.2,
+        )
+        own.predict(step)
+        motion.advance(step)
+
+    pose, noise, by_errors = motion.to(START)
+    whole = noise + by_errors @ PoseFilter(START).constant_errors.covariance @ by_errors.T
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    assert pose.distance_to(own.pose.x_m, own.pose.y_m) < 1e-9
+    # The bias of the filter drifts, by a thousandth of its variance.
+    assert np.allclose(whole, turn @ own.covariance @ turn.T, rtol=1e-3, atol=1e-7)
+
+
+def test_a_motion_to_another_frame_errs_as_it_lies_beside_the_robot() -> None:
+    motion = OdometryMotion(START)
+    motion.advance(OdometryStep(along_m=0.0, aside_m=0.0, turn_rad=0.5, duration_s=1.0))
+    offset = Pose2(x_m=-2.0, y_m=0.0, yaw_rad=0.0)  # the frame is 2 m ahead of the robot
+
+    pose, noise, by_errors = motion.to(offset)
+
+    assert pose.x_m == 2.0 * math.cos(0.5) and pose.y_m == 2.0 * math.sin(0.5)
+    assert by_errors[1, 2] == -2.0 * 0.5  # an error of the turn swings it to the right
+    assert noise[1, 1] > (2.0 * math.radians(CONFIG.gyro_noise_deg)) ** 2
+
+
 def test_standing_still_the_gyro_bias_is_learnt_and_the_pose_stays() -> None:
     bias = 40 * DEGPH
     own = PoseFilter(START)
     for _ in range(300):
         own.predict(OdometryStep(along_m=0.0, aside_m=0.0, turn_rad=0.2 * bias, duration_s=0.2))
     assert own.pose == START
-    assert abs(own.odometry_errors[0] - bias) < 10 * DEGPH
+    assert abs(own.constant_errors.mean[0] - bias) < 10 * DEGPH
 
     for _ in range(600):
         own.predict(OdometryStep(along_m=0.1, aside_m=0.0, turn_rad=0.2 * bias, duration_s=0.2))
@@ -110,7 +153,7 @@ def test_a_located_robot_learns_the_scale_of_its_wheels() -> None:
             residual = np.array([true_m - own.pose.x_m, -own.pose.y_m])
             own.fuse_position(residual, np.eye(3)[:2], np.eye(2) * 0.03**2)
 
-    assert abs(own.odometry_errors[1] - 0.02) < 0.004
+    assert abs(own.constant_errors.mean[1] - 0.02) < 0.004
 
 
 def measured_by_scans(information: Matrix) -> PoseFilter:
@@ -133,7 +176,7 @@ def test_motions_by_scans_tell_the_scale_of_the_wheels_as_well_as_scans_know_it(
 
     # The prior of scans and wheels shares out what they differ by.
     share = CONFIG.length_scale**2 / (CONFIG.length_scale**2 + CONFIG.length_floor**2)
-    assert math.isclose(own.odometry_errors[1], share * 0.02, rel_tol=0.05)
+    assert math.isclose(own.constant_errors.mean[1], share * 0.02, rel_tol=0.05)
     assert abs(own.pose.x_m - 40.0) < 0.2
     assert math.sqrt(own.covariance[0, 0]) >= 0.9 * CONFIG.length_floor * 40.0
     assert bare.pose.x_m > 40.7  # between bare walls no scan tells the way
