@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+import statistics
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -50,9 +51,15 @@ def is_doors(result: Result) -> bool:
     return "first_try" in result
 
 
+def is_taught(result: Result) -> bool:
+    """Return whether a result is of the suite of teaching."""
+    return "taught" in result
+
+
 def is_random(result: Result) -> bool:
     """Return whether a result is of random missions in a world."""
-    return not (is_paper(result) or is_walked(result) or is_lit(result) or is_doors(result))
+    others = (is_paper, is_walked, is_lit, is_doors, is_taught)
+    return not any(is_other(result) for is_other in others)
 
 
 def short_table(results: Sequence[Result]) -> str:
@@ -122,6 +129,13 @@ def full_table(results: Sequence[Result]) -> str:
         ),
         [_doors_row(result) for result in results if is_doors(result)],
     )
+    taught = _table(
+        (
+            *("suite", "seeds", "found elsewhere", "IoU of each"),
+            *("mean IoU of the known classes, before and after", "most lost"),
+        ),
+        [_teaching_row(result) for result in results if is_taught(result)],
+    )
     origins = _table(
         (
             "world",
@@ -151,7 +165,9 @@ def full_table(results: Sequence[Result]) -> str:
     )
     lit = [light] if any(map(is_lit, results)) else []
     passed = [doors] if any(map(is_doors, results)) else []
-    return "\n".join([figures, missions, *([walks] if walked else []), *lit, *passed, origins])
+    learned = [taught] if any(map(is_taught, results)) else []
+    walking = [walks] if walked else []
+    return "\n".join([figures, missions, *walking, *lit, *passed, *learned, origins])
 
 
 PAGES: Mapping[str, Callable[[Sequence[Result]], str]] = {
@@ -233,6 +249,30 @@ def _doors_row(result: Result) -> Sequence[str]:
         str(result["collisions"]),
         f"{result['min_clearance_m']:.2f} m",
         seeds or "none",
+    )
+
+
+def _teaching_row(result: Result) -> Sequence[str]:
+    taught = result["taught"]
+    low, high = rate_interval(result["found"], len(taught))
+    share = f"{low:.0%} to {high:.0%}".replace("%", " %")
+    known = {
+        name: figures["rendered"]
+        for name, figures in result["known"].items()
+        if figures["rendered"]["change"] is not None
+    }
+    before, after = (
+        statistics.fmean(figure[key] for figure in known.values()) for key in ("old", "new")
+    )
+    lost = min(known, key=lambda name: known[name]["new"] - known[name]["old"])
+    least, most = known[lost]["change"]
+    return (
+        f"`{result['scenario']}`",
+        f"{min(result['seeds'])} to {max(result['seeds'])}",
+        f"{result['found']} of {len(taught)} ({share})",
+        ", ".join(f"{one['kind']} {one['iou'] or 0.0:.2f}" for one in taught),
+        f"{before:.3f}, {after:.3f}",
+        f"{lost} ({least:+.3f} to {most:+.3f})",
     )
 
 

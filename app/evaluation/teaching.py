@@ -11,7 +11,7 @@ the same for all teachings and of which none was trained on.
 from __future__ import annotations
 
 import dataclasses
-import json
+import hashlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,14 +20,15 @@ import numpy as np
 from rich.console import Console as Terminal
 from rich.table import Table
 
+from app.evaluation.campaign import write_summary
 from app.evaluation.detection import TEST_SHARD
 from app.evaluation.one_click import Site, site_of, views
+from app.runtime.record.provenance import command_line, machine, version
 from app.teaching.training.comparison import LEAST_IOU
 from app.teaching.training.paired_counts import PairedCounts
 from app.teaching.training.plan import HELD_EVERY
 from app.teaching.training.rehearsal import around_objects, labels_of, rendered
 from navcore.errors import BadConfiguration
-from navcore.files import write_whole
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
 from navcore.learning.training.class_teaching import ClassTeacher, grown_network
@@ -124,10 +125,9 @@ class TeachingSuite:
     def summary(self) -> dict[str, Any]:
         """Return all figures: of the taught things, and of each known class."""
         return {
-            "suite": SUITE,
-            "size": [SIZE.height, SIZE.width],
             "recipe": dataclasses.asdict(self.recipe),
             "taught": self.taught,
+            "found": sum((one["iou"] or 0.0) >= LEAST_IOU for one in self.taught),
             "known": {
                 name: {
                     images: _change(counts, index)
@@ -182,13 +182,22 @@ def evaluate_teaching(weights: Path, seeds: Sequence[int], *, out: Path) -> bool
     for one in seeds:
         result = suite.teach(one)
         terminal.print(result or f"{one}: the thing is seen from no free place")
-    summary = suite.summary()
+    identity = hashlib.sha256(weights.read_bytes()).hexdigest()
+    summary: dict[str, Any] = {
+        "command": command_line(),
+        "scenario": SUITE,
+        "segmenter": f"network sha256 {identity}, {SIZE.width} × {SIZE.height}, f32",
+        "versions": [version()],
+        "machines": [machine()],
+        "episodes": len(seeds),
+        "seeds": list(seeds),
+    } | suite.summary()
     out.mkdir(parents=True, exist_ok=True)
-    write_whole(out / "summary.json", json.dumps(summary, indent=1).encode())
+    write_summary(summary, out)
     terminal.print(_table(summary))
     changes = [figure["change"] for of in summary["known"].values() for figure in of.values()]
     kept = all(change is None or change[1] > -SURE_LOSS for change in changes)
-    return kept and all((one["iou"] or 0.0) >= LEAST_IOU for one in suite.taught)
+    return kept and summary["found"] == len(suite.taught)
 
 
 def _change(counts: PairedCounts, index: int) -> dict[str, Any]:

@@ -459,7 +459,7 @@ class PointMap:
             self.spec.cols,
             box,
             frame,
-            labels.all_hypotheses[0],
+            labels,
             self._rules.confidence,
             self._rules.clearing,
         )

@@ -66,8 +66,10 @@ def update_confidence(
 ) -> tuple[Indices, Indices]:
     """Update the confidence of the beware points in a box that an image shows.
 
-    Returns the indices of the points to forget, and the cells (row · cols + col) with a changed
-    confidence. `labels` are the network's own; `clearing` gives the tolerance of depth.
+    An image shows a point if any source of its labels shows the point's class at its pixel or
+    beside: what one source cannot know, another may. Returns the indices of the points to forget,
+    and the cells (row · cols + col) with a changed confidence. `clearing` gives the tolerance of
+    depth.
     """
     return _update(
         points.records,
@@ -78,8 +80,8 @@ def update_confidence(
         frame.depth_m,
         invert(frame.T_map_camera),
         frame.intrinsics.pinhole,
-        labels.class_ids,
-        labels.confidence,
+        np.stack([one.class_ids for one in labels.all_hypotheses]),
+        np.stack([one.confidence for one in labels.all_hypotheses]),
         clearing,
         _LogOdds(config.claim_share, config.miss, config.least, config.most),
         config.trusted_m,
@@ -109,7 +111,7 @@ def _update(
     t: Matrix,
     lens: Pinhole,
     class_ids: npt.NDArray[np.uint8],
-    confidence: Confidence,
+    confidence: FloatImage,
     clearing: ClearingRules,
     steps: _LogOdds,
     trusted_m: float,
@@ -136,10 +138,11 @@ def _update(
                 if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > tolerance:
                     continue
                 claim = 0.0
-                for r in range(i - 1, i + 2):
-                    for c in range(j - 1, j + 2):
-                        if class_ids[r, c] == records[index].class_id:
-                            claim = max(claim, float(confidence[r, c]))
+                for source in range(len(class_ids)):
+                    for r in range(i - 1, i + 2):
+                        for c in range(j - 1, j + 2):
+                            if class_ids[source, r, c] == records[index].class_id:
+                                claim = max(claim, float(confidence[source, r, c]))
                 odds = _updated_log_odds(float(records[index].confidence), claim, steps)
                 records[index].confidence = 1 / (1 + math.exp(-odds))
                 changed[index] = True

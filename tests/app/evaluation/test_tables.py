@@ -116,6 +116,28 @@ def test_doors_have_a_table_of_their_own_on_the_page_about_evaluation() -> None:
     assert full_table([{**result, "first_try": 1.0}]) != shown
 
 
+def test_teaching_has_a_table_of_its_own_with_the_things_and_what_was_lost() -> None:
+    kept = {"old": 0.5, "new": 0.5, "change": [-0.01, 0.01]}
+    lost = {"old": 0.6, "new": 0.5, "change": [-0.12, -0.08]}
+    result = {
+        "command": "bewarenav evaluate teaching",
+        "scenario": "teaching",
+        "segmenter": "network sha256 abc",
+        "versions": ["1"],
+        "machines": ["one"],
+        "episodes": 2,
+        "seeds": [2000, 2001],
+        "taught": [{"kind": "lamp", "iou": 0.712}, {"kind": "vase", "iou": None}],
+        "found": 1,
+        "known": {"cup": {"rendered": kept}, "book": {"rendered": lost}},
+    }
+    shown = full_table([result])
+    row = "| 1 of 2 (9 % to 91 %) | lamp 0.71, vase 0.00 | 0.550, 0.500 | book (-0.120 to -0.080) |"
+    assert row in shown
+    assert short_table([result]).count("\n") == 2
+    assert full_table([{**result, "found": 2}]) != shown
+
+
 def test_a_table_stands_between_its_two_lines() -> None:
     assert with_table(f"a\n{BEGIN}old\n{END}b\n", "new\n") == f"a\n{BEGIN}new\n{END}b\n"
     for page in ("a\n", f"a\n{BEGIN}b\n", f"a\n{END}b\n{BEGIN}"):

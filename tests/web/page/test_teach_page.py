@@ -114,7 +114,7 @@ def test_keys_belong_to_the_field_that_has_the_focus_and_a_stroke_to_its_image(
     eventually(page, lambda: bool(operations.stops))
 
     chosen.focus()
-    expect(page.get_by_test_id("marks")).to_have_attribute("width", str(WIDTH))
+    expect(page.get_by_test_id("canvas")).to_have_attribute("aria-busy", "false")
     box = page.get_by_test_id("marks").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + 40, box["y"] + 40)

@@ -29,7 +29,9 @@ export async function show(next) {
   await flush();
   frame = next;
   labels = null;
-  element("canvas").hidden = !next;
+  const canvas = element("canvas");
+  canvas.hidden = !next;
+  canvas.ariaBusy = "true"; // until its marks are there nothing can be marked
   for (const id of ["previous", "next", "delete"]) element(id).disabled = !next;
   if (!next) return refresh();
   element("picture").src = `/api/v1/teach/frames/${next.id}.png`;
@@ -40,6 +42,7 @@ export async function show(next) {
   labels = makeLabels(stored.width, stored.height, values);
   marks.width = stored.width;
   marks.height = stored.height;
+  canvas.ariaBusy = "false";
   return refresh();
 }
 

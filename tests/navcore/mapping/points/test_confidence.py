@@ -88,6 +88,17 @@ def test_an_object_detected_in_many_images_is_not_lost_when_some_miss_it() -> No
         assert look(cloud, labels(0.9, there=False)) >= 0.9 * held
 
 
+def test_what_a_source_behind_the_network_shows_is_held_as_if_the_network_showed_it() -> None:
+    network, example = labels(0.9, there=False), labels(0.8, there=True)
+    both = dataclasses.replace(network, hypotheses=(network, example))
+    one, other = PointMap(SPEC, MappingConfig()), PointMap(SPEC, MappingConfig())
+    held = [look(one, both) for _ in range(10)]
+    assert held == [look(other, example) for _ in range(10)]
+    assert held[-1] > 0
+    nothing = dataclasses.replace(network, hypotheses=(network, network))
+    assert [look(one, nothing) for _ in range(20)][-1] == 0
+
+
 def test_a_certain_point_stays_when_later_images_of_the_same_colour_lose_its_label() -> None:
     cloud = PointMap(SPEC, MappingConfig())
     held = look(cloud, labels(1.0, there=True))
