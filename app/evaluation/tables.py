@@ -132,7 +132,7 @@ def full_table(results: Sequence[Result]) -> str:
     taught = _table(
         (
             *("suite", "seeds", "found elsewhere", "IoU of each"),
-            *("mean IoU of the known classes, before and after", "most lost"),
+            *("mean IoU of the known classes in rendered images, before and after", "most lost"),
         ),
         [_teaching_row(result) for result in results if is_taught(result)],
     )
