@@ -22,8 +22,8 @@ class Edge:
     """Pose of the second keyframe in the frame of the first."""
     covariance: Matrix
     """(3, 3) covariance of x, y in metres and yaw in radians, in the frame of the second
-    keyframe: an error is the motion that follows `T_from_to`. Without what `by_constant_errors`
-    covers."""
+    keyframe: an error is the motion that follows `T_from_to`. The constant errors of odometry have
+    no part in it."""
     by_constant_errors: Matrix = field(default_factory=lambda: np.zeros((3, 3)))
     """(3, 3) derivative of the true motion by the constant errors of odometry, in the frame of the
     second keyframe; zero for what was not measured by odometry."""

@@ -23,6 +23,8 @@ from navcore.localisation.tracking.odometry_model import (
 )
 
 _DEFAULT = OdometryConfig()
+_LEAST_ERRORS = np.diag([1e-7, 1e-5, 1e-5]) ** 2
+"""Least covariance of the constant errors, so that it can be inverted where none are expected."""
 _REFERENCE = slice(STATES, STATES + 3)
 """Elements of the state that are the pose of the reference."""
 
@@ -67,7 +69,8 @@ class PoseFilter:
     def constant_errors(self) -> ConstantErrors:
         """Constant errors of odometry as far as they are known."""
         return ConstantErrors(
-            mean=self._state[ERRORS].copy(), covariance=self._covariance[ERRORS, ERRORS].copy()
+            mean=self._state[ERRORS].copy(),
+            covariance=self._covariance[ERRORS, ERRORS] + _LEAST_ERRORS,
         )
 
     @property

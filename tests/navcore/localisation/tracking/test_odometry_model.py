@@ -182,6 +182,14 @@ def test_motions_by_scans_tell_the_scale_of_the_wheels_as_well_as_scans_know_it(
     assert bare.pose.x_m > 40.7  # between bare walls no scan tells the way
 
 
+def test_what_is_known_of_errors_that_are_not_expected_can_be_inverted() -> None:
+    exact = OdometryConfig(length_scale=0.0, gyro_scale=0.0, gyro_bias_degph=0.0)
+    known = PoseFilter(START, exact).constant_errors
+
+    assert np.isfinite(np.linalg.inv(known.covariance)).all()
+    assert np.sqrt(np.diag(known.covariance)).max() <= 1e-5
+
+
 def test_a_motion_that_odometry_excludes_is_refused() -> None:
     own = straight(5)
     before, known = own.pose, np.diag([1e5, 1e5, 1e5])
