@@ -4,7 +4,8 @@ import { post, request } from "../core/api.js";
 import { element, make, reconcile, setText, setValue } from "../core/dom.js";
 import { decimal, language, sentence, t, tn } from "../core/language.js";
 import { savedList } from "../core/saved_list.js";
-import { attempt, notify } from "../core/toasts.js";
+import { attempt } from "../core/toasts.js";
+import { offerUndo } from "../core/undo.js";
 import { setMode } from "./draft.js";
 
 const KEEP_OUT_COLOUR = "#d63384";
@@ -101,10 +102,7 @@ export async function switchZone(zone, enabled) {
 export async function removeZone(zone) {
   await attempt(async () => {
     await request("DELETE", addressOf(zone), undefined, versionOf(zone));
-    notify(t("Zone “{name}” is deleted.", zone.properties), {
-      good: true,
-      action: { label: t("Undo"), run: () => step("undo") },
-    });
+    await offerUndo(t("Zone “{name}” is deleted.", zone.properties));
   });
   refresh();
 }
