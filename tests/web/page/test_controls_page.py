@@ -7,6 +7,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
+from navcore.geometry.transform import Twist
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, eventually, middle_of
 from web.server import ConsoleServer
@@ -138,6 +139,29 @@ def test_driving_by_hand_shows_the_camera_image_large(page: Page) -> None:
     expect(page.locator("body")).to_have_class(re.compile("camera-large"))
     page.get_by_test_id("teleop-open").click()
     expect(page.locator("body")).not_to_have_class(re.compile("camera-large"))
+
+
+def test_after_a_typed_zone_the_keyboard_goes_on_at_the_map(page: Page) -> None:
+    await_map(page)
+    page.keyboard.press("z")
+    page.get_by_test_id("zone-corners").fill("1, 1\n2, 1\n2, 2")
+    page.get_by_test_id("zone-finish").press("Enter")
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    expect(page.get_by_test_id("map-canvas")).to_be_focused()
+    page.keyboard.press("z")
+    expect(page.get_by_test_id("draft")).to_be_visible()
+
+
+def test_by_hand_no_goal_is_driven_to(page: Page, operations: FakeOperations) -> None:
+    operations.goals.add(3.0, 1.0)
+    status = page.get_by_test_id("goal").locator(".status")
+    expect(status).to_have_text("next")
+    operations.hand = Twist(v_mps=0.3, w_radps=0.0)
+    expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
+    expect(status).to_have_text("next")
+    operations.hand = None
+    page.get_by_test_id("start").click()  # the control
+    expect(status).to_have_text("driving here")
 
 
 def test_the_screen_stays_on_while_the_robot_is_driven_by_hand(page: Page) -> None:
