@@ -213,7 +213,12 @@ def test_the_page_of_the_interface_copies_and_tries_calls(
         "details", has=page.locator("summary > code", has_text=re.compile(f"^{path}$"))
     )
     entry.locator("summary").click()
-    expect(entry.locator(".command pre")).to_contain_text(f"{server.url}/api/v1/state")
+    command = entry.locator(".command pre")
+    expect(command).to_contain_text(f"{server.url}/api/v1/state")
+    page.evaluate("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+    entry.get_by_role("button", name="Copy").click()
+    expect(entry.get_by_role("button", name="Copied")).to_be_visible()
+    assert page.evaluate("window.copied") == command.text_content()
     entry.get_by_test_id("docs-try").click()
     expect(entry.locator(".answer")).to_contain_text('"stop_latched"')
     columns = page.evaluate(
