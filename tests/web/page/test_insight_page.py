@@ -118,6 +118,12 @@ def test_the_explanation_names_the_rule_its_cost_and_what_to_remove(
     )
     page.get_by_test_id("why-main").get_by_role("button").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("Without “Wet floor” it would be")
+    assert operations.zones.stored[0].enabled  # it is only tried
+    page.get_by_test_id("why-off").click()
+    expect(rule).to_have_count(0)
+    assert not operations.zones.stored[0].enabled
+    page.get_by_test_id("toast-action").filter(has_text="Undo").click()
+    expect(rule).to_have_count(1)
     operations.zones.add(
         ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7)))
     )

@@ -31,7 +31,7 @@ export function showForm(draft, zone, name) {
 }
 
 export function clearForm() {
-  // A hidden field has no focus: whoever typed goes on at the map, not at the top of the page.
+  // A hidden field has no focus: the keyboard goes on at the map, not at the top of the page.
   if (form.contains(document.activeElement)) element("map-canvas").focus();
   form.hidden = true;
   form.reset();

@@ -88,15 +88,17 @@ function termsOf({ kind, max_speed_mps: limit, margin_m: margin, expires_at_s: e
 
 const versionOf = (zone) => ({ "If-Match": `"${zone.properties.version}"` });
 
-async function putZone(zone, changes) {
+// Returns the zone as it is then, or undefined when the console has refused.
+function putZone(zone, changes) {
   const { geometry, properties } = zone;
   const feature = { type: "Feature", geometry, properties: { ...properties, ...changes } };
-  await attempt(() => request("PUT", addressOf(zone), feature, versionOf(zone)));
+  return attempt(() => request("PUT", addressOf(zone), feature, versionOf(zone)));
 }
 
 export async function switchZone(zone, enabled) {
-  await putZone(zone, { enabled });
+  const stored = await putZone(zone, { enabled });
   refresh();
+  return stored;
 }
 
 export async function removeZone(zone) {
