@@ -31,7 +31,7 @@ export function build(pane, context) {
   shared = context;
   words = make("p", { class: "words", role: "status", "data-testid": "why-words" });
   table = make("ul", { class: "rules", "data-testid": "why-rules" });
-  main = make("span", { "data-testid": "why-main" });
+  main = make("span", { class: "row", "data-testid": "why-main" });
   pane.append(make("div", { class: "head" }, words, main), table);
 }
 
