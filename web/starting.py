@@ -31,9 +31,11 @@ _HEADERS = (
     "HTTP/1.1 503 Service Unavailable",
     "Content-Type: text/html; charset=utf-8",
     "Retry-After: 1",
-    "Refresh: 1",
+    # With an address, or a browser stays where it is: to load "/#map" again is to move to "#map".
+    "Refresh: 1; url=/",
     "Cache-Control: no-store",
-    "Content-Security-Policy: default-src 'none'; frame-ancestors 'none'",
+    "Content-Security-Policy: default-src 'none'; style-src 'unsafe-inline'; "
+    "frame-ancestors 'none'",
     "X-Content-Type-Options: nosniff",
     "Connection: close",
 )

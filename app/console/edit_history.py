@@ -147,12 +147,16 @@ class AllEdits:
             redo_number=redo.redo_number,
         )
 
-    def undo(self, *, by: str) -> str:
-        """Undo the newest edit and return its description."""
+    def undo(self, *, by: str, number: int | None = None) -> str:
+        """Undo the newest edit and return its description; `Refused` when it is not the one with
+        the `number`, if that is given."""
         with self._lock:
             editor = self._newest()
             if editor is None:
                 raise Refused("there is no edit to undo")
+            newest = editor.history
+            if number is not None and number != newest.undo_number:
+                raise Refused(f"another edit was made since, so nothing is undone: {newest.undo}")
             return editor.undo(by=by)
 
     def redo(self, *, by: str) -> str:

@@ -169,8 +169,9 @@ class AllEdits(Protocol):
     def history(self) -> EditHistory:
         """The newest edit, and the one that was undone last, whichever they are of."""
 
-    def undo(self, *, by: str) -> str:
-        """Undo the newest edit and return its description; `Refused` without one."""
+    def undo(self, *, by: str, number: int | None = None) -> str:
+        """Undo the newest edit and return its description; `Refused` without one, and when it is
+        not the one with the `number`, if that is given."""
 
     def redo(self, *, by: str) -> str:
         """Repeat the edit that was undone last and return its description."""

@@ -4,11 +4,10 @@ import { togglePanel } from "./access/admin_panel.js";
 import { close as closeEntry } from "./beware/entry.js";
 import { element, make } from "./core/dom.js";
 import { t } from "./core/language.js";
-import { post } from "./core/api.js";
 import { closeOverlay } from "./core/menus.js";
 import { stop } from "./core/stop.js";
 import { switchTheme } from "./core/theme.js";
-import { attempt, notify } from "./core/toasts.js";
+import { stepEdits } from "./core/undo.js";
 import { swap } from "./insight/swap.js";
 import { fit } from "./map/map.js";
 import { cancelPress } from "./map/pointer/pointer.js";
@@ -78,20 +77,13 @@ export const switchViewBy = (act) => {
   switchView = act;
 };
 
-// The operators' last edit, whether of zones, beware list or map.
-const stepAny = (action, done) =>
-  attempt(async () => {
-    const { text } = await post(`/edits/${action}`);
-    notify(`${done}: ${text}`, { good: true });
-  });
-
 function undoAny() {
-  if (!isDrawing()) stepAny("undo", t("Undone"));
+  if (!isDrawing()) stepEdits("undo");
   else if (canUndo()) undo();
 }
 
 function redoAny() {
-  if (!isDrawing()) stepAny("redo", t("Redone"));
+  if (!isDrawing()) stepEdits("redo");
   else if (canRedo()) redo();
 }
 

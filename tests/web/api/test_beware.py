@@ -186,7 +186,10 @@ def test_one_undo_takes_back_the_last_edit_whatever_it_was_of(client: httpx.Clie
     client.patch(f"{BEWARE}/cup", json={"enabled": False})
     client.post("/api/v1/map/erase", json={"geometry": square})
     client.patch(f"{BEWARE}/cup", json={"margin_m": 1.0})
-    undone = []
+    number = client.get("/api/v1/edits").json()["undo_number"]
+    earlier = client.post(f"/api/v1/edits/undo?number={number - 1}")
+    assert "another edit was made since" in wrong(earlier, 409)["message"]
+    undone = [client.post(f"/api/v1/edits/undo?number={number}").json()["text"].split()[0]]
     while client.get("/api/v1/edits").json()["undo"]:
         undone.append(client.post("/api/v1/edits/undo").json()["text"].split()[0])
     assert undone == ["“cup”:", "erasing", "“cup”", "new"]

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
+from navcore.safety.gate import Cause, StopReason
 from tests.web.fake_operations import FakeOperations
+from tests.web.page.test_overlays import press
 from web.server import ConsoleServer
 
 FILTERED = """async (held) => {
@@ -90,6 +92,19 @@ def test_an_old_map_fades_only_around_a_robot_that_moves(
     )
     expect(page.get_by_test_id("age-map")).to_have_text("▲ map 3.0 s")
     assert ("old-map" in (page.locator("body").get_attribute("class") or "")) is moving
+
+
+def test_backing_off_is_one_click_beside_the_reason_of_a_robot_that_is_boxed_in(
+    page: Page, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    button, state = page.get_by_test_id("back-off"), operations.state
+    expect(button).to_be_hidden()
+    reasons = (StopReason(cause=Cause.BOXED_IN, text="No motion keeps clear."),)
+    monkeypatch.setattr(operations, "state", lambda: replace(state(), reasons=reasons))
+    expect(page.get_by_test_id("status").get_by_test_id("back-off")).to_be_visible()
+    with page.expect_response("**/mission/back-off"):
+        press(button)
+    assert operations.backed_off == 1
 
 
 def test_a_stop_that_was_not_delivered_is_sent_until_it_is_and_then_says_so(

@@ -7,6 +7,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
+from navcore.geometry.transform import Twist
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, eventually, middle_of
 from web.server import ConsoleServer
@@ -140,6 +141,29 @@ def test_driving_by_hand_shows_the_camera_image_large(page: Page) -> None:
     expect(page.locator("body")).not_to_have_class(re.compile("camera-large"))
 
 
+def test_after_a_typed_zone_the_keyboard_goes_on_at_the_map(page: Page) -> None:
+    await_map(page)
+    page.keyboard.press("z")
+    page.get_by_test_id("zone-corners").fill("1, 1\n2, 1\n2, 2")
+    page.get_by_test_id("zone-finish").press("Enter")
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    expect(page.get_by_test_id("map-canvas")).to_be_focused()
+    page.keyboard.press("z")
+    expect(page.get_by_test_id("draft")).to_be_visible()
+
+
+def test_by_hand_no_goal_is_driven_to(page: Page, operations: FakeOperations) -> None:
+    operations.goals.add(3.0, 1.0)
+    status = page.get_by_test_id("goal").locator(".status")
+    expect(status).to_have_text("next")
+    operations.hand = Twist(v_mps=0.3, w_radps=0.0)
+    expect(page.get_by_test_id("state-badge")).to_contain_text("BY HAND")
+    expect(status).to_have_text("next")
+    operations.hand = None
+    page.get_by_test_id("start").click()  # the control
+    expect(status).to_have_text("driving here")
+
+
 def test_the_screen_stays_on_while_the_robot_is_driven_by_hand(page: Page) -> None:
     await_map(page)
     page.evaluate("""() => {
@@ -189,7 +213,12 @@ def test_the_page_of_the_interface_copies_and_tries_calls(
         "details", has=page.locator("summary > code", has_text=re.compile(f"^{path}$"))
     )
     entry.locator("summary").click()
-    expect(entry.locator(".command pre")).to_contain_text(f"{server.url}/api/v1/state")
+    command = entry.locator(".command pre")
+    expect(command).to_contain_text(f"{server.url}/api/v1/state")
+    page.evaluate("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+    entry.get_by_role("button", name="Copy").click()
+    expect(entry.get_by_role("button", name="Copied")).to_be_visible()
+    assert page.evaluate("window.copied") == command.text_content()
     entry.get_by_test_id("docs-try").click()
     expect(entry.locator(".answer")).to_contain_text('"stop_latched"')
     columns = page.evaluate(

@@ -8,7 +8,9 @@ import pytest
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
 from tests.web.page.chromium import IS_TOPMOST
+from web.port import reserve
 from web.server import ConsoleServer
+from web.starting import StartingPage
 
 SENTENCES = {
     "missions": "Nothing is saved yet. Add goals, then save them here under a name.",
@@ -92,3 +94,14 @@ def test_a_3d_view_that_cannot_be_had_says_so_and_is_tried_again(
         "This browser draws no 3D view: it has no WebGL. Use the map; every control works."
     )
     expect(other.get_by_test_id("view-3d-frame")).to_have_count(0)
+
+
+def test_a_page_that_was_on_the_map_follows_the_steps_of_a_new_start(
+    new_context: Callable[..., BrowserContext],
+) -> None:
+    with reserve("127.0.0.1", 0) as listener, StartingPage(listener) as starting:
+        page = new_context().new_page()
+        # The console writes its view behind the address, which a browser keeps.
+        page.goto(f"http://127.0.0.1:{listener.getsockname()[1]}/#map")
+        starting.say("Warming up", "Warming up … 20 s")
+        expect(page.get_by_text("Warming up … 20 s")).to_be_visible()

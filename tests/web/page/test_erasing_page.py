@@ -73,3 +73,23 @@ def test_a_detection_that_is_not_one_is_rejected_and_its_place_can_be_taken_back
     page.get_by_test_id("rejected-forget").click()
     expect(page.get_by_test_id("rejected-place")).to_have_count(0)
     assert not operations.map_edits.rejected
+
+
+def test_the_undo_of_a_message_takes_back_no_edit_that_was_made_since(
+    page: Page, operations: FakeOperations
+) -> None:
+    add_zone(operations)
+    await_map(page)
+    page.get_by_test_id("zone-delete").click()
+    undo = page.get_by_test_id("toast-action").filter(has_text="Undo")
+    expect(undo).to_be_visible()
+    operations.path_settings.set_unknown_price(3.0)  # by another operator
+    undo.click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("Another edit was made since")
+    assert operations.path_settings.unknown_price == 3.0
+    # The control: without another edit the zone is back.
+    zone = add_zone(operations)
+    page.get_by_test_id("zone-delete").click()
+    undo.click()
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    assert operations.zones.stored[0].id == zone.id

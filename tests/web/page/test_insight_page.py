@@ -66,6 +66,11 @@ def test_repeats_are_one_row_with_a_count_and_the_log_is_searched(
     page.get_by_test_id("log-search").fill("")
     page.get_by_test_id("log-level").select_option("notice")
     expect(rows.filter(visible=True)).to_have_count(1)
+    # Two zones are no repeat, though their names differ in a figure only.
+    for number in (1, 2, 2):
+        log.note(3.0, "zone", f"Zone “Zone {number}” was changed.")
+    expect(rows.filter(has_text="Zone 1")).not_to_contain_text("×")
+    expect(rows.filter(has_text="Zone 2")).to_contain_text("× 2 in")
 
 
 def test_the_log_goes_back_to_earlier_starts_and_marks_where_they_end(
@@ -113,6 +118,12 @@ def test_the_explanation_names_the_rule_its_cost_and_what_to_remove(
     )
     page.get_by_test_id("why-main").get_by_role("button").click()
     expect(page.get_by_test_id("why-words")).to_contain_text("Without “Wet floor” it would be")
+    assert operations.zones.stored[0].enabled  # it is only tried
+    page.get_by_test_id("why-off").click()
+    expect(rule).to_have_count(0)
+    assert not operations.zones.stored[0].enabled
+    page.get_by_test_id("toast-action").filter(has_text="Undo").click()
+    expect(rule).to_have_count(1)
     operations.zones.add(
         ZoneDraft(name="Fence", polygon=((2.4, -5.7), (2.6, -5.7), (2.6, 5.7), (2.4, 5.7)))
     )

@@ -18,6 +18,7 @@ from tests.web.page.chromium import (
     middle_of,
     tap_map,
 )
+from tests.web.page.states import SIZES, furnish
 from web.server import ConsoleServer
 
 PHONE = (390, 844)
@@ -107,6 +108,20 @@ def test_the_map_and_the_camera_image_are_large_enough_to_work_with(open_phone: 
         page.get_by_test_id(f"page-tab-{tab}").tap()
         box = page.get_by_test_id(part).bounding_box()
         assert box is not None and box["width"] >= 330 and box["height"] >= height, part
+
+
+def test_a_message_lies_over_the_map_of_a_tablet_and_covers_no_list(
+    open_phone: Opener, operations: FakeOperations
+) -> None:
+    furnish(operations)
+    page = open_phone(*SIZES["tablet"])
+    page.get_by_test_id("page-tab-zones").tap()
+    page.get_by_test_id("zone-delete").first.tap()
+    expect(page.get_by_test_id("toast-action")).to_be_visible()
+    message = page.get_by_test_id("toasts").bounding_box()
+    zones = page.get_by_test_id("zones").bounding_box()
+    assert message is not None and zones is not None
+    assert message["x"] + message["width"] <= zones["x"]
 
 
 def test_the_log_can_be_read_on_a_phone(open_phone: Opener, operations: FakeOperations) -> None:

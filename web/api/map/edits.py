@@ -3,7 +3,9 @@ for all edits."""
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from typing import Annotated
+
+from fastapi import APIRouter, Query
 
 from web.api.beware.detections import SightingId
 from web.auth.roles import CurrentVisitor
@@ -71,9 +73,12 @@ def map_edits_router(operations: RobotService) -> APIRouter:
         return EditsOut.of(operations.edits)
 
     @router.post("/edits/undo", response_model=EditDone, responses=refusals(409, 422, 503))
-    def undo_any(visitor: CurrentVisitor) -> EditDone:
-        """Undo the newest edit by any operator, whether of zones, beware list or map."""
-        return EditDone(text=operations.edits.undo(by=visitor.signature))
+    def undo_any(
+        visitor: CurrentVisitor, number: Annotated[int | None, Query(ge=1)] = None
+    ) -> EditDone:
+        """Undo the newest edit by any operator, whether of zones, beware list or map. With a
+        `number`, the undo is refused when that edit is no longer the newest."""
+        return EditDone(text=operations.edits.undo(by=visitor.signature, number=number))
 
     @router.post("/edits/redo", response_model=EditDone, responses=refusals(409, 422, 503))
     def redo_any(visitor: CurrentVisitor) -> EditDone:

@@ -3,7 +3,7 @@
 
 import { get, post } from "../core/api.js";
 import { element, make } from "../core/dom.js";
-import { formatTime } from "../core/format.js";
+import { formatDateTime } from "../core/format.js";
 import { sentence, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
@@ -18,7 +18,7 @@ export function build(onNewList) {
 }
 
 const dated = (unixS) =>
-  unixS === null ? "" : `${new Date(1000 * unixS).toLocaleDateString()} ${formatTime(unixS)}`;
+  unixS === null ? "" : formatDateTime(new Date(1000 * unixS));
 
 function rowOf(entry, isNewest) {
   const changes = make("small", { class: "changes", hidden: "" });

@@ -2,14 +2,14 @@
 
 import { language, number } from "./language.js";
 
-// A number that rounds to zero has no sign.
 export const formatNumber = (value, digits, unit) =>
-  value === null || value === undefined
-    ? "–"
-    : `${number(value, digits).replace(/^-(0([.,]0*)?)$/, "$1")} ${unit}`.trim();
+  value === null || value === undefined ? "–" : `${number(value, digits)} ${unit}`.trim();
 export const formatTime = (unixS) =>
   new Date(1000 * unixS).toLocaleTimeString(language, { hour12: false });
-export const formatDateTime = (time) => time.toLocaleString(language, { hour12: false });
+// The month in letters: in figures it could be the day.
+export const formatDate = (time) => time.toLocaleDateString(language, { dateStyle: "medium" });
+export const formatDateTime = (time) =>
+  time.toLocaleString(language, { dateStyle: "medium", timeStyle: "medium", hour12: false });
 export const formatSigned = (value, digits, unit) =>
   `${value >= 0 ? "+" : "−"}${number(Math.abs(value), digits)} ${unit}`;
 

@@ -41,6 +41,7 @@ const formatWith = (digits) =>
     minimumFractionDigits: digits,
     maximumFractionDigits: digits,
     useGrouping: false,
+    signDisplay: "negative", // a number that rounds to zero has no sign
   });
 
 // A number with a fixed number of decimals.

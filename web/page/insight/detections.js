@@ -7,7 +7,7 @@ import { element, make, setText } from "../core/dom.js";
 import { formatAge } from "../core/format.js";
 import { number, t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
-import { offerUndo } from "../map/pointer/erase.js";
+import { offerUndo } from "../core/undo.js";
 import { openMissed } from "./missed_object.js";
 
 // While the tab is closed, the counts are updated only every so many ticks.
@@ -238,7 +238,7 @@ const rejectButtons = (id, name) => [
 const reject = (id, isAll, done) =>
   attempt(async () => {
     await post(`/sightings/${id}/reject`, { all_of_class: isAll });
-    offerUndo(`${done} ${t("It counts there only when the robot is surer.")}`);
+    await offerUndo(`${done} ${t("It counts there only when the robot is surer.")}`);
     await tick(true);
   });
 

@@ -3,8 +3,8 @@
 
 import { get } from "../core/api.js";
 import { make, set, setText } from "../core/dom.js";
-import { formatDateTime, formatTime } from "../core/format.js";
-import { language, sentence, t } from "../core/language.js";
+import { formatDate, formatDateTime, formatTime } from "../core/format.js";
+import { sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
 import { countText, fold, levelOf, LEVELS, newFold, rowFor } from "./log_folding.js";
 
@@ -216,7 +216,7 @@ function itemOf(entry) {
       "data-kind": entry.kind,
       "data-level": levelOf(entry),
       "data-start": entry.start,
-      "data-day": time.toLocaleDateString(language),
+      "data-day": formatDate(time),
     },
     make("time", { title: formatDateTime(time) }, formatTime(entry.unix_s)),
     make("b", { class: `kind kind-${entry.kind}` }, KINDS[entry.kind] ?? entry.kind),

@@ -2,11 +2,14 @@
 // fewest rules whose removal opens a path where there is none.
 
 import { swatch, patternOf } from "../beware/swatch.js";
-import { get, post } from "../core/api.js";
+import { get, post, request } from "../core/api.js";
 import { make } from "../core/dom.js";
 import { formatNumber } from "../core/format.js";
 import { capitalised, sentence, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
+import { offerUndo } from "../core/undo.js";
+import { world } from "../map/world.js";
+import { switchZone } from "../zones/zones.js";
 import { describe, listOf, metres, MIN_COST_M, nameOf } from "./explanation_text.js";
 
 const COLOURS = { wall: "#e6ebf2", zone: "#d63384", open: "#0a84ff", other: "#ffb703" };
@@ -28,7 +31,7 @@ export function build(pane, context) {
   shared = context;
   words = make("p", { class: "words", role: "status", "data-testid": "why-words" });
   table = make("ul", { class: "rules", "data-testid": "why-rules" });
-  main = make("span", { "data-testid": "why-main" });
+  main = make("span", { class: "row", "data-testid": "why-main" });
   pane.append(make("div", { class: "head" }, words, main), table);
 }
 
@@ -69,7 +72,7 @@ function draw() {
   words.textContent = describe(explained, trial);
   const keys = explained.main_cost_m > MIN_COST_M ? explained.main : [];
   const title = keys.length > 1 ? t("Path without them") : t("Path without it");
-  main.replaceChildren(...(keys.length ? [trialButton(keys, title)] : []));
+  main.replaceChildren(...(keys.length ? [trialButton(keys, title)] : []), ...offButtons());
   const rows = rules.filter((rule) => !found || rule.along_m > 0 || rule.saves_m > MIN_COST_M);
   table.replaceChildren(...rows.map(ruleRow));
   if (!found && lift?.keys?.length) table.prepend(liftRow(lift.keys));
@@ -131,6 +134,25 @@ function trialButton(keys, title) {
     { "aria-pressed": String(isOn), "data-testid": "why-without", onclick: toggle },
     title,
   );
+}
+
+// The button that makes what is tried true: one rule of the operator is switched off, as in its list.
+function offButtons() {
+  const [kind, id] = trial?.keys.length === 1 ? trial.keys[0].split(":") : [];
+  const zone = kind === "zone" && world.zones.find((one) => one.id === id);
+  const entry =
+    kind === "class" && shared.beware.classes.find(({ class_id: one }) => String(one) === id);
+  if (!(zone || entry) || document.body.dataset.role === "viewer") return [];
+  const name = zone ? zone.properties.name : entry.name;
+  const switchClass = () =>
+    attempt(() => request("PATCH", `/beware/${encodeURIComponent(name)}`, { enabled: false }));
+  const onclick = async () => {
+    if (!(await (zone ? switchZone(zone, false) : switchClass()))) return;
+    trial = null;
+    await attempt(() => offerUndo(t("“{name}” is switched off.", { name })));
+    await tick(true);
+  };
+  return [make("button", { "data-testid": "why-off", onclick }, t("Switch it off"))];
 }
 
 function markPaths() {

@@ -22,8 +22,10 @@ export function levelOf({ kind, text }) {
   return LEVEL_OF_KIND[kind] ?? "detail";
 }
 
-// Entries of one start with the same kind and the same words, whatever the figures, are alike.
-export const keyOf = ({ kind, text, start }) => `${start} ${kind} ${text.replace(NUMBERS, "#")}`;
+// Entries of one start with the same kind and the same words are alike: whatever the figures, but
+// for what matters, in which a figure tells one goal or zone from another.
+export const keyOf = ({ kind, text, start }) =>
+  `${start} ${kind} ${LEVEL_OF_KIND[kind] === "notice" ? text : text.replace(NUMBERS, "#")}`;
 
 // The row among the nearest ones that already says what the entry says, or undefined. `rows` are
 // items with `folded`: { key, first, last, count }, times in seconds, nearest first.

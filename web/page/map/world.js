@@ -19,7 +19,8 @@ export const world = {
   candidates: { arcs: [], chosen: null },
 };
 // What the pointer is placing: a freehand stroke, a goal with its heading and the path to it, the
-// length that is measured, the robot's place; and the id of the goal that is dragged.
+// length that is measured, the robot's place, what takes the point that is asked for; and the id of
+// the goal that is dragged.
 export const sketch = {
   stroke: [],
   goal: null,
@@ -28,6 +29,7 @@ export const sketch = {
   verdict: "",
   measure: null,
   robot: null,
+  pointed: null,
   movedGoal: null,
 };
 

@@ -61,7 +61,7 @@ export function showGoals(state) {
     const name = child.querySelector(".name");
     if (name) setValue(name, goal.name);
     else setText(child.querySelector(".place"), `${goal.name} ${positionText(goal)}`);
-    setText(child.querySelector(".status"), statusText(goal, state.moving));
+    setText(child.querySelector(".status"), statusText(goal, state.phase === "driving"));
     const up = child.querySelector("[data-up]");
     if (up) set(up, { hidden: goal.number === 1 });
   });
@@ -77,10 +77,10 @@ onStale(() => {
     setText(status, status.textContent && t("unknown"));
 });
 
-function statusText(goal, isMoving) {
+function statusText(goal, isDriving) {
   if (goal.number === 0) return t("reached");
   if (goal.number > 1) return "";
-  return isMoving ? t("driving here") : t("next");
+  return isDriving ? t("driving here") : t("next");
 }
 
 const degrees = (yaw) => `${Math.round((yaw * 180) / Math.PI)}°`;

@@ -1,10 +1,11 @@
 // The settings of the path: what a metre of floor that was not seen yet costs. The map shows the
 // path that a new value would give, before it is applied.
 
-import { get, post, request } from "../core/api.js";
+import { get, request } from "../core/api.js";
 import { element, set, setText } from "../core/dom.js";
 import { decimal, t } from "../core/language.js";
-import { attempt, notify } from "../core/toasts.js";
+import { attempt } from "../core/toasts.js";
+import { offerUndo } from "../core/undo.js";
 import { asker, readPreview } from "../zones/preview.js";
 
 const button = document.querySelector("[popovertarget=path-menu]");
@@ -64,6 +65,5 @@ element("path-apply").onclick = () =>
     const price = Number(slider.value);
     await request("PUT", "/path/settings", { unknown_price: price });
     menu.hidePopover();
-    const undo = { label: t("Undo"), run: () => attempt(() => post("/edits/undo")) };
-    notify(meaning(price), { good: true, action: undo });
+    await offerUndo(meaning(price));
   });

@@ -2,17 +2,15 @@
 // sees; shown on the map.
 
 import { get, request } from "../core/api.js";
-import { element, make, reconcile, setText } from "../core/dom.js";
+import { make, reconcile, setText } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
 import { number, t } from "../core/language.js";
-import { attempt, notify } from "../core/toasts.js";
+import { attempt } from "../core/toasts.js";
 import { propose } from "../localisation/place.js";
 import { overlays, redraw } from "../map/map.js";
-import { startPlacing } from "../map/pointer/pick.js";
-import { canvas, toWorld } from "../map/view.js";
+import { askPose } from "../map/pointer/pick.js";
 import { world } from "../map/world.js";
 import { addGoal } from "../mission/goals.js";
-import { setMode } from "../zones/draft.js";
 
 const DOCK = "#ffd166";
 const TAG = "#f78fb3";
@@ -55,18 +53,13 @@ const withTag = (tag) => [...site.tags.filter(({ id }) => id !== tag.id), tag].s
 
 // `hide` and `show` close and open the panel, which covers the map.
 export function buildDockAndTags({ hide, show }) {
-  // Ask for a pose on the map: a click for the position, another one or a drag for the direction.
-  function pickPose(what, then) {
-    setMode("navigate");
-    element("tab-map").click();
+  // A click for the position, another one or a drag for the direction.
+  function pickPose(words, then) {
     hide();
-    notify(what, { good: true });
-    const asked = ({ offsetX, offsetY }) =>
-      startPlacing(toWorld(offsetX, offsetY), (pose) => {
-        then(pose);
-        show();
-      });
-    canvas.addEventListener("click", asked, { once: true });
+    askPose(words, (pose) => {
+      then(pose);
+      show();
+    });
   }
 
   const button = (testId, text, onclick, title = text) =>

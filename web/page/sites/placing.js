@@ -1,12 +1,11 @@
 // A Nav2 map becomes a site: two points are clicked on its image, and the same two on the map.
 
 import { post } from "../core/api.js";
-import { element, make, setText } from "../core/dom.js";
+import { make, setText } from "../core/dom.js";
 import { roundedPoint } from "../core/geometry.js";
 import { t } from "../core/language.js";
 import { attempt, notify } from "../core/toasts.js";
-import { canvas, toWorld } from "../map/view.js";
-import { setMode } from "../zones/draft.js";
+import { askPoint } from "../map/pointer/pick.js";
 import { decodeImage, readDescription } from "./nav2_image.js";
 
 const DOT_PX = 5;
@@ -53,18 +52,11 @@ export function buildPlacing({ hide, show, onMade }) {
   let map = null;
 
   function pickOnMap(name, field) {
-    setMode("navigate");
-    element("tab-map").click();
     hide();
-    notify(t("Click point {name} on the map.", { name }), { good: true });
-    canvas.addEventListener(
-      "click",
-      (event) => {
-        write(field, toWorld(event.offsetX, event.offsetY));
-        show();
-      },
-      { once: true },
-    );
+    askPoint(t("Click point {name} on the map.", { name }), (at) => {
+      write(field, at);
+      show();
+    });
   }
 
   function drawPoints() {

@@ -165,11 +165,18 @@ async function answered(path, options) {
   throw new Error(sentence((await response.json()).error?.message) ?? t("the console refuses the file"));
 }
 
-// The name that was typed, else one made of the name of a file.
+// The name that was typed, else one made of the name of a file, and of a number if a site has it.
 function nameFor(file) {
+  if (newName.value) return newName.value;
   const made = file.name.replace(/(\.site)?\.[a-z0-9]+$/i, "").replace(/[^A-Za-z0-9_-]+/g, "-");
-  return newName.value || made.replace(/^[-_]+|-+$/g, "").slice(0, 40) || "site";
+  const name = made.replace(/^[-_]+|-+$/g, "").slice(0, 36) || "site";
+  const taken = new Set([...list.children].map((item) => item.dataset.name));
+  let number = 1;
+  while (taken.has(numbered(name, number))) number += 1;
+  return numbered(name, number);
 }
+
+const numbered = (name, number) => (number === 1 ? name : `${name} ${number}`);
 
 function fileButton(label, testId, accept, onFiles) {
   const input = make("input", { type: "file", accept, "data-testid": testId });
@@ -183,11 +190,11 @@ function fileButton(label, testId, accept, onFiles) {
 }
 
 async function importArchive([file]) {
-  const name = nameFor(file);
-  await act(
-    () => answered(`/sites/import?name=${encodeURIComponent(name)}`, { method: "POST", body: file }),
-    t("Site {name} is made.", { name }),
-  );
+  const [name, typed] = [nameFor(file), newName.value];
+  await act(async () => {
+    await answered(`/sites/import?name=${encodeURIComponent(name)}`, { method: "POST", body: file });
+    clearSent(newName, typed);
+  }, t("Site {name} is made.", { name }));
 }
 
 export function open() {

@@ -47,6 +47,7 @@ export const draft = {
   tool: "polygon",
   id: null,
   version: null,
+  asked: "", // what the next click is to point to, in the mode "point"
   corners: [],
   selected: -1,
   width: 0.6,
@@ -214,7 +215,8 @@ export const asZone = () => ({
 // Show the draft as it is now, and ask what it would do to the path.
 export function changed() {
   describe(draft);
-  const [act, keys] = HINTS[draft.mode === "draw" ? draft.tool : draft.mode];
+  const hints = { ...HINTS, point: [draft.asked, CANCELS] };
+  const [act, keys] = hints[draft.mode === "draw" ? draft.tool : draft.mode];
   element("hint").replaceChildren(...(act ? [act, make("span", { class: "keys" }, ` ${keys}`)] : []));
   Object.assign(draft, { preview: [], present: [], verdict: "" });
   notifyListeners();

@@ -31,6 +31,8 @@ export function showForm(draft, zone, name) {
 }
 
 export function clearForm() {
+  // A hidden field has no focus: the keyboard goes on at the map, not at the top of the page.
+  if (form.contains(document.activeElement)) element("map-canvas").focus();
   form.hidden = true;
   form.reset();
   stored = null;

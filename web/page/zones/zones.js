@@ -4,7 +4,8 @@ import { post, request } from "../core/api.js";
 import { element, make, reconcile, setText, setValue } from "../core/dom.js";
 import { decimal, language, sentence, t, tn } from "../core/language.js";
 import { savedList } from "../core/saved_list.js";
-import { attempt, notify } from "../core/toasts.js";
+import { attempt } from "../core/toasts.js";
+import { offerUndo } from "../core/undo.js";
 import { setMode } from "./draft.js";
 
 const KEEP_OUT_COLOUR = "#d63384";
@@ -87,24 +88,23 @@ function termsOf({ kind, max_speed_mps: limit, margin_m: margin, expires_at_s: e
 
 const versionOf = (zone) => ({ "If-Match": `"${zone.properties.version}"` });
 
-async function putZone(zone, changes) {
+// Returns the zone as it is then, or undefined when the console has refused.
+function putZone(zone, changes) {
   const { geometry, properties } = zone;
   const feature = { type: "Feature", geometry, properties: { ...properties, ...changes } };
-  await attempt(() => request("PUT", addressOf(zone), feature, versionOf(zone)));
+  return attempt(() => request("PUT", addressOf(zone), feature, versionOf(zone)));
 }
 
 export async function switchZone(zone, enabled) {
-  await putZone(zone, { enabled });
+  const stored = await putZone(zone, { enabled });
   refresh();
+  return stored;
 }
 
 export async function removeZone(zone) {
   await attempt(async () => {
     await request("DELETE", addressOf(zone), undefined, versionOf(zone));
-    notify(t("Zone “{name}” is deleted.", zone.properties), {
-      good: true,
-      action: { label: t("Undo"), run: () => step("undo") },
-    });
+    await offerUndo(t("Zone “{name}” is deleted.", zone.properties));
   });
   refresh();
 }

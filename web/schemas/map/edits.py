@@ -38,12 +38,14 @@ class EditsOut(BaseModel):
     """Description of the edit that undo would take back; null without one."""
     redo: str | None
     """Description of the edit that redo would repeat; null without one."""
+    undo_number: int
+    """Number of the edit that undo would take back; 0 without one."""
 
     @staticmethod
     def of(edits: AllEdits) -> EditsOut:
         """Return the answer for the present history."""
         history = edits.history
-        return EditsOut(undo=history.undo, redo=history.redo)
+        return EditsOut(undo=history.undo, redo=history.redo, undo_number=history.undo_number)
 
 
 class EditDone(BaseModel):

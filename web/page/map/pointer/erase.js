@@ -3,6 +3,7 @@
 import { get, post } from "../../core/api.js";
 import { sentence, t } from "../../core/language.js";
 import { attempt, notify } from "../../core/toasts.js";
+import { offerUndo } from "../../core/undo.js";
 
 const RADIUS_M = 0.3;
 const CHOICES = [
@@ -35,13 +36,8 @@ export async function historyItems() {
 function erase(geometry, what, done) {
   return attempt(async () => {
     await post("/map/erase", { geometry, what });
-    offerUndo(`${done} ${t("What the camera sees there comes back.")}`);
+    await offerUndo(`${done} ${t("What the camera sees there comes back.")}`);
   });
-}
-
-// Say what was done to the map, with a button that takes it back.
-export function offerUndo(text) {
-  notify(text, { good: true, action: { label: t("Undo"), run: () => step("undo") } });
 }
 
 function step(action) {

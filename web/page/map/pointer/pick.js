@@ -1,7 +1,9 @@
 // Tools that take a point of the map: measuring a distance, and a pose, e.g. where the robot is.
 
+import { element } from "../../core/dom.js";
 import { distance, rounded } from "../../core/geometry.js";
 import { number } from "../../core/language.js";
+import { selectTab } from "../../core/page_tabs.js";
 import { propose } from "../../localisation/place.js";
 import { notify } from "../../core/toasts.js";
 import { draft, onDraft, setMode } from "../../zones/draft.js";
@@ -13,6 +15,18 @@ export function startMeasuring(from) {
   setMode("measure");
   sketch.measure = { from, to: from };
 }
+
+// Show the map and ask for a point of it in `words`; `then` takes the point.
+export function askPoint(words, then) {
+  selectTab("map");
+  element("tab-map").click();
+  draft.asked = words;
+  setMode("point");
+  sketch.pointed = then;
+}
+
+// The same for a pose.
+export const askPose = (words, then) => askPoint(words, (at) => startPlacing(at, then));
 
 // A pose at `at`; where the pointer goes next gives its heading. `then` takes the pose.
 export function startPlacing(at, then = propose) {
@@ -29,7 +43,12 @@ export function pointTo(at) {
 // The pointer was pressed and released at `at`.
 export function finishAt(at) {
   pointTo(at);
-  const { measure, robot } = sketch;
+  const { measure, robot, pointed } = sketch;
+  if (pointed) {
+    setMode("navigate");
+    pointed(at);
+    return;
+  }
   if (measure && distance(measure.from, measure.to) > MIN_ARROW_M) {
     notify(`${number(distance(measure.from, measure.to), 2)} m`, { good: true });
     setMode("navigate");
@@ -43,4 +62,5 @@ export function finishAt(at) {
 onDraft(() => {
   if (draft.mode !== "measure") sketch.measure = null;
   if (draft.mode !== "place") sketch.robot = null;
+  if (draft.mode !== "point") sketch.pointed = null;
 });

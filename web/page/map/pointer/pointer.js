@@ -46,7 +46,7 @@ const isNear = (point, event) => {
 function targetOf(event) {
   if (event.button !== 0) return { what: "map" };
   if (draft.mode === "goal") return { what: "goal" };
-  if (draft.mode === "measure" || draft.mode === "place") return { what: "pick" };
+  if (["measure", "place", "point"].includes(draft.mode)) return { what: "pick" };
   if (!isDrawing()) return grabOf(event);
   const corner = draft.corners.findIndex((point) => isNear(point, event));
   if (corner >= 0) return { what: "corner", index: corner };
@@ -211,6 +211,7 @@ canvas.addEventListener("pointercancel", (event) => {
 canvas.addEventListener("pointerleave", () => {
   if (!press) cancelPress();
   if (hover(null)) redraw();
+  setText(element("where"), "");
 });
 canvas.addEventListener("dblclick", (event) => {
   const target = targetAt([event.offsetX, event.offsetY]);
