@@ -81,7 +81,8 @@ def watched_page(address: str, size: tuple[int, int]) -> Iterator[DevTools]:
     """Show a page in a headless Chromium whose traffic nothing records.
 
     Playwright follows the network of its pages, whose processes keep the responses for it and grow
-    by some hundred megabytes an hour with the images of a camera. Raises `NoBrowser` without Chromium.
+    by some hundred megabytes an hour with the images of a camera. Raises `NoBrowser` without
+    Chromium.
     """
     executable = shutil.which("chromium")
     if executable is None:
