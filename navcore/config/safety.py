@@ -122,6 +122,9 @@ class KeepOutMonitorConfig:
     """Shares of the commanded velocity that are tried, the largest first."""
     sigmas: float = ranged(0.0, 6.0, default=2.0)
     """Standard deviations of the robot's position relative to a zone by which the zone grows."""
+    neighbour_m: float = ranged(0.0, 1.0, default=0.25)
+    """Distance in metres within which a beware cell that comes up without having been in view, as
+    after a correction of the map, counts as seen when its nearest neighbour was."""
     largest_growth_m: float = ranged(0.0, 2.0, default=0.30)
     """Growth in metres beyond which the position is too uncertain to drive fast near the zone; the
     planner keeps a clearance then."""

@@ -96,7 +96,8 @@ class RobotController:
         self._blocked_since_ns: int | None = None
         self._held_since_ns: int | None = None
         self._cell_margins = CellMargins(
-            sigmas=DEFAULT_SAFETY.keep_out.sigmas,
+            keep_out=DEFAULT_SAFETY.keep_out,
+            odometry=navigator.config.localisation.odometry,
             resolution_m=navigator.map.spec.resolution_m,
             range_m=KEEP_OUT_REACH_M,
         )

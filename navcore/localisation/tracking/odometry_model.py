@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navcore.config.localisation import DEGPH, OdometryConfig
+from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 
 X, Y, YAW, GYRO_BIAS, LENGTH_SCALE, GYRO_SCALE, SCAN_SCALE = range(7)
@@ -130,6 +131,31 @@ class OdometryMotion:
         swing[:2, YAW] = y - pose.y_m, pose.x_m - x
         into = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ swing
         return pose, into @ self._noise @ into.T, into @ self._by_errors
+
+
+def travel_of(step: OdometryStep, config: OdometryConfig = _DEFAULT) -> Floats:
+    """Return distance in metres, turn in radians and duration in seconds of a step, (3,); the sum
+    over steps is a travel. Zero at standstill."""
+    if step.is_standing(config):
+        return np.zeros(3)
+    return np.array([step.distance_m, abs(step.turn_rad), step.duration_s])
+
+
+def travel_variance(travel: Floats, away_m: Floats, config: OdometryConfig = _DEFAULT) -> Floats:
+    """Return bounds of the variance, in any direction, of the position relative to the robot of
+    what was last seen before a travel and is away now; (N,) in square metres.
+
+    Noise adds up its variances, constant errors themselves; an error of heading swings all of the
+    distance. `travel` is (N, 3), `away_m` (N,) in metres.
+    """
+    distance_m, turn_rad, duration_s = travel.T
+    yaw_noise = math.radians(config.gyro_noise_deg) ** 2 * duration_s
+    yaw_bias = (config.gyro_bias_degph * DEGPH * duration_s) ** 2
+    yaw_scale = (config.gyro_scale * turn_rad) ** 2
+    slip = config.slip_m**2 * distance_m + config.turn_slip_m**2 * turn_rad
+    scale = (config.length_scale * distance_m) ** 2
+    swing = (yaw_noise + yaw_bias + yaw_scale) * (distance_m + away_m) ** 2
+    return np.asarray(slip + scale + swing)
 
 
 def _turn(state: Matrix, step: OdometryStep) -> float:

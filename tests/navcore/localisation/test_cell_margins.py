@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from navcore.config.localisation import OdometryConfig
+from navcore.config.safety import KeepOutMonitorConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.cell_margins import CellMargins
 from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.tracking.odometry_model import travel_variance
 from navcore.robot.frame import Frame
 from tests.navcore.scene import picture
 
@@ -20,11 +23,17 @@ def place(sigma_m: float) -> LocalisationEstimate:
 
 @pytest.fixture
 def margins() -> CellMargins:
-    return CellMargins(sigmas=2.0, resolution_m=0.05, range_m=6.0)
+    return CellMargins(
+        keep_out=KeepOutMonitorConfig(sigmas=2.0, neighbour_m=0.25),
+        odometry=OdometryConfig(),
+        resolution_m=0.05,
+        range_m=6.0,
+    )
 
 
 def turned(yaw_rad: float) -> Frame:
-    return picture(pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=yaw_rad))
+    """A frame of a robot that has turned on the spot by an angle, at 30 rad/s."""
+    return picture(pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=yaw_rad), stamp_ns=int(yaw_rad / 30 * 1e9))
 
 
 def test_what_is_in_view_grows_by_nothing(margins: CellMargins) -> None:
@@ -32,9 +41,30 @@ def test_what_is_in_view_grows_by_nothing(margins: CellMargins) -> None:
 
 
 def test_what_was_in_view_grows_by_the_uncertainty_since(margins: CellMargins) -> None:
+    margins.follow(AHEAD, turned(0.0), place(0.300))
+    grown = 2 * np.sqrt(0.301**2 - 0.300**2)
+    assert margins.follow(AHEAD, turned(3.0), place(0.301)) == pytest.approx([grown])
+
+
+def test_it_grows_by_no_more_than_odometry_has_become_uncertain(margins: CellMargins) -> None:
     margins.follow(AHEAD, turned(0.0), place(0.3))
-    assert margins.follow(AHEAD, turned(3.0), place(0.5)) == pytest.approx([0.8])
+    (turning,) = margins.follow(AHEAD, turned(3.0), place(0.5))
+    bound = 4 * travel_variance(np.array([[0.0, 3.0, 0.1]]), np.array([2.0]))
+    assert turning == pytest.approx(np.sqrt(bound[0])) and 0.05 < turning < 0.3
+    unseen = np.vstack([AHEAD, [[2.0, 1.0]]])  # control
+    assert margins.follow(unseen, turned(3.0), place(0.5))[1] == pytest.approx(1.0)
 
 
 def test_what_was_never_in_view_is_as_uncertain_as_the_place(margins: CellMargins) -> None:
     assert margins.follow(AHEAD, turned(3.0), place(0.3)) == pytest.approx([0.6])
+
+
+def test_a_cell_that_a_correction_moves_has_the_history_of_its_neighbour(
+    margins: CellMargins,
+) -> None:
+    margins.follow(AHEAD, turned(0.0), place(0.3))
+    (before,) = margins.follow(AHEAD, turned(3.0), place(0.5))
+    moved_and_far = np.array([[2.1, 0.1], [2.1, 0.5]])
+    beside, alone = margins.follow(moved_and_far, turned(3.0), place(0.5))
+    assert beside == pytest.approx(before, rel=0.1)
+    assert alone == pytest.approx(1.0)

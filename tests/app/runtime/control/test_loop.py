@@ -135,7 +135,7 @@ def rig() -> Iterator[Rig]:
     assert robot.sent[-1][1] == STANDSTILL
 
 
-def until(holds: Any, patience_s: float = 20.0) -> None:
+def until(holds: Any, patience_s: float = 60.0) -> None:
     deadline = time.monotonic() + patience_s
     while not holds():
         assert time.monotonic() < deadline, "it never happened"

@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from navcore.config.localisation import DEGPH, OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
-from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep
+from navcore.localisation.tracking.odometry_model import (
+    OdometryMotion,
+    OdometryStep,
+    initial_covariance,
+    travel_of,
+    travel_variance,
+)
 from navcore.localisation.tracking.pose_filter import PoseFilter, difference
 from tests.navcore.laws import law
 
@@ -196,3 +202,27 @@ def test_a_motion_that_odometry_excludes_is_refused() -> None:
 
     assert not own.fuse_motion(known @ np.array([-0.2, 0.0, 0.0]), known, gate=9.0)
     assert own.pose == before
+
+
+def test_the_bound_after_a_travel_covers_all_that_was_seen_before_and_not_much_more() -> None:
+    rng = np.random.default_rng(5)
+    constant = initial_covariance()[3:6, 3:6]
+    ratios = []
+    for _ in range(60):
+        motion, travel = OdometryMotion(START), np.zeros(3)
+        speed_mps, turn_radps = rng.uniform(0.2, 1.0), rng.uniform(-0.5, 0.5)
+        for _ in range(int(rng.integers(5, 100))):
+            step = OdometryStep(
+                along_m=0.1 * speed_mps, aside_m=0.0, turn_rad=0.1 * turn_radps, duration_s=0.1
+            )
+            motion.advance(step)
+            travel = travel + travel_of(step)
+        pose, noise, by_errors = motion.to(START)
+        x, y = pose.from_parent(rng.uniform(-2.0, 2.0, (1, 2)))[0]
+        relative = np.array([[-1.0, 0.0, y], [0.0, -1.0, -x]])
+        covariance = relative @ (noise + by_errors @ constant @ by_errors.T) @ relative.T
+        (bound,) = travel_variance(travel[None], np.array([math.hypot(x, y)]))
+        ratios.append(bound / np.linalg.eigvalsh(covariance)[-1])
+
+    assert min(ratios) >= 0.99
+    assert np.median(ratios) < 4.0
