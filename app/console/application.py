@@ -24,6 +24,7 @@ from app.console.mission.path_settings import stored_unknown_price
 from app.console.operations import LiveOperations
 from app.console.site.site_map import beware_of, map_of, put_in_force
 from app.console.site.sites import SESSION_PERIOD_S, expected_place, mission_of
+from app.replay.odometry import for_recordings
 from app.runtime.control.background import Background, ThreadBackground
 from app.runtime.control.loop import ControlLoop, PeriodicThread, lower_other_priorities
 from app.runtime.control.operator_state import OperatorState
@@ -154,6 +155,8 @@ def console(
         config = (
             NavigatorConfig() if options.navigation is None else load_config(options.navigation)
         )
+        if options.recording is not None and options.navigation is None:
+            config = for_recordings(config)
         store = Store(options.data)
         stack.callback(store.close)
         composing = functools.partial(prepared_perception, config=config.perception, say=say)

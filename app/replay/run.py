@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from app.replay.odometry import for_recordings
 from app.replay.recording import Recording
 from app.replay.reference import Agreement, Reference, agreement, occupied_cells
 from app.replay.robot import base_below, frames_of, map_around
@@ -58,7 +59,8 @@ def replay(
 ) -> Replayed:
     """Tick through all frames; at the last one plan to `goal`, by default the camera's start.
 
-    Raises `BadGeometry` for a goal outside the map.
+    Whatever odometry `config` expects, it is that of recordings. Raises `BadGeometry` for a goal
+    outside the map.
     """
     spec = map_around(
         recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=RESOLUTION_M
@@ -69,7 +71,9 @@ def replay(
         raise BadGeometry(
             f"the goal ({goal[0]:g}, {goal[1]:g}) is outside the recording's map, {spec.extent()}"
         )
-    navigator = Navigator(spec=spec, profile=profile, segmenter=segmenter, config=config)
+    navigator = Navigator(
+        spec=spec, profile=profile, segmenter=segmenter, config=for_recordings(config)
+    )
     durations_ms = []
     for done, frame in enumerate(frames_of(recording, T_map_world), start=1):
         order = NavigationRequest(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import socket
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +93,34 @@ def test_after_a_stop_no_thread_and_no_port_is_left_though_clients_were_connecte
     with socket.socket() as again:
         again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         again.bind(("127.0.0.1", port))
+
+
+def test_a_stop_closes_connections_that_come_meanwhile(operations: FakeOperations) -> None:
+    console = ConsoleServer(operations, port=0)
+    console.start()
+    port, clients, done = (
+        int(console.url.rsplit(":", 1)[1]),
+        list[socket.socket](),
+        threading.Event(),
+    )
+
+    def knock() -> None:
+        while not done.is_set():
+            try:
+                clients.append(socket.create_connection(("127.0.0.1", port), timeout=1.0))
+                clients[-1].sendall(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            except OSError:
+                return
+
+    knocking = threading.Thread(target=knock)
+    knocking.start()
+    time.sleep(0.1)
+    console.stop()
+    done.set()
+    knocking.join()
+    for client in clients:
+        client.close()
+    gc.collect()  # what was left open warns now, and a warning is an error
 
 
 def test_the_page_of_the_viewer_comes_through_the_door(client: httpx.Client) -> None:
