@@ -117,6 +117,22 @@ def gather(_typing: Any, array: Any, _offset: Any, _of: Any) -> Any:
     return types.uint64(array, types.int64, types.uint8), generate
 
 
+@instruction
+def cells_from(_typing: Any, plane: Any, _byte: Any) -> Any:
+    """Return 32 cells of a contiguous plane, as the bits of a uint32, from a byte of it on.
+
+    Bounds are not checked.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        first = builder.bitcast(data, ir.IntType(8).as_pointer())
+        address = builder.bitcast(builder.gep(first, [arguments[1]]), ir.IntType(32).as_pointer())
+        return builder.load(address, align=1)
+
+    return types.uint32(plane, types.int64), generate
+
+
 def empty_plane(rows: int, cols: int) -> BitPlane:
     """Return a plane of zeros for (rows, cols) cells and the padding around them."""
     return np.zeros((64 * blocks(rows), blocks(cols)), dtype=np.uint64)

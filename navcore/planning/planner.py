@@ -14,12 +14,10 @@ import math
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import BoolGrid, Cell
 from navcore.planning.path import REASONS, NoPath, Path
-from navcore.planning.search.jump_point_search import FOUND, find
+from navcore.planning.search.jump_point_search import ENDLESS, FOUND, find
 from navcore.planning.search.open_list import SearchWorkspace
 
 SQRT2 = math.sqrt(2.0)
-ENDLESS = 1 << 62
-"""Budget of a search that is never given up."""
 
 
 def plan(
@@ -30,7 +28,8 @@ def plan(
     `blocked` is bool (rows, cols), True where the robot's centre may not be; `start` and `goal` are
     (row, col). The result is exactly optimal and deterministic. `max_expansions` bounds the search
     (`Reason.TIMEOUT`) by work, not by a clock: by the number of straight walks and diagonal steps,
-    of which a query has some ten (open space) to some ten thousand (a maze).
+    of which a query has some ten (open space) to some ten thousand (a maze), or that of cells on
+    the open list where a search goes on from cell to cell.
     """
     space = FreeSpace.of(blocked)
     return plan_in(space, SearchWorkspace(space), start, goal, max_expansions=max_expansions)

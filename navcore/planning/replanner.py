@@ -14,8 +14,15 @@ from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import Cell
 from navcore.grid.growth import Growth
 from navcore.planning.path import REASONS, NoPath, Path, Reason
-from navcore.planning.planner import ENDLESS, SQRT2
-from navcore.planning.search.jump_point_search import FOUND, FULL, TIMEOUT, UNREACHABLE, search
+from navcore.planning.planner import SQRT2
+from navcore.planning.search.jump_point_search import (
+    ENDLESS,
+    FOUND,
+    FULL,
+    TIMEOUT,
+    UNREACHABLE,
+    search,
+)
 from navcore.planning.search.open_list import (
     BOUND,
     FAR,

@@ -18,8 +18,9 @@ from navcore.compiled import compiled
 from navcore.geometry.arrays import Indices
 from navcore.grid.grid import BoolGrid, Cell
 from navcore.planning.path import REASONS, NoPath, Path
-from navcore.planning.planner import ENDLESS, SQRT2
+from navcore.planning.planner import SQRT2
 from navcore.planning.search.jump_point_search import (
+    ENDLESS,
     FOUND,
     GOAL_BLOCKED,
     OUTSIDE,

@@ -12,6 +12,8 @@ over words to the next jump point. Four details differ:
   the best path known.
 * On a diagonal the straight walks to both sides that are dead ends are known beforehand and not
   taken (`FreeSpace`); cells with no other are passed many at a time (`search.diagonals`).
+
+Among dense random obstacles, where walks end after a few cells, `search.canonical_astar` goes on.
 """
 
 from __future__ import annotations
@@ -34,11 +36,13 @@ from navcore.grid.free_space import (
     find_dead_ends,
 )
 from navcore.grid.grid import Cell
+from navcore.planning.search.canonical_astar import search_cells, trace_cells
 from navcore.planning.search.diagonals import passable, settle, survey
 from navcore.planning.search.open_list import (
     BEST,
     BOUND,
     BUCKET,
+    CELL_ROOM,
     COLS,
     FAR,
     FINE,
@@ -46,10 +50,13 @@ from navcore.planning.search.open_list import (
     GOAL_COL,
     GOAL_ROW,
     KEY,
+    LABELS,
     LACKING,
     LEAST,
     LENGTH,
     PARENT,
+    PUSHED,
+    QUEUE,
     REACHED,
     ROOT,
     ROWS,
@@ -58,6 +65,7 @@ from navcore.planning.search.open_list import (
     UNIT,
     WAITING,
     WALKS,
+    WORK,
     Memory,
     SearchWorkspace,
     begin,
@@ -86,6 +94,12 @@ obstacles; and where it is not surveyed."""
 BEFORE_FLOOD, SWEEPS = 1 << 17, 3
 """Number of straight walks and diagonal steps after which a flood from the goal may tell that there
 is no path, and the number of sweeps that it may take."""
+BEFORE_CELLS, SHORT, WIDE = 128, 8, 12
+"""Number of entries of the open list after which the search goes on from cell to cell
+(`search.canonical_astar`) if its walks have been shorter than this many cells on average, and at
+least so many jump points wait: in the corridors of a maze there are few cells to open at once."""
+ENDLESS = 1 << 62
+"""Budget of a search that is never given up."""
 
 
 def find(
@@ -95,7 +109,8 @@ def find(
     number of diagonal steps.
 
     There are no cells without a path. `budget` is the number of straight walks and diagonal steps
-    after which the search is given up.
+    after which the search is given up, and of the entries of the open list where it goes on from
+    cell to cell.
     """
     while True:
         outcome = search(
@@ -145,11 +160,20 @@ def search(
     if at < 0:
         return UNREACHABLE, np.empty((0, 2), dtype=np.int64), 0
     settle(across, along)
-    saved = mark_goal(across, along, goal)
     want(memory, at, ANYWHERE)
     first = min(budget, BEFORE_FLOOD)
-    status = run(across, along, diagonal_ends, memory, first)
-    unmark_goal(across, along, goal, saved)
+    status = run(across, along, diagonal_ends, memory, goal, first, BEFORE_CELLS)
+    cells = np.empty((0, 2), dtype=np.int64)
+    if status == TIMEOUT and memory[PUSHED] >= BEFORE_CELLS and is_cluttered(memory):
+        if memory[CELL_ROOM] == 0:
+            status, memory[LACKING] = FULL, LABELS
+        elif search_cells(across[FREE], memory, start, goal, budget):
+            cells = trace_cells(across[FREE], memory, start, goal)
+            status = FOUND if memory[BEST] < memory[BOUND] else UNREACHABLE
+        elif budget < memory[CELL_ROOM]:
+            first = budget = 0  # Used up.
+    if status == TIMEOUT and memory[WORK] <= first:
+        status = run(across, along, diagonal_ends, memory, goal, first, ENDLESS)
     if status == TIMEOUT and budget > first:
         # Without a path a search visits all that it can reach; a flood mostly tells in less time
         # than the search has taken so far.
@@ -157,15 +181,26 @@ def search(
         if are_separate(across[FREE], ends[0], ends[1], SWEEPS):
             status, memory[BOUND] = UNREACHABLE, FAR
         else:
-            saved = mark_goal(across, along, goal)
-            status = run(across, along, diagonal_ends, memory, budget - first)
-            unmark_goal(across, along, goal, saved)
+            status = run(across, along, diagonal_ends, memory, goal, budget, ENDLESS)
     while memory[WAITING] > 0:
         pop(memory)
-    if status == FOUND:
+    if status != FOUND:
+        return status, np.empty((0, 2), dtype=np.int64), 0
+    if len(cells) == 0:
         cells = trace(across, memory, start, goal)
-        return FOUND, cells, (memory[BEST] - (len(cells) - 1) * UNIT) // (ROOT - UNIT)
-    return status, np.empty((0, 2), dtype=np.int64), 0
+    return FOUND, cells, (memory[BEST] - (len(cells) - 1) * UNIT) // (ROOT - UNIT)
+
+
+@lean
+def is_cluttered(memory: Memory) -> bool:
+    """Return whether walks have been short so far and many jump points wait."""
+    total = 0
+    for entry in range(memory[PUSHED]):
+        at = memory[memory[QUEUE] + entry] & 0xFFFFFFFF
+        cell, parent = memory[at + KEY] & 0xFFFFFFFF, memory[at + PARENT]
+        rows, cols = (cell >> 16) - (parent >> 16), (cell & 0xFFFF) - (parent & 0xFFFF)
+        total += max(abs(rows), abs(cols))
+    return bool(total < SHORT * memory[PUSHED] and memory[WAITING] >= WIDE)
 
 
 @inlined
@@ -210,26 +245,39 @@ def unmark_goal(
 
 @lean
 def run(
-    across: BitPlanes, along: BitPlanes, diagonal_ends: BitPlanes, memory: Memory, budget: int
+    across: BitPlanes,
+    along: BitPlanes,
+    diagonal_ends: BitPlanes,
+    memory: Memory,
+    goal: int,
+    budget: int,
+    entries: int,
 ) -> int:
-    """Open bucket after bucket until none can contain a shorter path."""
-    while memory[WAITING] > 0:
+    """Open bucket after bucket until none can contain a shorter path; `TIMEOUT` once the search has
+    done more work than `budget`, or has had so many entries on its open list."""
+    saved = mark_goal(across, along, goal)
+    status = TIMEOUT
+    while memory[WORK] <= budget and memory[PUSHED] < entries:
+        if memory[WAITING] == 0:
+            status = FOUND if memory[BEST] < memory[BOUND] else UNREACHABLE
+            break
         at = pop(memory)
         if memory[BEST] <= memory[FLOOR] or memory[BUCKET] > (memory[BEST] - memory[LEAST]) >> (
             SHIFT - FINE
         ):
+            status = FOUND if memory[BEST] < memory[BOUND] else UNREACHABLE
             break
         walks = memory[at + WALKS]
         todo = walks & ~(walks >> 8) & 0xFF
         if todo == 0:
             continue
         memory[at + WALKS] = walks | todo << 8
-        budget -= open_cell(across, along, diagonal_ends, memory, at, todo)
+        memory[WORK] += open_cell(across, along, diagonal_ends, memory, at, todo)
         if memory[LACKING]:
-            return FULL
-        if budget < 0:
-            return TIMEOUT
-    return FOUND if memory[BEST] < memory[BOUND] else UNREACHABLE
+            status = FULL
+            break
+    unmark_goal(across, along, goal, saved)
+    return status
 
 
 @inlined

@@ -31,17 +31,38 @@ FAR = 1 << 62
 """Longer than any path."""
 
 # A search's memory is one array of int64, so that passing it costs little. First some counters:
-PUSHED, WAITING, BEST, REACHED, STAMP, GOAL_ROW, GOAL_COL, LEAST, BUCKET, LACKING, BOUND, FLOOR = (
-    range(12)
-)
+(
+    PUSHED,
+    WAITING,
+    BEST,
+    REACHED,
+    STAMP,
+    GOAL_ROW,
+    GOAL_COL,
+    LEAST,
+    BUCKET,
+    LACKING,
+    BOUND,
+    FLOOR,
+    WORK,
+) = range(13)
 # The constants of a search:
-RING, SLOTS, ROOM, TABLE, QUEUE, ROWS, COLS = range(12, 19)
+RING, SLOTS, ROOM, TABLE, QUEUE, ROWS, COLS = range(13, 20)
+# Those of `search.canonical_astar`: indices of its buckets, labels and entries, the number of
+# entries that there is room for, and the number of its searches.
+CELL_BUCKETS, CELL_LABELS, CELL_ENTRIES, CELL_ROOM, CELL_SEARCHES = range(20, 25)
 # Then the ring of buckets, each with 1 + its newest entry, or 0, and a bit for each that has one:
-HEADS = 24
+HEADS = 25
 # Then the hash table with a row of four for every cell that was reached: (stamp, cell), length from
 # the start, the parent's cell, and bits for the walks wanted (0 to 7) and done (8 to 15). Then the
-# queue: (next entry of the bucket, row).
+# queue: (next entry of the bucket, row). Last, once a search has asked for it, what
+# `search.canonical_astar` needs: eight buckets, a label for each cell of the planes, and the
+# entries of its open list.
 KEY, LENGTH, PARENT, WALKS = 0, 1, 2, 3
+LABELS = 2
+"""What a search lacks: 1 space for cells that it has reached, 2 the labels of all cells."""
+MOST_ENTRIES = 1 << 20
+"""Number of entries of the open list of `search.canonical_astar` at most."""
 FINE = 4
 """Binary logarithm of the number of buckets to a cell of length."""
 
@@ -55,20 +76,29 @@ class SearchWorkspace:
         self._ring = 1 << (3 * (space.rows + space.cols + 4) << FINE).bit_length()
         self._sides, self.cells = (space.rows, space.cols), cells
         """Number of cells that a search may reach before the memory has to grow."""
+        self._planes, self._labels = 64 * space.across[0].size, 0
         self.memory = self._new()
 
     def grow(self) -> None:
-        """Make the memory four times as large, and forget everything."""
-        self.cells *= 4
+        """Add the memory that the last search lacked, and forget everything."""
+        if self.memory[LACKING] == LABELS:
+            self._labels = self._planes
+        else:
+            self.cells *= 4
         self.memory = self._new()
 
     def _new(self) -> Memory:
         table = HEADS + self._ring + (self._ring >> 6)
         queue = table + 2 * self.cells * 4
-        memory = np.zeros(queue + 2 * self.cells, dtype=np.int64)
+        buckets = queue + 2 * self.cells
+        entries = buckets + 8 + self._labels
+        room = min(self._labels, MOST_ENTRIES)
+        memory = np.zeros(entries + room, dtype=np.int64)
         memory[RING], memory[SLOTS], memory[ROOM] = self._ring, 2 * self.cells, 2 * self.cells
         memory[TABLE], memory[QUEUE] = table, queue
         memory[ROWS], memory[COLS] = self._sides
+        memory[CELL_BUCKETS], memory[CELL_LABELS] = buckets, buckets + 8
+        memory[CELL_ENTRIES], memory[CELL_ROOM] = entries, room
         return memory
 
 
@@ -78,7 +108,7 @@ def begin(memory: Memory, start: int, goal: int, bound: int, floor: int) -> None
     than `floor`."""
     memory[STAMP] += 1
     memory[BEST] = memory[BOUND] = bound
-    for counter in (PUSHED, WAITING, REACHED, BUCKET, LACKING):
+    for counter in (PUSHED, WAITING, REACHED, BUCKET, LACKING, WORK):
         memory[counter] = 0
     memory[GOAL_ROW], memory[GOAL_COL] = goal >> 16, goal & 0xFFFF
     memory[LEAST] = octile((start >> 16) - (goal >> 16), (start & 0xFFFF) - (goal & 0xFFFF))
