@@ -98,6 +98,13 @@ def test_the_console_reads_a_catalog_as_babel_does(code: str) -> None:
     assert ENGLISH not in CODES
 
 
+def test_no_text_has_an_expression_that_new_users_had_to_guess(current: Catalog) -> None:
+    guessed = ("binds", "again and again", "▲ nothing", "motions to choose from", "wrong: it is")
+    said = [text for message in current if message.id for text in forms(message.id)]
+    assert any("in force" in text for text in said)  # what is said instead
+    assert [text for text in said for words in guessed if words in text] == []
+
+
 MAKES_SENTENCES = re.compile(
     r"StopReason\(\s*cause|raise (?:Refused|NotKnown|Outdated|AlreadyThere|BlockedGoal)\("
     r"|event_log\.note\(|\btell\(f?\""

@@ -84,6 +84,41 @@ def test_control_is_asked_for_and_taken_over_and_both_pages_say_so(
     expect(first.get_by_test_id("state-badge")).to_contain_text("DRIVING")
 
 
+def test_a_refusal_for_want_of_control_offers_to_take_over(
+    open_page: Opener, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    first, second = open_page(server, None), open_page(server, None)
+    mine = "● You have control"
+
+    def drive_by_hand(page: Page) -> None:
+        page.get_by_test_id("drive-forward").press("ArrowUp")
+
+    def add_goal(page: Page) -> None:
+        page.get_by_test_id("goal-input").fill("3, 0")
+        page.get_by_test_id("goal-add").click()
+
+    def start(page: Page) -> None:
+        page.get_by_test_id("start").click()
+
+    add_goal(first)
+    for page in (first, second):
+        page.get_by_test_id("teleop-open").click()
+    holder, other = first, second
+    for act in (drive_by_hand, add_goal, start):
+        expect(holder.get_by_test_id("control-text")).to_have_text(mine)
+        act(other)
+        take = other.get_by_test_id("toast-action").filter(has_text="Take over")
+        take.click()
+        expect(other.get_by_test_id("control-text")).to_have_text(mine)
+        holder, other = other, holder
+    # The control: what is refused for another reason offers nothing of the kind.
+    holder.get_by_test_id("goal-input").fill("99")
+    holder.get_by_test_id("goal-add").click()
+    refused = holder.locator("#toasts .toast").filter(has_text="is no goal")
+    expect(refused).to_be_visible()
+    expect(refused.get_by_test_id("toast-action")).to_have_count(0)
+
+
 def test_an_admin_manages_users_by_keyboard_and_only_admins_see_the_panel(
     open_page: Opener, locked: ConsoleServer, accounts: Accounts
 ) -> None:

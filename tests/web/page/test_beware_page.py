@@ -11,6 +11,7 @@ from navcore.mission.beware_list import as_toml
 from navcore.perception.labels import LabelSource
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, middle_of
+from tests.web.page.states import SIZES, open_tab
 
 
 def row(page: Page, name: str) -> Locator:
@@ -21,6 +22,25 @@ def row(page: Page, name: str) -> Locator:
 def names(operations: FakeOperations) -> list[str]:
     """Return the names in the list, in order."""
     return [entry.name for entry in operations.beware.list.classes]
+
+
+def test_no_row_moves_when_the_first_of_a_class_is_seen(
+    page: Page, operations: FakeOperations
+) -> None:
+    boxes = """() => [...document.querySelectorAll("#beware > li > *")].map((part) => {
+      const { left, top, width, height } = part.getBoundingClientRect();
+      return part.className === "seen" ? "" : [part.className, left, top, width, height].join();
+    })"""
+    seen = row(page, "cup").get_by_test_id("seen-count")
+    for width, height in SIZES.values():
+        page.set_viewport_size({"width": width, "height": height})
+        open_tab(page, "more")
+        operations.insight.detections.mark(1, "rejected")
+        expect(seen).to_have_text("")
+        before = page.evaluate(boxes)
+        operations.insight.detections.mark(1, None)
+        expect(seen).to_have_text("1 seen")
+        assert page.evaluate(boxes) == before
 
 
 def test_a_class_is_edited_with_a_preview_and_one_undo_takes_the_last_edit_back(

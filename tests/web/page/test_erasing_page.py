@@ -69,6 +69,9 @@ def test_a_detection_that_is_not_one_is_rejected_and_its_place_can_be_taken_back
     page.get_by_test_id("reject").click()
     expect(page.get_by_test_id("toasts")).to_contain_text("The place of the cup is free.")
     expect(page.get_by_test_id("detection")).to_contain_text("not one")
+    expect(page.get_by_test_id("seen-counts")).to_have_text(
+        "None of the detections counts: each was rejected or corrected."
+    )
     expect(page.get_by_test_id("rejected-place")).to_contain_text("You said that this is no cup")
     page.get_by_test_id("rejected-forget").click()
     expect(page.get_by_test_id("rejected-place")).to_have_count(0)

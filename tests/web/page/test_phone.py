@@ -56,6 +56,18 @@ def tap_stop(page: Page) -> None:
     expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
 
 
+def test_a_latched_stop_makes_the_header_no_higher(open_phone: Opener) -> None:
+    page = open_phone(*PHONE)
+    height = page.locator(".bar").evaluate("(bar) => bar.offsetHeight")
+    tap_stop(page)
+    reset = page.get_by_test_id("reset")
+    expect(reset).to_be_enabled()
+    assert page.locator(".bar").evaluate("(bar) => bar.offsetHeight") == height
+    assert page.get_by_test_id("state-text").evaluate("(it) => it.scrollHeight <= it.clientHeight")
+    page.touchscreen.tap(*middle_of(reset))
+    expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
+
+
 def test_hints_leave_out_the_keys_and_the_list_of_keys_begins_at_its_top(
     open_phone: Opener,
 ) -> None:

@@ -71,6 +71,26 @@ def test_sites_are_made_chosen_renamed_copied_and_deleted_by_hand(
     expect(page.get_by_test_id("sites-button")).to_be_focused()
 
 
+def test_the_question_before_a_deletion_waits_for_the_reader_and_ends_with_the_focus(
+    panel: Locator, operations: FakeOperations
+) -> None:
+    page = panel.page
+    make_site(panel, "hall")
+    delete = row(panel, "hall").get_by_test_id("site-delete")
+    page.clock.install()
+    press(delete)
+    page.clock.run_for(60_000)
+    expect(delete).to_have_text("Delete?")
+    for key in ("Tab", "x"):
+        page.keyboard.press(key)
+        expect(delete).to_have_text("✕")
+        delete.press("Enter")
+        expect(delete).to_have_text("Delete?")
+    assert {site.name for site in operations.sites.all()} == {"default", "hall"}
+    delete.press("Enter")
+    expect(row(panel, "hall")).to_have_count(0)
+
+
 def test_a_refusal_is_shown_and_the_site_stays(panel: Locator, operations: FakeOperations) -> None:
     page = panel.page
     make_site(panel, "hall")
@@ -157,13 +177,13 @@ def test_dock_and_tags_are_set_by_the_robots_place_the_map_and_the_camera(
     assert here is not None and pose.x_m is not None
     assert (here.x_m, here.y_m) == pytest.approx((pose.x_m, pose.y_m), abs=0.01)
     hint = page.get_by_test_id("hint")
-    press(panel.get_by_test_id("dock-pick"))
+    press(panel.get_by_test_id("dock-set"))
     expect(hint).to_contain_text("Click the middle of the robot in its dock")
     page.keyboard.press("Escape")
     page.mouse.click(*on_page(page, -3.0, 3.0))
     expect(hint).to_be_hidden()  # the click sets no dock any more
     press(page.get_by_test_id("sites-button"))
-    press(panel.get_by_test_id("dock-pick"))
+    press(panel.get_by_test_id("dock-set"))
     expect(panel).to_be_hidden()
     page.mouse.click(*on_page(page, -3.0, 3.0))
     expect(hint).to_have_text(re.compile("^Drag or click in the direction in which it faces"))
@@ -178,7 +198,7 @@ def test_dock_and_tags_are_set_by_the_robots_place_the_map_and_the_camera(
     press(panel.get_by_test_id("tag-add"))
     expect(panel.get_by_test_id("tag")).to_have_count(1)
     panel.get_by_test_id("tag-number").fill("7")
-    press(panel.get_by_test_id("tag-pick"))
+    press(panel.get_by_test_id("tag-set"))
     page.mouse.click(*on_page(page, -4.0, 3.0))
     page.mouse.click(*on_page(page, -3.0, 3.0))
     expect(panel.get_by_test_id("tag")).to_have_count(2)
@@ -192,3 +212,29 @@ def test_dock_and_tags_are_set_by_the_robots_place_the_map_and_the_camera(
     expect(panel.get_by_test_id("dock-text")).to_contain_text("No dock yet")
     assert site().dock is None
     assert page.evaluate(UNNAMED) == []
+
+
+def test_dock_and_tag_are_set_by_keyboard_alone(page: Page, operations: FakeOperations) -> None:
+    await_map(page)
+    page.get_by_test_id("sites-button").press("Enter")
+    expect(page.get_by_test_id("dock-text")).to_contain_text("No dock yet")
+    page.get_by_test_id("dock-place").focus()
+    page.keyboard.type("-3, 3")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("toasts")).to_contain_text("and the heading in degrees")
+    assert operations.sites.all()[0].dock is None
+    page.keyboard.type(", 90")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("dock-text")).to_contain_text("The dock is at -3.00, 3.00")
+    expect(page.get_by_test_id("dock-place")).to_have_value("")
+    page.get_by_test_id("tag-number").focus()
+    page.keyboard.type("7")
+    for _ in range(2):
+        page.keyboard.press("Tab")
+    page.keyboard.type("4 1.5 180")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("tag")).to_contain_text("Tag 7, 30 cm, at 4.00, 1.50")
+    dock, (tag,) = operations.sites.all()[0].dock, operations.sites.all()[0].tags
+    assert dock is not None and (dock.x_m, dock.y_m) == (-3.0, 3.0)
+    assert dock.yaw_rad == pytest.approx(math.pi / 2, abs=0.001)
+    assert tag.yaw_rad == pytest.approx(math.pi, abs=0.001)

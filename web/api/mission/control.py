@@ -19,7 +19,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from navcore.errors import BewareNavError
 from navcore.geometry.transform import Twist
 from web.auth.audit import Auditor
-from web.auth.control_lease import ControlLeases
+from web.auth.control_lease import ControlLeases, NotInControl
 from web.auth.roles import CurrentVisitor, Role, Visitor
 from web.gateway.problems import JsonResponse, refusals
 from web.gateway.websockets import BAD_MESSAGE, until_one_ends
@@ -147,7 +147,9 @@ async def _receive(
                 session.move(received)
             except BewareNavError as refused:
                 session.release()
-                await socket.send_text(json.dumps({"type": "refused", "message": str(refused)}))
+                code = "not_in_control" if isinstance(refused, NotInControl) else "refused"
+                answer = {"type": "refused", "code": code, "message": str(refused)}
+                await socket.send_text(json.dumps(answer))
             if session.is_driving != was_driving:
                 change = "begins" if session.is_driving else "ends"
                 await _note(auditor, session.visitor, f"by hand: {change}")

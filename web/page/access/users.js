@@ -5,13 +5,13 @@ import { sentence, t } from "../core/language.js";
 import { suggestNames } from "./audit.js";
 import { clearSent, make, reconcile, setText } from "../core/dom.js";
 import { attempt, notify } from "../core/toasts.js";
+import { askTwice } from "../core/twice.js";
 
 const ROLES = {
   viewer: t("viewer: watches, and may stop the robot"),
   operator: t("operator: also drives and edits"),
   admin: t("admin: also manages users"),
 };
-const CONFIRM_MS = 4000;
 const PASSWORD = {
   type: "password",
   minlength: 10,
@@ -115,19 +115,10 @@ function removeButton(user, path) {
     { "aria-label": t("Remove {name}", user), "data-testid": "user-remove" },
     t("Remove"),
   );
-  button.onclick = () => {
-    if (button.classList.contains("confirm")) {
-      change(() => request("DELETE", path));
-      document.querySelector("[data-admin=users]").focus();
-      return;
-    }
-    button.classList.add("confirm");
-    button.textContent = t("Really remove?");
-    setTimeout(() => {
-      button.classList.remove("confirm");
-      button.textContent = t("Remove");
-    }, CONFIRM_MS);
-  };
+  askTwice(button, t("Really remove?"), () => {
+    change(() => request("DELETE", path));
+    document.querySelector("[data-admin=users]").focus();
+  });
   return button;
 }
 

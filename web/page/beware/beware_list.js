@@ -132,6 +132,8 @@ function itemOf(entry) {
     check,
     swatchOf(entry),
     label,
+    // Filled in by the detections; it has its place in the row from the beginning.
+    make("span", { class: "seen", "data-testid": "seen-count", title: t("Objects detected so far") }),
     margin,
     make("span", { class: "unit" }, "m"),
     confidence,

@@ -7,6 +7,7 @@ class Refusal extends Error {
   constructor(status, body) {
     super(sentence(body?.error?.message) ?? t("the console answered with status {status}", { status }));
     this.status = status;
+    this.code = body?.error?.code;
     this.body = body;
   }
 }

@@ -1,5 +1,6 @@
 // Short messages: refusals, and changes that took effect.
 
+import { post } from "./api.js";
 import { element, make } from "./dom.js";
 import { capitalised, t } from "./language.js";
 
@@ -38,12 +39,18 @@ function actionButton({ label, run }, toast) {
   return make("button", { "data-testid": "toast-action", onclick }, label);
 }
 
+// Show why the console has refused something; where another operator drives, with the way out.
+export function showRefusal(error) {
+  const take = { label: t("Take over"), run: () => attempt(() => post("/control/take")) };
+  notify(error.message, { action: error.code === "not_in_control" ? take : null });
+}
+
 // Run an action of the operator; a refusal is shown.
 export async function attempt(action) {
   try {
     return await action();
   } catch (error) {
-    notify(error.message);
+    showRefusal(error);
     return undefined;
   }
 }

@@ -103,7 +103,7 @@ function show({ seen, sightings, labelling }) {
 function showCounts(seen, sightings) {
   const total = Object.values(seen).reduce((sum, count) => sum + count, 0);
   setText(tab, total ? `${t("Detections")} · ${total}` : t("Detections"));
-  const key = JSON.stringify(seen);
+  const key = JSON.stringify([seen, sightings.length > 0]);
   if (counts.dataset.key === key) return;
   counts.dataset.key = key;
   counts.replaceChildren(
@@ -122,10 +122,11 @@ function showCounts(seen, sightings) {
       );
     }),
   );
-  if (!total)
-    counts.replaceChildren(
-      make("span", { class: "soft" }, t("No object of the beware list was detected yet.")),
-    );
+  if (total) return;
+  const nothing = sightings.length
+    ? t("None of the detections counts: each was rejected or corrected.")
+    : t("No object of the beware list was detected yet.");
+  counts.replaceChildren(make("span", { class: "soft" }, nothing));
 }
 
 // Where the operator said "not one": kept with the map until it is taken back.
@@ -164,15 +165,7 @@ const takeBack = (id) =>
 function showInBewareList(seen) {
   for (const item of element("beware").children) {
     const entry = shared.beware.classes.find((one) => one.name === item.dataset.name);
-    let note = item.querySelector(".seen");
-    if (!note) {
-      note = make("span", {
-        class: "seen",
-        "data-testid": "seen-count",
-        title: t("Objects detected so far"),
-      });
-      item.querySelector(".label").after(note);
-    }
+    const note = item.querySelector(".seen");
     setText(note, entry && seen[entry.class_id] ? t("{n} seen", { n: seen[entry.class_id] }) : "");
   }
 }

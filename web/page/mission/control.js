@@ -7,7 +7,7 @@ import { onStale } from "../core/connection.js";
 import { element, set, setText } from "../core/dom.js";
 import { sentence, t } from "../core/language.js";
 import { addStopChannel } from "../core/stop.js";
-import { attempt, notify } from "../core/toasts.js";
+import { attempt, notify, showRefusal } from "../core/toasts.js";
 
 const EDITORS = ".left, [aria-label='Mode'], #beware, #beware-tools";
 const ACTIONS = ["take", "ask", "give"];
@@ -23,7 +23,7 @@ const link = connect("/control/live", {
   onMessage: (message) => {
     if (message.type === "refused") {
       releaseKeys();
-      notify(sentence(message.message));
+      showRefusal({ message: sentence(message.message), code: message.code });
       return;
     }
     link.send({ type: "here" });

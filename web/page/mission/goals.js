@@ -7,7 +7,8 @@ import { clearSent, element, make, reconcile, set, setText, setValue } from "../
 import { rounded } from "../core/geometry.js";
 import { t, tn } from "../core/language.js";
 import { savedList } from "../core/saved_list.js";
-import { attempt, notify } from "../core/toasts.js";
+import { attempt, notify, showRefusal } from "../core/toasts.js";
+import { typedPose } from "../core/typed_pose.js";
 
 const REACHED_SHOWN = 5;
 // The nearest free position to a blocked goal, or null.
@@ -25,7 +26,7 @@ export async function addGoal([x, y], yaw = null, name = "") {
   } catch (error) {
     const nearest = error.body?.nearest;
     if (!nearest) {
-      notify(error.message);
+      showRefusal(error);
       return false;
     }
     setOffer([nearest.x_m, nearest.y_m], yaw);
@@ -156,23 +157,8 @@ element("goal-form").addEventListener("submit", (event) => {
   const input = event.target.elements.place;
   const typed = input.value;
   attempt(async () => {
-    const numbers = typed
-      .split(/[,\s]+/)
-      .filter(Boolean)
-      .map(Number);
-    if (![2, 3].includes(numbers.length) || !numbers.every(Number.isFinite)) {
-      throw new Error(
-        t("“{typed}” is no goal; write x, y in metres and, if it matters, the heading in degrees", {
-          typed,
-        }),
-      );
-    }
-    if (Math.abs(numbers[2] ?? 0) > 360)
-      throw new Error(
-        t("A heading of {degrees}° is out of range: −360° to 360°", { degrees: numbers[2] }),
-      );
-    const yaw = numbers.length === 3 ? (numbers[2] * Math.PI) / 180 : null;
-    if (await addGoal(numbers, yaw)) clearSent(input, typed);
+    const { x_m: x, y_m: y, yaw_rad: yaw } = typedPose(typed);
+    if (await addGoal([x, y], yaw)) clearSent(input, typed);
   });
 });
 

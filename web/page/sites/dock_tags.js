@@ -2,10 +2,11 @@
 // sees; shown on the map.
 
 import { get, request } from "../core/api.js";
-import { make, reconcile, setText } from "../core/dom.js";
+import { clearSent, make, reconcile, setText } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
 import { number, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
+import { typedPose } from "../core/typed_pose.js";
 import { propose } from "../localisation/place.js";
 import { overlays, redraw } from "../map/map.js";
 import { askPose } from "../map/pointer/pick.js";
@@ -45,35 +46,68 @@ function take(read) {
   redraw();
 }
 
-const change = (changes) =>
-  attempt(async () => take(await request("PATCH", `/sites/${encodeURIComponent(site.name)}`, changes)));
+const send = async (changes) =>
+  take(await request("PATCH", `/sites/${encodeURIComponent(site.name)}`, changes));
+const change = (changes) => attempt(() => send(changes));
 
 // A tag takes the place of that of its number.
 const withTag = (tag) => [...site.tags.filter(({ id }) => id !== tag.id), tag].sort((a, b) => a.id - b.id);
 
 // `hide` and `show` close and open the panel, which covers the map.
 export function buildDockAndTags({ hide, show }) {
-  // A click for the position, another one or a drag for the direction.
-  function pickPose(words, then) {
-    hide();
-    askPose(words, (pose) => {
-      then(pose);
-      show();
-    });
+  // The pose that is typed in a form counts; without one, a click on the map gives the position, and
+  // another one or a drag the direction.
+  function takePose(form, { input }, words, then) {
+    form.onsubmit = (event) => {
+      event.preventDefault();
+      const typed = input.value;
+      if (typed.trim()) {
+        attempt(async () => {
+          const { x_m: x, y_m: y, yaw_rad: yaw } = typedPose(typed, { needsHeading: true });
+          await then({ x_m: rounded(x), y_m: rounded(y), yaw_rad: rounded(yaw) });
+          clearSent(input, typed);
+        });
+      } else {
+        hide();
+        askPose(words, (pose) => {
+          attempt(() => then(pose));
+          show();
+        });
+      }
+    };
   }
 
   const button = (testId, text, onclick, title = text) =>
     make("button", { type: "button", title, "data-testid": testId, onclick }, text);
+
+  const field = (testId, label, values) => {
+    const input = make("input", { "data-testid": testId, ...values });
+    return { input, label: make("label", { class: "field" }, label, input) };
+  };
+  const numberField = (testId, label, values) => field(testId, label, { type: "number", required: "", ...values });
+  const poseField = (testId, label) => {
+    const made = field(testId, label, { placeholder: t("or click the map") });
+    made.label.classList.add("pose");
+    return made;
+  };
 
   const dockText = make("p", { role: "status", "data-testid": "dock-text" });
   const dockHere = button("dock-here", t("The robot stands in it now"), () => {
     const { x_m, y_m, yaw_rad } = world.state.pose;
     change({ dock: { x_m: rounded(x_m), y_m: rounded(y_m), yaw_rad: rounded(yaw_rad) } });
   });
-  const dockPick = button("dock-pick", t("Set it on the map …"), () =>
-    pickPose(t("Click the middle of the robot in its dock, then the direction in which it faces."), (pose) =>
-      change({ dock: pose }),
-    ),
+  const dockPlace = poseField("dock-place", t("Dock x, y in metres, heading in °"));
+  const dockForm = make(
+    "form",
+    { class: "row tag-form", autocomplete: "off" },
+    dockPlace.label,
+    make("button", { "data-testid": "dock-set" }, t("Set the dock …")),
+  );
+  takePose(
+    dockForm,
+    dockPlace,
+    t("Click the middle of the robot in its dock, then the direction in which it faces."),
+    (pose) => send({ dock: pose }),
   );
   const dockDrive = button("dock-drive", t("Drive there"), () =>
     addGoal([site.dock.x_m, site.dock.y_m], site.dock.yaw_rad),
@@ -92,14 +126,10 @@ export function buildDockAndTags({ hide, show }) {
   );
   const seenList = make("ul", { class: "list", "data-testid": "seen-tags" });
   const seenNote = make("p", { class: "empty", role: "status", "data-testid": "seen-note" });
-  const field = (testId, label, values) => {
-    const input = make("input", { type: "number", required: "", "data-testid": testId, ...values });
-    return { input, label: make("label", { class: "field" }, label, input) };
-  };
-  const size = field("tag-size", t("Side of the black square, cm"), { value: 30, min: 1, max: 1000, step: 0.1 });
-  const id = field("tag-number", t("Number"), { min: 0, max: 586, step: 1, placeholder: 12 });
-  const height = field("tag-height", t("Height of its middle, m"), { value: 0.6, min: 0, max: 20, step: 0.01 });
-
+  const size = numberField("tag-size", t("Side of the black square, cm"), { value: 30, min: 1, max: 1000, step: 0.1 });
+  const id = numberField("tag-number", t("Number"), { min: 0, max: 586, step: 1, placeholder: 12 });
+  const height = numberField("tag-height", t("Height of its middle, m"), { value: 0.6, min: 0, max: 20, step: 0.01 });
+  const place = poseField("tag-place", t("Tag x, y in metres, heading in °"));
   const look = button("tags-look", t("Tags in view"), () =>
     attempt(async () => {
       const seen = await get(`/tags/seen?size_m=${size.input.valueAsNumber / 100}`);
@@ -135,19 +165,17 @@ export function buildDockAndTags({ hide, show }) {
     look,
     id.label,
     height.label,
-    make("button", { "data-testid": "tag-pick" }, t("Set a tag on the map …")),
+    place.label,
+    make("button", { "data-testid": "tag-set" }, t("Set a tag …")),
   );
-  form.onsubmit = (event) => {
-    event.preventDefault();
+  takePose(form, place, t("Click where the tag is, then the direction in which it faces."), (pose) => {
     const tag = {
       id: id.input.valueAsNumber,
       z_m: height.input.valueAsNumber,
       size_m: rounded(size.input.valueAsNumber / 100),
     };
-    pickPose(t("Click where the tag is, then the direction in which it faces."), (pose) =>
-      change({ tags: withTag({ ...tag, ...pose }) }),
-    );
-  };
+    return send({ tags: withTag({ ...tag, ...pose }) });
+  });
 
   taken = () => {
     const { dock, tags } = site;
@@ -169,7 +197,8 @@ export function buildDockAndTags({ hide, show }) {
     { "aria-label": t("Dock and tags"), "data-testid": "dock-tags" },
     make("h2", {}, t("Dock and tags")),
     dockText,
-    make("div", { class: "row" }, dockHere, dockPick, dockDrive, dockIn, dockRemove),
+    make("div", { class: "row" }, dockHere, dockDrive, dockIn, dockRemove),
+    dockForm,
     tagList,
     noTags,
     form,

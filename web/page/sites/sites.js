@@ -6,11 +6,11 @@ import { clearSent, download, element, make, reconcile, setText } from "../core/
 import { formatTime } from "../core/format.js";
 import { number, sentence, t, tn } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
+import { askTwice } from "../core/twice.js";
 import * as changes from "./changes.js";
 import { buildDockAndTags, load } from "./dock_tags.js";
 import { buildPlacing } from "./placing.js";
 
-const CONFIRM_MS = 4000;
 const NAME_RULE = "[A-Za-z0-9]([A-Za-z0-9 _\\-]{0,38}[A-Za-z0-9_\\-])?";
 const panel = element("sites");
 const opener = element("sites-button");
@@ -139,18 +139,9 @@ function deleteButton(name) {
     { title: t("Delete"), "aria-label": t("Delete {name}", { name }), "data-testid": "site-delete" },
     "✕",
   );
-  button.onclick = () => {
-    if (button.classList.contains("confirm")) {
-      act(() => request("DELETE", pathOf(name)), t("{name} is deleted.", { name }));
-      return;
-    }
-    button.classList.add("confirm");
-    setText(button, t("Delete?"));
-    setTimeout(() => {
-      button.classList.remove("confirm");
-      setText(button, "✕");
-    }, CONFIRM_MS);
-  };
+  askTwice(button, t("Delete?"), () =>
+    act(() => request("DELETE", pathOf(name)), t("{name} is deleted.", { name })),
+  );
   return button;
 }
 
