@@ -119,6 +119,21 @@ def test_a_refusal_for_want_of_control_offers_to_take_over(
     expect(refused.get_by_test_id("toast-action")).to_have_count(0)
 
 
+def test_on_a_phone_the_audit_log_says_what_was_done_as_a_whole(
+    open_page: Opener, locked: ConsoleServer
+) -> None:
+    page = open_page(locked, "admin")
+    page.get_by_test_id("goal-input").fill("3, 0")
+    page.get_by_test_id("goal-add").click()
+    expect(page.get_by_test_id("control-text")).to_have_text("● You have control")
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.get_by_test_id("admin-button").click()
+    page.get_by_test_id("admin-audit-tab").click()
+    what = page.locator(".audit .what").filter(has_text="added a goal")
+    expect(what).to_be_visible()
+    assert what.evaluate("(text) => text.scrollWidth <= text.clientWidth")
+
+
 def test_an_admin_manages_users_by_keyboard_and_only_admins_see_the_panel(
     open_page: Opener, locked: ConsoleServer, accounts: Accounts
 ) -> None:
