@@ -107,7 +107,7 @@ SENTENCES = (
     "web/schemas/drafts.py",
     "web/schemas/fields.py",
     "web/api/teach/frames.py",
-    "web/schemas/beware/teaching.py",
+    "web/schemas/teaching.py",
     "web/schemas/zones.py",
 )
 """Modules whose strings the page shows."""

@@ -1,1 +1,1 @@
-"""Routes of `/api/v1`, and the health routes; by concept."""
+"""Routes of `/api/v1` and of health, a file or a folder for each concept."""

@@ -10,7 +10,7 @@ from navcore.mission.beware_list import LARGEST_CLASS_ID
 from navcore.mission.mission import MAX_GOALS
 from web.interface.sites import SITE_NAME, PointPair, Site, Tag
 from web.interface.wire import DOCUMENTED
-from web.schemas.beware.beware import BewareEntry
+from web.schemas.beware import BewareEntry
 from web.schemas.fields import Body, Closed, Corner, Metres, Name, Radians, UnknownPrice
 from web.schemas.mission.mission import GoalIn
 from web.schemas.zones import MAX_FILE, MAX_IMPORT, ImportedFeatureIn

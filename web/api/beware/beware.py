@@ -14,7 +14,7 @@ from web.auth.roles import CurrentVisitor
 from web.gateway.etag import ExpectedVersion, etag, outdated
 from web.gateway.problems import JsonResponse, refusals
 from web.interface.operations import RobotService
-from web.schemas.beware.beware import BewareChanges, BewareListIn, BewareOut, NewEntry, OrderIn
+from web.schemas.beware import BewareChanges, BewareListIn, BewareOut, NewEntry, OrderIn
 from web.schemas.fields import MAX_NAME
 
 _REFUSALS = refusals(409, 422, 503)

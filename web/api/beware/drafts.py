@@ -18,7 +18,7 @@ from web.gateway.problems import JsonResponse, refusals
 from web.images.camera import camera_jpg, mask_png, narrowed
 from web.interface.beware import BewareVersion, RecentLook
 from web.interface.operations import RobotService
-from web.schemas.beware.beware import (
+from web.schemas.beware import (
     BewareDraftIn,
     BewareOut,
     ClickIn,

@@ -12,7 +12,7 @@ from navcore.errors import NotKnown
 from web.gateway.problems import JsonResponse, refusals
 from web.interface.operations import RobotService
 from web.interface.teaching import Annotation, CapturedFrame
-from web.schemas.beware.teaching import (
+from web.schemas.teaching import (
     AddedOut,
     AnnotationIn,
     AnnotationOut,

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from web.gateway.problems import JsonResponse, refusals
 from web.interface.operations import RobotService
 from web.interface.teaching import VERSION_NAME, NetworkVersion, TrainingRun
-from web.schemas.beware.teaching import NetworksOut, TrainingIn, TrainingOut
+from web.schemas.teaching import NetworksOut, TrainingIn, TrainingOut
 
 Force = Annotated[
     bool, Query(description="Whether to use a version that does not find what it was taught.")

@@ -1,1 +1,0 @@
-"""Models of the beware list and of teaching."""
