@@ -182,7 +182,7 @@ class Navigator:
         check_frame(frame)
         stages, beware = self._stages, request.beware
         if labels is None:
-            labels = self.segment(frame, beware)
+            labels = stages.segment(self._segmenter, frame, beware)
         ground_rules = self._config.perception.ground
         # Localisation needs the ground: the pose here is that of the last correction.
         slopes = self.map.terrain.slopes_around(

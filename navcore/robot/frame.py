@@ -114,8 +114,8 @@ def check_frame(frame: Frame) -> None:
         raise BadFrame(f"uncoloured has shape {frame.uncoloured.shape}, expected {(height, width)}")
     if frame.depth_m.dtype != np.float32:
         raise BadFrame(f"depth is {frame.depth_m.dtype}, expected float32 metres")
-    measured, invalid = _count_depths(frame.depth_m)
-    if invalid:
+    measured, valid = _count_depths(frame.depth_m)
+    if valid < frame.depth_m.size:
         raise BadFrame(_what_is_invalid(frame.depth_m))
     missing = 1.0 - measured / frame.depth_m.size
     if missing > BLIND_SHARE:
@@ -141,17 +141,17 @@ def check_frame(frame: Frame) -> None:
 
 @compiled
 def _count_depths(depth_m: npt.NDArray[np.float32]) -> tuple[int, int]:
-    """Return the numbers of pixels that are not 0, and of those that are negative or not finite;
-    free of branches, so that the compiler vectorises it."""
-    measured, invalid = 0, 0
-    for row in depth_m:
-        row_measured, row_invalid = np.int32(0), np.int32(0)
-        for depth in row:
-            row_measured += np.int32(depth != np.float32(0))
-            valid = (depth >= np.float32(0)) & (depth < np.float32(np.inf))
-            row_invalid += np.int32(not valid)
-        measured, invalid = measured + int(row_measured), invalid + int(row_invalid)
-    return measured, invalid
+    """Return the numbers of pixels that are positive, and of those that are finite and not
+    negative; sums of comparisons by rows, which the compiler vectorises."""
+    measured, valid = 0, 0
+    for i in range(depth_m.shape[0]):
+        row_measured, row_valid = np.int32(0), np.int32(0)
+        for j in range(depth_m.shape[1]):
+            depth = depth_m[i, j]
+            row_measured += np.int32(depth > np.float32(0))
+            row_valid += np.int32((depth >= np.float32(0)) & (depth < np.float32(np.inf)))
+        measured, valid = measured + int(row_measured), valid + int(row_valid)
+    return measured, valid
 
 
 def _what_is_invalid(depth_m: npt.NDArray[np.float32]) -> str:

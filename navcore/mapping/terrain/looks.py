@@ -11,11 +11,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, inlined
 from navcore.config.mapping import TerrainConfig
 from navcore.geometry.arrays import FloatImage, Floats, Indices
-from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
+from navcore.geometry.camera import Pinhole, column_slope, row_slope
 from navcore.robot.frame import Frame
 
 VALUES = 6
@@ -34,15 +35,6 @@ class TerrainLooks(NamedTuple):
     """(N, 6) `VALUES`, with the slope in the map frame."""
 
 
-class _Grid(NamedTuple):
-    """Part of the grid around the camera, as compiled kernels take it."""
-
-    cell_m: float
-    top: int
-    left: int
-    side: int
-
-
 def terrain_looks(
     frame: Frame,
     ground_m: FloatImage,
@@ -55,26 +47,22 @@ def terrain_looks(
     `ground_m`: (H, W) of `ground.ground_heights`; a cell with a measurement farther than
     `object_height_m` above or below it holds an object or a drop and no ground.
     """
-    T_map_camera, reach = frame.T_map_camera, math.ceil(rules.max_range_m / cell_m) + 1
-    x_m, y_m = T_map_camera[:2, 3]
-    grid = _Grid(
-        cell_m=cell_m,
-        top=math.floor(y_m / cell_m) - reach,
-        left=math.floor(x_m / cell_m) - reach,
-        side=2 * reach + 1,
-    )
+    affine, reach = frame.T_map_camera[:3], math.ceil(rules.max_range_m / cell_m) + 1
+    left, top = np.floor(affine[:2, 3] / cell_m).astype(np.int64) - reach
+    affine[:2] /= cell_m
+    affine[:2, 3] -= left, top
     heights = _cell_heights(
         frame.depth_m,
         ground_m,
-        T_map_camera,
+        affine.astype(np.float32),
         frame.intrinsics.pinhole,
-        grid,
-        (rules.max_range_m, object_height_m),
+        2 * reach + 1,
+        np.array([rules.max_range_m, object_height_m], dtype=np.float32),
         rules.min_pixels,
     )
     tilt = frame.pose.matrix()[:2, :2] @ tilt_slope(frame)
     cells, values = _fit(heights, cell_m, rules.min_cells, (float(tilt[0]), float(tilt[1])))
-    return TerrainLooks(cells + np.array([grid.top, grid.left]), values)
+    return TerrainLooks(cells + np.array([top, left]), values)
 
 
 def tilt_slope(frame: Frame) -> Floats:
@@ -89,37 +77,68 @@ def tilt_slope(frame: Frame) -> Floats:
 def _cell_heights(
     depth_m: FloatImage,
     ground_m: FloatImage,
-    t: Floats,
+    affine: FloatImage,
     lens: Pinhole,
-    grid: _Grid,
-    limits: tuple[float, float],
+    side: int,
+    limits: FloatImage,
     min_pixels: int,
 ) -> Floats:
     """Return the (side, side) mean height of the ground in each cell above the plane on which the
     robot stands; NaN where there are too few pixels, or an object.
 
-    `limits` are the range and the height of an object.
+    `affine` transforms from the optical frame to columns, rows and height in metres; `limits` are
+    the range and the height of an object.
     """
-    max_range_m, object_height_m = limits
-    side = grid.side
-    total, count = np.zeros((side, side)), np.zeros((side, side), dtype=np.int32)
+    width = depth_m.shape[1]
+    total, count = np.zeros(side * side), np.zeros(side * side, dtype=np.int32)
+    across, heights = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.float32)
+    codes = np.empty(width, dtype=np.int32)
+    for j in range(width):
+        across[j] = column_slope(j, lens)
     for i in range(depth_m.shape[0]):
-        b = row_slope(i, lens)
-        for j in range(depth_m.shape[1]):
-            depth = depth_m[i, j]
-            if not 0 < depth <= max_range_m:
+        b = np.float32(row_slope(i, lens))
+        _row(depth_m[i], ground_m[i], across, b, affine, side, limits, codes, heights)
+        for j in range(width):
+            cell = codes[j] >> 1
+            if cell < 0:
                 continue
-            x, y, z = point_on_ray(t, column_slope(j, lens), b, depth)
-            row = math.floor(y / grid.cell_m) - grid.top
-            col = math.floor(x / grid.cell_m) - grid.left
-            if not (0 <= row < side and 0 <= col < side):
-                continue
-            if abs(z - ground_m[i, j]) > object_height_m:
-                count[row, col] = -(1 << 30)  # no ground, however many pixels follow
+            if codes[j] & 1:
+                count[cell] = -(1 << 30)  # no ground, however many pixels follow
             else:
-                total[row, col] += z
-                count[row, col] += 1
-    return np.where(count >= min_pixels, total / np.maximum(count, 1), np.nan)
+                total[cell] += heights[j]
+                count[cell] += 1
+    means = np.where(count >= min_pixels, total / np.maximum(count, 1), np.nan)
+    return means.reshape(side, side)
+
+
+@inlined
+def _row(
+    depth_m: FloatImage,
+    ground_m: FloatImage,
+    across: FloatImage,
+    b: float,
+    t: FloatImage,
+    side: int,
+    limits: FloatImage,
+    codes: npt.NDArray[np.int32],
+    heights: FloatImage,
+) -> None:
+    """Write for each pixel of a row of the image its height, and twice its cell, row · side + col,
+    plus one on an object, or −1 outside the grid; free of branches, so that the compiler
+    vectorises it."""
+    x0, y0, z0 = t[0, 0], t[1, 0], t[2, 0]
+    x1, y1, z1 = t[0, 1] * b + t[0, 2], t[1, 1] * b + t[1, 2], t[2, 1] * b + t[2, 2]
+    x3, y3, z3 = t[0, 3], t[1, 3], t[2, 3]
+    zero, wide, far, object_m = np.float32(0), np.float32(side), limits[0], limits[1]
+    for j in range(len(across)):
+        depth, a = depth_m[j], across[j]
+        x, y, z = (x0 * a + x1) * depth + x3, (y0 * a + y1) * depth + y3, (z0 * a + z1) * depth + z3
+        heights[j] = z
+        # Truncation is the floor of non-negative values; negative ones are outside.
+        inside = (depth > zero) & (depth <= far) & (x >= zero) & (y >= zero) & (x < wide)
+        cell = np.int32(y) * np.int32(side) + np.int32(x)
+        code = np.int32(2) * cell + np.int32(abs(z - ground_m[j]) > object_m)
+        codes[j] = code if inside & (y < wide) else np.int32(-1)
 
 
 @compiled

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -21,23 +22,17 @@ from navcore.grid.bitplane import ONE, PAD, BitPlane, empty_plane, unpack
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.grid.growth import Growth
 from navcore.mapping.points.pose_ids import PoseIds
+from navcore.mapping.terrain.ground_sums import (
+    NO_RECORD,
+    RECORD,
+    TILE,
+    GroundLimits,
+    add_looks,
+    judged,
+)
 from navcore.mapping.terrain.looks import VALUES, TerrainLooks, terrain_looks, tilt_slope
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
-
-TILE = 64
-"""Side of a tile in cells."""
-NO_RECORD = -1
-RECORD = np.dtype(
-    [
-        ("pose_id", np.int32),
-        ("base", np.float32, (2,)),
-        ("sums", np.float32, (VALUES,)),
-    ]
-)
-"""Pose that first saw a cell, the middle of the cell in its base frame in metres, and the sums of
-all looks with the slope in that frame."""
-Records = npt.NDArray[np.void]
 
 
 class _Tile:
@@ -57,7 +52,13 @@ class TerrainMap:
         self, spec: GridSpec, rules: TerrainConfig, pose_ids: PoseIds, profile: RobotProfile
     ) -> None:
         self._spec, self._rules, self._pose_ids = spec, rules, pose_ids
-        self._limits = (profile.max_slope, profile.max_step_m)
+        self._limits = GroundLimits(
+            min_looks=rules.min_looks,
+            smooth_m=rules.smooth_m,
+            uneven_slope=rules.uneven_slope,
+            max_slope=profile.max_slope,
+            max_step_m=profile.max_step_m,
+        )
         self.clear(spec)
 
     def clear(self, spec: GridSpec) -> None:
@@ -92,30 +93,33 @@ class TerrainMap:
 
     def add(self, looks: TerrainLooks, pose_id: int) -> bool:
         """Add looks from a pose ID; return whether any cell became traversable or the contrary."""
-        tile_of, inside = np.divmod(looks.cells, TILE)
-        changed: list[Indices] = []
-        for key in np.unique(tile_of, axis=0).tolist():
-            of_tile = (tile_of == key).all(axis=1)
-            tile = self._tiles.setdefault((key[0], key[1]), _Tile())
-            rows, cols = inside[of_tile].T
-            values = looks.values[of_tile]
-            new = tile.record[rows, cols] == NO_RECORD
-            if new.any():
-                tile.record[rows[new], cols[new]] = self._new_records(
-                    looks.cells[of_tile][new], pose_id
-                )
-            at = tile.record[rows, cols]
-            owners, which = np.unique(self._records["pose_id"][at], return_inverse=True)
-            yaw = np.array([self._pose_ids[owner].yaw_rad for owner in owners.tolist()])[which]
-            self._records["sums"][at] += _turned(values, -yaw)
-            tile.sums[rows, cols] += values
-            tile.is_uneven = tile.is_uneven or self._is_uneven(tile.sums[rows, cols])
-            beyond = self._beyond(tile.sums[rows, cols])
-            changed.append(self._mark(looks.cells[of_tile], beyond))
-        cells = np.concatenate([np.empty(0, dtype=np.int64), *changed])
-        if self._changes is not None and len(cells):
-            self._changes.append(cells)
-        return len(cells) > 0
+        self._reserve(len(looks.cells))
+        pose, tile_of = self._pose_ids[pose_id], looks.cells // TILE
+        changed = [np.empty(0, dtype=np.int64)]
+        for key in _tiles_between(tile_of):
+            if not (tile_of == key).all(axis=1).any():
+                continue
+            tile = self._tiles.setdefault(key, _Tile())
+            self._count, is_uneven, cells, beyond = add_looks(
+                looks.cells,
+                looks.values,
+                pose_id,
+                (pose.x_m, pose.y_m, pose.yaw_rad),
+                self._cell_m,
+                key,
+                tile.sums,
+                tile.record,
+                self._records,
+                self._count,
+                self._limits,
+            )
+            tile.is_uneven = tile.is_uneven or is_uneven
+            if len(cells):
+                changed.append(self._mark(cells, beyond))
+        marked = np.concatenate(changed)
+        if self._changes is not None and len(marked):
+            self._changes.append(marked)
+        return len(marked) > 0
 
     def slopes_around(self, frame: Frame, points_base: Points) -> Floats | None:
         """Return the (N, 2) slopes at (N, 2) points in metres of the base frame of a frame that is
@@ -124,17 +128,16 @@ class TerrainMap:
         limits. None where all of it is that plane."""
         tilt, rules = tilt_slope(frame), self._rules
         cells = np.floor(frame.pose.to_parent(points_base)[:, ::-1] / self._cell_m)
-        low, high = (cells.min(axis=0) // TILE).astype(int), (cells.max(axis=0) // TILE).astype(int)
-        keys = itertools.product(range(low[0], high[0] + 1), range(low[1], high[1] + 1))
-        tiles = {key: self._tiles[key] for key in keys if key in self._tiles}
+        tile_of, inside = np.divmod(cells.astype(np.int64), TILE)
+        tiles = {key: self._tiles[key] for key in _tiles_between(tile_of) if key in self._tiles}
         if np.hypot(*tilt) <= rules.uneven_slope and not any(t.is_uneven for t in tiles.values()):
             return None
-        tile_of, inside = np.divmod(cells.astype(np.int64), TILE)
         sums = np.zeros((len(cells), VALUES), dtype=np.float32)
         for key, tile in tiles.items():
             own = (tile_of == key).all(axis=1)
             sums[own] = tile.sums[tuple(inside[own].T)]
-        known = self._is_known(sums) & ~self._beyond(sums)
+        known, beyond, _ = judged(sums, self._limits)
+        known &= ~beyond
         slopes = np.full((len(cells), 2), np.nan)
         in_base = _turned(sums[known], np.full(int(known.sum()), -frame.pose.yaw_rad))
         slopes[known] = in_base[:, 1:3] / in_base[:, :1] - tilt
@@ -145,6 +148,7 @@ class TerrainMap:
         """Compute all cells from the records at the present poses, after these were corrected."""
         live = self._records[: self._count]
         poses = self._pose_ids.array()[live["pose_id"]].reshape(-1, 3)
+        live["yaw_rad"] = poses[:, 2]
         cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         x, y = live["base"].astype(np.float64).T
         middle = np.column_stack([poses[:, 1] + sin * x + cos * y, poses[:, 0] + cos * x - sin * y])
@@ -161,7 +165,7 @@ class TerrainMap:
             rows, cols = inside[own].T
             np.add.at(tile.sums, (rows, cols), values[own])
             tile.record[rows, cols] = own
-            tile.is_uneven = self._is_uneven(tile.sums[rows, cols])
+            tile.is_uneven = bool(judged(tile.sums[rows, cols], self._limits)[2].any())
         self._mark_all()
 
     def grow(self, growth: Growth) -> None:
@@ -198,33 +202,10 @@ class TerrainMap:
         tile = TILE * TILE * (4 * VALUES + 4)
         return (self._records.nbytes + tile * len(self._tiles)) / 1e6
 
-    def _new_records(self, cells: Indices, pose_id: int) -> Indices:
-        first, self._count = self._count, self._count + len(cells)
-        while self._count > len(self._records):
+    def _reserve(self, more: int) -> None:
+        """Make room for a number of further records."""
+        while self._count + more > len(self._records):
             self._records = np.concatenate([self._records, np.zeros_like(self._records)])
-        numbers = np.arange(first, self._count)
-        middle = (cells[:, ::-1].astype(np.float64) + 0.5) * self._cell_m
-        self._records["pose_id"][numbers] = pose_id
-        self._records["base"][numbers] = self._pose_ids[pose_id].from_parent(middle)
-        return numbers
-
-    def _is_known(self, sums: npt.NDArray[np.float32]) -> Bools:
-        """Return (N,) whether (N, 6) sums are those of smooth ground with enough looks."""
-        looks, rules = sums[:, 0], self._rules
-        return np.asarray((looks >= rules.min_looks) & (sums[:, 3] <= rules.smooth_m**2 * looks))
-
-    def _is_uneven(self, sums: npt.NDArray[np.float32]) -> bool:
-        """Return whether any of (N, 6) sums is that of smooth ground with a slope."""
-        steep = np.hypot(sums[:, 1], sums[:, 2]) > self._rules.uneven_slope * sums[:, 0]
-        return bool((steep & self._is_known(sums)).any())
-
-    def _beyond(self, sums: npt.NDArray[np.float32]) -> Bools:
-        """Return (N,) whether (N, 6) sums are those of ground beyond the robot's limits."""
-        max_slope, max_step_m = self._limits
-        looks, steps, least = sums[:, 0], sums[:, 4], self._rules.min_looks
-        steep = np.hypot(sums[:, 1], sums[:, 2]) > max_slope * looks
-        high = (sums[:, 5] > max_step_m * steps) & (steps >= least)
-        return np.asarray((looks >= least) & (steep | high))
 
     def _mark_all(self) -> None:
         """Compute the plane from the tiles; all cells then count as changed."""
@@ -233,7 +214,7 @@ class TerrainMap:
         for key, tile in self._tiles.items():
             rows, cols = np.nonzero(tile.record != NO_RECORD)
             cells = np.column_stack([rows, cols]) + TILE * np.array(key)
-            self._mark(cells, self._beyond(tile.sums[rows, cols]))
+            self._mark(cells, judged(tile.sums[rows, cols], self._limits)[1])
 
     def _mark(self, cells: Indices, beyond: Bools) -> Indices:
         """Write (N, 2) distinct cells into the plane; return the cells of the grid that changed."""
@@ -252,6 +233,13 @@ class TerrainMap:
         rows, cols, words, bits = rows[changes], cols[changes], words[changes], bits[changes]
         np.bitwise_xor.at(self.untraversable, (rows + PAD, words), bits)
         return np.asarray(rows * spec.cols + cols)
+
+
+def _tiles_between(tile_of: Indices) -> Iterator[tuple[int, int]]:
+    """Yield the tiles of the smallest rectangle around (N, 2) tiles, row and column."""
+    if len(tile_of):
+        (top, left), (bottom, right) = tile_of.min(axis=0).tolist(), tile_of.max(axis=0).tolist()
+        yield from itertools.product(range(top, bottom + 1), range(left, right + 1))
 
 
 def _turned(values: Floats | npt.NDArray[np.float32], yaw_rad: Floats) -> Floats:
