@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, inlined
 from navcore.config.control import StateLatticeConfig
 from navcore.geometry.arrays import Floats, Indices
 
@@ -23,7 +24,7 @@ FORWARD, REVERSE, TURNING = 1, -1, 0
 """Kinds of steps."""
 KINDS = np.array([FORWARD] * 5 + [REVERSE] * 5 + [TURNING] * 2, dtype=np.int64)
 """(12,) kind of each step."""
-TURNS = np.array([0.0, 1.0, -1.0, 2.0, -2.0, 0.0, 1.0, -1.0, 2.0, -2.0, 1.0, -1.0])
+TURNS = np.array([0, 1, -1, 2, -2, 0, -1, 1, -2, 2, 1, -1], dtype=np.int64)
 """(12,) change of heading in each step, in headings of the lattice."""
 BUCKET_M = 0.2
 """Side in metres of the buckets that obstacles are sorted into."""
@@ -120,8 +121,10 @@ def cheapest(
         widest,
     )
     lattice = _lattice(config)
+    quarters = np.arange(4 * lattice.headings) * lattice.turn / 4
+    directions = np.column_stack([np.cos(quarters), np.sin(quarters)])
     poses, kinds = _search(
-        discs, lattice, TURNS * lattice.turn, ends.cost, ends.heading_rad, ends.tolerance_rad
+        discs, lattice, directions, ends.cost, ends.heading_rad, ends.tolerance_rad
     )
     return poses, kinds
 
@@ -148,19 +151,28 @@ def _lattice(config: StateLatticeConfig) -> _Lattice:
 def _search(
     discs: _Obstacles,
     lattice: _Lattice,
-    turns: Floats,
+    directions: Floats,
     end_cost: Floats,
     end_heading: Floats,
     tolerance: float,
 ) -> tuple[Floats, Indices]:
+    """`directions` are (4 · headings, 2) cosine and sine of every quarter of a heading: the chord
+    of an arc leaves at half its turn, and arcs are checked at half headings, too."""
     size = end_cost.shape[0]
     count = size * size * lattice.headings
     cost = np.full(count + 1, np.inf)
-    poses = np.zeros((count, 3))
-    came, step = np.full(count + 1, -1, np.int64), np.full(count, -1, np.int64)
+    # Of the reached states only, so that most of these large arrays is never touched.
+    positions, heading_of = np.empty((count, 2)), np.empty(count, np.int32)
+    came, step = np.full(count + 1, -1, np.int32), np.full(count, -1, np.int8)
     done = np.zeros(count + 1, np.bool_)
     start = ((size // 2) * size + size // 2) * lattice.headings
-    cost[start] = 0.0
+    cost[start], heading_of[start] = 0.0, 0
+    positions[start] = 0.0
+    chords = np.zeros(len(KINDS))
+    for index in range(len(KINDS)):
+        if KINDS[index] != TURNING:
+            half = TURNS[index] * lattice.turn / 2
+            chords[index] = KINDS[index] * lattice.step * (math.sin(half) / half if half else 1.0)
     heap, settled = [(0.0, start)], 0
     while len(heap) > 0:
         so_far, at = heapq.heappop(heap)
@@ -170,38 +182,28 @@ def _search(
         settled += 1
         if at == count or settled > lattice.max_states:
             break
-        x, y, heading = poses[at, 0], poses[at, 1], poses[at, 2]
+        x, y, heading = positions[at, 0], positions[at, 1], heading_of[at]
         cell = at // lattice.headings
         shortfall = end_cost[cell // size, cell % size]
         if shortfall < np.inf:
-            off = abs(
-                (heading - end_heading[cell // size, cell % size] + math.pi) % (2 * math.pi)
-                - math.pi
-            )
+            off = heading * lattice.turn - end_heading[cell // size, cell % size]
+            off = abs((off + math.pi) % (2 * math.pi) - math.pi)
             total = so_far + shortfall + lattice.turn_cost * off
             if off <= tolerance and total < cost[count]:
                 cost[count], came[count] = total, at
-                heapq.heappush(heap, (cost[count], count))
+                heapq.heappush(heap, (total, count))
         for index in range(len(KINDS)):
-            kind, turn = KINDS[index], turns[index]
-            there_x, there_y, length = x, y, 0.0
-            if kind != TURNING:
-                # The chord of the arc, which leaves at half its turn.
-                length = lattice.step
-                chord = kind * (
-                    lattice.step if turn == 0.0 else lattice.step * math.sin(turn / 2) / (turn / 2)
-                )
-                bearing = heading + kind * turn / 2
-                there_x, there_y = x + chord * math.cos(bearing), y + chord * math.sin(bearing)
-            there_heading = heading + turn * (kind if kind != TURNING else 1)
+            kind, turn = KINDS[index], TURNS[index]
+            there_x, there_y = _after(x, y, heading, index, chords, directions)
             column = math.floor((there_x + lattice.half_side) / lattice.cell)
             row = math.floor((there_y + lattice.half_side) / lattice.cell)
             if not (0 <= column < size and 0 <= row < size):
                 continue
-            into = round(there_heading / lattice.turn) % lattice.headings
+            into = (heading + turn) % lattice.headings
             node = (row * size + column) * lattice.headings + into
             if done[node]:
                 continue
+            length = 0.0 if kind == TURNING else lattice.step
             least = (
                 length
                 if kind == FORWARD
@@ -213,9 +215,11 @@ def _search(
                 least += lattice.switch_cost
             if so_far + least >= cost[node]:
                 continue
-            free = _clearance(there_x, there_y, there_heading, discs, lattice)
-            if turn != 0.0 and 0.0 < free < lattice.sweep:
-                free = min(free, _clearance_between(x, y, heading, kind, turn, discs, lattice))
+            free = _clearance(there_x, there_y, directions[4 * into], discs, lattice.clearance)
+            if turn != 0 and 0.0 < free < lattice.sweep:
+                free = min(
+                    free, _clearance_between(x, y, heading, index, discs, lattice, directions)
+                )
             if free <= 0.0:
                 continue
             total = (
@@ -227,35 +231,53 @@ def _search(
             )
             if total < cost[node]:
                 cost[node], came[node], step[node] = total, at, index
-                poses[node, 0], poses[node, 1], poses[node, 2] = there_x, there_y, there_heading
+                positions[node, 0], positions[node, 1] = there_x, there_y
+                heading_of[node] = heading + turn
                 heapq.heappush(heap, (total, node))
-    return _traced(came, step, poses, came[count], start)
+    return _traced(came, step, positions, heading_of, lattice.turn, came[count], start)
+
+
+@inlined
+def _after(
+    x: float, y: float, heading: int, index: int, chords: Floats, directions: Floats
+) -> tuple[float, float]:
+    """Return the position after a step."""
+    bearing = (4 * heading + 2 * TURNS[index]) % len(directions)
+    return x + chords[index] * directions[bearing, 0], y + chords[index] * directions[bearing, 1]
 
 
 @compiled
 def _clearance_between(
     x: float,
     y: float,
-    heading: float,
-    kind: int,
-    turn: float,
+    heading: int,
+    index: int,
     discs: _Obstacles,
     lattice: _Lattice,
+    directions: Floats,
 ) -> float:
-    """Least clearance within a step that turns: the corners come nearer to obstacles than before
-    and after it."""
-    parts, least = 2 * round(abs(turn) / lattice.turn), lattice.clearance
+    """Least clearance within a step that turns, at every half heading: the corners come nearer to
+    obstacles than before and after it."""
+    kind, turn = KINDS[index], TURNS[index]
+    parts, least, side = 2 * abs(turn), lattice.clearance, 1 if turn > 0 else -1
     for part in range(1, parts):
-        turned = turn * part / parts * (kind if kind != TURNING else 1)
-        chord, bearing = kind * lattice.step * part / parts, heading + turned / 2
-        between_x, between_y = x + chord * math.cos(bearing), y + chord * math.sin(bearing)
-        least = min(least, _clearance(between_x, between_y, heading + turned, discs, lattice))
+        chord = kind * lattice.step * part / parts
+        cos, sin = directions[(4 * heading + side * part) % len(directions)]
+        turned = directions[(4 * heading + 2 * side * part) % len(directions)]
+        free = _clearance(x + chord * cos, y + chord * sin, turned, discs, lattice.clearance)
+        least = min(least, free)
     return least
 
 
 @compiled
 def _traced(
-    came: Indices, step: Indices, poses: Floats, last: int, start: int
+    came: npt.NDArray[np.int32],
+    step: npt.NDArray[np.int8],
+    positions: Floats,
+    heading_of: npt.NDArray[np.int32],
+    turn: float,
+    last: int,
+    start: int,
 ) -> tuple[Floats, Indices]:
     length, at = 0, last
     while at >= 0 and at != start:
@@ -263,15 +285,17 @@ def _traced(
     found, kinds = np.empty((length, 3)), np.empty(length, np.int64)
     at = last
     for index in range(length - 1, -1, -1):
-        found[index], kinds[index] = poses[at], KINDS[step[at]]
+        found[index, 0], found[index, 1] = positions[at, 0], positions[at, 1]
+        found[index, 2], kinds[index] = heading_of[at] * turn, KINDS[step[at]]
         at = came[at]
     return found, kinds
 
 
 @compiled
-def _clearance(x: float, y: float, heading: float, discs: _Obstacles, lattice: _Lattice) -> float:
-    """Least distance from the footprint to any disc, at most `lattice.clearance`."""
-    cos, sin = math.cos(heading), math.sin(heading)
+def _clearance(x: float, y: float, ahead: Floats, discs: _Obstacles, most: float) -> float:
+    """Least distance from the footprint with the direction `ahead` to any disc, at most `most`; any number that is
+    not positive where they overlap."""
+    cos, sin = ahead[0], ahead[1]
     half_length, half_width, side = discs.half_length, discs.half_width, discs.side
     wide = half_length * abs(cos) + half_width * abs(sin) + discs.widest
     high = half_length * abs(sin) + half_width * abs(cos) + discs.widest
@@ -279,11 +303,15 @@ def _clearance(x: float, y: float, heading: float, discs: _Obstacles, lattice: _
     right = min(math.floor((x + wide + discs.reach) / BUCKET_M), side - 1)
     low = max(math.floor((y - high + discs.reach) / BUCKET_M), 0)
     top = min(math.floor((y + high + discs.reach) / BUCKET_M), side - 1)
-    least = lattice.clearance
+    least = most
     for row in range(low, top + 1):
         for index in range(discs.starts[row * side + left], discs.starts[row * side + right + 1]):
             dx, dy = discs.points[index, 0] - x, discs.points[index, 1] - y
             out_x = max(abs(cos * dx + sin * dy) - half_length, 0.0)
             out_y = max(abs(cos * dy - sin * dx) - half_width, 0.0)
-            least = min(least, math.sqrt(out_x * out_x + out_y * out_y) - discs.radii[index])
+            squared, radius = out_x * out_x + out_y * out_y, discs.radii[index]
+            if squared < (radius + least) ** 2:
+                least = math.sqrt(squared) - radius
+                if least <= 0.0:
+                    return least
     return least

@@ -12,11 +12,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, inlined
 from navcore.config.localisation import ScanConfig, ScanRules
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Points
-from navcore.geometry.camera import Pinhole, column_slope, row_slope
+from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.perception.ground import flat_ground
 from navcore.robot.frame import Frame
@@ -138,69 +139,110 @@ def _surfaces(
     """
     rows, cols = depth_m.shape
     directions = cols // rules.column_step
-    points = np.empty((directions * _MOST_SURFACES, 2))
-    variance = np.empty(directions * _MOST_SURFACES)
-    count = 0
-    across, down = np.empty(cols), np.empty(rows)
+    closed, found = np.empty((directions, _MOST_SURFACES, 3)), np.zeros(directions, dtype=np.int32)
+    # The present surface of each direction: weighted sums, and the extent of its pixels.
+    weight, x, y, z = (
+        np.zeros(directions),
+        np.zeros(directions),
+        np.zeros(directions),
+        np.zeros(directions),
+    )
+    pixels = np.zeros(directions, dtype=np.int32)
+    low, high = np.empty(directions, dtype=np.float32), np.empty(directions, dtype=np.float32)
+    across, heights = np.empty(cols), np.empty(cols, dtype=np.float32)
+    upright = np.zeros((cols + 7) // 8 * 8, dtype=np.uint8)
+    eights = upright.view(np.uint64)
     for j in range(cols):
         across[j] = column_slope(j, lens)
-    for i in range(rows):
-        down[i] = row_slope(i, lens)
-    for direction in range(directions):
-        first = direction * rules.column_step
-        found = 0
-        weight, pixels = 0.0, 0
-        x, y, z, low, high = 0.0, 0.0, 0.0, 0.0, 0.0
-        for step in range(rows + 1):
-            i = rows - 1 - step  # from below upwards; the row above the image ends the last surface
-            for j in range(first, first + rules.column_step if i >= 0 else first + 1):
-                depth = 0.0
-                if i >= 0:
-                    depth = float(depth_m[i, j])
-                    if depth < rules.min_range_m or depth > rules.max_range_m:
-                        continue
-                    a, b = across[j], down[i]
-                    ground = ground_m[i, j]
-                    height = (t[2, 0] * a + t[2, 1] * b + t[2, 2]) * depth + t[2, 3] - ground
-                    most = rules.high_m if abs(ground) < _LEVEL_M else rules.high_on_slopes_m
-                    if height < rules.low_m or height > most:
-                        continue
-                    if excluded.shape[0] > 0 and excluded[i, j]:
-                        continue
-                    px = (level[0, 0] * a + level[0, 1] * b + level[0, 2]) * depth + level[0, 3]
-                    py = (level[1, 0] * a + level[1, 1] * b + level[1, 2]) * depth + level[1, 3]
-                    # The steeper the line of sight, the less of an error of depth is horizontal.
-                    error = max(error_1pm * depth * depth, 1e-4)
-                    share = 1.0 / (error * error)
-                    if pixels > 0:
-                        mean = z / weight
-                        if abs(depth - mean) <= 3.0 * error + 0.02:
-                            weight += share
-                            x += share * px
-                            y += share * py
-                            z += share * depth
-                            pixels += 1
-                            high = max(high, height)
-                            low = min(low, height)
-                            continue
-                # Another surface, or the end of the column: close the present one.
-                if (
-                    pixels >= rules.min_pixels
-                    and high - low >= rules.min_height_m
-                    and found < _MOST_SURFACES
-                ):
-                    points[count, 0], points[count, 1] = x / weight, y / weight
-                    variance[count] = max(
-                        min(rules.correlated_px, float(pixels)) / weight, rules.floor_m**2
-                    )
-                    count += 1
-                    found += 1
-                if i < 0:
-                    break
-                weight, pixels = share, 1
-                x, y, z = share * px, share * py, share * depth
-                low = high = height
+    narrow = across.astype(np.float32)
+    direction = np.repeat(np.arange(directions), rules.column_step)
+    for i in range(rows - 1, -1, -1):  # from below upwards
+        b = row_slope(i, lens)
+        _upright(depth_m[i], ground_m[i], narrow, b, t, rules, heights, upright)
+        for eight in range(len(eights)):
+            if eights[eight] == 0:
+                continue
+            for j in range(8 * eight, min(8 * eight + 8, len(direction))):
+                if not upright[j] or (excluded.shape[0] > 0 and excluded[i, j]):
+                    continue
+                d, depth, height = direction[j], float(depth_m[i, j]), heights[j]
+                # The steeper the line of sight, the less of an error of depth is horizontal.
+                error = max(error_1pm * depth * depth, 1e-4)
+                if abs(depth * weight[d] - z[d]) > (3.0 * error + 0.02) * weight[d]:
+                    _close(d, weight, x, y, pixels, low, high, rules, closed, found)
+                    weight[d], x[d], y[d], z[d], pixels[d] = 0.0, 0.0, 0.0, 0.0, 0
+                px, py, _ = point_on_ray(level, across[j], b, depth)
+                share = 1.0 / (error * error)
+                weight[d] += share
+                x[d] += share * px
+                y[d] += share * py
+                z[d] += share * depth
+                low[d] = height if pixels[d] == 0 or height < low[d] else low[d]
+                high[d] = height if pixels[d] == 0 or height > high[d] else high[d]
+                pixels[d] += 1
+    points, variance, count = (
+        np.empty((found.size * _MOST_SURFACES, 2)),
+        np.empty(found.size * _MOST_SURFACES),
+        0,
+    )
+    for d in range(directions):
+        _close(d, weight, x, y, pixels, low, high, rules, closed, found)
+        for n in range(found[d]):
+            points[count, 0], points[count, 1] = closed[d, n, 0], closed[d, n, 1]
+            variance[count] = closed[d, n, 2]
+            count += 1
     return points[:count].copy(), variance[:count].copy()
+
+
+@inlined
+def _upright(
+    depth_m: FloatImage,
+    ground_m: FloatImage,
+    across: FloatImage,
+    b: float,
+    t: Matrix,
+    rules: ScanRules,
+    heights: FloatImage,
+    upright: npt.NDArray[np.uint8],
+) -> None:
+    """Write the height above the ground of each pixel of a row, and whether it may show an upright
+    surface; free of branches, so that the compiler vectorises it."""
+    nearest, farthest = np.float32(rules.min_range_m), np.float32(rules.max_range_m)
+    lowest, highest = np.float32(rules.low_m), np.float32(rules.high_m)
+    on_slopes, level_m = np.float32(rules.high_on_slopes_m), np.float32(_LEVEL_M)
+    z0, z1, z3 = np.float32(t[2, 0]), np.float32(t[2, 1] * b + t[2, 2]), np.float32(t[2, 3])
+    for j in range(len(across)):
+        depth, ground = depth_m[j], ground_m[j]
+        height = (z0 * across[j] + z1) * depth + z3 - ground
+        most = highest if abs(ground) < level_m else on_slopes
+        heights[j] = height
+        upright[j] = (
+            (depth >= nearest) & (depth <= farthest) & (height >= lowest) & (height <= most)
+        )
+
+
+@inlined
+def _close(
+    d: int,
+    weight: Floats,
+    x: Floats,
+    y: Floats,
+    pixels: npt.NDArray[np.int32],
+    low: FloatImage,
+    high: FloatImage,
+    rules: ScanRules,
+    closed: Floats,
+    found: npt.NDArray[np.int32],
+) -> None:
+    """Write x, y and variance of the present surface of a direction, if it is one."""
+    is_surface = pixels[d] >= rules.min_pixels and high[d] - low[d] >= rules.min_height_m
+    if is_surface and found[d] < _MOST_SURFACES:
+        n = found[d]
+        closed[d, n, 0], closed[d, n, 1] = x[d] / weight[d], y[d] / weight[d]
+        closed[d, n, 2] = max(
+            min(rules.correlated_px, float(pixels[d])) / weight[d], rules.floor_m**2
+        )
+        found[d] += 1
 
 
 _NEIGHBOURS = 10
