@@ -1,13 +1,13 @@
 // Frame pacing of viser's page, loaded before its other scripts: viser alone would draw without end.
 // A frame is given only while the view is visible and something may have changed: a message of the
 // server, the pointer, a key, the size. Without a graphics card the processor draws, which the robot
-// needs too: then every frame is followed by a rest as long as its drawing took, except while the
+// needs too: then every frame is followed by a rest half as long again as its drawing, except while the
 // operator acts, because viser handles messages and clicks with the next frame. The first frame that
 // shows the robot is told to the frame of the page, by the event "drawn": it may take many seconds.
 
 (() => {
   const AWAKE_MS = 600;
-  const REST_SHARE = 1;
+  const REST_SHARE = 1.5;
   const MIN_REST_MS = 150;
   const ACTING_MS = 1000;
   // After the frame in which viser handles a message: one for the objects that it made, which have
