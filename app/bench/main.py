@@ -65,8 +65,8 @@ def run_bench(
 
     `seconds` is the simulated time of the drive, `maps` a folder of published maps to plan on,
     `ticks` the file that keeps the times of the part `latency`, `samples` that of the part `soak`,
-    which segments with `segmenter`. `camera`: images of the parts `drive` and `tick`, instead of
-    424 × 240 at 10 Hz and 640 × 480.
+    which segments with `segmenter`. `camera`: images of the parts `drive`, `tick` and
+    `latency`, instead of 424 × 240 at 10 Hz, 640 × 480, and those that the console chooses.
     """
     terminal = Terminal()
     if BenchPart.DRIVE in parts:
@@ -90,7 +90,7 @@ def run_bench(
         except NoBrowser as missing:
             terminal.print(str(missing))
     if BenchPart.LATENCY in parts:
-        terminal.print(latency_table(scenario, seconds, ticks=ticks))
+        terminal.print(latency_table(scenario, seconds, camera=camera, ticks=ticks))
     if BenchPart.SOAK in parts:
         try:
             terminal.print(soak_table(scenario, seconds, segmenter=segmenter, record=samples))

@@ -293,8 +293,8 @@ def _traced(
 
 @compiled
 def _clearance(x: float, y: float, ahead: Floats, discs: _Obstacles, most: float) -> float:
-    """Least distance from the footprint with the direction `ahead` to any disc, at most `most`; any number that is
-    not positive where they overlap."""
+    """Least distance from the footprint, which points `ahead`, to any disc, at most `most`; any
+    number that is not positive where they overlap."""
     cos, sin = ahead[0], ahead[1]
     half_length, half_width, side = discs.half_length, discs.half_width, discs.side
     wide = half_length * abs(cos) + half_width * abs(sin) + discs.widest
@@ -311,7 +311,7 @@ def _clearance(x: float, y: float, ahead: Floats, discs: _Obstacles, most: float
             out_y = max(abs(cos * dy - sin * dx) - half_width, 0.0)
             squared, radius = out_x * out_x + out_y * out_y, discs.radii[index]
             if squared < (radius + least) ** 2:
-                least = math.sqrt(squared) - radius
+                least = float(math.sqrt(squared) - radius)
                 if least <= 0.0:
                     return least
     return least

@@ -1,7 +1,7 @@
 """Times of the ticks of a driving console on two processor cores, as episodes replay them.
 
 The console runs in a process of its own with the simulated robot and the network that it chooses by
-itself, and no open page; it is asked for its newest tick over HTTP.
+itself, without a page and with one that shows its map; it is asked for its newest tick over HTTP.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ import os
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,59 +20,99 @@ import httpx
 import numpy as np
 from rich.table import Table
 
-from app.bench.console.page import console_process, drive_around
+from app.bench.console.chromium import NoBrowser, watched_page
+from app.bench.console.page import LATE, console_process, drive_around
 from app.runtime.record.provenance import machine, shipped_sha256, version
 from navcore.files import write_whole
+from navcore.robot.camera_stream import CameraStream
 from sim.scenario.load import load_scenario
 
 CORES = 2
 """Number of processor cores that console and simulator share."""
 SETTLE_S = 5.0
 """Time for which the robot drives before the first tick counts, seconds."""
-POLL_S = 0.05
-"""Time between two looks at the newest tick, seconds; images come every 0.1 s."""
+PAGE_SIZE = (1440, 900)
+"""Size of the page in pixels, width and height."""
+POLL_S = 0.02
+"""Time between two looks at the newest tick, seconds; images come every 0.1 s or more often."""
 
 
-def latency_table(scenario: str, seconds: float, *, ticks: Path | None = None) -> Table:
-    """Drive the console's robot round the goals of a world for `seconds`; write the record to the
-    file `ticks`, if given, and return its figures."""
-    with _on_cores(CORES), console_process(scenario, segmenter="network") as program:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Watch:
+    """What was seen of a driving console."""
+
+    ticks_ms: list[float]
+    """Times of the ticks, in order."""
+    ages_s: list[float]
+    """Age of the image by which the robot was driven, at each look."""
+    held: float
+    """Share of the looks at which lateness held the robot."""
+
+
+def latency_table(
+    scenario: str, seconds: float, *, camera: CameraStream | None = None, ticks: Path | None = None
+) -> Table:
+    """Drive the console's robot round the goals of a world for `seconds`, without a page and with
+    its map open in Chromium, where that is installed; write the record of the first to the file
+    `ticks`, if given, and return the figures of both."""
+    watches = dict[str, _Watch]()
+    with (
+        _on_cores(CORES),
+        console_process(scenario, segmenter="network", camera=camera) as program,
+    ):
         drive_around(program, load_scenario(scenario).goals)
         time.sleep(SETTLE_S)
         segmenter = program.get("/api/v1/state").json()["segmenter"]
-        ticks_ms = _ticks_ms(program, seconds)
+        watches["no page"] = _watch(program, seconds)
+        load_average = round(os.getloadavg()[0], 1)
+        with suppress(NoBrowser), watched_page(str(program.base_url), PAGE_SIZE):
+            time.sleep(SETTLE_S)
+            watches["map open"] = _watch(program, seconds)
     record = {
-        "command": f"bewarenav bench latency --scenario {scenario} --seconds {seconds:g}",
+        "command": f"bewarenav bench latency --scenario {scenario} --seconds {seconds:g}"
+        + ("" if camera is None else f" --camera {camera}"),
         "version": version(),
         "machine": f"{machine()}, {CORES} of the cores used",
-        "load_average": round(os.getloadavg()[0], 1),
+        "load_average": load_average,
         "date": time.strftime("%Y-%m-%d"),
         "segmenter": segmenter,
         "weights_sha256": shipped_sha256(),
-        "ticks_ms": [round(duration, 1) for duration in ticks_ms],
+        "ticks_ms": [round(duration, 1) for duration in watches["no page"].ticks_ms],
     }
     if ticks is not None:
         write_whole(ticks, f"{json.dumps(record)}\n".encode())
-    p50, p95, p99 = np.percentile(ticks_ms, [50, 95, 99])
-    table = Table("what", "figure", title=f"console, {scenario}, {segmenter}")
-    table.add_row("ticks seen", f"{len(ticks_ms)} in {seconds:g} s")
-    table.add_row("p50, ms", f"{p50:.0f}")
-    table.add_row("p95, ms", f"{p95:.0f}")
-    table.add_row("p99, ms", f"{p99:.0f}")
-    table.add_row("load average of the machine", f"{record['load_average']}")
+    images = "the console's camera" if camera is None else f"camera {camera}"
+    title = f"console, {scenario}, {images}, {segmenter}, load average {load_average}"
+    table = Table("while the robot drives", *watches, title=title)
+    for name, row in (
+        ("ticks a second", [f"{len(one.ticks_ms) / seconds:.1f}" for one in watches.values()]),
+        ("tick, ms: p50, p95, p99", [_percentiles(one.ticks_ms) for one in watches.values()]),
+        (
+            "age of its image, ms: p50, p95, p99",
+            [_percentiles([1e3 * age_s for age_s in one.ages_s]) for one in watches.values()],
+        ),
+        ("held for lateness", [f"{one.held:.1%}" for one in watches.values()]),
+    ):
+        table.add_row(name, *row)
     return table
 
 
-def _ticks_ms(program: httpx.Client, seconds: float) -> list[float]:
-    """Return the times of the ticks seen while the robot drives, in order."""
-    seen: dict[int, float] = {}
+def _percentiles(values: list[float]) -> str:
+    return ", ".join(f"{value:.0f}" for value in np.percentile(values, [50, 95, 99]))
+
+
+def _watch(program: httpx.Client, seconds: float) -> _Watch:
+    """Look at the console while its robot drives."""
+    ticks_ms, ages_s, late = dict[int, float](), list[float](), list[bool]()
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
         state: dict[str, Any] = program.get("/api/v1/state").json()
         if state["phase"] == "driving":
-            seen.setdefault(state["picture_serial"], state["tick_ms"])
+            ticks_ms.setdefault(state["picture_serial"], state["tick_ms"])
+            ages_s.append(state["frame_age_s"])
+            late.append(any(reason["code"] in LATE for reason in state["reasons"]))
         time.sleep(POLL_S)
-    return list(seen.values())
+    return _Watch(ticks_ms=list(ticks_ms.values()), ages_s=ages_s, held=float(np.mean(late)))
 
 
 @contextmanager

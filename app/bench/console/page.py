@@ -24,6 +24,7 @@ from rich.table import Table
 from app.bench.console.chromium import chromium, chromium_cpu_s
 from app.bench.console.visit import visit_table
 from navcore.errors import BewareNavError
+from navcore.robot.camera_stream import CameraStream
 from navcore.safety.gate import Cause
 from sim.scenario.load import load_scenario
 from web.port import reserve
@@ -128,9 +129,11 @@ class NoConsole(BewareNavError):  # noqa: N818 -- as `NotMeasured`
 
 
 @contextmanager
-def console_process(scenario: str, *, segmenter: str) -> Iterator[httpx.Client]:
-    """A console in a process of its own, and a program that talks to it; raises `NoConsole` when
-    it ends, or sees nothing for ten minutes."""
+def console_process(
+    scenario: str, *, segmenter: str, camera: CameraStream | None = None
+) -> Iterator[httpx.Client]:
+    """A console in a process of its own, by default with the camera that it chooses itself, and a
+    program that talks to it; raises `NoConsole` when it ends, or sees nothing for ten minutes."""
     with reserve("127.0.0.1", 0) as listener:
         port = listener.getsockname()[1]
     with tempfile.TemporaryDirectory() as data:
@@ -144,6 +147,7 @@ def console_process(scenario: str, *, segmenter: str) -> Iterator[httpx.Client]:
             str(port),
             "--data",
             data,
+            *(() if camera is None else ("--camera", str(camera))),
         ]
         process = subprocess.Popen(
             [sys.executable, "-m", "app", *command],

@@ -44,7 +44,7 @@ class GroundLimits(NamedTuple):
 def _is_known(sums: Sums, limits: GroundLimits) -> bool:
     """Whether it is smooth ground with enough looks."""
     looks = sums[0]
-    return (looks >= limits.min_looks) & (sums[3] <= limits.smooth_m**2 * looks)
+    return bool((looks >= limits.min_looks) & (sums[3] <= limits.smooth_m**2 * looks))
 
 
 @inlined
@@ -53,14 +53,14 @@ def _is_beyond(sums: Sums, limits: GroundLimits) -> bool:
     looks, steps = sums[0], sums[4]
     is_steep = math.hypot(sums[1], sums[2]) > limits.max_slope * looks
     is_high = (sums[5] > limits.max_step_m * steps) & (steps >= limits.min_looks)
-    return (looks >= limits.min_looks) & (is_steep | is_high)
+    return bool((looks >= limits.min_looks) & (is_steep | is_high))
 
 
 @inlined
 def _is_uneven(sums: Sums, limits: GroundLimits) -> bool:
     """Whether it is smooth ground with a slope."""
     is_steep = math.hypot(sums[1], sums[2]) > limits.uneven_slope * sums[0]
-    return is_steep & _is_known(sums, limits)
+    return bool(is_steep & _is_known(sums, limits))
 
 
 @compiled

@@ -116,7 +116,7 @@ def _row(
     depth_m: FloatImage,
     ground_m: FloatImage,
     across: FloatImage,
-    b: float,
+    b: np.float32,
     t: FloatImage,
     side: int,
     limits: FloatImage,
