@@ -10,6 +10,7 @@ import pytest
 
 from app.cli.drive import DriveSettings, drive
 from app.cli.evaluate import EvaluateSettings, evaluate
+from app.cli.options import SegmenterOptions
 from app.console import backend
 from app.console.site.site_map import beware_of
 from app.storage import Store
@@ -19,6 +20,7 @@ from sim.scenario.beware import starting_beware_list
 from sim.scenario.load import load_scenario
 from tests.app.console.state import beware_editor
 
+COLOUR = SegmenterOptions(segmenter="colour")
 OFFICE = starting_beware_list(load_scenario("office"))
 
 
@@ -46,15 +48,14 @@ def test_drive_and_evaluate_take_the_list_of_the_world_unless_one_is_given(
 ) -> None:
     monkeypatch.setattr("app.episode.task.episode_of", give)
     monkeypatch.setattr("app.evaluation.scenario.evaluate_scenario", give)
-    monkeypatch.setattr("app.runtime.start.segmentation.compose", lambda *_, **__: None)
     file = tmp_path / "own.toml"
     file.write_text('[[beware]]\nname = "fork"\nclass_id = 40\n', encoding="utf-8")
     expected = {"fork"} if own else {entry.name for entry in OFFICE.enabled}
     path = file if own else None
     with pytest.raises(GivenError) as driven:
-        drive(DriveSettings(scenario="office", beware=path))
+        drive(DriveSettings(scenario="office", beware=path, segmentation=COLOUR))
     with pytest.raises(GivenError) as evaluated:
-        evaluate(EvaluateSettings(suite="office", beware=path, out=tmp_path))
+        evaluate(EvaluateSettings(suite="office", beware=path, out=tmp_path, segmentation=COLOUR))
     for beware in (given(driven), given(evaluated)):
         assert {entry.name for entry in beware.enabled} == expected
 
