@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
-from navcore.config.perception import GroundConfig
+from navcore.config.perception.perception import GroundConfig
 from navcore.control.controller import Controller, ControlTask
 from navcore.control.motion import Motion
 from navcore.control.speed_limits import travel_time_s

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 
+from navcore.config.localisation.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
-from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.control import dynamic_window
 from navcore.control.manoeuvre import ManoeuvreProblem, manoeuvre_along
 from navcore.control.motion_primitives import errors_to_path

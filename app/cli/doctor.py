@@ -58,7 +58,7 @@ def _segmentation() -> Iterator[tuple[bool, str]]:
     from app.runtime.start.engine_memory import EngineMemory
     from app.runtime.start.segmentation import compose, measure_segmenter
     from app.runtime.start.segmenter_choice import SegmenterChoice
-    from navcore.config.inference import InferenceConfig
+    from navcore.config.perception.inference import InferenceConfig
     from navcore.perception.esanet.inference.onnx_engines import is_installed
     from navcore.robot.profile import HUSKY
 

@@ -84,7 +84,7 @@ def drive(settings: DriveSettings) -> None:
     from app.runtime.record.map_persistence import load_map, save_map
     from app.runtime.start.preparation import prepared_perception
     from navcore.config.navigator import load_config
-    from navcore.config.perception import DEFAULT_PERCEPTION
+    from navcore.config.perception.perception import DEFAULT_PERCEPTION
     from navcore.robot.profile import HUSKY
     from sim.scenario.load import load_scenario
 

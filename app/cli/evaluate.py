@@ -34,7 +34,7 @@ from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
     from app.evaluation.campaign import Fleet
-    from app.evaluation.detection_counts import Walks
+    from app.evaluation.perception.detection_counts import Walks
     from navcore.config.navigator import NavigatorConfig
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
@@ -130,7 +130,7 @@ class EvaluateSettings:
 
 def evaluate(settings: EvaluateSettings) -> None:
     """Drive many seeded episodes and print a summary; resumes an interrupted campaign."""
-    from app.evaluation.barn import SUITES
+    from app.evaluation.driving.barn import SUITES
     from navcore.config.navigator import load_config
 
     _check_options(settings, (*SUITES, CROSSINGS_SUITE, DOORS_SUITE, *VIEWING, LOCALISATION_SUITE))
@@ -153,7 +153,7 @@ def evaluate(settings: EvaluateSettings) -> None:
 
 def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
     """Run the suite; return whether it succeeded."""
-    from app.evaluation.barn import SUITES
+    from app.evaluation.driving.barn import SUITES
 
     if settings.suite in SUITES:
         return _barn(settings, config)
@@ -241,7 +241,7 @@ def _out(settings: EvaluateSettings, name: str) -> Path:
 
 def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
     from app.episode.latency import latency_of
-    from app.evaluation.barn import evaluate_barn
+    from app.evaluation.driving.barn import evaluate_barn
 
     verdict = evaluate_barn(
         settings.suite,
@@ -260,14 +260,14 @@ def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
 
 
 def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
-    from app.evaluation.crossings import evaluate_crossings
+    from app.evaluation.driving.crossings import evaluate_crossings
 
     verdict = _seeded(settings, config, evaluate_crossings, episodes=200)
     return bool(verdict["drove_into_people"] == 0)
 
 
 def _doors(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
-    from app.evaluation.doors import evaluate_doors
+    from app.evaluation.driving.doors import evaluate_doors
 
     verdict = _seeded(settings, config, evaluate_doors, episodes=50)
     return bool(verdict["first_try"] >= ENOUGH_PASSED)
@@ -296,7 +296,7 @@ def _seeded(
 
 
 def _detection(settings: EvaluateSettings) -> bool:
-    from app.evaluation.detection import walks
+    from app.evaluation.perception.detection import walks
     from app.runtime.start.preparation import prepared_perception
 
     perception = prepared_perception(settings.segmentation.choice(camera=settings.stream))
@@ -305,7 +305,7 @@ def _detection(settings: EvaluateSettings) -> bool:
 
 
 def _one_click(settings: EvaluateSettings) -> bool:
-    from app.evaluation.one_click import walks
+    from app.evaluation.perception.one_click import walks
     from app.runtime.start.engine_memory import EngineMemory
     from app.runtime.start.segmentation import compose
 
@@ -319,7 +319,7 @@ def _one_click(settings: EvaluateSettings) -> bool:
 
 
 def _light(settings: EvaluateSettings) -> bool:
-    from app.evaluation.light import evaluate_light
+    from app.evaluation.perception.light import evaluate_light
     from app.runtime.start.engine_memory import EngineMemory
     from app.runtime.start.segmentation import compose
 
@@ -336,7 +336,7 @@ def _light(settings: EvaluateSettings) -> bool:
 
 
 def _teaching(settings: EvaluateSettings) -> bool:
-    from app.evaluation.teaching import evaluate_teaching
+    from app.evaluation.perception.teaching import evaluate_teaching
     from navcore.perception.esanet.inference.network_file import SHIPPED
 
     if settings.beware is not None:
@@ -386,7 +386,7 @@ def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) ->
 def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
     from app.episode.latency import latency_of
     from app.episode.task import Task
-    from app.evaluation.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
+    from app.evaluation.driving.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
     from app.runtime.start.preparation import prepared_perception
     from sim.scenario.load import load_scenario
 

@@ -8,9 +8,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from app.evaluation import crossings, doors
-from app.evaluation.barn import SUITES, conclude_barn
-from app.evaluation.scenario import conclude_scenario
+from app.evaluation.driving import crossings, doors
+from app.evaluation.driving.barn import SUITES, conclude_barn
+from app.evaluation.driving.scenario import conclude_scenario
 from app.fleet.campaign_files import (
     EPISODES,
     CampaignCard,

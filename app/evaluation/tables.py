@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from app.evaluation.light_figures import row_of
+from app.evaluation.perception.light_figures import row_of
 from app.evaluation.summary import RATES, rate_interval
 from navcore.errors import BadConfiguration
 

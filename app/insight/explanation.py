@@ -1,5 +1,5 @@
-"""The explanation of a path for the console: `navcore.planning.path_explanation` and
-`navcore.planning.constraint_removal` combined."""
+"""The explanation of a path for the console: `navcore.planning.explanation.path_explanation` and
+`navcore.planning.explanation.constraint_removal` combined."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from navcore.grid.grid import BoolGrid, Cell
 from navcore.grid.nearest import nearest_of
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
-from navcore.planning.constraint_removal import minimum_removal
+from navcore.planning.explanation.constraint_removal import minimum_removal
+from navcore.planning.explanation.path_explanation import Rules, path_without, rules_of, stretches
+from navcore.planning.explanation.rule_costs import RuleCosts, rule_costs
 from navcore.planning.path import NoPath, Path
-from navcore.planning.path_explanation import Rules, path_without, rules_of, stretches
-from navcore.planning.rule_costs import RuleCosts, rule_costs
 from navcore.robot.profile import RobotProfile
 from web.interface.insight import Alternative, ExplainedRule, Explanation
 from web.interface.wire import Position

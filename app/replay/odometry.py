@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from navcore.config.localisation import OdometryConfig
+from navcore.config.localisation.localisation import OdometryConfig
 from navcore.config.navigator import NavigatorConfig
 
 TRAJECTORY = OdometryConfig(

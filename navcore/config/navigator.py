@@ -7,12 +7,12 @@ from pathlib import Path
 
 from navcore.config.behaviours import BehavioursConfig, RecoveryConfig
 from navcore.config.control import ControlConfig, LocalPlannerConfig
-from navcore.config.localisation import LocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig
+from navcore.config.localisation.zone_margins import ZoneMarginConfig
 from navcore.config.mapping import MappingConfig
 from navcore.config.people import PeopleConfig
-from navcore.config.perception import ObservationConfig, PerceptionConfig
+from navcore.config.perception.perception import ObservationConfig, PerceptionConfig
 from navcore.config.planning import PlanningConfig
-from navcore.config.zone_margins import ZoneMarginConfig
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.toml_config import from_table, ranged, read_toml
 

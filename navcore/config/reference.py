@@ -93,9 +93,9 @@ def field_docs(kind: type) -> dict[str, str]:
 def _roots(reached: set[type]) -> list[type]:
     """Return the dataclasses of `navcore.config` that are in no other one and not in `reached`."""
     modules = (
-        importlib.import_module(f"navcore.config.{module.name}")
-        for module in pkgutil.iter_modules(navcore.config.__path__)
-        if module.name != "reference"
+        importlib.import_module(module.name)
+        for module in pkgutil.walk_packages(navcore.config.__path__, "navcore.config.")
+        if not module.name.endswith(".reference")
     )
     kinds = [
         kind

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from navcore.config.localisation import OdometryConfig
+from navcore.config.localisation.localisation import OdometryConfig
 from navcore.config.safety import KeepOutMonitorConfig
 from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Matrix, Pose2

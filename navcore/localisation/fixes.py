@@ -10,7 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from navcore.config.tags import DEFAULT_TAGS, TagConfig
+from navcore.config.localisation.tags import DEFAULT_TAGS, TagConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.perception.tags import TagDetection, detect_tags

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 
-from navcore.config.localisation import LocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.arrays import FloatImage
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from navcore.config.localisation import TrackingConfig
+from navcore.config.localisation.localisation import TrackingConfig
 from navcore.geometry.transform import Pose2, Twist
 from navcore.localisation.localisation import Localisation, Outcome, Task
 from navcore.localisation.loops.loop_closure import LoopClosures

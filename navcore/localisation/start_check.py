@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from navcore.config.localisation import StartConfig
-from navcore.config.relocalisation import RelocalisationConfig
+from navcore.config.localisation.localisation import StartConfig
+from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Matrix
 from navcore.localisation.relocalisation.place_fit import is_same_place, rivals_of
 from navcore.localisation.relocalisation.relocalisation import SearchResult

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from navcore.config.relocalisation import RelocalisationConfig
+from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.arrays import Points
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.relocalisation import SearchResult, SearchTask, search_task

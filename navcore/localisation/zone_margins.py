@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
+from navcore.config.localisation.zone_margins import ZoneMarginConfig
 from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
-from navcore.config.zone_margins import ZoneMarginConfig
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.zone import Zone

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.perception import ColourSegmenterConfig
+from navcore.config.perception.perception import ColourSegmenterConfig
 from navcore.geometry.arrays import Bools, Indices
 from navcore.mission.beware_list import ColourPattern
 from navcore.robot.frame import Frame

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.perception import DEFAULT_PERCEPTION, ColourPickingConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, ColourPickingConfig
 from navcore.errors import Refused
 from navcore.geometry.arrays import Bools, FloatImage, Floats
 from navcore.mission.beware_list import FLAT_M, ColourRule

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.geometry.arrays import Bools, FloatImage
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, ColourPattern, ColourRule
 from navcore.perception.colour_pattern import FloorGrid, pattern_pixels

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
-from navcore.config.perception import DEFAULT_PERCEPTION, DepthFilterConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, DepthFilterConfig
 from navcore.geometry.arrays import Bools, FloatImage
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.robot.frame import Frame

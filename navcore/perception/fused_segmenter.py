@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.perception import (
+from navcore.config.perception.perception import (
     DEFAULT_PERCEPTION,
     ColourEvidenceConfig,
     PerceptionConfig,

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from navcore.compiled import compiled, inlined
-from navcore.config.perception import DEFAULT_PERCEPTION, GroundConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, GroundConfig
 from navcore.geometry.arrays import FloatImage, Floats, Indices, Points
 from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
 from navcore.robot.frame import Frame

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from navcore.config.perception import DEFAULT_PERCEPTION, InstancesConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, InstancesConfig
 from navcore.geometry.arrays import Bools
 from navcore.geometry.camera import pixel_rays
 from navcore.mission.beware_list import NOTHING, BewareList

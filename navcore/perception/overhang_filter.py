@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
-from navcore.config.perception import DEFAULT_PERCEPTION, OverhangConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, OverhangConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats
 from navcore.geometry.camera import Pinhole, column_slope, ray_direction, row_slope
 from navcore.mission.beware_list import BewareList

@@ -19,8 +19,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.perception import DEFAULT_PERCEPTION
-from navcore.config.prototype import PrototypeConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION
+from navcore.config.perception.prototype import PrototypeConfig
 from navcore.errors import Refused
 from navcore.geometry.arrays import Bools, FloatImage, Floats
 from navcore.geometry.camera import back_project_pixels

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from navcore.config.perception import DEFAULT_PERCEPTION, RegionGrowingConfig
-from navcore.config.prototype import PrototypeConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, RegionGrowingConfig
+from navcore.config.perception.prototype import PrototypeConfig
 from navcore.errors import BadGeometry, Refused
 from navcore.geometry.arrays import Bools, FloatImage, Floats
 from navcore.geometry.camera import Intrinsics, back_project_pixels

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.tags import DEFAULT_TAGS, TagConfig
+from navcore.config.localisation.tags import DEFAULT_TAGS, TagConfig
 from navcore.geometry.camera import Intrinsics, project
 from navcore.geometry.transform import Matrix, Pose2, invert, transform_points, wrap_angle
 from navcore.robot.frame import Frame

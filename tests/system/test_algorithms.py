@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.config.perception import DEFAULT_PERCEPTION
+from navcore.config.perception.perception import DEFAULT_PERCEPTION
 from navcore.config.safety import DEFAULT_SAFETY
 
 PAGE = Path(__file__).parents[2] / "navcore" / "ALGORITHMS.md"

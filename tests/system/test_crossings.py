@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from app.episode.episode import EpisodeSettings
-from app.evaluation.crossings import draw_crossing, drive_crossing
+from app.evaluation.driving.crossings import draw_crossing, drive_crossing
 from navcore.mission.beware_list import default_beware_list
 from navcore.navigator import Stages
 
@@ -27,7 +27,7 @@ def test_the_robot_yields_to_a_person_who_crosses_its_path_and_reaches_its_goal(
     assert report["min_clearance_m"] > 0.05
     # The control: without the tracker, with only the map and the gate to stop the robot.
     blind = functools.partial(EpisodeSettings, stages=Stages(track=lambda *_: ()))
-    monkeypatch.setattr("app.evaluation.crossings.EpisodeSettings", blind)
+    monkeypatch.setattr("app.evaluation.driving.crossings.EpisodeSettings", blind)
     assert drive()["min_clearance_m"] < 0.03
 
 

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.costmap.local_costmap import beware_cells
 from navcore.geometry.arrays import Points

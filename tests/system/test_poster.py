@@ -18,7 +18,7 @@ from shapely import LineString, box
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.start.segmentation import Perception, compose
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from navcore.config.perception import (
+from navcore.config.perception.perception import (
     DEFAULT_PERCEPTION,
     DepthFilterConfig,
     PerceptionConfig,

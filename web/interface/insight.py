@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import ConfigDict, computed_field
 
-from navcore.planning.constraint_removal import Removal
-from navcore.planning.path_explanation import Stretch
+from navcore.planning.explanation.constraint_removal import Removal
+from navcore.planning.explanation.path_explanation import Stretch
 from web.interface.wire import DOCUMENTED, Polyline, Position, WholePolyline
 
 Kind = Literal[

@@ -17,7 +17,7 @@ from rich.table import Table
 
 from app.bench.stages.tick import CELL_M, SIDE_M, Forest
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mapping.correction import prepare

@@ -21,7 +21,7 @@ from rich.table import Table
 from app.bench.quiet import QuietGuard
 from app.runtime.control.stage_timer import TICK, StageTimer
 from navcore.config.navigator import NavigatorConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.arrays import Floats
 from navcore.geometry.camera import Pinhole, column_slope, ray_direction, row_slope
 from navcore.geometry.transform import STANDSTILL, Pose2, wrap_angle

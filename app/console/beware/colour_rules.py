@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from app.console.beware.recent_frames import RecentFrames
-from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.errors import BadConfiguration, Refused
 from navcore.geometry.arrays import Bools
 from navcore.mission.beware_list import BewareClass, ColourRule

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from app.console.beware.recent_frames import RecentFrame, RecentFrames
-from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.errors import Refused
 from navcore.geometry.arrays import Bools, FloatImage
 from navcore.geometry.transform import Pose2

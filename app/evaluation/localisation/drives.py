@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.episode.episode import Episode, EpisodeSettings
-from navcore.config.localisation import ScanConfig
+from navcore.config.localisation.localisation import ScanConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole, write_whole

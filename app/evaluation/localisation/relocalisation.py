@@ -11,8 +11,8 @@ import numpy as np
 
 from app.evaluation.localisation.drives import Drive
 from app.evaluation.localisation.replay import RIGHT_M, RIGHT_RAD, odometry_of
-from navcore.config.localisation import LocalisationConfig
-from navcore.config.relocalisation import RelocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig
+from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.relocalisation import (

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.evaluation.localisation.drives import Drive
-from navcore.config.localisation import LocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import Pose2, Twist, wrap_angle

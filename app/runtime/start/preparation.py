@@ -9,7 +9,7 @@ from app.runtime.start.kernel_compiler import compiling_apart
 from app.runtime.start.progress_lines import LOADING_NETWORK, Progress, announced, on_stderr
 from app.runtime.start.segmentation import Perception, compose
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.perception.esanet.inference.selection import TrialStep
 
 

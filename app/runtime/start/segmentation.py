@@ -17,8 +17,8 @@ import numpy as np
 
 from app.runtime.start.engine_memory import ChosenEngine, EngineMemory, key_of
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from navcore.config.inference import InferenceConfig
-from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
+from navcore.config.perception.inference import InferenceConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet.inference.engine import THREADS, Inference

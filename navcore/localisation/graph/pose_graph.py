@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from navcore.config.pose_graph import DEFAULT_POSE_GRAPH, PoseGraphConfig
+from navcore.config.localisation.pose_graph import DEFAULT_POSE_GRAPH, PoseGraphConfig
 from navcore.errors import BadGeometry
 from navcore.geometry.arrays import Bools, Floats
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2, wrap_angle

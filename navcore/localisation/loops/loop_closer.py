@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from navcore.config.localisation import MatchConfig
-from navcore.config.pose_graph import LoopClosureConfig, PoseGraphConfig
+from navcore.config.localisation.localisation import MatchConfig
+from navcore.config.localisation.pose_graph import LoopClosureConfig, PoseGraphConfig
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.graph.edges import ConstantErrors, Edge
 from navcore.localisation.loops.loop_closure import LoopClosures, close_loops

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from navcore.config.localisation import MatchConfig
-from navcore.config.pose_graph import (
+from navcore.config.localisation.localisation import MatchConfig
+from navcore.config.localisation.pose_graph import (
     DEFAULT_LOOP_CLOSURE,
     DEFAULT_POSE_GRAPH,
     LoopClosureConfig,

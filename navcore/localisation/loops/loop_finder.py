@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from navcore.config.localisation import MatchConfig
-from navcore.config.pose_graph import LoopClosureConfig
-from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
+from navcore.config.localisation.localisation import MatchConfig
+from navcore.config.localisation.pose_graph import LoopClosureConfig
+from navcore.config.localisation.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.geometry.arrays import Floats, Indices
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.localisation.graph.edges import Edge

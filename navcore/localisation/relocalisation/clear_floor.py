@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from navcore.compiled import compiled
-from navcore.config.relocalisation import PlaceSearchConfig
+from navcore.config.localisation.relocalisation import PlaceSearchConfig
 from navcore.geometry.arrays import Bools, Indices, Points
 
 LENS_MARGIN_M = 0.1

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navcore.config.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
+from navcore.config.localisation.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.relocalisation.place_fit import PlaceFit, doubt_of, evaluate_place
 from navcore.localisation.relocalisation.place_map import PlaceMap

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navcore.config.relocalisation import PlaceFitConfig, RelocalisationConfig
+from navcore.config.localisation.relocalisation import PlaceFitConfig, RelocalisationConfig
 from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.relocalisation.place_map import PlaceMap, seen_through_walls

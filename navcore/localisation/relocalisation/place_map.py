@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from navcore.compiled import compiled
-from navcore.config.relocalisation import PlaceSearchConfig
+from navcore.config.localisation.relocalisation import PlaceSearchConfig
 from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.localisation.relocalisation.clear_floor import clear_floor
 from navcore.localisation.scans.scan import Keyframe

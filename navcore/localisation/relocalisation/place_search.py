@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navcore.compiled import compiled
-from navcore.config.relocalisation import RelocalisationConfig
+from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.arrays import Bools, Floats, Indices
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.localisation.relocalisation.place_fit import PlaceFit, fit_place

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
-from navcore.config.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
+from navcore.config.localisation.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.relocalisation.place_check import PlaceCheck, check_place
 from navcore.localisation.relocalisation.place_fit import (

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navcore.compiled import compiled
-from navcore.config.localisation import MatchConfig, MatchRules
+from navcore.config.localisation.localisation import MatchConfig, MatchRules
 from navcore.geometry.arrays import Bools, Floats
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.scans.scan import Scan

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined
-from navcore.config.localisation import ScanConfig, ScanRules
+from navcore.config.localisation.localisation import ScanConfig, ScanRules
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Points
 from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
 from navcore.geometry.transform import Matrix, Pose2

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from navcore.config.localisation import MatchConfig
+from navcore.config.localisation.localisation import MatchConfig
 from navcore.geometry.arrays import Floats, Indices
 from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.scan import Keyframe, Scan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from navcore.config.localisation import TrackingConfig
+from navcore.config.localisation.localisation import TrackingConfig
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 
 

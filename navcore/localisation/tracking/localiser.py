@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from navcore.config.localisation import LocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.localisation.estimate import (
     FixCorrection,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navcore.config.localisation import DEGPH, OdometryConfig
+from navcore.config.localisation.localisation import DEGPH, OdometryConfig
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 

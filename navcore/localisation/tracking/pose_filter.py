@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from navcore.config.localisation import OdometryConfig
+from navcore.config.localisation.localisation import OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.tracking.odometry_model import (

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from navcore.config.localisation import LocalisationConfig, TrackingConfig
+from navcore.config.localisation.localisation import LocalisationConfig, TrackingConfig
 from navcore.geometry.arrays import Floats, Indices, Points
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.localisation.scans.matching import Match, match

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.config.localisation import TrackingConfig
+from navcore.config.localisation.localisation import TrackingConfig
 from navcore.geometry.transform import Matrix
 
 _LEAST = 4

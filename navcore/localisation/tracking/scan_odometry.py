@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from navcore.config.localisation import LocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY
 from navcore.localisation.scans.matching import match
 from navcore.localisation.scans.scan import Keyframe, Scan

@@ -10,7 +10,7 @@ import numpy as np
 
 from navcore.compiled import compiled
 from navcore.config.mapping import RaycastConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.arrays import FloatImage, Words
 from navcore.geometry.camera import Pinhole, column_slope, ray_direction, row_slope
 from navcore.geometry.transform import Matrix

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from navcore.compiled import compiled
 from navcore.config.mapping import RaycastConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.arrays import Indices, Words
 from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import ONE, PAD, BitPlane, BitPlanes

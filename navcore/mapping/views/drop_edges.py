@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.arrays import FloatImage
 from navcore.mapping.views.voxels import DepthView, Pixels
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.arrays import FloatImage
 from navcore.geometry.camera import back_project_pixels
 from navcore.grid.grid import Box, GridSpec

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.perception import DEFAULT_PERCEPTION
-from navcore.config.prototype import PrototypeConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION
+from navcore.config.perception.prototype import PrototypeConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.arrays import FloatImage
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList

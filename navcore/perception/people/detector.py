@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from navcore.config.perception import DEFAULT_PERCEPTION, PersonDetectorConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, PersonDetectorConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
 from navcore.perception.ground import flat_ground
 from navcore.perception.people.detection_grid import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from navcore.config.perception import DEFAULT_PERCEPTION, PersonTrackConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, PersonTrackConfig
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.perception.people.detector import Cells, Cluster

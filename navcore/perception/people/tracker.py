@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from navcore.config.perception import DEFAULT_PERCEPTION, PerceptionConfig
+from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.grid.grid import GridSpec

@@ -47,7 +47,7 @@ def test_drive_and_evaluate_take_the_list_of_the_world_unless_one_is_given(
     own: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("app.episode.task.episode_of", give)
-    monkeypatch.setattr("app.evaluation.scenario.evaluate_scenario", give)
+    monkeypatch.setattr("app.evaluation.driving.scenario.evaluate_scenario", give)
     file = tmp_path / "own.toml"
     file.write_text('[[beware]]\nname = "fork"\nclass_id = 40\n', encoding="utf-8")
     expected = {"fork"} if own else {entry.name for entry in OFFICE.enabled}

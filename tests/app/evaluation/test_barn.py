@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from app.evaluation.barn import ChallengeRules, drive_world, evaluate_barn, verdict
+from app.evaluation.driving.barn import ChallengeRules, drive_world, evaluate_barn, verdict
 from navcore.config.navigator import config_for
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Twist

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.evaluation import detection
-from app.evaluation.detection_counts import DetectionCounts, Walks, summary
+from app.evaluation.perception import detection
+from app.evaluation.perception.detection_counts import DetectionCounts, Walks, summary
 from app.runtime.start.segmentation import colour_perception
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES

@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 from itertools import islice
 
-from app.evaluation.doors import DOORS, draw_passages, drive_passage, is_first_try, summarise
+from app.evaluation.driving.doors import (
+    DOORS,
+    draw_passages,
+    drive_passage,
+    is_first_try,
+    summarise,
+)
 from navcore.mission.beware_list import default_beware_list
 
 

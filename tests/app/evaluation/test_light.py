@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from app.evaluation.light import evaluate_light
-from app.evaluation.light_figures import row_of
+from app.evaluation.perception.light import evaluate_light
+from app.evaluation.perception.light_figures import row_of
 from app.runtime.start.segmentation import colour_perception
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import default_beware_list

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from app.evaluation.campaign import Campaign, Fleet
+from app.evaluation.driving.scenario import conclude_scenario
 from app.evaluation.merge import Allowance, merge_shards
-from app.evaluation.scenario import conclude_scenario
 from app.fleet.campaign_files import EPISODES, read_card, recorded
 from app.fleet.shard import Shard
 from app.runtime.record.provenance import command_line
@@ -24,7 +24,7 @@ SEEDS = range(3000, 3005)
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """Report of a short episode that was driven."""
-    from app.evaluation.scenario import evaluate_scenario
+    from app.evaluation.driving.scenario import evaluate_scenario
 
     out = tmp_path_factory.mktemp("one")
     short = task(max_time_s=1.0)

@@ -13,7 +13,7 @@ from app.episode.ablation import Oracle, SeesNothing
 from app.episode.ablations import Ablation
 from app.episode.failure_causes import causes_of, count_causes
 from app.episode.task import Task, episode_of
-from app.evaluation.scenario import evaluate_scenario
+from app.evaluation.driving.scenario import evaluate_scenario
 from app.evaluation.summary import compare, mean_interval, rate_interval, summarise
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list

@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from app.evaluation.detection_counts import DetectionCounts, summary
+from app.evaluation.perception.detection_counts import DetectionCounts, summary
 from app.evaluation.tables import (
     BEGIN,
     END,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from app.evaluation import view_range
-from app.evaluation.view_range import PAGE, lengths_m, page
+from app.evaluation.driving import view_range
+from app.evaluation.driving.view_range import PAGE, lengths_m, page
 
 
 def test_an_ideal_driver_is_at_least_as_long_as_the_shortest_path() -> None:
@@ -26,4 +26,4 @@ def test_the_page_has_a_row_for_each_seed_and_sums_the_seeds_that_have_a_path(
 
 
 def test_the_kept_page_names_the_command_that_makes_it() -> None:
-    assert "python -m app.evaluation.view_range indoor" in PAGE.read_text(encoding="utf-8")
+    assert "python -m app.evaluation.driving.view_range indoor" in PAGE.read_text(encoding="utf-8")

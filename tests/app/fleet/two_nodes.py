@@ -74,7 +74,7 @@ def _drive(key: int, *, marks: Path) -> dict[str, Any]:
 def episodes(cluster: Cluster, doomed: Any, out: Path) -> None:
     """Driven episodes and their figures are those of one process, to the digit."""
     from app.episode.task import Task
-    from app.evaluation.scenario import evaluate_scenario
+    from app.evaluation.driving.scenario import evaluate_scenario
     from navcore.mission.beware_list import default_beware_list
     from sim.scenario.load import load_scenario
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from navcore.config.localisation import OdometryConfig
+from navcore.config.localisation.localisation import OdometryConfig
 from navcore.config.safety import KeepOutMonitorConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.cell_margins import CellMargins

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from navcore.config.localisation import LocalisationConfig, StartConfig
-from navcore.config.relocalisation import RelocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig, StartConfig
+from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.relocalisation.place_fit import PlaceFit

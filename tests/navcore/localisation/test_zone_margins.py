@@ -9,8 +9,8 @@ import pytest
 import shapely
 from shapely.geometry import Polygon
 
+from navcore.config.localisation.zone_margins import ZoneMarginConfig
 from navcore.config.safety import DEFAULT_SAFETY
-from navcore.config.zone_margins import ZoneMarginConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation import zone_margins
 from navcore.localisation.estimate import LocalisationEstimate

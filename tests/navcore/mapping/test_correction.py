@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.grid.growth import Growth, growth_into

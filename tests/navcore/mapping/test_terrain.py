@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.mapping import MappingConfig, TerrainConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.costmap.live_costmap import LiveCostmap
 from navcore.geometry.transform import Pose2

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.config.perception import DepthFilterConfig
+from navcore.config.perception.perception import DepthFilterConfig
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import (

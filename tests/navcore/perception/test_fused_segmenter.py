@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.perception import DEFAULT_PERCEPTION
+from navcore.config.perception.perception import DEFAULT_PERCEPTION
 from navcore.mission.beware_list import NOTHING, PERSON, BewareClass, BewareList, ColourRule
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.fused_segmenter import FusedSegmenter, fuse, weigh

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.camera import pixel_rays
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mapping.views.observation import observe

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pytest
 
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
 from navcore.mapping.point_map import PointMap

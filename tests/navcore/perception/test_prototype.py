@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.config.perception import DEFAULT_PERCEPTION
+from navcore.config.perception.perception import DEFAULT_PERCEPTION
 from navcore.errors import BadConfiguration, Refused
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import BewareClass, BewareList, as_toml, parse_beware_list

@@ -14,9 +14,15 @@ from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.zone import Zone
 from navcore.mission.zone_cells import rasterise
-from navcore.planning.constraint_removal import minimum_removal
+from navcore.planning.explanation.constraint_removal import minimum_removal
+from navcore.planning.explanation.path_explanation import (
+    Rule,
+    Rules,
+    path_without,
+    rules_of,
+    stretches,
+)
 from navcore.planning.path import NoPath, Path
-from navcore.planning.path_explanation import Rule, Rules, path_without, rules_of, stretches
 from navcore.planning.planner import plan
 
 SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.mission.zone_cells import rasterise
+from navcore.planning.explanation.path_explanation import path_without
+from navcore.planning.explanation.rule_costs import RuleCosts, rule_costs
 from navcore.planning.path import Path
-from navcore.planning.path_explanation import path_without
 from navcore.planning.planner import plan
-from navcore.planning.rule_costs import RuleCosts, rule_costs
 from tests.navcore.planning.test_path_explanation import NOTHING, SPEC, box, made, random_rules
 
 WALL = rasterise(box(-0.2, 0.2, -2.0, 1.2), SPEC) & ~rasterise(box(-0.4, 0.4, -0.6, 0.6), SPEC)

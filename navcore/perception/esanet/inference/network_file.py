@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from navcore.config.inference import InferenceConfig
+from navcore.config.perception.inference import InferenceConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet.inference import onnx_file
 from navcore.perception.esanet.inference.onnx_file import OnnxCard

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.config.inference import InferenceConfig
+from navcore.config.perception.inference import InferenceConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet.inference.engine import THREADS, Batch, Inference, check_logits
 from navcore.perception.esanet.inference.network_file import NetworkFile

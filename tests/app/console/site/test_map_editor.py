@@ -10,7 +10,7 @@ import pytest
 from app.console.site.map_editor import MAX_UNDO_BYTES, MapEditor
 from app.insight.detections import DetectionGallery
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.mapping.point_map import PointMap

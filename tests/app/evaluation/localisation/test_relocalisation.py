@@ -15,7 +15,7 @@ from app.evaluation.localisation.relocalisation import (
     switched_on,
 )
 from app.evaluation.localisation.replay import keyframes_of
-from navcore.config.localisation import LocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.localisation.scans.scan import Keyframe
 from navcore.mapping.points.pose_ids import PoseIds
 from sim.robot.odometry_grade import OdometryGrade

@@ -9,7 +9,7 @@ import pytest
 
 from app.runtime.record.map_persistence import load_map, save_map
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.errors import BadConfiguration
 from navcore.formats import nav2_map

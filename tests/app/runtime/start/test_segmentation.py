@@ -17,7 +17,7 @@ from app.runtime.start import segmentation
 from app.runtime.start.engine_memory import ChosenEngine, EngineMemory, key_of
 from app.runtime.start.segmentation import colour_perception, compose, measure_segmenter
 from app.runtime.start.segmenter_choice import SegmenterChoice
-from navcore.config.inference import InferenceConfig
+from navcore.config.perception.inference import InferenceConfig
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.pose_graph import PoseGraphConfig
+from navcore.config.localisation.pose_graph import PoseGraphConfig
 from navcore.errors import BadGeometry
 from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.graph.pose_graph import AbsolutePose, PoseGraph, optimise

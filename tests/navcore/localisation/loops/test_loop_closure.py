@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from navcore.config.pose_graph import LoopClosureConfig
+from navcore.config.localisation.pose_graph import LoopClosureConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.graph.edges import Edge
 from navcore.localisation.loops.loop_closure import close_loops

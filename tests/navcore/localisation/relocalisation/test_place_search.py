@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
+from navcore.config.localisation.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.relocalisation.place_check import check_place

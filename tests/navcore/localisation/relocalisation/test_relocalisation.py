@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.evaluation.localisation.relocalisation import mirrored
-from navcore.config.relocalisation import PlaceSearchConfig, RelocalisationConfig
+from navcore.config.localisation.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.relocalisation import (

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from navcore.config.localisation import ScanConfig
+from navcore.config.localisation.localisation import ScanConfig
 from navcore.geometry.arrays import FloatImage
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2, camera_mount, tilt_matrix

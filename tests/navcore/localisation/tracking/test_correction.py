@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.localisation import TrackingConfig
+from navcore.config.localisation.localisation import TrackingConfig
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.tracking.correction import CorrectionFlow
 from tests.navcore.laws import law

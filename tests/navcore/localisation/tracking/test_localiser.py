@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from navcore.config.localisation import OdometryConfig
+from navcore.config.localisation.localisation import OdometryConfig
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2, Twist, wrap_angle
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState

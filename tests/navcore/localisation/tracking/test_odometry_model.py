@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.localisation import DEGPH, OdometryConfig
+from navcore.config.localisation.localisation import DEGPH, OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.tracking.odometry_model import (
     OdometryMotion,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from navcore.config.localisation import LocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.tracking.odometry_model import OdometryStep

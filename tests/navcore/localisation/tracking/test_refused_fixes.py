@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from navcore.config.localisation import LocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.graph.pose_graph import OptimisedGraph

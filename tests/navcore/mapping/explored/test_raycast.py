@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.transform import Pose2
 from navcore.mapping.point_map import PointMap
 from tests.navcore.scene import SPEC, Box, picture

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.mapping import ConfidenceConfig, MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.confidence import initial_confidence

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
 from navcore.grid.growth import growth_to

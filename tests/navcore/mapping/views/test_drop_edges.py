@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.camera import pixel_rays
 from navcore.geometry.transform import Pose2
 from navcore.mapping.views import observation

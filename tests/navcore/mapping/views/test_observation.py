@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.camera import Intrinsics, back_project
 from navcore.geometry.transform import Pose2, transform_points
 from navcore.mapping.views.observation import Observation, observe

@@ -16,7 +16,7 @@ import pytest
 import torch
 from torch import nn
 
-from navcore.config.inference import InferenceConfig
+from navcore.config.perception.inference import InferenceConfig
 from navcore.errors import BadConfiguration
 from navcore.perception.esanet import EsaNet, build
 from navcore.perception.esanet.inference import selection as choice

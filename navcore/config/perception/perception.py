@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from navcore.config.prototype import PrototypeConfig
+from navcore.config.perception.prototype import PrototypeConfig
 from navcore.errors import BadConfiguration
 from navcore.toml_config import ranged
 

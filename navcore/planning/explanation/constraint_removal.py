@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from navcore.config.planning import PLANNING_CONFIG, ConstraintRemovalConfig
 from navcore.grid.grid import Cell
-from navcore.planning.path_explanation import Rules
+from navcore.planning.explanation.path_explanation import Rules
 
 _WALL = -1
 """Region of the cells that no rule can open."""

@@ -17,10 +17,10 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.evaluation.campaign import HERE, Campaign, write_summary
-from app.evaluation.detection import ENOUGH_PX, walk_of_seed
-from app.evaluation.detection_counts import DetectionCounts
-from app.evaluation.detection_counts import summary as rates_of
-from app.evaluation.light_figures import row_of
+from app.evaluation.perception.detection import ENOUGH_PX, walk_of_seed
+from app.evaluation.perception.detection_counts import DetectionCounts
+from app.evaluation.perception.detection_counts import summary as rates_of
+from app.evaluation.perception.light_figures import row_of
 from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from navcore.config.pose_graph import LoopClosureConfig, PoseGraphConfig
-from navcore.config.relocalisation import RelocalisationConfig
-from navcore.config.scan_odometry import ScanOdometryConfig
+from navcore.config.localisation.pose_graph import LoopClosureConfig, PoseGraphConfig
+from navcore.config.localisation.relocalisation import RelocalisationConfig
+from navcore.config.localisation.scan_odometry import ScanOdometryConfig
 from navcore.toml_config import ranged
 
 

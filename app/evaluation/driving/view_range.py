@@ -1,6 +1,6 @@
 """What a longer view saves: the path of the informed baseline by the range of the camera.
 
-    python -m app.evaluation.view_range indoor --seeds 1000-1004 --ranges 5,6,7,9
+    python -m app.evaluation.driving.view_range indoor --seeds 1000-1004 --ranges 5,6,7,9
 
 The baseline observes without error, so the figures bound what planning with farther measurements
 can gain. The command writes `view-range.md` beside this file.
@@ -84,14 +84,14 @@ def _shown(length_m: float | None) -> str:
 
 def main(arguments: Sequence[str]) -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(prog="python -m app.evaluation.view_range")
+    parser = argparse.ArgumentParser(prog="python -m app.evaluation.driving.view_range")
     parser.add_argument("world")
     parser.add_argument("--seeds", default="1000-1004", help="FIRST-LAST")
     parser.add_argument("--ranges", default="5,6,7,9", help="metres, with commas")
     given = parser.parse_args(arguments)
     first, last = (int(seed) for seed in given.seeds.split("-"))
     ranges_m = [float(one) for one in given.ranges.split(",")]
-    command = " ".join(["python -m app.evaluation.view_range", *arguments])
+    command = " ".join(["python -m app.evaluation.driving.view_range", *arguments])
     text = page(given.world, range(first, last + 1), ranges_m, command)
     PAGE.write_text(text, encoding="utf-8")
 

@@ -18,10 +18,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.evaluation.detection_counts import DetectionCounts, Walks
+from app.evaluation.perception.detection_counts import DetectionCounts, Walks
 from app.runtime.start.segmentation import Perception
 from navcore.config.mapping import MappingConfig
-from navcore.config.perception import ObservationConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.camera import back_project_pixels
 from navcore.geometry.transform import Pose2, Twist

@@ -20,14 +20,14 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from app.evaluation.detection import (
+from app.evaluation.perception.detection import (
     CLEARANCE_M,
     TEST_SHARD,
     drive_poses,
     picture,
     walk,
 )
-from app.evaluation.detection_counts import COUNTERS, DetectionCounts, Walks
+from app.evaluation.perception.detection_counts import COUNTERS, DetectionCounts, Walks
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration, Refused
 from navcore.geometry.transform import Pose2

@@ -21,8 +21,8 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.evaluation.campaign import write_summary
-from app.evaluation.detection import TEST_SHARD
-from app.evaluation.one_click import Site, site_of, views
+from app.evaluation.perception.detection import TEST_SHARD
+from app.evaluation.perception.one_click import Site, site_of, views
 from app.runtime.record.provenance import command_line, machine, version
 from app.teaching.training.comparison import LEAST_IOU
 from app.teaching.training.paired_counts import PairedCounts

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.grid.grid import Cell
+from navcore.planning.explanation.path_explanation import Rule, Rules, path_without
 from navcore.planning.path import Path
-from navcore.planning.path_explanation import Rule, Rules, path_without
 from navcore.planning.planner import SQRT2
 
 SAME = 1e-6
