@@ -37,6 +37,7 @@ from web.auth.presence import PresenceMonitor, Unattended
 from web.gateway import problems
 from web.gateway.guard import Guard
 from web.gateway.problems import JsonResponse
+from web.gateway.undo_number import UndoNumber
 from web.interface.operations import RobotService
 from web.pages import pages_router
 from web.port import reserve
@@ -106,6 +107,7 @@ def create_app(
     app.include_router(pages_router())
     app.include_router(viewer_router(viewer))
     problems.install(app)
+    app.add_middleware(UndoNumber)
     app.add_middleware(
         Guard,
         allowed_hosts=allowed_hosts,

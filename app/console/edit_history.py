@@ -13,6 +13,7 @@ from typing import Generic, Protocol, TypeVar
 
 from navcore.errors import Refused
 from web.interface.drafts import EditHistory
+from web.interface.own_edits import note_edit
 
 Step = TypeVar("Step")
 """What an editor has to know of an edit to undo and repeat it."""
@@ -77,8 +78,10 @@ class EditStack(Generic[Step]):
 
     def add(self, text: str, step: Step) -> None:
         """Add an edit that was made; those that were undone before cannot be repeated any more."""
-        self._done.append(Edit(number=self._number(), text=text, step=step))
+        number = self._number()
+        self._done.append(Edit(number=number, text=text, step=step))
         self._undone = []
+        note_edit(number)
         while sum(self._bytes_used(edit.step) for edit in self._done) > self._max_bytes:
             self._done.popleft()
 

@@ -185,8 +185,10 @@ def test_one_undo_takes_back_the_last_edit_whatever_it_was_of(client: httpx.Clie
     client.post("/api/v1/zones", json=zone("wet"))
     client.patch(f"{BEWARE}/cup", json={"enabled": False})
     client.post("/api/v1/map/erase", json={"geometry": square})
-    client.patch(f"{BEWARE}/cup", json={"margin_m": 1.0})
+    answer = client.patch(f"{BEWARE}/cup", json={"margin_m": 1.0})
     number = client.get("/api/v1/edits").json()["undo_number"]
+    assert answer.headers["Undo-Number"] == str(number)
+    assert "Undo-Number" not in client.get("/api/v1/edits").headers
     earlier = client.post(f"/api/v1/edits/undo?number={number - 1}")
     assert "another edit was made since" in wrong(earlier, 409)["message"]
     undone = [client.post(f"/api/v1/edits/undo?number={number}").json()["text"].split()[0]]

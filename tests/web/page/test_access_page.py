@@ -13,15 +13,15 @@ from tests.web.page.chromium import eventually, middle_of
 from web.auth.users import hash_token, is_password
 from web.server import ConsoleServer
 
-Opener = Callable[[ConsoleServer, str | None], Page]
+Opener = Callable[..., Page]
 
 
 @pytest.fixture
 def open_page(new_context: Callable[..., BrowserContext]) -> Opener:
     """Open the console in a browser profile of its own, logged in if a name is given."""
 
-    def opened(server: ConsoleServer, name: str | None) -> Page:
-        page = new_context(viewport={"width": 1280, "height": 720}).new_page()
+    def opened(server: ConsoleServer, name: str | None, **options: object) -> Page:
+        page = new_context(**({"viewport": {"width": 1280, "height": 720}} | options)).new_page()
         page.goto(f"{server.url}/#map")
         if name is not None:
             page.get_by_test_id("login-name").fill(name)
@@ -277,3 +277,28 @@ def test_a_user_has_the_chosen_language_in_another_browser(
     expect(here.locator("html")).to_have_attribute("lang", "es")
     there.reload()
     expect(there.locator("html")).to_have_attribute("lang", "es")
+
+
+def test_users_are_read_by_their_names_and_removed_by_touch_on_a_phone(
+    open_page: Opener, locked: ConsoleServer
+) -> None:
+    phone = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
+    page = open_page(locked, "admin", **phone)
+    page.get_by_test_id("admin-button").tap()
+    names = page.get_by_test_id("user").locator(".label > span")
+    expect(names).to_have_text(["admin (you)", "operator", "viewer"])
+    cut = (
+        "(names) => names.filter((it) => it.scrollWidth > it.clientWidth).map((it) => it.outerHTML)"
+    )
+    labels = page.get_by_test_id("user").locator(".label")
+    assert labels.evaluate_all(cut) == []
+    for field in ("new-user-name", "new-user-password", "new-user-role"):
+        box = page.get_by_test_id(field).bounding_box()
+        assert box is not None and box["width"] >= 120, field
+    viewer = page.locator("[data-testid=user][data-name=viewer]")
+    remove = viewer.get_by_test_id("user-remove")
+    remove.tap()
+    expect(remove).to_have_text("Really remove?")
+    expect(viewer).to_have_count(1)
+    remove.tap()
+    expect(viewer).to_have_count(0)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Route, expect
 
 from navcore.mission.beware_list import as_toml
 from navcore.perception.labels import LabelSource
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, middle_of
+from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, eventually, middle_of
 from tests.web.page.states import SIZES, open_tab
 
 
@@ -101,6 +101,28 @@ def test_the_inspector_says_whether_the_colour_of_a_class_that_the_network_knows
     assert changes is not None and changes["colour"]["alone"] is True
 
 
+def click_image(page: Page, right: float, down: float) -> None:
+    """Click the camera image at a share of its width and height, wherever it is by then."""
+    image = page.get_by_test_id("camera")
+    box = image.bounding_box()
+    assert box is not None
+    image.click(position={"x": right * box["width"], "y": down * box["height"]})
+
+
+def test_a_class_is_added_only_when_the_list_is_there(page: Page) -> None:
+    held: list[Route] = []
+    page.route("**/api/v1/beware", lambda route: held.append(route))
+    page.reload()
+    await_map(page)
+    eventually(page, lambda: len(held) > 0)
+    add, by_example = page.get_by_test_id("beware-add"), page.get_by_test_id("beware-this")
+    expect(add).to_be_disabled()
+    expect(by_example).to_be_disabled()
+    held.pop().continue_()
+    add.click()
+    expect(page.get_by_test_id("entry-margin")).to_have_attribute("max", "2")
+
+
 def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(
     page: Page, operations: FakeOperations
 ) -> None:
@@ -108,10 +130,7 @@ def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(
     page.get_by_test_id("beware-add").click()
     page.get_by_test_id("entry-name").fill("tape")
     page.get_by_test_id("entry-pick").click()
-    box = page.get_by_test_id("camera").bounding_box()
-    assert box is not None
-    at = (box["x"] + 0.53 * box["width"], box["y"] + 0.72 * box["height"])
-    page.mouse.click(*at)
+    click_image(page, 0.53, 0.72)
     expect(page.get_by_test_id("entry-share")).to_contain_text("6.9 %")
     expect(page.get_by_test_id("camera-mask")).to_be_visible()
     expect(page.get_by_test_id("draft")).to_be_hidden()
@@ -122,7 +141,7 @@ def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(
     expect(page.get_by_test_id("camera-mask")).to_be_hidden()
     rule = operations.beware.list.named("tape").colour
     assert rule is not None and rule.min_saturation == 0.99
-    page.mouse.click(*at)  # control: now the same click drafts a zone
+    click_image(page, 0.53, 0.72)  # control: now the same click drafts a zone
     expect(page.get_by_test_id("draft")).to_be_visible()
 
 

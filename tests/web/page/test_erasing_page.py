@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import await_map, click_map
@@ -59,6 +59,27 @@ def test_what_is_drawn_can_be_erased_instead_of_made_a_zone(
     expect(page.get_by_test_id("toasts")).to_contain_text("The obstacles there are erased.")
     expect(page.get_by_test_id("draft")).to_be_hidden()
     assert operations.map_edits.history.undo is not None and not operations.zones.stored
+
+
+def test_undo_in_a_message_takes_back_no_edit_that_another_operator_made_before_the_message(
+    page: Page, operations: FakeOperations
+) -> None:
+    add_zone(operations)
+    await_map(page)
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+
+    def switch_the_cup_off_before_the_answer(route: Route) -> None:
+        answer = route.fetch()
+        operations.beware.edit("cup", {"enabled": False})
+        route.fulfill(response=answer)
+
+    page.route("**/api/v1/zones/*", switch_the_cup_off_before_the_answer)
+    right_click(page, *IN_SQUARE)
+    press_item(page, "delete-zone")
+    page.get_by_test_id("toast-action").click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("Another edit was made since")
+    (cup,) = (entry for entry in operations.beware.list.classes if entry.name == "cup")
+    assert not cup.enabled and not operations.zones.stored
 
 
 def test_a_detection_that_is_not_one_is_rejected_and_its_place_can_be_taken_back(

@@ -50,6 +50,16 @@ def right_click(page: Page, x: float, y: float) -> None:
     expect(page.get_by_test_id("map-menu")).to_be_visible()
 
 
+def choose_by_keyboard(page: Page, name: str) -> None:
+    """Choose an item of the menu of the map, which has the focus, by keys."""
+    page.keyboard.press("Shift+F10")
+    item = page.get_by_test_id(f"map-{name}")
+    expect(item).to_be_visible()
+    while not item.evaluate("(item) => item === document.activeElement"):
+        page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+
+
 def await_target(page: Page, x: float, y: float) -> None:
     """Wait until the map has something to grab at a point in metres, which the pointer shows: the
     row in a list may be there before."""
@@ -208,6 +218,49 @@ def test_the_menu_key_opens_the_menu_and_arrows_choose(
     expect(page.get_by_test_id("map-switch-zone")).to_be_focused()
     page.keyboard.press("Escape")
     expect(page.get_by_test_id("map-canvas")).to_be_focused()
+
+
+def test_a_measurement_and_the_robots_place_are_set_by_keyboard_alone(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.get_by_test_id("map-canvas").focus()
+    choose_by_keyboard(page, "measure")
+    expect(page.get_by_test_id("pick-to")).to_be_focused()
+    page.keyboard.type("nowhere")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("toasts")).to_contain_text("“nowhere” is no point")
+    page.get_by_test_id("pick-to").select_text()
+    page.keyboard.type("4, 1")
+    page.keyboard.press("Shift+Tab")
+    page.keyboard.type("0, -2")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("toasts")).to_contain_text("5.00 m")
+    expect(page.get_by_test_id("pick")).to_be_hidden()
+
+    expect(page.get_by_test_id("map-canvas")).to_be_focused()
+    choose_by_keyboard(page, "robot-here")
+    expect(page.get_by_test_id("pick-from")).to_be_hidden()
+    expect(page.get_by_test_id("pick-to")).to_be_focused()
+    expect(page.get_by_test_id("pick-to")).to_have_value(re.compile(r"^\S+, \S+, $"))
+    page.keyboard.press("Control+A")
+    page.keyboard.type("-3, 3, 90")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("place-accept")).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("place-proposal")).to_be_hidden()
+    pose = operations.state().pose
+    assert (pose.x_m, pose.y_m, pose.yaw_rad) == pytest.approx((-3.0, 3.0, 1.571), abs=0.001)
+
+
+def test_for_a_mouse_no_field_covers_the_map_or_takes_the_space_bar(page: Page) -> None:
+    await_map(page)
+    right_click(page, -4.0, -4.0)
+    press_item(page, "measure")
+    expect(page.get_by_test_id("map-canvas")).to_be_focused()
+    expect(page.get_by_test_id("pick")).to_be_hidden()
+    page.keyboard.press("Space")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
 
 
 def test_a_place_of_the_robot_is_shown_with_the_share_that_fits_before_it_is_taken(

@@ -68,6 +68,27 @@ def test_a_latched_stop_makes_the_header_no_higher(open_phone: Opener) -> None:
     expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
 
 
+def test_reasons_that_are_cut_off_are_read_whole_by_a_tap(
+    open_phone: Opener, operations: FakeOperations
+) -> None:
+    page = open_phone(*PHONE)
+    operations.goals.add(4.8, 0.0)
+    operations.mission("start")
+    operations.block_by_red()
+    tap_stop(page)
+    reasons, is_whole = (
+        page.get_by_test_id("state-text"),
+        "(it) => it.scrollHeight <= it.clientHeight",
+    )
+    expect(reasons).to_contain_text("no path")
+    height = page.locator(".bar").evaluate("(bar) => bar.offsetHeight")
+    assert not reasons.evaluate(is_whole)
+    page.touchscreen.tap(*middle_of(reasons))
+    assert reasons.evaluate(is_whole)
+    page.touchscreen.tap(*middle_of(page.get_by_test_id("control-text")))
+    assert page.locator(".bar").evaluate("(bar) => bar.offsetHeight") == height
+
+
 def test_hints_leave_out_the_keys_and_the_list_of_keys_begins_at_its_top(
     open_phone: Opener,
 ) -> None:

@@ -81,7 +81,7 @@ function passwordParts(user, path) {
       await request("PUT", `${path}/password`, { password: field.value });
       passwordForm.reset();
       passwordForm.hidden = true;
-      notify(t("{name} has a new password.", user), { good: true });
+      notify(t("The password of {name} is changed.", user), { good: true });
     });
   };
   const toggle = () => {

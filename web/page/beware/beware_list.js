@@ -34,6 +34,7 @@ export function build(onNewList) {
 
 export function show(beware) {
   ({ limits, version } = beware);
+  set(element("beware-add"), { disabled: false });
   set(element("beware-this"), { disabled: beware.no_examples !== null });
   set(element("beware-this-note"), { hidden: beware.no_examples === null });
   setText(element("beware-this-note"), capitalised(sentence(beware.no_examples ?? "")));

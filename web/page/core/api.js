@@ -36,23 +36,26 @@ export async function abortableFetch(address, options = {}) {
   }
 }
 
-export async function request(method, path, body, headers = {}) {
+export const request = async (...given) => (await edit(...given)).value;
+
+// A request that is an edit: the value of its answer, and the number by which it alone can be undone.
+export async function edit(method, path, body, headers = {}) {
   const options = { method, headers: { Accept: "application/json", ...headers } };
   if (body !== undefined) {
     options.headers["Content-Type"] = "application/json";
     options.body = JSON.stringify(body);
   }
-  let response;
+  let answer;
   try {
-    response = await showProgress(abortableFetch(`/api/v1${path}`, options), WAITING);
+    answer = await showProgress(abortableFetch(`/api/v1${path}`, options), WAITING);
   } catch (error) {
     if (error instanceof Refusal) throw error;
     const message = t("the console does not answer; as far as this page knows, nothing was changed");
     throw new Refusal(0, { error: { message } });
   }
-  const value = parsed(await response.text());
-  if (!response.ok) throw new Refusal(response.status, value);
-  return value;
+  const value = parsed(await answer.text());
+  if (!answer.ok) throw new Refusal(answer.status, value);
+  return { value, undoNumber: answer.headers.get("Undo-Number") };
 }
 
 function parsed(text) {

@@ -1,13 +1,24 @@
-// A pose as it is typed: x, y in metres and the heading in degrees.
+// A point or a pose as it is typed: x, y in metres and the heading in degrees.
 
 import { t } from "./language.js";
 
-// Return { x_m, y_m, yaw_rad }; the heading is null where none is typed and none is needed.
-export function typedPose(typed, { needsHeading = false } = {}) {
-  const numbers = typed
+const numbersOf = (typed) =>
+  typed
     .split(/[,\s]+/)
     .filter(Boolean)
     .map(Number);
+
+// Return [x, y].
+export function typedPoint(typed) {
+  const numbers = numbersOf(typed);
+  if (numbers.length !== 2 || !numbers.every(Number.isFinite))
+    throw new Error(t("“{typed}” is no point; write x, y in metres", { typed }));
+  return numbers;
+}
+
+// Return { x_m, y_m, yaw_rad }; the heading is null where none is typed and none is needed.
+export function typedPose(typed, { needsHeading = false } = {}) {
+  const numbers = numbersOf(typed);
   const isPose = numbers.length === 3 || (numbers.length === 2 && !needsHeading);
   if (!isPose || !numbers.every(Number.isFinite))
     throw new Error(

@@ -1,6 +1,6 @@
 // Undo and redo of the operators' edits, whether of zones, beware list, map or path settings.
 
-import { get, post } from "./api.js";
+import { post } from "./api.js";
 import { sentence, t } from "./language.js";
 import { attempt, notify } from "./toasts.js";
 
@@ -12,9 +12,9 @@ export const stepEdits = (action, query = "") =>
     notify(`${DONE[action]}: ${sentence(text)}`, { good: true });
   });
 
-// Say what was done, with a button that takes it back, but no edit that was made since.
-export async function offerUndo(text) {
-  const { undo_number: number } = await get("/edits");
-  const run = () => stepEdits("undo", `?number=${number}`);
-  notify(text, { good: true, action: { label: t("Undo"), run } });
+// Say what an edit has done, with a button that takes it back, but no edit that was made since. An
+// edit that has changed nothing has no number.
+export function offerUndo(text, { undoNumber }) {
+  const run = () => stepEdits("undo", `?number=${undoNumber}`);
+  notify(text, { good: true, action: undoNumber && { label: t("Undo"), run } });
 }

@@ -2,7 +2,7 @@
 // one can be corrected for the next training.
 
 import { swatchOf } from "../beware/swatch.js";
-import { get, post, request } from "../core/api.js";
+import { edit, get, post, request } from "../core/api.js";
 import { element, make, setText } from "../core/dom.js";
 import { formatAge } from "../core/format.js";
 import { number, t } from "../core/language.js";
@@ -230,8 +230,8 @@ const rejectButtons = (id, name) => [
 
 const reject = (id, isAll, done) =>
   attempt(async () => {
-    await post(`/sightings/${id}/reject`, { all_of_class: isAll });
-    await offerUndo(`${done} ${t("It counts there only when the robot is surer.")}`);
+    const made = await edit("POST", `/sightings/${id}/reject`, { all_of_class: isAll });
+    offerUndo(`${done} ${t("It counts there only when the robot is surer.")}`, made);
     await tick(true);
   });
 

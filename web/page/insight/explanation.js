@@ -2,7 +2,7 @@
 // fewest rules whose removal opens a path where there is none.
 
 import { swatch, patternOf } from "../beware/swatch.js";
-import { get, post, request } from "../core/api.js";
+import { edit, get, post } from "../core/api.js";
 import { make } from "../core/dom.js";
 import { formatNumber } from "../core/format.js";
 import { capitalised, sentence, t } from "../core/language.js";
@@ -145,11 +145,12 @@ function offButtons() {
   if (!(zone || entry) || document.body.dataset.role === "viewer") return [];
   const name = zone ? zone.properties.name : entry.name;
   const switchClass = () =>
-    attempt(() => request("PATCH", `/beware/${encodeURIComponent(name)}`, { enabled: false }));
+    attempt(() => edit("PATCH", `/beware/${encodeURIComponent(name)}`, { enabled: false }));
   const onclick = async () => {
-    if (!(await (zone ? switchZone(zone, false) : switchClass()))) return;
+    const made = await (zone ? switchZone(zone, false) : switchClass());
+    if (!made) return;
     trial = null;
-    await attempt(() => offerUndo(t("“{name}” is switched off.", { name })));
+    offerUndo(t("“{name}” is switched off.", { name }), made);
     await tick(true);
   };
   return [make("button", { "data-testid": "why-off", onclick }, t("Switch it off"))];

@@ -1,7 +1,7 @@
 // The settings of the path: what a metre of floor that was not seen yet costs. The map shows the
 // path that a new value would give, before it is applied.
 
-import { get, request } from "../core/api.js";
+import { edit, get } from "../core/api.js";
 import { element, set, setText } from "../core/dom.js";
 import { decimal, t } from "../core/language.js";
 import { attempt } from "../core/toasts.js";
@@ -63,7 +63,7 @@ slider.addEventListener("input", describe);
 element("path-apply").onclick = () =>
   attempt(async () => {
     const price = Number(slider.value);
-    await request("PUT", "/path/settings", { unknown_price: price });
+    const made = await edit("PUT", "/path/settings", { unknown_price: price });
     menu.hidePopover();
-    await offerUndo(meaning(price));
+    offerUndo(meaning(price), made);
   });

@@ -1,6 +1,6 @@
 // The list of zones: switched, renamed, edited, deleted; undo and redo of the edits; saved sets.
 
-import { post, request } from "../core/api.js";
+import { edit, post } from "../core/api.js";
 import { element, make, reconcile, setText, setValue } from "../core/dom.js";
 import { decimal, language, sentence, t, tn } from "../core/language.js";
 import { savedList } from "../core/saved_list.js";
@@ -88,23 +88,23 @@ function termsOf({ kind, max_speed_mps: limit, margin_m: margin, expires_at_s: e
 
 const versionOf = (zone) => ({ "If-Match": `"${zone.properties.version}"` });
 
-// Returns the zone as it is then, or undefined when the console has refused.
+// Returns the answer to the edit, or undefined when the console has refused.
 function putZone(zone, changes) {
   const { geometry, properties } = zone;
   const feature = { type: "Feature", geometry, properties: { ...properties, ...changes } };
-  return attempt(() => request("PUT", addressOf(zone), feature, versionOf(zone)));
+  return attempt(() => edit("PUT", addressOf(zone), feature, versionOf(zone)));
 }
 
 export async function switchZone(zone, enabled) {
-  const stored = await putZone(zone, { enabled });
+  const made = await putZone(zone, { enabled });
   refresh();
-  return stored;
+  return made;
 }
 
 export async function removeZone(zone) {
   await attempt(async () => {
-    await request("DELETE", addressOf(zone), undefined, versionOf(zone));
-    await offerUndo(t("Zone “{name}” is deleted.", zone.properties));
+    const made = await edit("DELETE", addressOf(zone), undefined, versionOf(zone));
+    offerUndo(t("Zone “{name}” is deleted.", zone.properties), made);
   });
   refresh();
 }

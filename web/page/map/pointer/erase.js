@@ -1,6 +1,6 @@
 // Erasing from the map, with its undo. What the camera sees there later comes back.
 
-import { get, post } from "../../core/api.js";
+import { edit, get, post } from "../../core/api.js";
 import { sentence, t } from "../../core/language.js";
 import { attempt, notify } from "../../core/toasts.js";
 import { offerUndo } from "../../core/undo.js";
@@ -35,8 +35,8 @@ export async function historyItems() {
 
 function erase(geometry, what, done) {
   return attempt(async () => {
-    await post("/map/erase", { geometry, what });
-    await offerUndo(`${done} ${t("What the camera sees there comes back.")}`);
+    const made = await edit("POST", "/map/erase", { geometry, what });
+    offerUndo(`${done} ${t("What the camera sees there comes back.")}`, made);
   });
 }
 

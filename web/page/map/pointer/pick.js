@@ -1,19 +1,24 @@
-// Tools that take a point of the map: measuring a distance, and a pose, e.g. where the robot is.
+// Tools that take a point of the map, clicked or typed: measuring a distance, and a pose, e.g. where
+// the robot is.
 
-import { element } from "../../core/dom.js";
-import { distance, rounded } from "../../core/geometry.js";
-import { number } from "../../core/language.js";
+import { element, setText } from "../../core/dom.js";
+import { distance, rounded, roundedPoint } from "../../core/geometry.js";
+import { number, t } from "../../core/language.js";
 import { selectTab } from "../../core/page_tabs.js";
+import { attempt, notify } from "../../core/toasts.js";
+import { typedPoint, typedPose } from "../../core/typed_pose.js";
 import { propose } from "../../localisation/place.js";
-import { notify } from "../../core/toasts.js";
 import { draft, onDraft, setMode } from "../../zones/draft.js";
+import { canvas } from "../view.js";
 import { sketch } from "../world.js";
 
 const MIN_ARROW_M = 0.15;
+const form = element("pick");
 
 export function startMeasuring(from) {
   setMode("measure");
   sketch.measure = { from, to: from };
+  showFields({ from: roundedPoint(from).join(", "), name: t("To x, y in metres"), to: "" });
 }
 
 // Show the map and ask for a point of it in `words`; `then` takes the point.
@@ -32,7 +37,40 @@ export const askPose = (words, then) => askPoint(words, (at) => startPlacing(at,
 export function startPlacing(at, then = propose) {
   setMode("place");
   sketch.robot = { at, yaw: 0, then };
+  showFields({ name: t("x, y in metres, heading in °"), to: `${roundedPoint(at).join(", ")}, ` });
 }
+
+// The menu of a place gives the focus back to the map. A keyboard goes on in fields; for a mouse they
+// would cover a part of the map.
+function showFields({ from = null, name, to }) {
+  if (!canvas.matches(":focus-visible")) return;
+  form.hidden = false;
+  element("pick-from-field").hidden = from === null;
+  element("pick-from").value = from ?? "";
+  setText(element("pick-to-name"), name);
+  element("pick-to").value = to;
+  element("pick-to").focus();
+}
+
+// What is typed counts as if it had been pointed to.
+function takeTyped() {
+  const to = element("pick-to").value;
+  if (sketch.measure) {
+    sketch.measure = { from: typedPoint(element("pick-from").value), to: typedPoint(to) };
+  } else {
+    const { x_m: x, y_m: y, yaw_rad: yaw } = typedPose(to, { needsHeading: true });
+    Object.assign(sketch.robot, { at: [x, y], yaw });
+  }
+}
+
+form.onsubmit = (event) => {
+  event.preventDefault();
+  attempt(async () => {
+    takeTyped();
+    canvas.focus();
+    finish();
+  });
+};
 
 export function pointTo(at) {
   if (sketch.measure) sketch.measure.to = at;
@@ -47,20 +85,25 @@ export function finishAt(at) {
   if (pointed) {
     setMode("navigate");
     pointed(at);
-    return;
+  } else if (distance(measure ? measure.from : robot.at, at) > MIN_ARROW_M) {
+    finish();
   }
-  if (measure && distance(measure.from, measure.to) > MIN_ARROW_M) {
-    notify(`${number(distance(measure.from, measure.to), 2)} m`, { good: true });
-    setMode("navigate");
-  }
-  if (!robot || distance(robot.at, at) <= MIN_ARROW_M) return;
+}
+
+function finish() {
+  const { measure, robot } = sketch;
   setMode("navigate");
-  const [x, y] = robot.at;
-  robot.then({ x_m: rounded(x), y_m: rounded(y), yaw_rad: rounded(robot.yaw) });
+  if (measure) {
+    notify(`${number(distance(measure.from, measure.to), 2)} m`, { good: true });
+  } else {
+    const [x, y] = robot.at;
+    robot.then({ x_m: rounded(x), y_m: rounded(y), yaw_rad: rounded(robot.yaw) });
+  }
 }
 
 onDraft(() => {
   if (draft.mode !== "measure") sketch.measure = null;
   if (draft.mode !== "place") sketch.robot = null;
+  form.hidden = !sketch.measure && !sketch.robot;
   if (draft.mode !== "point") sketch.pointed = null;
 });
