@@ -13,6 +13,7 @@ from app.cli.options import LevelOption, SegmenterOptions, finite_point, prepare
 from navcore.files import write_whole
 
 if TYPE_CHECKING:
+    from app.replay.annotation import BewareAgreement
     from app.replay.reference import Agreement
 
 
@@ -38,6 +39,12 @@ class ReplaySettings:
         Path | None,
         typer.Option(metavar="FILE.npz", help="Free and occupied voxels to compare with."),
     ] = None
+    objects: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml", help="Outlined objects of the beware list to judge the map by."
+        ),
+    ] = None
     picture: Annotated[bool, typer.Option("--picture", help="Draw replay.png into --out.")] = False
     robot: Annotated[
         str, typer.Option(metavar="NAME|FILE.toml", help="Robot whose size the path is for.")
@@ -53,13 +60,15 @@ def replay(settings: ReplaySettings) -> None:
     from rich.console import Console as Terminal
     from rich.progress import Progress
 
+    from app.replay.annotation import load_annotation
     from app.replay.floor_plane import find_floor
     from app.replay.plot import draw_replay
     from app.replay.recording import open_recording
     from app.replay.reference import load_reference
-    from app.replay.run import as_report, compare
+    from app.replay.run import as_report, compare, compare_objects
     from app.replay.run import replay as run
     from app.runtime.record.map_persistence import save_map
+    from app.runtime.record.provenance import command_line, machine, version
     from app.runtime.start.engine_memory import EngineMemory
     from app.runtime.start.segmentation import compose
     from navcore.config.navigator import config_for
@@ -75,6 +84,7 @@ def replay(settings: ReplaySettings) -> None:
     profile, beware = load_profile(settings.robot), default_beware_list()
     config = config_for(profile)
     known = None if settings.reference is None else load_reference(settings.reference)
+    annotation = None if settings.objects is None else load_annotation(settings.objects)
     recording = open_recording(settings.folder, every=settings.every)
     perception = compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
     T_map_world = np.eye(4) if settings.level else find_floor(recording)
@@ -91,8 +101,15 @@ def replay(settings: ReplaySettings) -> None:
             on_progress=lambda done, of: bar.update(task, completed=done),
         )
     judged = None if known is None else compare(replayed, known, config)
-    report = as_report(replayed, judged)
-    lines = in_words(report, judged)
+    objects = None if annotation is None else compare_objects(replayed, annotation, beware, config)
+    report = {
+        "command": command_line(),
+        "scenario": settings.folder.resolve().name,
+        "segmenter": perception.identity,
+        "versions": [version()],
+        "machines": [machine()],
+    } | as_report(replayed, judged, objects)
+    lines = in_words(report, judged, objects)
     if out is not None:
         write_whole(out / "replay.json", json.dumps(report, indent=1).encode())
         save_map(replayed.navigator.map, beware, out / "map.npz")
@@ -104,7 +121,9 @@ def replay(settings: ReplaySettings) -> None:
     typer.echo("\n".join(lines))
 
 
-def in_words(report: dict[str, Any], judged: Agreement | None) -> list[str]:
+def in_words(
+    report: dict[str, Any], judged: Agreement | None, objects: BewareAgreement | None = None
+) -> list[str]:
     """Return the report as lines of text."""
     (x, y), (goal_x, goal_y) = report["start"], report["goal"]
     lines = [
@@ -118,6 +137,13 @@ def in_words(report: dict[str, Any], judged: Agreement | None) -> list[str]:
             f"precision {judged.precision_near:.4f} and recall {judged.recall_near:.4f} "
             f"within one cell ({judged.judged} cells against {judged.reference}; "
             f"{judged.not_judged} more where the reference is unknown)"
+        )
+    if objects is not None:
+        by_class = ", ".join(f"{name} {count}" for name, count in objects.wrong_by_class.items())
+        lines.append(
+            f"beside the annotated objects: {objects.wrong_cells} of {objects.judged_cells} cells "
+            f"wrongly of the list, {objects.wrong_share:.1%} ({by_class or 'none'}); "
+            f"{objects.held_as_own_class} of {len(objects.held)} objects held as their class"
         )
     ends = f"from ({x:.2f}, {y:.2f}) to ({goal_x:.2f}, {goal_y:.2f})"
     if report["path_m"] is None:

@@ -1,6 +1,7 @@
 """The tables of results in the pages, made from the kept files in `results/`.
 
-A file is the `summary.json` of a campaign, named after its world or suite.
+A file is the `summary.json` of a campaign, named after its world or suite, or the `replay.json` of
+a recording with annotated objects, named after its folder.
 `python -m app.evaluation.tables` rewrites the tables; a test compares them.
 """
 
@@ -56,9 +57,14 @@ def is_taught(result: Result) -> bool:
     return "taught" in result
 
 
+def is_recorded(result: Result) -> bool:
+    """Return whether a result is of a recording of a real camera."""
+    return "frames" in result
+
+
 def is_random(result: Result) -> bool:
     """Return whether a result is of random missions in a world."""
-    others = (is_paper, is_walked, is_lit, is_doors, is_taught)
+    others = (is_paper, is_walked, is_lit, is_doors, is_taught, is_recorded)
     return not any(is_other(result) for is_other in others)
 
 
@@ -118,6 +124,13 @@ def full_table(results: Sequence[Result]) -> str:
         ("images", "seeds", "light", "mIoU", "found in time", "of thin ones", "false per 10 m"),
         [row for result in results if is_lit(result) for row in _light_rows(result)],
     )
+    recorded = _table(
+        (
+            *("recording", "frames", "occupied cells", "wrongly of the list", "by class"),
+            *("objects held as their class", "each held as"),
+        ),
+        [_recording_row(result) for result in results if is_recorded(result)],
+    )
     doors = _table(
         (
             "suite",
@@ -164,10 +177,11 @@ def full_table(results: Sequence[Result]) -> str:
         ],
     )
     lit = [light] if any(map(is_lit, results)) else []
+    real = [recorded] if any(map(is_recorded, results)) else []
     passed = [doors] if any(map(is_doors, results)) else []
     learned = [taught] if any(map(is_taught, results)) else []
     walking = [walks] if walked else []
-    return "\n".join([figures, missions, *walking, *lit, *passed, *learned, origins])
+    return "\n".join([figures, missions, *walking, *lit, *real, *passed, *learned, origins])
 
 
 PAGES: Mapping[str, Callable[[Sequence[Result]], str]] = {
@@ -238,6 +252,24 @@ def _light_rows(result: Result) -> list[Sequence[str]]:
     return [
         (size, seeds, name, *row_of(measured)) for name, measured in result["disturbances"].items()
     ]
+
+
+def _recording_row(result: Result) -> Sequence[str]:
+    judged = result["objects"]
+    share = judged["wrong_cells"] / judged["judged_cells"]
+    held = {
+        name: "as " + " and ".join(classes) if classes else "no"
+        for name, classes in judged["held"].items()
+    }
+    return (
+        f"`{result['scenario']}`",
+        str(result["frames"]),
+        str(judged["judged_cells"]),
+        f"{judged['wrong_cells']} ({share:.1%})".replace("%", " %"),
+        _listed(judged["wrong_by_class"]),
+        f"{judged['held_as_own_class']} of {len(held)}",
+        "; ".join(f"{name}: {classes}" for name, classes in held.items()),
+    )
 
 
 def _doors_row(result: Result) -> Sequence[str]:

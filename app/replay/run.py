@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from app.replay.annotation import Annotation, BewareAgreement, judge_beware
 from app.replay.odometry import for_recordings
 from app.replay.recording import Recording
 from app.replay.reference import Agreement, Reference, agreement, occupied_cells
@@ -104,7 +105,24 @@ def compare(replayed: Replayed, reference: Reference, config: NavigatorConfig) -
     )
 
 
-def as_report(replayed: Replayed, judged: Agreement | None) -> dict[str, Any]:
+def compare_objects(
+    replayed: Replayed, annotation: Annotation, beware: BewareList, config: NavigatorConfig
+) -> BewareAgreement:
+    """Compare what the map takes for objects of the list with those that are annotated."""
+    world = replayed.navigator.map
+    return judge_beware(
+        world.points,
+        world.spec,
+        replayed.T_map_world,
+        annotation,
+        beware,
+        certain=config.map.confidence.certain,
+    )
+
+
+def as_report(
+    replayed: Replayed, judged: Agreement | None, objects: BewareAgreement | None = None
+) -> dict[str, Any]:
     """Return the report as a JSON object."""
     world, grid, route = (
         replayed.navigator.map,
@@ -130,6 +148,7 @@ def as_report(replayed: Replayed, judged: Agreement | None) -> dict[str, Any]:
         "no_path": None if path is not None else _refusal(outcome),
         "waypoints": route.waypoints.tolist() if route is not None else [],
         "reference": None if judged is None else asdict(judged),
+        "objects": None if objects is None else asdict(objects),
     }
 
 

@@ -13,6 +13,7 @@ FIELDS = {
     "min_height_m": ("smallest height", 1.0, "m"),
     "max_height_m": ("largest height", 1.0, "m"),
     "min_size_m": ("smallest size", 1.0, "m"),
+    "max_size_m": ("largest size", 1.0, "m"),
 }
 """Key of a number → its name, factor and unit."""
 

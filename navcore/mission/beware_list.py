@@ -32,7 +32,7 @@ FLAT_M = 0.05
 MAX_NAME = 80
 """Largest length of a name in characters."""
 OPTIONAL = (
-    *("colour", "prototype", "min_height_m", "max_height_m", "min_size_m"),
+    *("colour", "prototype", "min_height_m", "max_height_m", "min_size_m", "max_size_m"),
     *("label", "network_class"),
 )
 """Fields of an entry that an edit may remove, with None."""
@@ -125,6 +125,10 @@ class BewareClass:
     min_size_m: float | None = ranged(0.01, 2.0, default=None)
     """Smallest length in metres of a visible region of this class; smaller regions of a network or
     a colour rule are grains of the floor or image noise. None for any size."""
+    max_size_m: float | None = ranged(0.05, 10.0, default=None)
+    """Largest length in metres of an object of this class; a longer surface that a network takes
+    for one is furniture, such as a table for a box. For classes that are obstacles by their height.
+    None for any size."""
     label: str | None = None
     """Name in the console, in the operator's language; None for the English name."""
     network_class: str | None = None

@@ -2,8 +2,8 @@
 
 A network may take an image of an object for the object. Where a class has a least height, a region
 of it that lies flat in the floor around it is rejected, but only where depth is measured and
-accurate enough to decide; undecided regions stay. Nor is it the object what a label covers beyond
-its outline, far behind it.
+accurate enough to decide; undecided regions stay. Nor is a surface the object that is longer than
+any of its class, or what a label covers beyond the outline of the object, far behind it.
 """
 
 from __future__ import annotations
@@ -77,16 +77,16 @@ def reject_flat_regions(
     config: DepthFilterConfig = _DEFAULT,
     sensor: DepthSensor = _D455,
 ) -> Bools:
-    """Return the (H, W) pixels that keep their class: all but flat prints, small regions, and the
-    floor at the foot of tall objects.
+    """Return the (H, W) pixels that keep their class: all but flat prints, small regions, surfaces
+    that are too long, and the floor at the foot of tall objects.
 
-    Regions are connected pixels of one class that has a `min_height_m` or a `min_size_m`;
-    `heights_m` is that of `heights_above_floor`.
+    Regions are connected pixels of one class that has a `min_height_m`, a `min_size_m` or a
+    `max_size_m`; `heights_m` is that of `heights_above_floor`.
     """
     keep = np.ones(class_ids.shape, dtype=np.bool_)
     ring_px = frame.intrinsics.length_px(config.ring_px)
     for entry in beware.classes:
-        if entry.min_height_m is None and entry.min_size_m is None:
+        if entry.min_height_m is entry.min_size_m is entry.max_size_m is None:
             continue
         mask = class_ids == entry.class_id
         if not mask.any():
@@ -107,6 +107,8 @@ def reject_flat_regions(
             if entry.min_size_m is not None and _is_small(region, frame, entry.min_size_m):
                 keep[window] &= ~region.inside
                 continue
+            if entry.max_size_m is not None:
+                keep[window] &= ~_long_surfaces(region, frame, entry.max_size_m, config)
             if entry.min_height_m is None or area < config.min_pixels:
                 continue
             threshold_m = min(config.relief_share * entry.min_height_m, config.max_flat_m)
@@ -129,10 +131,7 @@ def trim_label_bleed(
     keep = np.ones(class_ids.shape, dtype=np.bool_)
     reach = max(1, round(config.bleed_rad * frame.intrinsics.fx))
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), dtype=np.uint8)
-    # Along the floor depth z grows by z² / (focal length · camera height) from one row of pixels to
-    # the next.
-    camera_m = max(float(frame.T_map_camera[2, 3]), _MIN_CAMERA_HEIGHT_M)
-    recession = config.bleed_factor * reach / (frame.intrinsics.fy * camera_m)
+    recession = _recession(frame, reach, config)
     for class_id in np.unique(class_ids[class_ids != NOTHING]):
         whole = class_ids == class_id
         left, top, width, height = cv2.boundingRect(whole.view(np.uint8))
@@ -182,6 +181,16 @@ def remove_small_regions(mask: Bools, frame: Frame, min_size_m: float) -> Bools:
     return np.asarray(mask & ~is_small[names])
 
 
+def _recession(frame: Frame, reach_px: int, config: DepthFilterConfig) -> float:
+    """Return the factor of z² by which depth z may grow within some pixels of one surface.
+
+    Along the floor it grows by z² / (focal length · camera height) from one row of pixels to the
+    next.
+    """
+    camera_m = max(float(frame.T_map_camera[2, 3]), _MIN_CAMERA_HEIGHT_M)
+    return config.bleed_factor * reach_px / (frame.intrinsics.fy * camera_m)
+
+
 def _is_small(region: _Region, frame: Frame, min_size_m: float) -> bool:
     """Return whether a region that the border of the image does not cut is shorter than the least
     size of its class.
@@ -203,6 +212,34 @@ def _is_small(region: _Region, frame: Frame, min_size_m: float) -> bool:
         return False
     near, middle, far = np.percentile(depths, (10, 50, 90))
     return bool(max(max(width, height) * middle / frame.intrinsics.fx, far - near) < min_size_m)
+
+
+def _long_surfaces(
+    region: _Region, frame: Frame, max_size_m: float, config: DepthFilterConfig
+) -> Bools:
+    """Return the (h, w) pixels of a region on surfaces that are longer than the greatest size of
+    its class, across the line of sight or along it.
+
+    A surface ends where depth jumps: an object before another is not longer by that one.
+    """
+    depth_m, kernel = region.depth_m, np.ones((3, 3), dtype=np.uint8)
+    measured = region.inside & (depth_m > 0)
+    farthest = cv2.dilate(np.where(measured, depth_m, np.float32(0)), kernel)
+    nearest = cv2.erode(np.where(measured, depth_m, np.float32(_FAR_M)), kernel)
+    jump_m = np.maximum(config.bleed_jump_m, _recession(frame, 1, config) * depth_m**2)
+    surface = measured & (farthest - nearest < jump_m)
+    count, names, boxes, _ = cv2.connectedComponentsWithStats(
+        surface.view(np.uint8), connectivity=8
+    )
+    is_long = np.zeros(count, dtype=np.bool_)
+    for name in range(1, count):
+        width_px, area = boxes[name, cv2.CC_STAT_WIDTH], boxes[name, cv2.CC_STAT_AREA]
+        if area >= config.min_pixels:
+            near, middle, far = np.percentile(depth_m[names == name], (10, 50, 90))
+            is_long[name] = max(width_px * middle / frame.intrinsics.fx, far - near) > max_size_m
+    long = is_long[names]
+    rim = (cv2.dilate(long.view(np.uint8), kernel) > 0) & region.inside & ~surface
+    return np.asarray(long | rim)
 
 
 def _is_flat(

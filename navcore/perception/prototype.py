@@ -3,11 +3,11 @@
 A cell is described by the features of the network before its classifier and by its colour. It
 belongs to a prototype where it lies near the centre of the clicked cells (J. Snell, K. Swersky,
 R. Zemel, "Prototypical Networks for Few-shot Learning", NeurIPS 2017) and a linear score tells it
-from the background: w = (Σ + λI)⁻¹ (μ_thing − μ_background), which needs few examples because the
+from the background: w = (Σ + λI)⁻¹ (μ_object − μ_background), which needs few examples because the
 background gives most of the covariance (B. Hariharan, J. Malik, D. Ramanan, "Discriminative
 Decorrelation for Clustering and Classification", ECCV 2012). It is fitted again to the background
 that scores highest. The threshold is the score that only a small share of the background reaches.
-A connected region of such pixels counts where it has the size and the height of the thing.
+A connected region of such pixels counts where it has the size and the height of the object.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _MAX_CELLS = 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Example:
-    """What one click has taken of a thing."""
+    """What one click has taken of an object."""
 
     cells: Floats
     """(N, D) descriptors of its cells."""
@@ -73,7 +73,7 @@ def lab_image(rgb: npt.NDArray[np.uint8]) -> FloatImage:
 def example_of(
     frame: Frame, described: FloatImage, pixels: Bools, config: PrototypeConfig = _DEFAULT
 ) -> Example:
-    """Return the example of a thing's (H, W) pixels; raises `Refused` if they are too few."""
+    """Return the example of an object's (H, W) pixels; raises `Refused` if they are too few."""
     cells, measured = _cells_of(pixels, described), pixels & (frame.depth_m > 0)
     if cells.sum() < config.min_cells or not measured.any():
         raise Refused("what was clicked is too small or too far away; drive nearer and click again")
@@ -116,14 +116,14 @@ def fitted(
     """Return the prototype of what was clicked, told from the (N, D) descriptors of the background
     and from what was taken away, which counts as a share of it.
 
-    Cells of the background that are as near to the centre as most of the thing are others of its
+    Cells of the background that are as near to the centre as most of the object are others of its
     kind, as long as they are few. Raises `Refused` where it cannot be told from the background.
     """
-    thing = np.concatenate([example.cells for example in examples])
-    centre, own = thing.mean(axis=0), config.own_share
-    variance = own * thing.var(axis=0) + (1 - own) * background.var(axis=0)
+    clicked = np.concatenate([example.cells for example in examples])
+    centre, own = clicked.mean(axis=0), config.own_share
+    variance = own * clicked.var(axis=0) + (1 - own) * background.var(axis=0)
     spread = np.sqrt(variance) + _MIN_STD
-    distances = np.square((thing - centre) / spread).mean(axis=1)
+    distances = np.square((clicked - centre) / spread).mean(axis=1)
     is_twin = np.square((background - centre) / spread).mean(axis=1) <= np.quantile(
         distances, _TWIN_SHARE
     )
@@ -133,8 +133,8 @@ def fitted(
     for example in away:
         times = -(-count // len(example.cells))
         background = np.concatenate([background, np.repeat(example.cells, times, axis=0)])
-    weights = _weights(thing, background, config)
-    scores = thing @ weights
+    weights = _weights(clicked, background, config)
+    scores = clicked @ weights
     threshold = float(np.quantile(background @ weights, 1 - config.background_share))
     typical = float(np.median(scores))
     if (scores > threshold).mean() < config.min_separation or typical <= threshold:
@@ -208,10 +208,10 @@ def extent_m(pixels: Bools, frame: Frame) -> float:
     return float(cols[-1] - cols[0] + 1) * depth_m / frame.intrinsics.fx
 
 
-def _weights(thing: Floats, background: Floats, config: PrototypeConfig) -> Floats:
+def _weights(clicked: Floats, background: Floats, config: PrototypeConfig) -> Floats:
     """Return the weight (D,) of each channel."""
     middle, spread = background.mean(axis=0), background.std(axis=0) + _MIN_STD
-    near, far = (thing - middle) / spread, (background - middle) / spread
+    near, far = (clicked - middle) / spread, (background - middle) / spread
     weights = _discriminant(near, far, config)
     count = min(max(_MIN_HARD, round(config.hard_share * len(far))), len(far))
     for _ in range(_ROUNDS):

@@ -59,11 +59,11 @@ def grown(
     return np.asarray(outside[1:-1, 1:-1] == 2)
 
 
-def thing_at(frame: Frame, row: int, col: int, config: PrototypeConfig = _BY_EXAMPLE) -> Bools:
-    """Return the (H, W) pixels of the thing at a pixel: those above the floor that are connected
+def object_at(frame: Frame, row: int, col: int, config: PrototypeConfig = _BY_EXAMPLE) -> Bools:
+    """Return the (H, W) pixels of the object at a pixel: those above the floor that are connected
     with it without a step of depth, and among them without a step of colour, holes filled.
 
-    Raises `Refused` with the reason where there is no thing of its own.
+    Raises `Refused` with the reason where there is no object of its own.
     """
     heights_m = heights_above_floor(frame)
     if frame.depth_m[row, col] <= 0:

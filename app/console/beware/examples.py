@@ -26,7 +26,7 @@ from navcore.perception.prototype import (
     fitted,
     prototype_pixels,
 )
-from navcore.perception.region_growing import thing_at
+from navcore.perception.region_growing import object_at
 from navcore.robot.frame import Frame
 from web.interface.beware import ExampleClick, RecentLook
 
@@ -97,7 +97,7 @@ class LiveExamples:
         one = self._frame(frame)
         height, width = one.frame.depth_m.shape
         row, col = min(int(down * height), height - 1), min(int(right * width), width - 1)
-        pixels = thing_at(one.frame, row, col, self._config.prototype)
+        pixels = object_at(one.frame, row, col, self._config.prototype)
         self._check_unknown(one.frame, beware, pixels)
         key = secrets.token_hex(8)
         with self._lock:

@@ -36,7 +36,7 @@ from navcore.mission.prototype import Prototype
 from navcore.perception.esanet.segmenter import NetworkSegmenter
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.prototype import background_of, example_of, fitted
-from navcore.perception.region_growing import thing_at
+from navcore.perception.region_growing import object_at
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
 from sim.dataset.generate import shard_seed
@@ -198,7 +198,7 @@ def _taught(
         example_of(
             frame,
             cells,
-            thing_at(frame, *_middle((labels == UNSEEN_LABEL) & (frame.depth_m > 0))),
+            object_at(frame, *_middle((labels == UNSEEN_LABEL) & (frame.depth_m > 0))),
         )
         for (frame, labels), cells in zip(clicked, described, strict=True)
     ]

@@ -8,6 +8,7 @@ import numpy as np
 
 from app.teaching.training.paired_counts import PairedCounts
 from navcore.learning.data.card import Sample
+from navcore.learning.data.images import LabelArray
 from navcore.learning.training.evaluation import InferenceSettings, predict
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork
 from web.interface.teaching import NOTHING_NAME, ClassFigures
@@ -32,14 +33,19 @@ def compared(
     class, so the old network's own label is its truth. All other classes are judged on the rendered
     images, whose labels are exact.
     """
+
+    def found_by_both(sample: Sample) -> tuple[LabelArray, LabelArray]:
+        was, now = (
+            predict(one.network, [sample], inference, one.card.depth)[0] for one in (old, new)
+        )
+        return was, now
+
     classes = len(new.card.class_names)
     on_captured, on_rendered = PairedCounts(classes), PairedCounts(classes)
     alike = unnamed = done = 0
     annotated: set[int] = set()
     for sample in captured:
-        was, now = (
-            predict(one.network, [sample], inference, one.card.depth)[0] for one in (old, new)
-        )
+        was, now = found_by_both(sample)
         silent = sample.labels == 0
         alike += int((silent & (was == now)).sum())
         unnamed += int(silent.sum())
@@ -48,9 +54,7 @@ def compared(
         on_captured.add(truth, was, now)
         on_progress(done := done + 1)
     for sample in rendered:
-        was, now = (
-            predict(one.network, [sample], inference, one.card.depth)[0] for one in (old, new)
-        )
+        was, now = found_by_both(sample)
         on_rendered.add(sample.labels, was, now)
         on_progress(done := done + 1)
     figures = []

@@ -18,6 +18,7 @@ from app.evaluation.tables import (
     is_doors,
     is_paper,
     is_random,
+    is_recorded,
     kept_results,
     short_table,
     with_table,
@@ -41,8 +42,12 @@ def test_a_page_shows_what_the_files_say(page: str) -> None:
 def test_a_result_is_of_the_network_that_ships_and_names_its_origin(result: Result) -> None:
     if not is_doors(result):  # among doors nothing is to be recognised
         assert f"network sha256 {shipped_sha256()}," in result["segmenter"]
-    assert result["episodes"] == len(result["seeds"]) == len(set(result["seeds"])) > 0
-    assert result["command"].startswith("bewarenav evaluate ")
+    if is_recorded(result):
+        assert result["frames"] > 0
+        assert result["command"].startswith(f"bewarenav replay {result['scenario']} ")
+    else:
+        assert result["episodes"] == len(result["seeds"]) == len(set(result["seeds"])) > 0
+        assert result["command"].startswith("bewarenav evaluate ")
     assert result["versions"] and "unknown" not in result["versions"]
     assert result["machines"] and "unknown" not in result["machines"]
 

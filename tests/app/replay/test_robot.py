@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli.main import cli
+from app.replay.annotation import judge_beware, load_annotation
 from app.replay.floor_plane import find_floor
 from app.replay.recording import open_recording
 from app.replay.reference import (
@@ -30,6 +31,7 @@ from navcore.errors import BadConfiguration, BadGeometry
 from navcore.geometry.transform import Twist, invert
 from navcore.grid.grid import GridSpec
 from navcore.learning.data.images import write_grey
+from navcore.mapping.points.point_table import MapPoints
 from navcore.mission.beware_list import default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import Path as GridPath
@@ -250,7 +252,10 @@ def test_the_command_tells_maps_and_draws(walk: Path, tmp_path: Path) -> None:
         "colour",
         "--reference",
         tmp_path / "reference.npz",
+        "--objects",
+        tmp_path / "objects.toml",
     ]
+    (tmp_path / "objects.toml").write_text("objects = []")
     result = CliRunner().invoke(cli, [str(word) for word in words])
     assert result.exit_code == 0, result.output
     assert "8 frames" in result.output
@@ -259,7 +264,69 @@ def test_the_command_tells_maps_and_draws(walk: Path, tmp_path: Path) -> None:
     assert report["frames"] == len(recording)
     assert report["occupied_cells"] > 50
     assert report["reference"]["iou"] == 0.0  # the reference holds nothing for occupied
+    assert report["objects"]["judged_cells"] > 50
+    assert report["objects"]["held"] == {}
+    assert (report["scenario"], report["segmenter"]) == ("walk", "colour rules")
     assert {"replay.png", "map.npz"} <= {path.name for path in out.iterdir()}
+
+
+def test_cells_of_the_list_are_wrong_only_away_from_annotated_objects(tmp_path: Path) -> None:
+    file = tmp_path / "objects.toml"
+    file.write_text(
+        """
+        judged_below_m = 1.0
+        [[objects]]
+        name = "parcel"
+        beware_class = "box"
+        outline = [[1.0, 0.5, 0.2], [1.2, 0.5, 0.2], [1.2, 0.7, 0.2], [1.0, 0.7, 0.2]]
+        [[objects]]
+        name = "bin"
+        outline = [[2.0, 0.5, 0.2], [2.2, 0.5, 0.2], [2.2, 0.7, 0.2]]
+        """
+    )
+    beware, spec = default_beware_list(), GridSpec.centred(size_m=(8.0, 8.0), resolution_m=0.05)
+    box, cup = beware.ids["box"], beware.ids["cup"]
+    seen = [
+        ((1.1, 0.6, 0.3), box, 0.9),  # the parcel
+        ((1.1, 0.8, 0.3), box, 0.9),  # its rim
+        ((2.1, 0.6, 0.3), cup, 0.9),  # the bin, which may be anything
+        ((3.0, 0.6, 0.7), box, 0.9),  # a table
+        ((3.0, 0.6, 0.7), cup, 0.9),
+        ((3.5, 0.6, 0.7), box, 0.2),  # not sure enough
+        ((3.0, 1.6, 1.2), box, 0.9),  # too high to be judged
+        ((0.5, 0.6, 0.3), 0, 1.0),  # a wall
+    ]
+    points = MapPoints(
+        points_map=np.array([at for at, _, _ in seen], dtype=np.float32),
+        rgb=np.zeros((len(seen), 3), dtype=np.uint8),
+        class_ids=np.array([kind for _, kind, _ in seen], dtype=np.uint8),
+        confidence=np.array([sure for *_, sure in seen], dtype=np.float32),
+        range_m=np.ones(len(seen), dtype=np.float32),
+        pose_ids=np.zeros(len(seen), dtype=np.int32),
+        looks=np.zeros(len(seen), dtype=np.uint8),
+    )
+    told = judge_beware(points, spec, np.eye(4), load_annotation(file), beware, certain=0.95)
+    assert (told.judged_cells, told.wrong_cells) == (5, 1)
+    assert told.wrong_by_class == {"box": 1, "cup": 1}
+    assert told.held == {"parcel": ("box",)}
+    assert told.held_as_own_class == 1
+    turned = np.array([[-1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    elsewhere = judge_beware(points, spec, turned, load_annotation(file), beware, certain=0.95)
+    assert (elsewhere.wrong_cells, elsewhere.held_as_own_class) == (4, 0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("objects = [", "not readable as TOML"),
+        ('objects = [{ name = "a", outline = [[0, 0, 0]] }]', "'a': an outline has at least 3"),
+        ('objects = [{ name = "a", outline = [], kind = 1 }]', "kind"),
+    ],
+)
+def test_a_file_that_is_no_annotation_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "objects.toml").write_text(text)
+    with pytest.raises(BadConfiguration, match=words):
+        load_annotation(tmp_path / "objects.toml")
 
 
 def shared_data(name: str) -> Path:

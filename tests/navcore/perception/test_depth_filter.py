@@ -27,6 +27,7 @@ CUP = BewareClass(name="cup", class_id=3, min_height_m=0.05)
 SIGN = BewareClass(name="wet-floor sign", class_id=4, min_height_m=0.3)
 BOOK = BewareClass(name="book", class_id=5)
 CABLE = BewareClass(name="cable", class_id=6, min_size_m=0.3)
+PARCEL = BewareClass(name="box", class_id=7, max_size_m=1.0)
 Ids = npt.NDArray[np.uint8]
 CONFIG = DepthFilterConfig()
 
@@ -65,6 +66,25 @@ def test_a_small_region_of_a_long_class_is_rejected_and_a_long_one_stays_in_any_
     across = Paint(x=(1.4, 1.46), y=(-0.25, 0.25), colour=PINK)
     away = Paint(x=(1.2, 2.0), y=(0.1, 0.14), colour=PINK)
     assert kept(noisy(picture(across)), CABLE) == kept(noisy(picture(away)), CABLE) == 1.0
+
+
+def test_a_surface_longer_than_its_class_is_rejected_also_where_the_image_cuts_it() -> None:
+    table = Box(x=(1.0, 1.6), y=(-0.7, 0.7), z=(0.3, 0.35), colour=PINK)
+    beside = dataclasses.replace(table, y=(-0.4, 1.4))
+    for seed, one in enumerate([table, beside]):
+        assert kept(picture(one), PARCEL) < 0.1
+        assert kept(noisy(picture(one), seed), PARCEL) < 0.3
+        assert kept(picture(one), BOOK) == 1.0
+
+
+def test_boxes_that_are_one_region_only_in_the_image_stay() -> None:
+    near = Box(x=(1.2, 1.6), y=(-0.5, 0.1), z=(0.0, 0.3), colour=PINK)
+    behind = Box(x=(2.2, 2.6), y=(0.0, 0.7), z=(0.0, 0.4), colour=PINK)
+    frame = picture(near, behind)
+    pink = (frame.rgb == PINK).all(axis=2)
+    count, _ = cv2.connectedComponents(pink.view(np.uint8), connectivity=8)
+    assert count == 2  # the floor and one region
+    assert kept(frame, PARCEL) == kept(noisy(frame), PARCEL) == 1.0
 
 
 def test_a_region_that_the_border_of_the_image_cuts_may_be_long() -> None:

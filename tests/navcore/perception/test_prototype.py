@@ -21,7 +21,7 @@ from navcore.perception.prototype import (
     prototype_labels,
     prototype_pixels,
 )
-from navcore.perception.region_growing import thing_at
+from navcore.perception.region_growing import object_at
 from navcore.robot.frame import Frame
 from tests.navcore.perception.colour_network import features_of
 from tests.navcore.scene import Box, Colour, Paint, picture
@@ -40,7 +40,7 @@ def described(frame: Frame) -> npt.NDArray[np.float32]:
 
 
 def prototype(frame: Frame = FRAME, *, background: Frame | None = None) -> Prototype:
-    example = example_of(frame, described(frame), thing_at(frame, *MIDDLE))
+    example = example_of(frame, described(frame), object_at(frame, *MIDDLE))
     surroundings = [
         background_of(one, described(one), [example]) for one in (frame, background or frame)
     ]
@@ -55,7 +55,7 @@ def found(frame: Frame, wanted: Prototype) -> npt.NDArray[np.bool_]:
 def test_a_click_takes_the_thing_and_neither_its_floor_nor_what_touches_it() -> None:
     neighbour = Box(x=(1.7, 2.0), y=(0.15, 0.5), z=(0.0, 0.3), colour=(30, 60, 190))
     frame = picture(THING, neighbour, WALL)
-    pixels = thing_at(frame, *MIDDLE)
+    pixels = object_at(frame, *MIDDLE)
     is_toy = (frame.rgb[..., 0] > 120) & (frame.rgb[..., 2] < 90)
     assert pixels[is_toy].mean() > 0.85
     assert (pixels & ~is_toy).sum() < 0.05 * pixels.sum()
@@ -74,14 +74,14 @@ def test_a_click_on_nothing_of_its_own_is_refused_with_the_reason(
     frame: Frame, row: int, col: int, reason: str
 ) -> None:
     with pytest.raises(Refused, match=reason):
-        thing_at(frame, row, col)
+        object_at(frame, row, col)
 
 
 def test_a_thing_that_is_only_a_few_pixels_large_is_refused() -> None:
     far = picture(Box(x=(5.3, 5.4), y=(-0.05, 0.05), z=(0.0, 0.3), colour=TOY))
     row, col = np.argwhere((far.rgb[..., 2] < 90) & (far.rgb[..., 0] > 90))[0]
     with pytest.raises(Refused, match="too small or too far"):
-        example_of(far, described(far), thing_at(far, int(row), int(col)))
+        example_of(far, described(far), object_at(far, int(row), int(col)))
 
 
 def test_the_thing_is_found_from_elsewhere_and_what_stands_beside_it_is_not() -> None:
@@ -121,7 +121,7 @@ def test_the_threshold_is_that_of_the_background() -> None:
 def test_other_things_near_what_was_clicked_are_no_background() -> None:
     beside = dataclasses.replace(THING, y=(0.2, 0.4))
     frame = picture(THING, beside, WALL, SHELF)
-    example = example_of(frame, described(frame), thing_at(frame, *MIDDLE))
+    example = example_of(frame, described(frame), object_at(frame, *MIDDLE))
     assert fitted("abc", [example], background_of(frame, described(frame), [example]))
     config = dataclasses.replace(CONFIG, clear_m=0.0, twin_share=0.0)
     nearer = dataclasses.replace(example, size_m=0.0)

@@ -17,7 +17,8 @@ const NUMBERS = {
   confidence: ["min_confidence", 100],
   lowest: ["min_height_m", 1],
   highest: ["max_height_m", 1],
-  size: ["min_size_m", 1],
+  smallest: ["min_size_m", 1],
+  largest: ["max_size_m", 1],
 };
 const REQUIRED = ["margin", "confidence"];
 
