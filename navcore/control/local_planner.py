@@ -42,8 +42,6 @@ _DRIVES_ON = (ControllerState.FOLLOW, ControllerState.TURN, ControllerState.LOOK
 """States in which the robot gets on along the path."""
 _STRUGGLES = (ControllerState.MANOEUVRE, ControllerState.BACK, ControllerState.BLOCKED)
 """States that are not worth the last centimetres to the goal."""
-_LEAST_PART = 4
-"""Number of headings of a turn that are free when part of it is worth while."""
 _TURN_POSES = 12
 """Number of poses at which the clearance of a turn is measured."""
 
@@ -322,8 +320,8 @@ def _slow_beside_people(checker: CollisionChecker, motion: Motion) -> Motion:
 
 
 def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
-    """While waiting, turn as far as is free to keep the nearest person in view, also one who has
-    just left it: out of sight they could be anywhere."""
+    """While waiting, turn to keep the nearest person in view, also one who has just left it: out of
+    sight they could be anywhere."""
     sought = checker.people.expected_discs[:, :2] - (checker.profile.camera.x_m, 0.0)
     if len(sought) == 0:
         return motion
@@ -331,7 +329,7 @@ def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
     bearing, in_view = math.atan2(y, x), math.radians(checker.control.turn.face_person_deg)
     if abs(bearing) <= in_view:
         return motion
-    turn = _turn(checker, bearing, both_directions=False, partly=True)
+    turn = _turn(checker, bearing, both_directions=False)
     if turn is None:
         return motion
     around_m = checker.profile.circumscribed_radius_m + checker.people_config.personal_m
@@ -340,24 +338,21 @@ def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
 
 
 def _turn(
-    checker: CollisionChecker, bearing: float, *, both_directions: bool = True, partly: bool = False
+    checker: CollisionChecker, bearing: float, *, both_directions: bool = True
 ) -> Motion | None:
     """Turn in place towards the bearing, in the longer direction if the shorter one is blocked;
-    None when neither is free, `partly` when hardly any of it is."""
+    None when neither is free."""
     config = checker.control.turn
     angles = (bearing, bearing - math.copysign(2 * math.pi, bearing))
     for angle in angles if both_directions else angles[:1]:
         count = max(2, math.ceil(abs(angle) / math.radians(config.step_deg)))
-        headings = np.linspace(0.0, angle, count)
-        free = int(checker.can_turn_to(headings[None]).sum())
-        if free < count and not (partly and free > _LEAST_PART):
-            continue
-        left = float(headings[free - 1])
-        rate = min(
-            checker.local.turn_rate_radps, config.base_rate_radps + config.gain_per_s * abs(left)
-        )
-        twist = Twist(v_mps=0.0, w_radps=math.copysign(rate, angle))
-        return Motion(twist=twist, outcome=ControllerState.TURN)
+        if checker.can_turn_to(np.linspace(0.0, angle, count)[None]).all():
+            rate = min(
+                checker.local.turn_rate_radps,
+                config.base_rate_radps + config.gain_per_s * abs(angle),
+            )
+            twist = Twist(v_mps=0.0, w_radps=math.copysign(rate, angle))
+            return Motion(twist=twist, outcome=ControllerState.TURN)
     return None
 
 
