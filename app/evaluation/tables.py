@@ -52,6 +52,11 @@ def is_doors(result: Result) -> bool:
     return "first_try" in result
 
 
+def is_crossings(result: Result) -> bool:
+    """Return whether a result is of the suite of people who cross the robot's path."""
+    return "drove_into_people" in result
+
+
 def is_taught(result: Result) -> bool:
     """Return whether a result is of the suite of teaching."""
     return "taught" in result
@@ -64,7 +69,7 @@ def is_recorded(result: Result) -> bool:
 
 def is_random(result: Result) -> bool:
     """Return whether a result is of random missions in a world."""
-    others = (is_paper, is_walked, is_lit, is_doors, is_taught, is_recorded)
+    others = (is_paper, is_walked, is_lit, is_doors, is_crossings, is_taught, is_recorded)
     return not any(is_other(result) for is_other in others)
 
 
@@ -142,6 +147,13 @@ def full_table(results: Sequence[Result]) -> str:
         ),
         [_doors_row(result) for result in results if is_doors(result)],
     )
+    crossings = _table(
+        (
+            *("suite", "seeds", "drove into a person", "seeds of these"),
+            *("a person walked into the standing robot", "goal reached", "mean time"),
+        ),
+        [_crossings_row(result) for result in results if is_crossings(result)],
+    )
     taught = _table(
         (
             *("suite", "seeds", "found elsewhere", "IoU of each"),
@@ -179,9 +191,11 @@ def full_table(results: Sequence[Result]) -> str:
     lit = [light] if any(map(is_lit, results)) else []
     real = [recorded] if any(map(is_recorded, results)) else []
     passed = [doors] if any(map(is_doors, results)) else []
+    met = [crossings] if any(map(is_crossings, results)) else []
     learned = [taught] if any(map(is_taught, results)) else []
     walking = [walks] if walked else []
-    return "\n".join([figures, missions, *walking, *lit, *real, *passed, *learned, origins])
+    tables = [figures, missions, *walking, *lit, *real, *passed, *met, *learned, origins]
+    return "\n".join(tables)
 
 
 PAGES: Mapping[str, Callable[[Sequence[Result]], str]] = {
@@ -281,6 +295,20 @@ def _doors_row(result: Result) -> Sequence[str]:
         str(result["collisions"]),
         f"{result['min_clearance_m']:.2f} m",
         seeds or "none",
+    )
+
+
+def _crossings_row(result: Result) -> Sequence[str]:
+    episodes, (low, high) = result["episodes"], result["drove_into_people_ci95"]
+    interval = f"{low:.0%} to {high:.0%}".replace("%", " %")
+    return (
+        f"`{result['scenario']}`",
+        f"{min(result['seeds'])} to {max(result['seeds'])}",
+        f"{result['drove_into_people']} of {episodes} ({interval})",
+        ", ".join(map(str, result["drove_into_people_seeds"])) or "none",
+        f"{result['struck_while_standing']} of {episodes}",
+        f"{result['goals_reached']} of {episodes}",
+        f"{result['sim_time_s']:.1f} s",
     )
 
 

@@ -320,19 +320,20 @@ def _slow_beside_people(checker: CollisionChecker, motion: Motion) -> Motion:
 
 
 def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
-    """While waiting, turn to keep the nearest person in view: out of sight they could be
-    anywhere."""
-    nearest = min(
-        checker.people.reachable_discs.tolist(),
-        key=lambda person: math.hypot(person[0], person[1]),
-        default=(1.0, 0.0),
-    )
-    bearing = math.atan2(nearest[1], nearest[0])
-    if abs(bearing) <= math.radians(checker.control.turn.face_person_deg):
+    """While waiting, turn to keep the nearest person in view, also one who has just left it: out of
+    sight they could be anywhere."""
+    sought = checker.people.expected_discs[:, :2] - (checker.profile.camera.x_m, 0.0)
+    if len(sought) == 0:
+        return motion
+    x, y = sought[np.hypot(*sought.T).argmin()].tolist()
+    bearing, in_view = math.atan2(y, x), math.radians(checker.control.turn.face_person_deg)
+    if abs(bearing) <= in_view:
         return motion
     turn = _turn(checker, bearing, both_directions=False)
     if turn is None:
         return motion
+    around_m = checker.profile.circumscribed_radius_m + checker.people_config.personal_m
+    checker = dataclasses.replace(checker, people=checker.people.as_expected(around_m))
     return _slow_beside_people(checker, dataclasses.replace(motion, twist=turn.twist))
 
 

@@ -7,20 +7,20 @@ behind a person, and only when it will have passed before the person is back; un
 beside the line of the person. The second predicts nothing: the robot must be able to stop before
 any person could reach it, in whatever direction they turn. While a person is out of sight, the disc
 that the person may be in grows at walking speed about the position where they were lost, until they
-have been gone for long.
+have been gone for long. A robot that stood all that time would set off blindly at its end, so it
+looks after them: a turn in place, for which they are taken to have walked on.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-import numba
 import numpy as np
 
-from navcore.compiled import compiled
 from navcore.config.control import CONTROL_CONFIG, SocialConfig
 from navcore.config.people import PeopleConfig
+from navcore.control.walker_distance import are_clear, gaps
 from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Pose2, Twist
 from navcore.perception.people.track import Track
@@ -47,6 +47,9 @@ class PeopleState:
     """(R, 4) x, y, walking speed, radius of the disc in which each of those who walk, or have only
     stopped, may be by now: about where the person is seen, or was lost from sight."""
 
+    expected_discs: Floats = field(default_factory=lambda: np.empty((0, 4)))
+    """(R, 4) the same columns for the disc in which each of these people is if they walked on."""
+
     @staticmethod
     def of(
         people: tuple[Track, ...],
@@ -70,6 +73,11 @@ class PeopleState:
             reachable_discs=_in_base(
                 pose, [_reachable_disc(person, config) for person in moving], columns=4
             ),
+            expected_discs=_in_base(
+                pose,
+                [(p.x_m, p.y_m, _walking_speed(p, config), p.radius_m) for p in moving],
+                columns=4,
+            ),
         )
 
     def reversed(self) -> PeopleState:
@@ -79,6 +87,7 @@ class PeopleState:
             walking=self.walking * sign,
             standing=self.standing * sign,
             reachable_discs=self.reachable_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
+            expected_discs=self.expected_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
         )
 
     def standing_still(self) -> PeopleState:
@@ -90,6 +99,20 @@ class PeopleState:
             walking=self.walking[:0],
             standing=np.vstack([self.standing, stopped]),
             reachable_discs=self.reachable_discs,
+            expected_discs=self.expected_discs,
+        )
+
+    def as_expected(self, around_m: float) -> PeopleState:
+        """Return the same people as if those out of sight had walked on, but for those whose way
+        led within `around_m` metres of the robot's middle: they may have stopped before it."""
+        lost, expected = self.reachable_discs[:, :2], self.expected_discs[:, :2]
+        way = expected - lost
+        squared = np.maximum((way**2).sum(axis=1), 1e-9)
+        share = np.clip(-(lost * way).sum(axis=1) / squared, 0.0, 1.0)
+        nearest_m = np.hypot(*(lost + share[:, None] * way).T) - self.expected_discs[:, 3]
+        walked_on = (nearest_m > around_m)[:, None]
+        return replace(
+            self, reachable_discs=np.where(walked_on, self.expected_discs, self.reachable_discs)
         )
 
     def outlines(self) -> Points:
@@ -133,7 +156,7 @@ def _reachable_disc(person: Track, config: SocialConfig) -> tuple[float, ...]:
     return x, y, speed, person.radius_m + speed * person.unseen_s
 
 
-def _in_base(pose: Pose2, rows: list[tuple[float, ...]], columns: int) -> Floats:
+def _in_base(pose: Pose2, rows: list[tuple[float, ...]], *, columns: int) -> Floats:
     """(N, columns) the rows in the base frame: x, y and, of five columns, the velocity too."""
     array = np.array(rows).reshape(-1, columns)
     array[:, :2] = pose.from_parent(array[:, :2])
@@ -153,7 +176,7 @@ def clear_of_people(
     """Return (A, S) whether the motion up to each of (A, S, 3) poses, base frame, reached at (A, S)
     times in seconds, keeps clear of all people who walk."""
     return np.asarray(
-        _are_clear(
+        are_clear(
             people.walking,
             poses,
             times_s,
@@ -178,7 +201,7 @@ def waiting_index(
     A robot that is in the path of a person already may wait where it obstructs no more than now,
     or it would stay there for ever.
     """
-    here, *gaps = _gaps(
+    here, *later_m = gaps(
         people.walking,
         np.vstack([np.zeros((1, 3)), poses])[None],
         np.concatenate([[0.0], times_s])[None],
@@ -186,9 +209,9 @@ def waiting_index(
         _later_s(rules.waiting_s, config.sample_s),
     )[0].tolist()
     enough = rules.personal_m + config.waiting_margin_m
-    waiting = np.flatnonzero(np.array(gaps) > enough).max(initial=-1)
+    waiting = np.flatnonzero(np.array(later_m) > enough).max(initial=-1)
     if waiting < 0 and here <= enough:
-        waiting = np.flatnonzero(np.array(gaps) >= here).max(initial=-1)
+        waiting = np.flatnonzero(np.array(later_m) >= here).max(initial=-1)
     return int(waiting)
 
 
@@ -249,90 +272,3 @@ def _later_s(headway_s: float, sample_s: float) -> Floats:
     """Return the moments from 0 to a headway, in seconds, at which a person is looked at."""
     moments = max(math.ceil(headway_s / sample_s), 1)
     return np.asarray(headway_s * np.arange(moments + 1) / moments)
-
-
-@compiled
-def _gaps(
-    walking: Floats, poses: Floats, times_s: Floats, half: tuple[float, float], later_s: Floats
-) -> Floats:
-    """(A, S) least distance of the footprint at each pose to where any person is then, or arrives
-    at the moments after it."""
-    count, steps = times_s.shape
-    gaps = np.full((count, steps), np.inf)
-    for a in range(count):
-        for s in range(steps):
-            heading = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
-            for p in range(len(walking)):
-                x, y = walking[p, 0] - poses[a, s, 0], walking[p, 1] - poses[a, s, 1]
-                person = x, y, walking[p, 2], walking[p, 3]
-                squared = _least_squared_gap(person, heading, half, times_s[a, s], later_s)
-                gaps[a, s] = min(gaps[a, s], math.sqrt(squared) - walking[p, 4])
-    return gaps
-
-
-_ROUNDING_M = 1e-6
-"""Distance in metres far above the rounding error of a bound."""
-
-
-@compiled
-def _are_clear(
-    walking: Floats,
-    poses: Floats,
-    times_s: Floats,
-    half: tuple[float, float],
-    personal: tuple[float, float],
-    later_s: Floats,
-) -> Bools:
-    """(A, S) whether the gap to every person is larger than `personal`, metres and metres per
-    second of the time, up to each pose.
-
-    A person who is too far off to come that near within the headway is not looked at, and nothing
-    after the first pose that is not clear.
-    """
-    count, steps = times_s.shape
-    clear = np.zeros((count, steps), dtype=np.bool_)
-    reach_m = np.empty(len(walking))
-    for p in range(len(walking)):
-        walked_m = later_s[-1] * math.hypot(walking[p, 2], walking[p, 3])
-        reach_m[p] = math.hypot(half[0], half[1]) + walking[p, 4] + walked_m + _ROUNDING_M
-    for a in range(count):
-        for s in range(steps):
-            time_s = times_s[a, s]
-            gap_m = personal[0] + personal[1] * time_s
-            is_clear = True
-            for p in range(len(walking)):
-                x, y = walking[p, 0] - poses[a, s, 0], walking[p, 1] - poses[a, s, 1]
-                vx, vy = walking[p, 2], walking[p, 3]
-                far_m = reach_m[p] + max(gap_m, 0.0)
-                if (x + time_s * vx) ** 2 + (y + time_s * vy) ** 2 > far_m**2:
-                    continue
-                heading = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
-                squared = _least_squared_gap((x, y, vx, vy), heading, half, time_s, later_s)
-                is_clear = is_clear and math.sqrt(squared) - walking[p, 4] > gap_m
-            if not is_clear:
-                break
-            clear[a, s] = True
-    return clear
-
-
-@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
-def _least_squared_gap(
-    person: tuple[float, float, float, float],
-    heading: tuple[float, float],
-    half: tuple[float, float],
-    time_s: float,
-    later_s: Floats,
-) -> float:
-    """Return the least squared distance of the footprint to a person, x, y and velocity along both
-    from its middle, at a time and at some seconds later; a loop that the compiler vectorises."""
-    (x, y, vx, vy), (cos, sin), (half_length, half_width) = person, heading, half
-    least = math.inf
-    for moment in range(len(later_s)):
-        t = time_s + later_s[moment]
-        dx, dy = x + t * vx, y + t * vy
-        out_x, out_y = abs(cos * dx + sin * dy) - half_length, abs(cos * dy - sin * dx) - half_width
-        out_x = out_x if out_x > 0.0 else 0.0
-        out_y = out_y if out_y > 0.0 else 0.0
-        squared = out_x * out_x + out_y * out_y
-        least = squared if squared < least else least
-    return least

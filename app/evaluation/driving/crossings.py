@@ -21,6 +21,8 @@ import numpy as np
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.latency import NO_LATENCY, Latency
 from app.evaluation.campaign import HERE, Campaign, Fleet, conclude
+from app.evaluation.summary import rate_interval
+from app.runtime.record.provenance import command_line
 from navcore.config.navigator import NavigatorConfig
 from navcore.mission.beware_list import BewareList
 from navcore.robot.camera_stream import CameraStream
@@ -245,7 +247,7 @@ def drive_crossing(
 
 
 def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the summary of a campaign as a JSON object.
+    """Return the summary of a campaign as a JSON object, with Wilson's interval.
 
     A robot that drives into a person is at fault; one that a person walks into while it stands is
     not.
@@ -257,9 +259,15 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
         if not report["collisions"] and not report["struck_while_standing"]
     ]
     return {
+        "command": command_line(),
+        "scenario": SUITE,
+        **{key: reports[0][key] for key in ("segmenter", "odometry", "gnss", "latency", "people")},
+        "versions": sorted({report["version"] for report in reports}),
+        "machines": sorted({report["machine"] for report in reports}),
         "episodes": len(reports),
-        "latency": reports[0]["latency"],
+        "seeds": [report["seed"] for report in reports],
         "drove_into_people": len(hit),
+        "drove_into_people_ci95": [round(end, 4) for end in rate_interval(len(hit), len(reports))],
         "drove_into_people_seeds": [report["seed"] for report in hit],
         "struck_while_standing": sum(
             not report["collisions"] and report["struck_while_standing"] > 0 for report in reports

@@ -324,14 +324,13 @@ class PeopleTrackerConfig:
     """Gating distance in metres between prediction and detection."""
     unseen_s: float = ranged(0.0, 60.0, default=1.0)
     """Time in seconds after which a person is given up where the camera looks and does not see
-    the person."""
+    the person: both at the predicted position and where the person was seen last."""
     walking_unseen_s: float = ranged(0.0, 60.0, default=8.0)
     """Time in seconds after which a walking person is given up where the camera does not look."""
     standing_unseen_s: float = ranged(0.0, 600.0, default=20.0)
     """Time in seconds after which a standing person is given up where the camera does not look."""
-    free_floor_s: float = ranged(0.0, 60.0, default=0.25)
-    """Time in seconds after which a person is given up where the camera sees floor, both at the
-    predicted position and where the person was seen last; and any other object wherever it is."""
+    object_unseen_s: float = ranged(0.0, 60.0, default=0.25)
+    """Time in seconds after which an object that is no person is given up."""
     return_m: float = ranged(0.0, 5.0, default=1.0)
     """Distance in metres from where a person was lost within which a new one is the same."""
     max_gap_s: float = ranged(0.1, 60.0, default=2.0)

@@ -123,6 +123,9 @@ class KalmanTrack:
     """Time in seconds for which the person has been seen there."""
     on_new_floor: float = 0.0
     """Smoothed share of cells on recently seen floor."""
+    missed_s: float = 0.0
+    """Time in seconds for which the camera has looked where the person may be, and not shown
+    them."""
     slow_s: float = 0.0
     """Time in seconds for which the speed has been that of a standing person."""
     radius_m: float = 0.0

@@ -52,7 +52,7 @@ class PeopleTracker:
         for one in self._tracks:
             one.predict(step_s, lost=one.seen_ns < before_ns)
         self._match(clusters, frame.stamp_ns)
-        self._tracks = [one for one in self._tracks if not self._is_lost(one, frame)]
+        self._tracks = [one for one in self._tracks if not self._is_lost(one, frame, step_s)]
         self._tracks = [one for one in self._tracks if not self._has_returned(one)]
         for one in self._tracks:
             self._note_cells(one)
@@ -143,19 +143,21 @@ class PeopleTracker:
                 return True
         return False
 
-    def _is_lost(self, one: KalmanTrack, frame: Frame) -> bool:
+    def _is_lost(self, one: KalmanTrack, frame: Frame, step_s: float) -> bool:
         config, unseen_s = self._config, (frame.stamp_ns - one.seen_ns) / 1e9
         if not one.is_person:
-            return unseen_s >= config.free_floor_s
+            return unseen_s >= config.object_unseen_s
         # A person who was lost from sight at one position and is not seen at the predicted one may
-        # have turned back in between.
+        # have turned back in between, and takes a moment to be told from other things again.
         positions = (one.x_m, one.y_m), one.last_seen_at(frame.stamp_ns)
-        if unseen_s >= config.free_floor_s and all(
-            self._detector.is_floor(*at, one.radius_m, frame.stamp_ns / 1e9) for at in positions
-        ):
+        is_missed = unseen_s > 0 and all(
+            self._detector.is_floor(*at, one.radius_m, frame.stamp_ns / 1e9)
+            or self._detector.looks_at(frame, *at, one.radius_m)
+            for at in positions
+        )
+        one.missed_s = one.missed_s + step_s if is_missed else 0.0
+        if one.missed_s >= config.unseen_s:
             return True
-        if all(self._detector.looks_at(frame, *at, one.radius_m) for at in positions):
-            return unseen_s >= config.unseen_s
         return unseen_s >= (config.walking_unseen_s if one.walks else config.standing_unseen_s)
 
     def _person_pixels(self, labels: Labels, beware: BewareList) -> Bools:

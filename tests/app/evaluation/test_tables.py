@@ -15,6 +15,7 @@ from app.evaluation.tables import (
     ROOT,
     Result,
     full_table,
+    is_crossings,
     is_doors,
     is_paper,
     is_random,
@@ -40,7 +41,7 @@ def test_a_page_shows_what_the_files_say(page: str) -> None:
 
 @every_result
 def test_a_result_is_of_the_network_that_ships_and_names_its_origin(result: Result) -> None:
-    if not is_doors(result):  # among doors nothing is to be recognised
+    if not (is_doors(result) or is_crossings(result)):  # there nothing is to be recognised
         assert f"network sha256 {shipped_sha256()}," in result["segmenter"]
     if is_recorded(result):
         assert result["frames"] > 0
@@ -119,6 +120,29 @@ def test_doors_have_a_table_of_their_own_on_the_page_about_evaluation() -> None:
     assert "| `doors` | 2000 to 2002 | 2 of 3 (21 % to 94 %) | 0 | 0.07 m | 2001 |" in shown
     assert short_table([result]).count("\n") == 2
     assert full_table([{**result, "first_try": 1.0}]) != shown
+
+
+def test_crossings_have_a_table_of_their_own_on_the_page_about_evaluation() -> None:
+    result = {
+        "command": "bewarenav evaluate crossings",
+        "scenario": "crossings",
+        "segmenter": "colour rules",
+        "versions": ["1"],
+        "machines": ["one"],
+        "episodes": 3,
+        "seeds": [2000, 2001, 2002],
+        "drove_into_people": 1,
+        "drove_into_people_ci95": [0.0615, 0.7923],
+        "drove_into_people_seeds": [2001],
+        "struck_while_standing": 2,
+        "goals_reached": 3,
+        "sim_time_s": 21.04,
+    }
+    shown = full_table([result])
+    row = "| `crossings` | 2000 to 2002 | 1 of 3 (6 % to 79 %) | 2001 | 2 of 3 | 3 of 3 | 21.0 s |"
+    assert row in shown
+    assert short_table([result]).count("\n") == 2
+    assert full_table([{**result, "drove_into_people": 0}]) != shown
 
 
 def test_teaching_has_a_table_of_its_own_with_the_things_and_what_was_lost() -> None:

@@ -121,24 +121,67 @@ def test_a_lost_person_who_turned_back_does_not_reach_the_robot_before_it_stands
         rng.uniform(-3, 3),
         rng.uniform(0.1, 1.9),
     )
+    lost = walking_on(x, y, speed, heading, unseen_s)
+    motion = decide(people=PeopleState.of((lost,), ORIGIN), ignore_predictions=ignore_predictions)
+    if motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
+        return  # the robot looks after them
+    assert stops_in_time(motion.twist, x, y, walked_m=speed * unseen_s, speed_mps=speed)
+
+
+@law(100)
+@given(st.integers(0, 2**32 - 1))
+def test_a_robot_that_looks_after_a_person_stops_before_them_if_they_walked_on(seed: int) -> None:
+    """And it does not look after a person whose way led by it, who may stand before it."""
+    rng = np.random.default_rng(seed)
+    (x, y), speed, heading, unseen_s = (
+        rng.uniform(-3, 3, 2),
+        rng.uniform(0.5, 1.6),
+        rng.uniform(-3, 3),
+        rng.uniform(0.1, 7.9),
+    )
+    lost = walking_on(x, y, speed, heading, unseen_s)
+    twist = decide(people=PeopleState.of((lost,), ORIGIN)).twist
+    if stops_in_time(twist, x, y, walked_m=speed * unseen_s, speed_mps=speed):
+        return
+    assert twist.v_mps == 0.0
+    assert stops_in_time(twist, lost.x_m, lost.y_m, walked_m=0.0, speed_mps=speed)
+    way = shapely.LineString([(x, y), (lost.x_m, lost.y_m)])
+    assert shapely.distance(way, shapely.Point(0.0, 0.0)) > HUSKY.circumscribed_radius_m + 0.3
+
+
+def test_a_waiting_robot_looks_after_a_person_who_walked_out_of_view() -> None:
+    left = PeopleState.of((walking_on(2.2, 1.8, 0.9, 2.2, 2.5),), ORIGIN)
+    looking = decide(people=left)
+    assert looking.outcome is ControllerState.WAIT_FOR_PEOPLE
+    assert looking.twist.v_mps == 0.0 and looking.twist.w_radps > 0.2
+    anywhere = dataclasses.replace(left, expected_discs=left.reachable_discs)
+    assert stands(decide(people=anywhere), ControllerState.WAIT_FOR_PEOPLE)  # the control
+    stopped_by_it = PeopleState.of((walking_on(1.2, -0.2, 0.9, 3.0, 2.5),), ORIGIN)
+    assert stands(decide(people=stopped_by_it), ControllerState.WAIT_FOR_PEOPLE)
+
+
+def walking_on(x: float, y: float, speed: float, heading: float, unseen_s: float) -> Track:
+    """A person who was lost from sight at (x, y), as if they had walked on."""
     vx, vy = speed * math.cos(heading), speed * math.sin(heading)
-    lost = Track(
+    return Track(
         id=1,
         x_m=x + vx * unseen_s,
         y_m=y + vy * unseen_s,
         vx_mps=vx,
         vy_mps=vy,
         radius_m=0.3,
-        age_s=3.0,
+        age_s=9.0,
         last_seen_ns=0,
         unseen_s=unseen_s,
     )
-    twist = decide(
-        people=PeopleState.of((lost,), ORIGIN), ignore_predictions=ignore_predictions
-    ).twist
+
+
+def stops_in_time(twist: Twist, x: float, y: float, *, walked_m: float, speed_mps: float) -> bool:
+    """Whether a robot stands before a person reaches it, who has walked so far towards it from
+    (x, y) and goes on."""
     fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
-    gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3 - speed * unseen_s
-    assert fastest == 0.0 or gap > speed * (
+    gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3 - walked_m
+    return fastest == 0.0 or gap > speed_mps * (
         PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2
     )
 
@@ -291,7 +334,8 @@ def test_a_person_lost_a_moment_ago_may_have_turned_back_and_one_lost_long_ago_h
         unseen_s=1.0,
     )
     here = ORIGIN
-    assert stands(decide(people=PeopleState.of((lost,), here)), ControllerState.WAIT_FOR_PEOPLE)
+    waiting = decide(people=PeopleState.of((lost,), here))
+    assert waiting.outcome is ControllerState.WAIT_FOR_PEOPLE and waiting.twist.v_mps == 0.0
     later = dataclasses.replace(lost, y_m=7.3, unseen_s=8.1)
     assert decide(people=PeopleState.of((later,), here)).twist.v_mps > 0.5
 
