@@ -10,6 +10,8 @@ AXE = (Path(__file__).parent / "axe" / "axe.min.js").read_text(encoding="utf-8")
 SERIOUS = ("serious", "critical")
 LEAST_FONT_PX = 12
 LEAST_TARGET_PX = 44
+CONTRAST = ["color-contrast"]
+"""The only rule whose findings depend on the theme."""
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 """Tags of the rules."""
 FINDINGS = """async ([runOnly, selector]) => {
@@ -42,4 +44,13 @@ SMALL_TARGETS = f"""() => [...document.querySelectorAll("button, select, a[href]
 
 def serious_findings(page: Page, selector: str = "html") -> list[list[str]]:
     """Return [rule, impact, places] of what axe finds in a part of a page that has loaded it."""
-    return [one for one in page.evaluate(FINDINGS, [RULES, selector]) if one[1] in SERIOUS]
+    return _findings(page, {"type": "tag", "values": RULES}, selector)
+
+
+def pale_texts(page: Page) -> list[list[str]]:
+    """Return the same of contrast alone, for the other theme of a page."""
+    return _findings(page, {"type": "rule", "values": CONTRAST}, "html")
+
+
+def _findings(page: Page, rules: dict[str, object], selector: str) -> list[list[str]]:
+    return [one for one in page.evaluate(FINDINGS, [rules, selector]) if one[1] in SERIOUS]

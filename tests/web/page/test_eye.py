@@ -13,7 +13,14 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, await_map
-from tests.web.page.eye import AXE, LEAST_FONT_PX, SMALL_TARGETS, SMALL_TEXT, serious_findings
+from tests.web.page.eye import (
+    AXE,
+    LEAST_FONT_PX,
+    SMALL_TARGETS,
+    SMALL_TEXT,
+    pale_texts,
+    serious_findings,
+)
 from tests.web.page.states import SIZES, STATES, TABS, furnish
 from web.pages import FOLDER
 from web.port import reserve
@@ -67,7 +74,7 @@ def test_every_main_state_can_be_read_named_and_hit(
         assert page.get_by_test_id("stop").evaluate(IS_TOPMOST), name
         page.emulate_media(color_scheme="light" if theme == "dark" else "dark")
         expect(page.locator("html")).not_to_have_attribute("data-theme", theme)
-        serious += serious_findings(page)
+        serious += pale_texts(page)
         if serious or small or targets or wide:
             found[name] = [serious, small, targets, wide]
         page.close()
@@ -142,4 +149,5 @@ def test_the_check_finds_a_control_without_a_name_and_pale_text(page: Page) -> N
     assert {"button-name", "color-contrast", "target-size"} <= {
         one[0] for one in serious_findings(page)
     }
+    assert [one[0] for one in pale_texts(page)] == ["color-contrast"]
     assert any("pale" in text for text in page.evaluate(SMALL_TEXT))

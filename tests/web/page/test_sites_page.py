@@ -189,6 +189,7 @@ def test_dock_and_tags_are_set_by_the_robots_place_the_map_and_the_camera(
     expect(hint).to_have_text(re.compile("^Drag or click in the direction in which it faces"))
     page.mouse.click(*on_page(page, -3.0, 4.0))
     expect(panel).to_be_visible()
+    expect(panel.get_by_test_id("dock-text")).to_contain_text("facing 90")  # the answer is here
     dock = site().dock
     assert dock is not None
     assert (dock.x_m, dock.y_m) == pytest.approx((-3.0, 3.0), abs=0.1)
