@@ -3,7 +3,7 @@
 import { togglePanel } from "./access/admin_panel.js";
 import { close as closeEntry } from "./beware/entry.js";
 import { element, make } from "./core/dom.js";
-import { t } from "./core/language.js";
+import { t } from "./core/text/language.js";
 import { closeOverlay } from "./core/menus.js";
 import { stop } from "./core/stop.js";
 import { switchTheme } from "./core/theme.js";
@@ -13,6 +13,7 @@ import { fit } from "./map/map.js";
 import { cancelPress } from "./map/pointer/pointer.js";
 import { select } from "./map/pointer/selection.js";
 import { zoom } from "./map/view.js";
+import { dropOffer } from "./mission/goals.js";
 import { driveByKey, togglePad } from "./mission/teleop.js";
 import {
   canRedo,
@@ -97,6 +98,7 @@ function moveBy(dx, dy, event) {
 const ALWAYS = {
   Escape: () => {
     cancelPress();
+    dropOffer();
     if (draft.mode === "navigate") select(null);
     closeEntry();
     setMode("navigate");

@@ -22,7 +22,7 @@ OVERLAPS = """() => [...document.querySelectorAll(".chart")].flatMap((chart) => 
 })"""
 """JavaScript: texts of a plot of which one covers the other."""
 TICKS = """async ([low, high]) => {
-  const { ticksOf } = await import("/page/insight/ticks.js");
+  const { ticksOf } = await import("/page/insight/plots/ticks.js");
   return ticksOf(low, high);
 }"""
 

@@ -216,6 +216,19 @@ def test_goals_get_headings_by_drag_names_order_and_the_nearest_free_position_wh
     assert operations.goals.missions()["rounds"].loop and operations.state().loop
 
 
+@pytest.mark.parametrize("key", ["Escape", "z"])
+def test_a_position_that_was_offered_goes_when_the_operator_goes_on(page: Page, key: str) -> None:
+    offered = """async () => (await import("/page/mission/goals.js")).offer.position"""
+    await_map(page)
+    page.keyboard.press("g")
+    click_map(page, 4.0, 2.5)
+    expect(page.get_by_test_id("toast-action")).to_be_visible()
+    page.keyboard.press("n")
+    assert page.evaluate(offered) is not None
+    page.keyboard.press(key)
+    assert page.evaluate(offered) is None
+
+
 def test_zones_are_saved_in_sets_and_files_and_an_import_is_undone_with_one_key(
     page: Page, operations: FakeOperations, tmp_path: Path
 ) -> None:

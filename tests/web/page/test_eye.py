@@ -123,7 +123,7 @@ def test_every_other_page_can_be_read_named_and_hit(
 def test_no_style_sheet_has_text_below_the_least_size() -> None:
     sizes = {
         (sheet.name, int(size))
-        for sheet in (FOLDER / "styles").glob("*.css")
+        for sheet in FOLDER.rglob("*.css")
         for size in re.findall(r"font-size:\s*(\d+)px", sheet.read_text(encoding="utf-8"))
     }
     assert len(sizes) > 20

@@ -49,7 +49,7 @@ CLIPPED = """() => [...document.querySelectorAll("button, label, summary, h2, se
 """JavaScript: what is wider than its box."""
 TRANSLATE = """async ([language, sentences]) => {
   document.documentElement.lang = language;
-  const { sentence } = await import(`/page/core/language.js?${language}`);
+  const { sentence } = await import(`/page/core/text/language.js?${language}`);
   return sentences.map(sentence);
 }"""
 """JavaScript: the robot's sentences in a language."""

@@ -360,7 +360,7 @@ def test_the_stop_aborts_the_pending_requests_of_the_page(
     page.route("**/api/v1/hang**", lambda route: held.append(route))  # never answered
     page.evaluate(
         """async (count) => {
-            const { get } = await import("/page/core/api.js");
+            const { get } = await import("/page/core/link/api.js");
             window.failed = 0;
             const onFailure = (error) => {
                 window.failed += /let the stop through/.test(error.message);

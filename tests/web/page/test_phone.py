@@ -14,11 +14,12 @@ from tests.web.page.chromium import (
     IS_TOPMOST,
     IS_WITHIN_VIEWPORT,
     await_map,
+    eventually,
     map_view,
     middle_of,
     tap_map,
 )
-from tests.web.page.states import SIZES, furnish
+from tests.web.page.states import SIZES, draw, furnish
 from web.server import ConsoleServer
 
 PHONE = (390, 844)
@@ -87,6 +88,23 @@ def test_reasons_that_are_cut_off_are_read_whole_by_a_tap(
     assert reasons.evaluate(is_whole)
     page.touchscreen.tap(*middle_of(page.get_by_test_id("control-text")))
     assert page.locator(".bar").evaluate("(bar) => bar.offsetHeight") == height
+
+
+def test_the_form_of_a_zone_is_scrolled_to_its_end_on_a_tablet(
+    open_phone: Opener, operations: FakeOperations
+) -> None:
+    furnish(operations)
+    page = open_phone(1024, 768)
+    await_map(page)
+    draw(page)
+    page.get_by_test_id("page-tab-zones").tap()
+    finish = page.get_by_test_id("zone-finish")
+    page.mouse.move(*middle_of(page.locator("#draft-title")))
+    page.mouse.wheel(0, 2000)
+    eventually(page, lambda: bool(finish.evaluate(IS_WITHIN_VIEWPORT)))
+    assert finish.evaluate(IS_TOPMOST)
+    page.touchscreen.tap(*middle_of(finish))
+    expect(page.get_by_test_id("zone")).to_have_count(3)
 
 
 def test_hints_leave_out_the_keys_and_the_list_of_keys_begins_at_its_top(

@@ -1,6 +1,6 @@
 // The dialog in which users change their own password. Not modal: the stop stays within reach.
 
-import { request } from "../core/api.js";
+import { request } from "../core/link/api.js";
 import { element } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
 

@@ -1,9 +1,9 @@
 // The audit log for admins: the requests of every user, newest first, by name and time.
 
-import { get } from "../core/api.js";
+import { get } from "../core/link/api.js";
 import { make } from "../core/dom.js";
-import { formatDateTime } from "../core/format.js";
-import { sentence, t } from "../core/language.js";
+import { formatDateTime } from "../core/text/format.js";
+import { sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 
 const PAGE_SIZE = 100;

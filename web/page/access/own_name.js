@@ -1,9 +1,9 @@
 // The name of this page for the other operators, on a console without users: that of browser and
 // device, until the operator gives another. A cookie keeps it, so that every connection has it.
 
-import { get } from "../core/api.js";
+import { get } from "../core/link/api.js";
 import { element, make } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 
 const COOKIE = "bewarenav-name";
 const MAX_NAME = 40;

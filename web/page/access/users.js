@@ -1,7 +1,7 @@
 // The list of users for admins: roles, passwords and tokens, a form for a new user.
 
-import { get, post, request } from "../core/api.js";
-import { sentence, t } from "../core/language.js";
+import { get, post, request } from "../core/link/api.js";
+import { sentence, t } from "../core/text/language.js";
 import { suggestNames } from "./audit.js";
 import { clearSent, make, reconcile, setText } from "../core/dom.js";
 import { attempt, notify } from "../core/toasts.js";

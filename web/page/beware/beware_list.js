@@ -1,8 +1,8 @@
 // The beware list: classes switched on and off, their margins and confidences.
 
-import { post, request } from "../core/api.js";
+import { post, request } from "../core/link/api.js";
 import { element, make, reconcile, set, setText, setValue } from "../core/dom.js";
-import { capitalised, decimal, sentence, t } from "../core/language.js";
+import { capitalised, decimal, sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import * as entryForm from "./entry.js";
 import { point } from "./example.js";

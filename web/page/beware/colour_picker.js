@@ -1,10 +1,10 @@
 // A colour rule from a click into the camera image; what it takes is shown as a mask over the image
 // and over images of the last minutes.
 
-import { post } from "../core/api.js";
+import { post } from "../core/link/api.js";
 import { element, make, set, setText } from "../core/dom.js";
-import { formatAge } from "../core/format.js";
-import { number, t } from "../core/language.js";
+import { formatAge } from "../core/text/format.js";
+import { number, t } from "../core/text/language.js";
 import { isNarrow, selectTab } from "../core/page_tabs.js";
 import { attempt } from "../core/toasts.js";
 

@@ -1,9 +1,9 @@
 // The inspector of a class of the beware list: a draft, whose effect is shown on the map before it
 // applies.
 
-import { post, request } from "../core/api.js";
+import { post, request } from "../core/link/api.js";
 import { element, set, setText } from "../core/dom.js";
-import { number, sentence, t } from "../core/language.js";
+import { number, sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { isDrawing, onDraft, setMode } from "../zones/draft.js";
 import { asker, changeText } from "../zones/preview.js";

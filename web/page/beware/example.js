@@ -1,10 +1,10 @@
 // "Beware of this": clicks on a thing in the camera image become an example of a new class; what it
 // takes is shown over the image and over images of the last minutes, in which one can click, too.
 
-import { post } from "../core/api.js";
+import { post } from "../core/link/api.js";
 import { element, make, set, setText } from "../core/dom.js";
-import { formatAge } from "../core/format.js";
-import { number, t, tn } from "../core/language.js";
+import { formatAge } from "../core/text/format.js";
+import { number, t, tn } from "../core/text/language.js";
 import { isNarrow, selectTab } from "../core/page_tabs.js";
 import { attempt } from "../core/toasts.js";
 

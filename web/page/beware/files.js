@@ -1,8 +1,8 @@
 // The beware list as a TOML file: written, and read with what is wrong in it named by line.
 
-import { abortableFetch } from "../core/api.js";
+import { abortableFetch } from "../core/link/api.js";
 import { download, element } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const PATH = "/api/v1/beware.toml";

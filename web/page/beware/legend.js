@@ -2,7 +2,7 @@
 // the present theme.
 
 import { element, make } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { isLight } from "../core/theme.js";
 import { paletteOf } from "../map/ground/cells.js";
 import { COLOURS } from "../map/drawing/strokes.js";
@@ -17,7 +17,7 @@ const SIGNS = {
   prior: (palette) => [palette.prior],
   zones: () => ["#d63384", "stripes falling"],
   path: () => [COLOURS.path, null, "line"],
-  waypoints: () => [COLOURS.path, null, "line"],
+  waypoints: () => [COLOURS.path, null, "diamond"],
   driven: () => [COLOURS.driven, null, "line dashed"],
   people: () => [COLOURS.person],
   view: () => [COLOURS.draft, null, "line dashed"],

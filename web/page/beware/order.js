@@ -1,7 +1,7 @@
 // The order of the rows: a handle that is dragged, or moved by the arrow keys.
 
 import { make } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 
 const rowAt = (list, y) =>
   [...list.children].find((row) => {

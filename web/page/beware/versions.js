@@ -1,10 +1,10 @@
 // The stored versions of the beware list: who, when and what; compared with the list in force, and
 // brought back.
 
-import { get, post } from "../core/api.js";
+import { get, post } from "../core/link/api.js";
 import { element, make } from "../core/dom.js";
-import { formatDateTime } from "../core/format.js";
-import { sentence, t } from "../core/language.js";
+import { formatDateTime } from "../core/text/format.js";
+import { sentence, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const menu = element("beware-versions");

@@ -1,8 +1,8 @@
 // The switch between the languages, each under its own name.
 
-import { get, request } from "./api.js";
+import { get, request } from "./link/api.js";
 import { element, make } from "./dom.js";
-import { keepLanguage, language, languages, nameOfLanguage } from "./language.js";
+import { keepLanguage, language, languages, nameOfLanguage } from "./text/language.js";
 import { attempt } from "./toasts.js";
 
 const choose = (code) =>

@@ -1,8 +1,8 @@
 // A menu of values saved under a name: load one, delete one, save the present one.
 
-import { get, request } from "./api.js";
+import { get, request } from "./link/api.js";
 import { clearSent, make } from "./dom.js";
-import { t } from "./language.js";
+import { t } from "./text/language.js";
 import { attempt, notify } from "./toasts.js";
 
 // `action` is the last part of the address that loads an entry, `verb` its button, `describe` the

@@ -1,7 +1,7 @@
 // The emergency stop: sent until it is answered, also after a lost connection.
 
-import { abortAll } from "./api.js";
-import { t } from "./language.js";
+import { abortAll } from "./link/api.js";
+import { t } from "./text/language.js";
 import { notify } from "./toasts.js";
 
 const ATTEMPTS = 3;

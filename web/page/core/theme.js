@@ -1,7 +1,7 @@
 // Dark or light colours: those of the system, until the operator chooses.
 
 import { element, loadSetting, saveSetting } from "./dom.js";
-import { t } from "./language.js";
+import { t } from "./text/language.js";
 
 const KEY = "console.theme";
 const system = matchMedia("(prefers-color-scheme: light)");

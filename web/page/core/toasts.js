@@ -1,8 +1,8 @@
 // Short messages: refusals, and changes that took effect.
 
-import { post } from "./api.js";
+import { post } from "./link/api.js";
 import { element, make } from "./dom.js";
-import { capitalised, t } from "./language.js";
+import { capitalised, t } from "./text/language.js";
 
 const box = element("toasts");
 const MAX_SHOWN = 4;

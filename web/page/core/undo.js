@@ -1,7 +1,7 @@
 // Undo and redo of the operators' edits, whether of zones, beware list, map or path settings.
 
-import { post } from "./api.js";
-import { sentence, t } from "./language.js";
+import { post } from "./link/api.js";
+import { sentence, t } from "./text/language.js";
 import { attempt, notify } from "./toasts.js";
 
 const DONE = { undo: t("Undone"), redo: t("Redone") };

@@ -1,10 +1,10 @@
 // The camera image; what was detected is tinted in it and named by the page, so that the names are
 // readable at every size.
 
-import { abortableFetch, get } from "../core/api.js";
+import { abortableFetch, get } from "../core/link/api.js";
 import { element, make, reconcile, setText } from "../core/dom.js";
-import { t } from "../core/language.js";
-import { oneAtATime, pause } from "../core/updates.js";
+import { t } from "../core/text/language.js";
+import { oneAtATime, pause } from "../core/link/updates.js";
 
 const IMAGE_MS = 250;
 const ROW_SHARE = 0.07; // of the image's height, between names that would cover each other

@@ -2,10 +2,10 @@
 // one can be corrected for the next training.
 
 import { swatchOf } from "../beware/swatch.js";
-import { edit, get, post, request } from "../core/api.js";
+import { edit, get, post, request } from "../core/link/api.js";
 import { element, make, setText } from "../core/dom.js";
-import { formatAge } from "../core/format.js";
-import { number, t } from "../core/language.js";
+import { formatAge } from "../core/text/format.js";
+import { number, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { offerUndo } from "../core/undo.js";
 import { openMissed } from "./missed_object.js";

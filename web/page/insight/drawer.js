@@ -1,13 +1,13 @@
 // The drawer below the view: event log, explanation, detections and plots, one file per tab.
 
 import { element, make } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { overlays, redraw } from "../map/map.js";
 import * as detections from "./detections.js";
 import * as eventLog from "./event_log.js";
 import * as explanation from "./explanation.js";
 import * as freshness from "./freshness.js";
-import * as plots from "./plots.js";
+import * as plots from "./plots/plots.js";
 import { makeSplitter } from "./splitter.js";
 
 const TABS = {

@@ -1,10 +1,10 @@
 // The event log: what happened when and where, repeats in one row, with a search, filters and a jump
 // to the place. It goes back over earlier starts of the console, whose entries are marked.
 
-import { get } from "../core/api.js";
+import { get } from "../core/link/api.js";
 import { make, set, setText } from "../core/dom.js";
-import { formatDate, formatDateTime, formatTime } from "../core/format.js";
-import { sentence, t } from "../core/language.js";
+import { formatDate, formatDateTime, formatTime } from "../core/text/format.js";
+import { sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { countText, fold, levelOf, LEVELS, newFold, rowFor } from "./log_folding.js";
 

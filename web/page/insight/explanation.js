@@ -2,10 +2,10 @@
 // fewest rules whose removal opens a path where there is none.
 
 import { swatch, patternOf } from "../beware/swatch.js";
-import { edit, get, post } from "../core/api.js";
+import { edit, get, post } from "../core/link/api.js";
 import { make } from "../core/dom.js";
-import { formatNumber } from "../core/format.js";
-import { capitalised, sentence, t } from "../core/language.js";
+import { formatNumber } from "../core/text/format.js";
+import { capitalised, sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { offerUndo } from "../core/undo.js";
 import { world } from "../map/world.js";

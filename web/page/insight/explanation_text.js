@@ -1,6 +1,6 @@
 // The explanation of a path in words: what bends it, what each rule costs, what would open a path.
 
-import { number, sentence, t, tn } from "../core/language.js";
+import { number, sentence, t, tn } from "../core/text/language.js";
 
 // Costs below this are not worth a word.
 export const MIN_COST_M = 0.05;

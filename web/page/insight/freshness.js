@@ -2,8 +2,8 @@
 // the robot moves or the link is lost. What counts as old depends on what this computer reaches.
 
 import { make, setText } from "../core/dom.js";
-import { formatAge } from "../core/format.js";
-import { number, t } from "../core/language.js";
+import { formatAge } from "../core/text/format.js";
+import { number, t } from "../core/text/language.js";
 
 const UPDATE_MS = 200;
 const OLD_S = { image: 1.0, map: 2.0, path: 2.0, link: 1.0 };

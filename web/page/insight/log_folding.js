@@ -1,6 +1,6 @@
 // Entries of the event log that say the same again, and how much each matters.
 
-import { number, t } from "../core/language.js";
+import { number, t } from "../core/text/language.js";
 
 const FOLDED_WITHIN_S = 30;
 const FOLDED_OVER_ROWS = 6;

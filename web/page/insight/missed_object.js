@@ -1,8 +1,8 @@
 // A box drawn on a frozen camera image labels an object that was not detected.
 
-import { post } from "../core/api.js";
+import { post } from "../core/link/api.js";
 import { make } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const MIN_BOX_PX = 6;

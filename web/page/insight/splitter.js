@@ -1,7 +1,7 @@
 // The bar between map and drawer: dragged, or moved with the arrow keys; its place is remembered.
 
 import { loadSetting, make, saveSetting } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 
 const KEY = "console.drawer_px";
 const DEFAULT_PX = 228;

@@ -1,9 +1,9 @@
 // The robot's place: what it knows of it, and a place that the operator proposes.
 
-import { post } from "../core/api.js";
-import { onStale } from "../core/connection.js";
+import { post } from "../core/link/api.js";
+import { onStale } from "../core/link/connection.js";
 import { element, make, set, setText } from "../core/dom.js";
-import { sentence, t } from "../core/language.js";
+import { sentence, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const UNKNOWN = new Set(["ambiguous", "lost"]);

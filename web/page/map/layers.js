@@ -2,7 +2,7 @@
 
 import { signOf } from "../beware/legend.js";
 import { element, loadSetting, make, reconcile, saveSetting } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { onTheme } from "../core/theme.js";
 import { pen } from "./drawing/strokes.js";
 

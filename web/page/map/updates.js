@@ -1,9 +1,9 @@
 // Fetches what the map shows, when the robot's state says that it has changed.
 
-import { get } from "../core/api.js";
-import { t } from "../core/language.js";
-import { showProgress } from "../core/progress.js";
-import { oneAtATime, pause } from "../core/updates.js";
+import { get } from "../core/link/api.js";
+import { t } from "../core/text/language.js";
+import { showProgress } from "../core/link/progress.js";
+import { oneAtATime, pause } from "../core/link/updates.js";
 import * as freshness from "../insight/freshness.js";
 import { onLayers, strength } from "./layers.js";
 import * as map from "./map.js";

@@ -1,9 +1,9 @@
 // The buttons of the mission and of the stop, each off where it would be refused, with the reason.
 
-import { post } from "../core/api.js";
-import { onStale } from "../core/connection.js";
+import { post } from "../core/link/api.js";
+import { onStale } from "../core/link/connection.js";
 import { element, set } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 
 const TITLES = { leave: t("Drive out of the zone by the shortest path") };

@@ -2,10 +2,10 @@
 // a page that is closed, frozen or cut off does not answer.
 
 import { showVisitor } from "../access/admin_panel.js";
-import { connect, get, post } from "../core/api.js";
-import { onStale } from "../core/connection.js";
+import { connect, get, post } from "../core/link/api.js";
+import { onStale } from "../core/link/connection.js";
 import { element, set, setText } from "../core/dom.js";
-import { sentence, t } from "../core/language.js";
+import { sentence, t } from "../core/text/language.js";
 import { addStopChannel } from "../core/stop.js";
 import { attempt, notify, showRefusal } from "../core/toasts.js";
 

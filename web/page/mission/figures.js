@@ -1,9 +1,9 @@
 // Position, speed and other figures below the view, twice a second at most.
 
-import { onStale } from "../core/connection.js";
+import { onStale } from "../core/link/connection.js";
 import { element, make, set, setText } from "../core/dom.js";
-import { formatNumber } from "../core/format.js";
-import { number, sentence, t } from "../core/language.js";
+import { formatNumber } from "../core/text/format.js";
+import { number, sentence, t } from "../core/text/language.js";
 
 const FIGURES_MS = 500;
 const PLACES = {

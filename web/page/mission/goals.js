@@ -1,14 +1,14 @@
 // The queue of goals: added, named, reordered, repeated, saved; a blocked goal is offered the
 // nearest free position.
 
-import { post, request } from "../core/api.js";
-import { onStale } from "../core/connection.js";
+import { post, request } from "../core/link/api.js";
+import { onStale } from "../core/link/connection.js";
 import { clearSent, element, make, reconcile, set, setText, setValue } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
-import { t, tn } from "../core/language.js";
+import { t, tn } from "../core/text/language.js";
 import { savedList } from "../core/saved_list.js";
 import { attempt, notify, showRefusal } from "../core/toasts.js";
-import { typedPose } from "../core/typed_pose.js";
+import { typedPose } from "../core/text/typed_pose.js";
 
 const REACHED_SHOWN = 5;
 // The nearest free position to a blocked goal, or null.
@@ -42,6 +42,10 @@ export async function addGoal([x, y], yaw = null, name = "") {
 
 export function acceptOffer() {
   if (offer.position) addGoal(offer.position, offer.yaw);
+}
+
+export function dropOffer() {
+  if (offer.position) setOffer(null);
 }
 
 function setOffer(position, yaw = null) {

@@ -1,9 +1,9 @@
 // The settings of the path: what a metre of floor that was not seen yet costs. The map shows the
 // path that a new value would give, before it is applied.
 
-import { edit, get } from "../core/api.js";
+import { edit, get } from "../core/link/api.js";
 import { element, set, setText } from "../core/dom.js";
-import { decimal, t } from "../core/language.js";
+import { decimal, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { offerUndo } from "../core/undo.js";
 import { asker, readPreview } from "../zones/preview.js";

@@ -1,10 +1,10 @@
 // The status line: the one place that says what the robot does, or what holds it.
 
-import { post } from "../core/api.js";
-import { onStale } from "../core/connection.js";
+import { post } from "../core/link/api.js";
+import { onStale } from "../core/link/connection.js";
 import { element, set, setText } from "../core/dom.js";
-import { formatAge } from "../core/format.js";
-import { capitalised, number, sentence, t } from "../core/language.js";
+import { formatAge } from "../core/text/format.js";
+import { capitalised, number, sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { holdFilter, NEEDED_HZ, rateMeter } from "./calm.js";
 

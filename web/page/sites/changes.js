@@ -1,8 +1,8 @@
 // The changes of the map against the accepted one: listed, drawn on the map, accepted one by one.
 
-import { get, post } from "../core/api.js";
+import { get, post } from "../core/link/api.js";
 import { make, setText } from "../core/dom.js";
-import { number, t, tn } from "../core/language.js";
+import { number, t, tn } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { overlays, redraw } from "../map/map.js";
 import { centreOn } from "../map/view.js";

@@ -1,12 +1,12 @@
 // Dock and tags of the site in use: set by where the robot stands, by the map or by what the camera
 // sees; shown on the map.
 
-import { get, request } from "../core/api.js";
+import { get, request } from "../core/link/api.js";
 import { clearSent, make, reconcile, setText } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
-import { number, t } from "../core/language.js";
+import { number, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
-import { typedPose } from "../core/typed_pose.js";
+import { typedPose } from "../core/text/typed_pose.js";
 import { propose } from "../localisation/place.js";
 import { overlays, redraw } from "../map/map.js";
 import { askPose } from "../map/pointer/pick.js";

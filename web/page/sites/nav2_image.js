@@ -1,6 +1,6 @@
 // The two files of a Nav2 map in the browser: what the YAML says of the pixels, and the image.
 
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 
 const NUMBER = "([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)";
 const PGM_HEAD = /^P([25])\s+(?:#[^\n]*\n\s*)*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s/;

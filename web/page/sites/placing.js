@@ -1,9 +1,9 @@
 // A Nav2 map becomes a site: two points are clicked on its image, and the same two on the map.
 
-import { post } from "../core/api.js";
+import { post } from "../core/link/api.js";
 import { make, setText } from "../core/dom.js";
 import { roundedPoint } from "../core/geometry.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { askPoint } from "../map/pointer/pick.js";
 import { decodeImage, readDescription } from "./nav2_image.js";

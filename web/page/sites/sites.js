@@ -1,10 +1,10 @@
 // The panel of the sites: the list with what one does with each, new sites, and the changes of the
 // map. It lies below the header, so that the stop stays within reach while it is open.
 
-import { abortableFetch, get, post, request } from "../core/api.js";
+import { abortableFetch, get, post, request } from "../core/link/api.js";
 import { clearSent, download, element, make, reconcile, setText } from "../core/dom.js";
-import { formatTime } from "../core/format.js";
-import { number, sentence, t, tn } from "../core/language.js";
+import { formatTime } from "../core/text/format.js";
+import { number, sentence, t, tn } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
 import * as changes from "./changes.js";

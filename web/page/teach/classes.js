@@ -1,8 +1,8 @@
 // The classes that can be marked: those of the beware list, and what is none of them.
 
-import { get, post } from "../core/api.js";
+import { get, post } from "../core/link/api.js";
 import { clearSent, element, make } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 
 const NOTHING = "background";

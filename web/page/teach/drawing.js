@@ -1,8 +1,8 @@
 // Marking of one image: region, brush, eraser, undo; every edit is saved by itself.
 
-import { get, post, request } from "../core/api.js";
+import { get, post, request } from "../core/link/api.js";
 import { element, setText } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { classNames, colourOf, labelOf, selectedName } from "./classes.js";
 import { makeLabels, runsOf, valuesOf } from "./labels.js";

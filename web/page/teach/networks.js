@@ -1,8 +1,8 @@
 // The networks: what each is, how it compares with the one it came from, use and roll back.
 
-import { abortableFetch, get, post, request } from "../core/api.js";
+import { abortableFetch, get, post, request } from "../core/link/api.js";
 import { element, make, set, setText } from "../core/dom.js";
-import { number, sentence, t } from "../core/language.js";
+import { number, sentence, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
 

@@ -1,8 +1,8 @@
 // The page on which the network is taught a class: images, marks, training, use.
 
-import { get, post, request } from "../core/api.js";
+import { get, post, request } from "../core/link/api.js";
 import { element, make, reconcile, set, setText } from "../core/dom.js";
-import { sentence, t, tn } from "../core/language.js";
+import { sentence, t, tn } from "../core/text/language.js";
 import { stop } from "../core/stop.js";
 import "../core/theme.js";
 import { attempt, notify } from "../core/toasts.js";

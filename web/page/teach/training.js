@@ -1,8 +1,8 @@
 // The training: start, cancel, resume; its progress, curves and validation images.
 
-import { get, post } from "../core/api.js";
+import { get, post } from "../core/link/api.js";
 import { element, make, reconcile, set, setText } from "../core/dom.js";
-import { number, sentence, t } from "../core/language.js";
+import { number, sentence, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { flush } from "./drawing.js";
 import { missedText } from "./networks.js";

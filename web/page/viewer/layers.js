@@ -2,7 +2,7 @@
 // browser.
 
 import { element, loadSetting, make, saveSetting } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { fadeViewer } from "./viewer.js";
 import { look, showDisplay } from "./link.js";
 

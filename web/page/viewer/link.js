@@ -1,6 +1,6 @@
 // What the page and the 3D view tell each other: clicks, the draft, the display, marks.
 
-import { connect } from "../core/api.js";
+import { connect } from "../core/link/api.js";
 import { clicked, draft, isDrawing, moveCorner, onDraft, outline } from "../zones/draft.js";
 import { finish } from "../zones/store_draft.js";
 import { address, drawViewerNow, setConnected } from "./viewer.js";

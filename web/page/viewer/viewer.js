@@ -2,8 +2,8 @@
 // while hidden, and is removed after a while, so that the console has nothing to send either.
 
 import { element, make, setText } from "../core/dom.js";
-import { t } from "../core/language.js";
-import { showProgress } from "../core/progress.js";
+import { t } from "../core/text/language.js";
+import { showProgress } from "../core/link/progress.js";
 import { onTheme } from "../core/theme.js";
 import { onKeyDown, onKeyUp } from "../keys.js";
 

@@ -10,7 +10,7 @@ import {
   roundedPoint,
   simplify,
 } from "../core/geometry.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { addGoal } from "../mission/goals.js";
 import { clearForm, describe, missingOf, readForm, showForm } from "./draft_form.js";
 import { askPreview } from "./preview.js";

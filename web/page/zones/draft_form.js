@@ -2,7 +2,7 @@
 
 import { element, set } from "../core/dom.js";
 import { distance, rounded } from "../core/geometry.js";
-import { number, t, tn } from "../core/language.js";
+import { number, t, tn } from "../core/text/language.js";
 
 const form = element("draft");
 export const field = (name) => element(`draft-${name}`);

@@ -1,8 +1,8 @@
 // Zones read from and written to files: GeoJSON, and keep-out masks of Nav2.
 
-import { abortableFetch, post } from "../core/api.js";
+import { abortableFetch, post } from "../core/link/api.js";
 import { download, element } from "../core/dom.js";
-import { t } from "../core/language.js";
+import { t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 let refresh = () => {};

@@ -1,6 +1,6 @@
 // A click on an object in the camera image drafts a zone under it.
 
-import { post } from "../core/api.js";
+import { post } from "../core/link/api.js";
 import { element } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
 import { propose } from "./draft.js";

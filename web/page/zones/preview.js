@@ -1,8 +1,8 @@
 // The path that a draft or a goal would give, asked of the console while it is drawn.
 
-import { post } from "../core/api.js";
-import { formatSigned } from "../core/format.js";
-import { number, sentence, t } from "../core/language.js";
+import { post } from "../core/link/api.js";
+import { formatSigned } from "../core/text/format.js";
+import { number, sentence, t } from "../core/text/language.js";
 
 const DELAY_MS = 180;
 const MIN_UNSEEN_M = 0.5;

@@ -1,8 +1,8 @@
 // The list of zones: switched, renamed, edited, deleted; undo and redo of the edits; saved sets.
 
-import { edit, post } from "../core/api.js";
+import { edit, post } from "../core/link/api.js";
 import { element, make, reconcile, setText, setValue } from "../core/dom.js";
-import { decimal, language, sentence, t, tn } from "../core/language.js";
+import { decimal, language, sentence, t, tn } from "../core/text/language.js";
 import { savedList } from "../core/saved_list.js";
 import { attempt } from "../core/toasts.js";
 import { offerUndo } from "../core/undo.js";

@@ -1,7 +1,7 @@
 // What the operator is drawing on the map, and the scale bar.
 
 import { midpoints } from "../../core/geometry.js";
-import { decimal } from "../../core/language.js";
+import { decimal } from "../../core/text/language.js";
 import { isLight } from "../../core/theme.js";
 import { listDraft } from "../../beware/entry.js";
 import { draft, outline } from "../../zones/draft.js";

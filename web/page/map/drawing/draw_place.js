@@ -1,7 +1,7 @@
 // The robot's place on the map: its uncertainty, the places between which it is unsure, and what the
 // camera sees at a place that is proposed.
 
-import { t } from "../../core/language.js";
+import { t } from "../../core/text/language.js";
 import { proposal } from "../../localisation/place.js";
 import { placeLabel } from "./labels.js";
 import { COLOURS, dot, pen } from "./strokes.js";

@@ -1,6 +1,6 @@
 // The robot, its goals, the people around it and its candidate motions on the map.
 
-import { t } from "../../core/language.js";
+import { t } from "../../core/text/language.js";
 import { offer } from "../../mission/goals.js";
 import { placeLabel, shortened } from "./labels.js";
 import { isLit } from "../pointer/selection.js";

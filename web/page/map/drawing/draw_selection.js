@@ -1,7 +1,7 @@
 // What is selected or below the pointer, and what is measured, on the map.
 
 import { distance } from "../../core/geometry.js";
-import { decimal, number, t } from "../../core/language.js";
+import { decimal, number, t } from "../../core/text/language.js";
 import { draft } from "../../zones/draft.js";
 import { colourOf } from "../../zones/zones.js";
 import { placeLabel, shortened } from "./labels.js";

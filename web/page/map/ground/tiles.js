@@ -1,7 +1,7 @@
 // The tiles of the map: only those that changed are fetched and painted.
 
-import { abortableFetch, get } from "../../core/api.js";
-import { t } from "../../core/language.js";
+import { abortableFetch, get } from "../../core/link/api.js";
+import { t } from "../../core/text/language.js";
 import { colourMixer, paint, read } from "./cells.js";
 
 const LARGE_MAP_CELLS = 1_500_000;

@@ -1,7 +1,7 @@
 // Erasing from the map, with its undo. What the camera sees there later comes back.
 
-import { edit, get, post } from "../../core/api.js";
-import { sentence, t } from "../../core/language.js";
+import { edit, get, post } from "../../core/link/api.js";
+import { sentence, t } from "../../core/text/language.js";
 import { attempt, notify } from "../../core/toasts.js";
 import { offerUndo } from "../../core/undo.js";
 

@@ -1,9 +1,9 @@
 // The menu of a point of the map, by right click, long press or the menu key: what is there, and what
 // can be done with it.
 
-import { request } from "../../core/api.js";
+import { request } from "../../core/link/api.js";
 import { element, make } from "../../core/dom.js";
-import { t } from "../../core/language.js";
+import { t } from "../../core/text/language.js";
 import { attempt, notify } from "../../core/toasts.js";
 import { addGoal } from "../../mission/goals.js";
 import { proposeCircle, setMode } from "../../zones/draft.js";

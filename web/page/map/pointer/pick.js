@@ -3,10 +3,10 @@
 
 import { element, setText } from "../../core/dom.js";
 import { distance, rounded, roundedPoint } from "../../core/geometry.js";
-import { number, t } from "../../core/language.js";
+import { number, t } from "../../core/text/language.js";
 import { selectTab } from "../../core/page_tabs.js";
 import { attempt, notify } from "../../core/toasts.js";
-import { typedPoint, typedPose } from "../../core/typed_pose.js";
+import { typedPoint, typedPose } from "../../core/text/typed_pose.js";
 import { propose } from "../../localisation/place.js";
 import { draft, onDraft, setMode } from "../../zones/draft.js";
 import { canvas } from "../view.js";

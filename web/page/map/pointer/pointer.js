@@ -3,7 +3,7 @@
 
 import { element, setText } from "../../core/dom.js";
 import { isInside, midpoints, roundedPoint } from "../../core/geometry.js";
-import { acceptOffer, offer } from "../../mission/goals.js";
+import { acceptOffer, dropOffer, offer } from "../../mission/goals.js";
 import {
   clicked,
   draft,
@@ -12,6 +12,7 @@ import {
   isDrawing,
   moveAll,
   moveCorner,
+  onDraft,
   outline,
   removeCorner,
   setFreehand,
@@ -287,3 +288,5 @@ export function cancelPress() {
   redraw();
   if (wasGoal) sketchChanged();
 }
+
+onDraft(() => isDrawing() && dropOffer());

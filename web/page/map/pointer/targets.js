@@ -1,7 +1,7 @@
 // What lies below a pixel of the map: a goal, a person, a sighting or a zone; and a point in words.
 
 import { isInside } from "../../core/geometry.js";
-import { decimal, number, t } from "../../core/language.js";
+import { decimal, number, t } from "../../core/text/language.js";
 import { cellAt } from "../ground/tiles.js";
 import { toPage, toWorld } from "../view.js";
 import { world } from "../world.js";

@@ -1,7 +1,7 @@
 // A sign for work that takes longer than a second: what it waits for, and how long it has taken.
 
-import { make, set, setText } from "./dom.js";
-import { t } from "./language.js";
+import { make, set, setText } from "../dom.js";
+import { t } from "../text/language.js";
 
 const SHOWN_AFTER_MS = 1000;
 const running = new Map();

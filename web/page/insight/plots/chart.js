@@ -1,8 +1,8 @@
 // A chart of one or two curves over time, drawn as SVG: round ticks, marks of events, and the value
 // below the pointer, in all charts of a group at once.
 
-import { make } from "../core/dom.js";
-import { number, t } from "../core/language.js";
+import { make } from "../../core/dom.js";
+import { number, t } from "../../core/text/language.js";
 import { clockText, durationText, ticksOf, tickText } from "./ticks.js";
 
 const SVG = "http://www.w3.org/2000/svg";

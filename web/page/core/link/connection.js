@@ -1,7 +1,7 @@
 // Whether the robot's state still arrives.
 
-import { element, set, setText } from "./dom.js";
-import { t } from "./language.js";
+import { element, set, setText } from "../dom.js";
+import { t } from "../text/language.js";
 
 const STALE_MS = 1000;
 const CHECKED_MS = 200;

@@ -1,6 +1,6 @@
 // Round numbers and times for the axes of charts.
 
-import { decimal, language, number } from "../core/language.js";
+import { decimal, language, number } from "../../core/text/language.js";
 
 const MAX_STEPS = 4;
 

@@ -1,8 +1,8 @@
 // The plots of the running mission: the newest minutes, with the events of the log as marks.
 
-import { get } from "../core/api.js";
-import { loadSetting, make, saveSetting } from "../core/dom.js";
-import { sentence, t } from "../core/language.js";
+import { get } from "../../core/link/api.js";
+import { loadSetting, make, saveSetting } from "../../core/dom.js";
+import { sentence, t } from "../../core/text/language.js";
 import { COLUMNS, makeChart, plot } from "./chart.js";
 
 const KEY = "console.plots_s";

@@ -1,6 +1,6 @@
 // Requests to the HTTP API. A refusal becomes an Error whose text is the console's own sentence.
 
-import { sentence, t } from "./language.js";
+import { sentence, t } from "../text/language.js";
 import { showProgress } from "./progress.js";
 
 class Refusal extends Error {

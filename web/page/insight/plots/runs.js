@@ -1,10 +1,10 @@
 // The page of past missions: a list, report and plots of one run, or two side by side.
 
-import { get } from "../core/api.js";
-import { element, make } from "../core/dom.js";
-import { language, number, sentence, t, tn } from "../core/language.js";
-import "../core/theme.js";
-import { attempt } from "../core/toasts.js";
+import { get } from "../../core/link/api.js";
+import { element, make } from "../../core/dom.js";
+import { language, number, sentence, t, tn } from "../../core/text/language.js";
+import "../../core/theme.js";
+import { attempt } from "../../core/toasts.js";
 import { COLUMNS, makeChart, plot } from "./chart.js";
 import { nameOf } from "./run_fields.js";
 

@@ -1,6 +1,6 @@
 // The names of the fields of a report of a past mission.
 
-import { t } from "../core/language.js";
+import { t } from "../../core/text/language.js";
 
 const NAMES = {
   id: t("run"),
