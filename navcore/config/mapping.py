@@ -84,8 +84,8 @@ class ConfidenceConfig:
     not enough there."""
     claim_share: float = ranged(0.0, 1.0, default=0.5)
     """Share of the network's log-odds that one image adds; consecutive images err alike."""
-    miss_share: float = ranged(0.0, 1.0, default=0.15)
-    """Share of the log-odds of what an image shows in place of the object that it subtracts."""
+    miss: float = ranged(0.0, 10.0, default=0.25)
+    """Log-odds that an image without the object subtracts."""
     least: float = ranged(-10.0, 0.0, default=-2.5)
     """Smallest log-odds; a point that reaches them is forgotten."""
     most: float = ranged(0.0, 10.0, default=3.0)

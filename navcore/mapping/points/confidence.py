@@ -3,9 +3,7 @@
 A network errs now and then. One false detection must not bind the robot for ever, and an object
 found in many images must not be lost when one misses it. So a point's confidence is a probability
 that images add to in log-odds (Thrun, Burgard, Fox: Probabilistic Robotics, 4.2), with a share of
-what the network claims, because consecutive images err alike. What an image shows in place of the
-object speaks against it as surely as the network is of that: from afar it is in doubt about a
-cable, from nearby it is sure of a stain on the floor. Certain points (confidence 1: the
+what the network claims, because consecutive images err alike. Certain points (confidence 1: the
 colour rules) keep their confidence; flat ones fade instead (`fading.py`).
 """
 
@@ -37,7 +35,7 @@ class _LogOdds(NamedTuple):
     """Steps and limits of an update in log-odds, as compiled kernels take them."""
 
     claim_share: float
-    miss_share: float
+    miss: float
     least: float
     most: float
 
@@ -69,10 +67,9 @@ def update_confidence(
     """Update the confidence of the beware points in a box that an image shows.
 
     An image shows a point if any source of its labels shows the point's class at its pixel or
-    beside: what one source cannot know, another may. It speaks against the point as much as the
-    source that is the least sure of what it shows instead. Returns the indices of the points to
-    forget, and the cells (row · cols + col) with a changed confidence. `clearing` gives the
-    tolerance of depth.
+    beside: what one source cannot know, another may. Returns the indices of the points to forget,
+    and the cells (row · cols + col) with a changed confidence. `clearing` gives the tolerance of
+    depth.
     """
     return _update(
         points.records,
@@ -86,26 +83,21 @@ def update_confidence(
         np.stack([one.class_ids for one in labels.all_hypotheses]),
         np.stack([one.confidence for one in labels.all_hypotheses]),
         clearing,
-        _LogOdds(config.claim_share, config.miss_share, config.least, config.most),
+        _LogOdds(config.claim_share, config.miss, config.least, config.most),
         config.trusted_m,
         frame.intrinsics.length_px(config.border_px),
     )
 
 
 @compiled
-def _log_odds(confidence: float) -> float:
-    confidence = min(max(confidence, 0.01), 0.99)
-    return math.log(confidence / (1 - confidence))
-
-
-@compiled
-def _updated_log_odds(confidence: float, claim: float, other: float, steps: _LogOdds) -> float:
+def _updated_log_odds(confidence: float, claim: float, steps: _LogOdds) -> float:
     """Return the log-odds after one image in which the network claims the object with a confidence;
-    a claim of 0 is a miss, in which it shows something else with the confidence `other`."""
-    odds = _log_odds(confidence)
+    a claim of 0 is a miss."""
+    odds = math.log(max(confidence, 0.01) / max(1 - confidence, 0.01))
     if claim == 0.0:
-        return max(odds - steps.miss_share * max(_log_odds(other), 0.0), steps.least)
-    return min(odds + steps.claim_share * _log_odds(claim), steps.most)
+        return max(odds - steps.miss, steps.least)
+    claim = min(max(claim, 0.01), 0.99)
+    return min(odds + steps.claim_share * math.log(claim / (1 - claim)), steps.most)
 
 
 @compiled
@@ -145,14 +137,13 @@ def _update(
                 tolerance = clearing.constant_m + clearing.per_m2 * depth * depth
                 if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > tolerance:
                     continue
-                claim, other = 0.0, 1.0
+                claim = 0.0
                 for source in range(len(class_ids)):
-                    other = min(other, float(confidence[source, i, j]))
                     for r in range(i - 1, i + 2):
                         for c in range(j - 1, j + 2):
                             if class_ids[source, r, c] == records[index].class_id:
                                 claim = max(claim, float(confidence[source, r, c]))
-                odds = _updated_log_odds(float(records[index].confidence), claim, other, steps)
+                odds = _updated_log_odds(float(records[index].confidence), claim, steps)
                 records[index].confidence = 1 / (1 + math.exp(-odds))
                 changed[index] = True
                 cells.append(np.int64(row * cols + col))

@@ -88,19 +88,6 @@ def test_an_object_detected_in_many_images_is_not_lost_when_some_miss_it() -> No
         assert look(cloud, labels(0.9, there=False)) >= 0.9 * held
 
 
-def test_an_image_speaks_against_an_object_as_surely_as_the_network_is_of_what_it_shows() -> None:
-    def held_after_misses(confidence: float) -> list[int]:
-        cloud = PointMap(SPEC, MappingConfig())
-        for _ in range(5):
-            look(cloud, labels(0.9, there=True))
-        return [look(cloud, labels(confidence, there=False)) for _ in range(20)]
-
-    in_doubt, likely, sure = map(held_after_misses, (0.5, 0.8, 0.99))
-    assert 0 not in in_doubt
-    assert 0 not in likely[:10] and likely[-1] == 0
-    assert 0 in sure[:6]
-
-
 def test_what_a_source_behind_the_network_shows_is_held_as_if_the_network_showed_it() -> None:
     network, example = labels(0.9, there=False), labels(0.8, there=True)
     both = dataclasses.replace(network, hypotheses=(network, example))
