@@ -14,7 +14,13 @@ from navcore.planning.explanation.path_explanation import path_without
 from navcore.planning.explanation.rule_costs import RuleCosts, rule_costs
 from navcore.planning.path import Path
 from navcore.planning.planner import plan
-from tests.navcore.planning.explanation.test_path_explanation import NOTHING, SPEC, box, made, random_rules
+from tests.navcore.planning.explanation.test_path_explanation import (
+    NOTHING,
+    SPEC,
+    box,
+    made,
+    random_rules,
+)
 
 WALL = rasterise(box(-0.2, 0.2, -2.0, 1.2), SPEC) & ~rasterise(box(-0.4, 0.4, -0.6, 0.6), SPEC)
 """A wall with a door in its middle and a way round its upper end."""
