@@ -140,11 +140,11 @@ def in_words(
         )
     if objects is not None:
         by_class = ", ".join(f"{name} {count}" for name, count in objects.wrong_by_class.items())
-        lines.append(
+        lines += [
             f"beside the annotated objects: {objects.wrong_cells} of {objects.judged_cells} cells "
-            f"wrongly of the list, {objects.wrong_share:.1%} ({by_class or 'none'}); "
-            f"{objects.held_as_own_class} of {len(objects.held)} objects held as their class"
-        )
+            f"wrongly of the list, {objects.wrong_share:.1%} ({by_class or 'none'})",
+            f"{objects.held_as_own_class} of {len(objects.held)} objects held as their class",
+        ]
     ends = f"from ({x:.2f}, {y:.2f}) to ({goal_x:.2f}, {goal_y:.2f})"
     if report["path_m"] is None:
         return [*lines, f"no path {ends}: {report['no_path']}"]
