@@ -63,7 +63,9 @@ def test_a_drive_is_logged_explained_and_plotted(client: httpx.Client) -> None:
     client.post("/api/v1/mission/resume")
     state_when(client, lambda state: state["phase"] == "idle")
     said = answer_when(
-        client, "journal", lambda log: any(entry["kind"] == "goal" for entry in log["entries"])
+        client,
+        "journal?limit=1000",  # the drive may take long on a busy machine
+        lambda log: any(entry["kind"] == "goal" for entry in log["entries"]),
     )["entries"]
     assert {"mission", "replanned", "zone", "stopped", "goal"} <= {entry["kind"] for entry in said}
     texts = [entry["text"] for entry in said]
