@@ -65,7 +65,7 @@ def latency_table(
         segmenter = program.get("/api/v1/state").json()["segmenter"]
         watches["no page"] = _watch(program, seconds)
         load_average = round(os.getloadavg()[0], 1)
-        with suppress(NoBrowser), watched_page(str(program.base_url), PAGE_SIZE):
+        with suppress(NoBrowser), watched_page(f"{program.base_url}/#map", PAGE_SIZE):
             time.sleep(SETTLE_S)
             watches["map open"] = _watch(program, seconds)
     record = {

@@ -12,7 +12,6 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +19,9 @@ import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.latency import NO_LATENCY, Latency
-from app.evaluation.campaign import HERE, Campaign, Fleet, conclude
+from app.evaluation.campaign import HERE, Fleet, conclude
+from app.evaluation.driving.drawn_missions import drive_drawn, origin_of
 from app.evaluation.summary import rate_interval
-from app.runtime.record.provenance import command_line
 from navcore.config.navigator import NavigatorConfig
 from navcore.mission.beware_list import BewareList
 from navcore.robot.camera_stream import CameraStream
@@ -173,9 +172,13 @@ def evaluate_crossings(
     camera: CameraStream | None = None,
 ) -> dict[str, Any]:
     """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
-    config = config or NavigatorConfig()
-    drive = partial(
+    reports = drive_drawn(
+        SUITE,
+        draw_crossing(0),
         drive_crossing,
+        seeds=seeds,
+        fleet=fleet,
+        out=out,
         beware=beware,
         max_time_s=max_time_s,
         config=config,
@@ -183,24 +186,7 @@ def evaluate_crossings(
         latency=latency,
         camera=camera,
     )
-    campaign = Campaign(
-        suite=SUITE,
-        key="seed",
-        rules=(
-            SUITE,
-            draw_crossing(0),
-            beware.classes,
-            max_time_s,
-            config,
-            odometry,
-            latency,
-            camera,
-        ),
-        holds="another campaign, beware list, odometry, latency, camera or time limit",
-        drive=drive,
-        drive_alone=drive,
-    )
-    return conclude_crossings(campaign.run(list(seeds), fleet=fleet, out=out), out)
+    return conclude_crossings(reports, out)
 
 
 def conclude_crossings(reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
@@ -259,13 +245,7 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
         if not report["collisions"] and not report["struck_while_standing"]
     ]
     return {
-        "command": command_line(),
-        "scenario": SUITE,
-        **{key: reports[0][key] for key in ("segmenter", "odometry", "gnss", "latency", "people")},
-        "versions": sorted({report["version"] for report in reports}),
-        "machines": sorted({report["machine"] for report in reports}),
-        "episodes": len(reports),
-        "seeds": [report["seed"] for report in reports],
+        **origin_of(SUITE, reports),
         "drove_into_people": len(hit),
         "drove_into_people_ci95": [round(end, 4) for end in rate_interval(len(hit), len(reports))],
         "drove_into_people_seeds": [report["seed"] for report in hit],

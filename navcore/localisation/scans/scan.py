@@ -180,11 +180,8 @@ def _surfaces(
                 low[d] = height if pixels[d] == 0 or height < low[d] else low[d]
                 high[d] = height if pixels[d] == 0 or height > high[d] else high[d]
                 pixels[d] += 1
-    points, variance, count = (
-        np.empty((found.size * _MOST_SURFACES, 2)),
-        np.empty(found.size * _MOST_SURFACES),
-        0,
-    )
+    most = directions * _MOST_SURFACES
+    points, variance, count = np.empty((most, 2)), np.empty(most), 0
     for d in range(directions):
         _close(d, weight, x, y, pixels, low, high, rules, closed, found)
         for n in range(found[d]):
