@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import json
 import socket
@@ -69,6 +70,26 @@ def test_a_reserved_port_is_the_one_that_is_served(operations: FakeOperations) -
         console.stop()
 
 
+def test_the_parts_of_an_answer_are_sent_at_once() -> None:
+    # Nagle's algorithm holds the second part until the first is acknowledged, often 40 ms later.
+    async def options() -> list[int]:
+        found: list[int] = []
+
+        async def serve(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            accepted = writer.get_extra_info("socket")
+            found.append(accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+            writer.close()
+
+        with reserve("127.0.0.1", 0) as place:
+            async with await asyncio.start_server(serve, sock=place):
+                reader, writer = await asyncio.open_connection(*place.getsockname())
+                await reader.read()
+                writer.close()
+        return found
+
+    assert asyncio.run(options()) == [1]
+
+
 def test_after_a_stop_no_thread_and_no_port_is_left_though_clients_were_connected(
     operations: FakeOperations,
 ) -> None:
@@ -131,6 +152,8 @@ def test_the_page_of_the_viewer_comes_through_the_door(client: httpx.Client) -> 
             and "text/html" in answer.headers["content-type"]
             and len(answer.text) > 100_000
         )
+        known = client.get(path, headers={"If-None-Match": answer.headers["etag"]})
+        assert (known.status_code, known.content) == (304, b"")
 
 
 def test_the_websocket_of_the_viewer_speaks_its_own_protocol_and_brings_the_scene(

@@ -1,4 +1,4 @@
-"""Proxy of the 3D view behind the guard: viser's HTTP and websocket, relayed below `/viewer`.
+"""The 3D view behind the guard: viser's page, and its websocket relayed, below `/viewer`.
 
 The relay has no queue: it takes a message from viser when the previous one has left, so a slow
 client costs no memory and later gets the newest values, as viser promises. Compression is off on
@@ -7,12 +7,12 @@ both sides; it costs more than it saves in a local network.
 
 from __future__ import annotations
 
+import hashlib
 import logging
 
-import httpx
 import msgspec
 import websockets
-from fastapi import APIRouter, HTTPException, Response, WebSocket
+from fastapi import APIRouter, HTTPException, Request, Response, WebSocket
 from starlette.websockets import WebSocketState
 from websockets.asyncio.client import ClientConnection
 from websockets.typing import Subprotocol
@@ -21,12 +21,11 @@ from web.auth.roles import CurrentVisitor, Role
 from web.gateway.websockets import GOING_AWAY, TRY_AGAIN, until_one_ends
 from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER
 from web.viewer.viewer import Viewer
+from web.viewer.viser_compat import PAGE_FILE
 
 log = logging.getLogger(__name__)
 
 CAMERA_MESSAGE = "ViewerCameraMessage"
-TIMEOUT_S = 5.0
-"""Time limit of a request to viser, seconds."""
 MAX_FROM_VIEWER = 256 * 1024 * 1024
 """Largest message of viser in bytes; a new client gets the whole scene."""
 _SCRIPTS = b"".join(
@@ -46,20 +45,29 @@ class _Kind(msgspec.Struct):
 def viewer_router(viewer: Viewer | None) -> APIRouter:
     """Return the routes `/viewer/…`, with or without the id of the embedding page."""
     router = APIRouter(include_in_schema=False)
+    html = b"" if viewer is None else _page()
+    tag = f'"{hashlib.sha256(html).hexdigest()[:16]}"'
 
     @router.get("/viewer")
     @router.get("/viewer/")
-    async def page() -> Response:
+    async def page(request: Request) -> Response:
         """Return viser's page."""
-        return await _fetch(viewer)
+        if viewer is None:
+            raise HTTPException(
+                404, "the 3D view is not running; the map and every control work without it"
+            )
+        headers = {"ETag": tag, "Cache-Control": "no-cache"}
+        if request.headers.get("if-none-match") == tag:
+            return Response(status_code=304, headers=headers)
+        return Response(html, media_type="text/html; charset=utf-8", headers=headers)
 
     @router.get("/viewer/{page_id}")
     @router.get("/viewer/{page_id}/")
-    async def page_of(page_id: str) -> Response:
+    async def page_of(request: Request, page_id: str) -> Response:
         """Return viser's page for one console page, which gets its clicks."""
         if PAGE_ID.fullmatch(page_id) is None:
             raise HTTPException(404, "nothing is here")
-        return await _fetch(viewer)
+        return await page(request)
 
     # viser's page opens its websocket at its own address without the trailing slash.
     @router.websocket("/viewer")
@@ -79,20 +87,9 @@ def viewer_router(viewer: Viewer | None) -> APIRouter:
     return router
 
 
-async def _fetch(viewer: Viewer | None) -> Response:
-    if viewer is None:
-        raise HTTPException(
-            404, "the 3D view is not running; the map and every control work without it"
-        )
-    async with httpx.AsyncClient(trust_env=False, timeout=TIMEOUT_S) as client:
-        upstream = await client.get(f"{viewer.http_url}/")
-    # The scripts must load before the first frame is drawn.
-    body = upstream.content.replace(b"<head>", b"<head>" + _SCRIPTS, 1)
-    headers = {
-        "Content-Type": upstream.headers.get("content-type", "text/html"),
-        "Cache-Control": "no-cache",
-    }
-    return Response(body, status_code=upstream.status_code, headers=headers)
+def _page() -> bytes:
+    """Return viser's page with our scripts, which must load before the first frame is drawn."""
+    return PAGE_FILE.read_bytes().replace(b"<head>", b"<head>" + _SCRIPTS, 1)
 
 
 async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool) -> None:

@@ -88,11 +88,6 @@ class Viewer:
         self._thread.start()
 
     @property
-    def http_url(self) -> str:
-        """URL of viser's page, on this machine only."""
-        return f"http://127.0.0.1:{self._server.get_port()}"
-
-    @property
     def websocket_url(self) -> str:
         """URL of viser's websocket, on this machine only."""
         return f"ws://127.0.0.1:{self._server.get_port()}"

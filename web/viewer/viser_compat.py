@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import rich
 import viser
 from viser import _messages
 
+PAGE_FILE = Path(viser.__file__).with_name("client") / "build" / "index.html"
+"""viser's page: one file, which its own server sends as it is."""
 ACCEPTED = (
     _messages.ViewerCameraMessage,
     _messages.ScenePointerMessage,
