@@ -1,5 +1,5 @@
-"""The events of a drive, detected by comparing the controller's state with that of the last check,
-and their texts in the log."""
+"""The events of a drive, detected by comparing each state of the operator, and the newest tick,
+with the one before, and their texts in the log."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from navcore.planning.path import NoPath, Path
 from navcore.planning.route import Route
-from navcore.safety.gate import StopReason
+from navcore.safety.gate import Cause, StopReason, emergency_stop
 from web.interface.wire import Position
 
 MIN_DEVIATION_M = 0.3
@@ -40,27 +40,35 @@ _PHASES = {
 
 
 class EventDetector:
-    """Compares the newest state with the last one and logs the differences. One thread calls it."""
+    """Compares each state with the one before and logs the differences. One thread calls it."""
 
     def __init__(self, journal: EventLog, intent: OperatorState) -> None:
         self._event_log = journal
         self._intent = intent
         self._decision: TickResult | None = None
         self._compared_s = -np.inf
+        self._reasons: tuple[StopReason, ...] = ()
         self._held: tuple[str, float, float | None] | None = None  # cause, since, clear since
 
-    def on_tick(
-        self, now_s: float, intent: OperatorState, decision: TickResult | None, pose: Position
-    ) -> None:
-        """Log the changes of the operator's state and of the newest tick."""
+    def on_change(self, now_s: float, intent: OperatorState, pose: Position) -> None:
+        """Log what a change of the operator's state has changed; called for each of them, so that
+        what is taken back at once is told, too."""
         before, self._intent = self._intent, intent
-        if before is not intent:
-            self._mission(now_s, before.mission, intent.mission, pose)
-            self._zones(now_s, before.zones, intent.zones)
-            if before.beware is not intent.beware:
-                self._beware(now_s, before.beware, intent.beware)
-            if before.unknown_price != intent.unknown_price:
-                self._event_log.note(now_s, "replanned", _price_text(intent.unknown_price))
+        if before.stopped_by != intent.stopped_by:
+            # The gate may have seen nothing of a stop that is reset at once.
+            stops = [emergency_stop(by) for by in (intent.stopped_by,) if by is not None]
+            others = [reason for reason in self._reasons if reason.cause != Cause.EMERGENCY_STOP]
+            self._hold(now_s, (*stops, *others), pose)
+        self._mission(now_s, before.mission, intent.mission, pose)
+        self._zones(now_s, before.zones, intent.zones)
+        if before.beware is not intent.beware:
+            self._beware(now_s, before.beware, intent.beware)
+        if before.unknown_price != intent.unknown_price:
+            self._event_log.note(now_s, "replanned", _price_text(intent.unknown_price))
+
+    def on_tick(self, now_s: float, decision: TickResult | None, pose: Position) -> None:
+        """Log the changes of the newest tick."""
+        intent = self._intent
         # What changes while the mission is paused is told when it goes on.
         paused = intent.mission.phase is Phase.PAUSED
         if decision is not None and decision is not self._decision and not paused:
@@ -69,6 +77,10 @@ class EventDetector:
 
     def on_gate(self, now_s: float, reasons: tuple[StopReason, ...], pose: Position) -> None:
         """Log the reason for which the gate holds the robot; called whenever it changes."""
+        self._reasons = reasons
+        self._hold(now_s, reasons, pose)
+
+    def _hold(self, now_s: float, reasons: tuple[StopReason, ...], pose: Position) -> None:
         self._settle(now_s, pose)
         if not reasons:
             if self._held is not None and self._held[2] is None:

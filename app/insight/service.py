@@ -22,6 +22,7 @@ from app.insight.explanation import ExplanationQuery, alternative, explain
 from app.insight.labelling import LabellingFolder, region_in
 from app.insight.place_events import PlaceEvents
 from app.runtime.control.loop import PeriodicThread
+from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.recorder import Recorder
 from app.runtime.record.time_series import TimeSeries
@@ -50,8 +51,9 @@ CANDIDATE_REACH_M = 2.6
 """Distance beyond which no obstacle can be hit along a motion primitive, metres."""
 MAX_SNAPSHOTS = 8
 """Largest number of images held for corrections by operators."""
-MAX_VERDICTS = 256
-"""Largest number of changes of the stop reason that wait to be logged."""
+MAX_WAITING = 1024
+"""Largest number of changes of the stop reason, and of the operator's state, that wait to be
+logged; teleoperation changes the state 20 times a second."""
 
 
 class Clock(Protocol):
@@ -96,7 +98,9 @@ class LiveInsight:
         self._decision: TickResult | None = None
         self._processed: TickResult | None = None
         self._causes: tuple[str, ...] = ()
-        self._verdicts: deque[tuple[float, tuple[StopReason, ...]]] = deque(maxlen=MAX_VERDICTS)
+        self._verdicts: deque[tuple[float, tuple[StopReason, ...]]] = deque(maxlen=MAX_WAITING)
+        self._intents: deque[tuple[float, OperatorState]] = deque(maxlen=MAX_WAITING)
+        controller.on_change(lambda intent: self._intents.append((self._now_s(), intent)))
         self._snapshots: deque[TickResult] = deque(maxlen=MAX_SNAPSHOTS)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="insight", daemon=True)
@@ -229,7 +233,9 @@ class LiveInsight:
     # Thread
 
     def _run(self) -> None:
-        while not self._ending.wait(PERIOD_S):
+        is_last = False
+        while not is_last:
+            is_last = self._ending.wait(PERIOD_S)
             try:
                 self._update()
             except Exception:
@@ -239,7 +245,9 @@ class LiveInsight:
         now_s, decision = self._now_s(), self._decision
         while self._verdicts:
             self._event_detector.on_gate(*self._verdicts.popleft(), self._here())
-        self._event_detector.on_tick(now_s, self._controller.intent, decision, self._here())
+        while self._intents:
+            self._event_detector.on_change(*self._intents.popleft(), self._here())
+        self._event_detector.on_tick(now_s, decision, self._here())
         if decision is not None and decision is not self._processed:
             self._processed = decision
             for new in self.detections.update(

@@ -141,6 +141,12 @@ def wheels_blocked(
     )
 
 
+def emergency_stop(stopped_by: str) -> StopReason:
+    """Return the reason of an emergency stop by an operator or a program of that name."""
+    text = f"Emergency stop by {stopped_by}; it holds until it is reset."
+    return StopReason(cause=Cause.EMERGENCY_STOP, text=text)
+
+
 def ranked(reasons: list[StopReason]) -> tuple[StopReason, ...]:
     """Return the reasons, the most severe first."""
     return tuple(sorted(reasons, key=lambda reason: _SEVERITY[reason.cause]))
@@ -149,8 +155,7 @@ def ranked(reasons: list[StopReason]) -> tuple[StopReason, ...]:
 def _objections(facts: GateInput, config: GateConfig) -> list[StopReason]:
     found = []
     if facts.stopped_by is not None:
-        text = f"Emergency stop by {facts.stopped_by}; it holds until it is reset."
-        found.append(StopReason(cause=Cause.EMERGENCY_STOP, text=text))
+        found.append(emergency_stop(facts.stopped_by))
     found += _sensor_objections(facts, config)
     since_ns = facts.blocked_since_ns
     if since_ns is not None and facts.now_ns - since_ns >= config.blocked_ns:

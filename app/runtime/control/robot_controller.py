@@ -87,6 +87,7 @@ class RobotController:
         self.profile = profile
         self._lock, self._segmenting = threading.Lock(), threading.Lock()
         self._intent = intent
+        self._listeners: list[Callable[[OperatorState], None]] = []
         self._tick_state = TickState()
         self._sent = STANDSTILL
         # Two monitors of the same frames: one for what enters the map, one for the gate, which gets
@@ -133,8 +134,12 @@ class RobotController:
         """Replace the operator's state by `edit(state)` in one step; nothing changes when `edit`
         raises."""
         with self._lock:
-            self._intent = edit(self._intent)
-            return self._intent
+            return self._replace(edit(self._intent))
+
+    def on_change(self, listener: Callable[[OperatorState], None]) -> None:
+        """Call `listener` with each new operator's state, in order. It runs in the thread that
+        changes the state, so it must be quick and must not change it."""
+        self._listeners.append(listener)
 
     def change_mission(self, edit: Callable[[Mission], Mission]) -> Mission:
         """Replace the mission by `edit(mission)` in one step."""
@@ -172,7 +177,7 @@ class RobotController:
         runs in the think thread. Raises `Refused`, and changes nothing, unless the robot stands."""
         with self._lock:
             self.require_standing()
-            self._intent = edit(self._intent)
+            self._replace(edit(self._intent))
             self._enter, self._corrected, self._map_edits = replace_map, {}, []
 
     def require_standing(self, then: str = "change the site") -> None:
@@ -194,7 +199,7 @@ class RobotController:
             self.require_standing("look for its place")
             if self._intent.stopped_by is not None:
                 raise Refused("the emergency stop is latched; reset it first")
-            self._intent = dataclasses.replace(self._intent, searching=True)
+            self._replace(dataclasses.replace(self._intent, searching=True))
             self._search = SearchTurn()
             self._search_begins = True
 
@@ -294,6 +299,12 @@ class RobotController:
                     lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission
                 )
         return decision
+
+    def _replace(self, intent: OperatorState) -> OperatorState:
+        self._intent = intent
+        for listener in self._listeners:
+            listener(intent)
+        return intent
 
     def _timed_tick(
         self, frame: Frame, request: NavigationRequest, ahead: SegmentedFrame | None

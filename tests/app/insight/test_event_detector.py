@@ -112,8 +112,8 @@ def test_a_new_path_is_written_down_with_what_closed_the_old_one_and_where(
 ) -> None:
     event_log, will = EventLog(), intent()
     detector = EventDetector(event_log, will)
-    detector.on_tick(0.0, will, decision(EMPTY), HERE)
-    detector.on_tick(5.0, will, after, HERE)
+    detector.on_tick(0.0, decision(EMPTY), HERE)
+    detector.on_tick(5.0, after, HERE)
     assert [kind for kind, _ in written(event_log)] == ["replanned", "replanned"]
     assert (
         "Planned a path of 6.0 m" in written(event_log)[0][1] and said in written(event_log)[1][1]
@@ -127,9 +127,9 @@ def test_the_same_path_is_no_news_and_a_shorter_one_is() -> None:
     detector = EventDetector(event_log, will)
     wall = box(-0.5, 0.5, -1.0, 1.0)
     for second in range(4):
-        detector.on_tick(2.0 * second, will, decision(wall), HERE)
+        detector.on_tick(2.0 * second, decision(wall), HERE)
     assert len(written(event_log)) == 1
-    detector.on_tick(20.0, will, decision(EMPTY), HERE)
+    detector.on_tick(20.0, decision(EMPTY), HERE)
     assert "A shorter path has opened" in written(event_log)[-1][1]
 
 
@@ -139,7 +139,8 @@ def test_a_path_that_opens_while_the_mission_is_paused_is_told_when_it_goes_on()
     paused = dataclasses.replace(driving, mission=driving.mission.pause())
     closed, open_ = decision(box(-0.5, 0.5, -3.0, 3.0)), decision(EMPTY)
     for now_s, state, seen in ((0.0, driving, closed), (2.0, paused, open_), (4.0, driving, open_)):
-        detector.on_tick(now_s, state, seen, HERE)
+        detector.on_change(now_s, state, HERE)
+        detector.on_tick(now_s, seen, HERE)
     said = [text for kind, text in written(event_log) if kind == "replanned"]
     assert len(said) == 2 and "no path" in said[0] and said[1].startswith("A path has opened")
 
@@ -155,7 +156,7 @@ def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
     edits.append(dataclasses.replace(edits[-1], mission=before.mission.start()))
     edits.append(dataclasses.replace(edits[-1], mission=before.mission.start().arrive()))
     for second, edit in enumerate(edits):
-        detector.on_tick(float(second), edit, None, HERE)
+        detector.on_change(float(second), edit, HERE)
     assert [kind for kind, _ in written(event_log)] == [
         "zone",
         "zone",
@@ -180,7 +181,7 @@ def test_a_reason_that_comes_and_goes_within_a_second_is_one_stop() -> None:
     yielding = (StopReason(cause=Cause.YIELDING, text="A person is in the way."),)
     for tenth in range(10):
         detector.on_gate(0.1 * tenth, yielding if tenth % 2 == 0 else (), HERE)
-    detector.on_tick(3.0, intent(), None, HERE)
+    detector.on_tick(3.0, None, HERE)
     assert [kind for kind, _ in written(event_log)] == ["stopped", "released"]
     assert "yielding lasted 0.9 s" in written(event_log)[1][1]
 
@@ -209,7 +210,7 @@ def test_a_new_price_of_unseen_floor_is_told() -> None:
     detector = EventDetector(event_log, will)
     for now_s, price in enumerate((None, 3.0, 3.0, None)):
         dearer = dataclasses.replace(will, unknown_price=price)
-        detector.on_tick(float(now_s), dearer, None, HERE)
+        detector.on_change(float(now_s), dearer, HERE)
     assert written(event_log) == [
         ("replanned", "A metre of unseen floor now costs as much as 3 m of seen floor."),
         ("replanned", "Unseen floor costs again what the configuration says."),

@@ -23,10 +23,13 @@ from app.storage.events import EventTable
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import StorageFailed
 from navcore.geometry.transform import STANDSTILL
+from navcore.mission.zone import Zone
 from navcore.safety.gate import Cause, GateDecision, StopReason
 from tests.navcore.scene import picture
 from tests.reliability.fault_runs import standing_controller
 from web.interface.insight import Entry, Kind
+
+FENCE = Zone(id="z", name="fence", polygon=((2.0, 0.0), (3.0, 0.0), (3.0, 1.0)))
 
 
 def filled(event_log: EventLog, *kinds: Kind) -> EventLog:
@@ -100,6 +103,24 @@ def test_what_the_console_has_said_by_its_end_is_said_by_the_next(tmp_path: Path
     assert [(entry.text, entry.start) for entry in page.entries] == [
         ("Paused.", 1)
     ] and page.start == 2
+    store.close()
+
+
+def test_an_edit_that_is_taken_back_at_once_is_told(tmp_path: Path) -> None:
+    store, controller = Store(tmp_path / "data"), standing_controller()
+    insight = insight_of(store, tmp_path, controller)
+    insight.start()
+    controller.change(lambda intent: dataclasses.replace(intent, zones=(FENCE,)))
+    controller.change(lambda intent: dataclasses.replace(intent, zones=()))
+    controller.change(lambda intent: dataclasses.replace(intent, stopped_by="test"))
+    controller.change(lambda intent: dataclasses.replace(intent, stopped_by=None))
+    insight.stop()
+    said = insight.event_log.page(kinds=(), since=0, limit=9).entries
+    assert [entry.text for entry in said] == [
+        "Zone “fence” was drawn.",
+        "Zone “fence” was deleted.",
+        "Emergency stop by test; it holds until it is reset.",
+    ]
     store.close()
 
 

@@ -347,7 +347,7 @@ def note_events(event_log: EventLog) -> list[str]:
     ]
     detector = EventDetector(event_log, intents[0])
     for tick, intent in enumerate(intents):
-        detector.on_tick(float(tick), intent, None, (0.0, 0.0))
+        detector.on_change(float(tick), intent, (0.0, 0.0))
     for second, reasons in ((10.0, (POSE_STOPS[next(iter(POSE_STOPS))],)), (11.0, ()), (99.0, ())):
         detector.on_gate(second, reasons, (0.0, 0.0))
     said = [entry.text for entry in event_log.page(kinds=(), since=0, limit=100).entries]
