@@ -15,6 +15,7 @@ ARGUMENTS = [
     "--disable-background-networking",
     "--disable-component-update",
     "--no-first-run",
+    "--disable-gpu",
 ]
 NO_BROWSER = not CHROMIUM.exists() and os.environ.get("CI") != "true"
 PATIENCE_MS = 20_000

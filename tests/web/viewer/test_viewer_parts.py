@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import viser
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
@@ -61,6 +61,7 @@ def test_rays_that_meet_no_floor_give_nothing() -> None:
 
 
 @given(st.lists(st.tuples(sensible, sensible), min_size=3, max_size=12, unique=True))
+@example([(0.0, -1.0), (1.0, 0.0), (2.2e-311, -9.3e-226), (4.9e-112, 0.0), (0.0, 0.0)])
 def test_the_triangles_of_a_zone_cover_exactly_its_area(points: list[tuple[float, float]]) -> None:
     middle = np.mean(points, axis=0)
     ring = sorted(points, key=lambda point: np.arctan2(point[1] - middle[1], point[0] - middle[0]))

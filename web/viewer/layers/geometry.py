@@ -11,11 +11,14 @@ from shapely.geometry import Polygon
 
 Floats = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.uint32]
+DECIMALS = 9
+"""Decimals of a metre that the corners of a polygon are rounded to."""
 
 
 def triangulate(corners: Floats, z: float) -> tuple[Floats, Faces]:
     """Return vertices (3 M, 3) and faces (M, 3) of a simple polygon (N, 2) at a height."""
-    triangles = shapely.constrained_delaunay_triangles(Polygon(corners))
+    # GEOS fails for corners that differ by less than its arithmetic resolves.
+    triangles = shapely.constrained_delaunay_triangles(Polygon(corners.round(DECIMALS)))
     # Each triangle is a ring of four points, the last of which repeats the first.
     points = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
     faces = np.arange(len(points), dtype=np.uint32).reshape(-1, 3)
