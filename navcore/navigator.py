@@ -5,20 +5,25 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception.perception import GroundConfig
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.controller import Controller, ControlTask
 from navcore.control.motion import Motion
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
+from navcore.costmap.local_costmap import beware_cells
 from navcore.geometry.arrays import FloatImage, Floats, Points
 from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.grid.grid import Box, GridSpec, OccupancyGrid, inflate_layers
 from navcore.grid.growth import growth_to
+from navcore.localisation.cell_margins import CellMargins, GrownCells
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.localisation import Localisation, Outcome, Task
 from navcore.localisation.map_correction import (
@@ -61,6 +66,8 @@ class TickResult:
     """Label of every pixel."""
     occupancy: Costmap
     """The costmap after the frame."""
+    grown_cells: GrownCells = field(default_factory=GrownCells)
+    """Beware cells near the robot, as the safety gate keeps them."""
     route: Route | None
     """The route to the goal; None without a goal."""
     motion: Motion
@@ -155,6 +162,10 @@ class Navigator:
         """Estimate of the newest frame."""
         self.zone_margins = self._zone_margins()
         """Growth of the zones with the uncertainty of the pose."""
+        self._cell_margins = CellMargins(
+            keep_out=DEFAULT_SAFETY.keep_out,
+            odometry=config.localisation.odometry,
+        )
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
         self._costmap = LiveCostmap(
             self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m
@@ -199,7 +210,7 @@ class Navigator:
         self.behaviour = self.behaviour.towards(request)
         keep_outs = self.behaviour.keep_outs
         grown = self.zone_margins.follow(request.zones, place)
-        around = self.zone_margins.covering_robot(request.zones, place) if request.goal else ()
+        covering = self.zone_margins.covering_robot(request.zones, place) if request.goal else ()
         request = dataclasses.replace(request, zones=grown)
         zones = (*request.zones, *keep_outs)
         if place.is_known:
@@ -207,15 +218,19 @@ class Navigator:
             labels = self.map.rejections.without(frame, labels)
             stages.update_map(self._mapper, frame, labels, beware, ground_m, place.T_map_odom)
         costmap = stages.update_costmap(self._costmap, beware, zones)
+        around = costmap.around(frame.pose, DEFAULT_SAFETY.keep_out.seen_within_m)
+        grown_cells = self._cell_margins.follow(beware_cells(around), frame, place)
+        costmap = self._kept_from(grown_cells, frame.pose, beware)
         route = stages.plan(self._planner, costmap, frame.pose, request, keep_outs, stages.replan)
         while self._planner.lacking and self.grow_to(
             permitted_part(self._planner.lacking, self.map.spec, zones)
         ):
-            costmap = stages.update_costmap(self._costmap, beware, zones)
+            stages.update_costmap(self._costmap, beware, zones)
+            costmap = self._kept_from(grown_cells, frame.pose, beware)
             route = stages.plan(
                 self._planner, costmap, frame.pose, request, keep_outs, stages.replan
             )
-        task = self._control_task(costmap, frame, route, people, request, around)
+        task = self._control_task(costmap, frame, route, people, request, covering)
         motion = stages.control(self._controller, task)
         self.behaviour, motion = stages.supervise(
             self.behaviour,
@@ -234,11 +249,12 @@ class Navigator:
             correction=correction,
             labels=labels,
             occupancy=costmap,
+            grown_cells=grown_cells,
             route=route,
             motion=self.limit(motion, request.zones, frame.pose, frame.twist),
             people=people,
             closed=keep_outs,
-            in_growth=len(around) > 0,
+            in_growth=len(covering) > 0,
         )
 
     def grow_to(self, part: Box) -> bool:
@@ -329,6 +345,12 @@ class Navigator:
         self._controller.reset()
         self.behaviour = self.behaviour.after_reset()
 
+    def _kept_from(self, grown: GrownCells, pose: Pose2, beware: BewareList) -> Costmap:
+        """Return the costmap that keeps the robot as far from beware cells as the safety gate
+        does, which lets it stay as near as it is."""
+        now_m = self._profile.distances_m(pose.from_parent(grown.cells))
+        return self._costmap.widen(grown.cells, np.minimum(grown.growth_m, now_m), beware)
+
     def _zone_margins(self, *, frozen: bool = False) -> ZoneMargins:
         config = self._config
         return ZoneMargins(
@@ -378,4 +400,5 @@ class Navigator:
             around=around,
             goal=request.goal,
             ignore_predictions=behaviour.waiting.is_over(self._config.people),
+            stand_in_touch=behaviour.waiting.waited_s < self._config.people.touched_s,
         )

@@ -122,6 +122,15 @@ class KeepOutMonitorConfig:
     """Shares of the commanded velocity that are tried, the largest first."""
     sigmas: float = ranged(0.0, 6.0, default=2.0)
     """Standard deviations of the robot's position relative to a zone by which the zone grows."""
+    cells_within_m: float = ranged(0.5, 20.0, default=2.5)
+    """Distance in metres from the middle of the robot within which the gate knows beware cells; at
+    full speed it stops within 0.5 m."""
+    seen_within_m: float = ranged(0.5, 20.0, default=4.0)
+    """Distance in metres within which a beware cell in view of the camera counts as seen; farther
+    away depth is coarse."""
+    hidden_m: float = ranged(0.0, 2.0, default=0.3)
+    """Distance in metres before a cell at which the camera must measure something for the cell to
+    be hidden; less is the front of what stands on it."""
     neighbour_m: float = ranged(0.0, 1.0, default=0.25)
     """Distance in metres within which a beware cell that comes up without having been in view, as
     after a correction of the map, counts as seen when its nearest neighbour was."""

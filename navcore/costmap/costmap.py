@@ -33,18 +33,15 @@ class Costmap:
         margins_m: Mapping[int, float],
         zones: CellMask,
         wide_zones: tuple[tuple[float, CellMask], ...],
+        uncertain: tuple[tuple[float, CellMask], ...] = (),
         free: CellMask,
         version: int,
     ) -> None:
         """`layers`: class id → cells, `NOTHING` for the geometric ones; `free`: cells that the
         robot's centre may be in."""
         self.spec, self.version = spec, version
-        self._layers, self._margins_m, self._zones, self._wide_zones = (
-            layers,
-            margins_m,
-            zones,
-            wide_zones,
-        )
+        self._layers, self._margins_m = layers, margins_m
+        self._zones, self._wide_zones, self._uncertain = zones, wide_zones, uncertain
         self._free = free
         self._grid: OccupancyGrid | None = None
         self._blocked: BoolGrid | None = None
@@ -61,6 +58,7 @@ class Costmap:
             margins_m=grid.margins_m,
             zones=CellMask.of(grid.zones),
             wide_zones=tuple((margin_m, CellMask.of(mask)) for margin_m, mask in grid.wide_zones),
+            uncertain=tuple((margin_m, CellMask.of(mask)) for margin_m, mask in grid.uncertain),
             free=CellMask.of(~blocked),
             version=version,
         )
@@ -120,10 +118,13 @@ class Costmap:
     def around(self, pose: Pose2, reach_m: float) -> OccupancyGrid:
         """Return the part of the grid within a square of `reach_m` around a pose, widened by the
         largest margin; it may be empty."""
-        widest = max(
-            [0.0, *self._margins_m.values(), *(margin_m for margin_m, _ in self._wide_zones)]
-        )
-        return self.part(*box_around(self.spec, pose, reach_m + widest))
+        return self.part(*box_around(self.spec, pose, reach_m + self.widest_margin_m))
+
+    @property
+    def widest_margin_m(self) -> float:
+        """Largest margin in metres of a layer, a zone or an uncertain cell."""
+        own = (margin_m for margin_m, _ in (*self._wide_zones, *self._uncertain))
+        return max([0.0, *self._margins_m.values(), *own])
 
     def _unpacked(self, spec: GridSpec, unpack: Unpack) -> OccupancyGrid:
         return OccupancyGrid(
@@ -137,6 +138,7 @@ class Costmap:
             margins_m=dict(self._margins_m),
             zones=unpack(self._zones),
             wide_zones=tuple((margin_m, unpack(mask)) for margin_m, mask in self._wide_zones),
+            uncertain=tuple((margin_m, unpack(mask)) for margin_m, mask in self._uncertain),
         )
 
 

@@ -3,6 +3,9 @@
 An update costs what has changed on the map. An edit of the beware list or of the zones rebuilds
 everything from the layers of bits, which takes some milliseconds on the largest maps: it acts
 within one tick on everything ever seen.
+
+Beware cells of which the safety gate keeps the robot farther than the inflation of their class does
+are inflated by what the gate keeps (`widen`): where the gate would stop, no path leads.
 """
 
 from __future__ import annotations
@@ -11,8 +14,8 @@ import numpy as np
 
 from navcore.costmap.beyond import closed_from_beyond
 from navcore.costmap.costmap import Costmap, are_set
-from navcore.geometry.arrays import Indices
-from navcore.grid.bitplane import BitPlane
+from navcore.geometry.arrays import Floats, Indices, Points
+from navcore.grid.bitplane import PAD, BitPlane, empty_plane
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE, FreeSpace
 from navcore.grid.grid import inflation_radius
@@ -22,6 +25,8 @@ from navcore.mapping.layers import Changes
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.mission.zone import Zone, zone_masks
+
+_NO_CELLS: Indices = np.empty(0, dtype=np.int64)
 
 
 class LiveCostmap:
@@ -42,6 +47,8 @@ class LiveCostmap:
             tuple[tuple[Zone, ...], CellMask, tuple[tuple[float, CellMask], ...]] | None
         ) = None
         self._beyond: BitPlane | None = None
+        self._wider: dict[int, Indices] = {}
+        self._wider_planes: dict[int, BitPlane] = {}
         self._now: Costmap | None = None
 
     @property
@@ -54,12 +61,14 @@ class LiveCostmap:
         `follow` has to be called before it is used."""
         self._inflated.grow(growth)
         self._order = self._zone_masks = None
+        self._wider, self._wider_planes = {}, {}
 
     def restart(self) -> None:
         """Begin again on the grid of a map that was replaced; `space` is a new object, and `follow`
         has to be called before it is used."""
         self._inflated = InflatedGrid(self._map.spec.rows, self._map.spec.cols)
         self._order = self._zone_masks = None
+        self._wider, self._wider_planes = {}, {}
 
     def follow(self, beware: BewareList, zones: tuple[Zone, ...]) -> Costmap:
         """Return the costmap of the present map for a beware list and zones; the same object as
@@ -75,6 +84,46 @@ class LiveCostmap:
             return self._now
         self._now = self._snapshot(beware)
         return self._now
+
+    def widen(self, cells: Points, clearance_m: Floats, beware: BewareList) -> Costmap:
+        """Return the costmap in which the side of the robot keeps (N,) clearances in metres from
+        (N, 2) centres of beware cells, map frame, where these are more than the inflation gives; it
+        replaces what was widened before. `follow` has to be called before, with the same list."""
+        spec, usual = self._map.spec, self._radius(0.0)
+        # The same small term as in `inflation_radius`.
+        radii = np.ceil((self._width_m / 2 + clearance_m) / spec.resolution_m - 1e-9)
+        wide = radii > usual
+        x, y = ((cells - (spec.origin_x_m, spec.origin_y_m)) // spec.resolution_m).astype(int).T
+        numbers = y * spec.cols + x
+        wider = {
+            int(radius): np.sort(numbers[radii == radius]) for radius in np.unique(radii[wide])
+        }
+        changed = {
+            radius: numbers
+            for radius in {*wider, *self._wider}
+            if len(
+                numbers := np.setxor1d(
+                    wider.get(radius, _NO_CELLS), self._wider.get(radius, _NO_CELLS)
+                )
+            )
+        }
+        if not changed and self._now is not None:
+            return self._now
+        self._wider = wider
+        self._wider_planes = {radius: self._plane_of(numbers) for radius, numbers in wider.items()}
+        self._regroup()
+        for radius, numbers in changed.items():
+            self._inflate(radius, numbers)
+        self._now = self._snapshot(beware)
+        return self._now
+
+    def _plane_of(self, numbers: Indices) -> BitPlane:
+        """Return the plane of cells by their (N,) numbers, row by row."""
+        plane = empty_plane(self._map.spec.rows, self._map.spec.cols)
+        rows, cols = np.divmod(numbers, self._map.spec.cols)
+        bits = np.uint64(1) << (cols & 63).astype(np.uint64)
+        np.bitwise_or.at(plane, (rows + PAD, (cols + PAD) >> 6), bits)
+        return plane
 
     def _rebuild(self, beware: BewareList, zones: tuple[Zone, ...]) -> None:
         if self._zone_masks is None or self._zone_masks[0] != zones:
@@ -108,6 +157,8 @@ class LiveCostmap:
             self._groups.setdefault(radius, [])
             if plane is not None:
                 self._groups[radius].append(plane)
+        for radius, plane in self._wider_planes.items():
+            self._groups.setdefault(radius, []).append(plane)
         self._groups[self._radius(0.0)].append(self._map.terrain.untraversable)
 
     def _apply(self, changes: Changes) -> None:
@@ -120,13 +171,17 @@ class LiveCostmap:
             radius_of[class_id] = radius
         radii = radius_of[changes.class_ids]
         for radius in np.unique(radii[radii >= 0]):
-            rows, cols = np.divmod(np.unique(changes.cells[radii == radius]), self._map.spec.cols)
-            occupied = np.zeros(len(rows), dtype=np.bool_)
-            for plane in self._groups[int(radius)]:
-                occupied |= are_set(plane, rows, cols)
-            cells = np.column_stack([rows, cols])
-            self._inflated.set_cells(int(radius), cells[occupied], True)
-            self._inflated.set_cells(int(radius), cells[~occupied], False)
+            self._inflate(int(radius), np.unique(changes.cells[radii == radius]))
+
+    def _inflate(self, radius: int, numbers: Indices) -> None:
+        """Inflate changed cells, by their (N,) numbers, as the planes of a radius have them."""
+        rows, cols = np.divmod(numbers, self._map.spec.cols)
+        occupied = np.zeros(len(rows), dtype=np.bool_)
+        for plane in self._groups.get(radius, []):
+            occupied |= are_set(plane, rows, cols)
+        cells = np.column_stack([rows, cols])
+        self._inflated.set_cells(radius, cells[occupied], True)
+        self._inflated.set_cells(radius, cells[~occupied], False)
 
     def _snapshot(self, beware: BewareList) -> Costmap:
         spec, version = self._map.spec, 0 if self._now is None else self._now.version + 1
@@ -136,6 +191,13 @@ class LiveCostmap:
             margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
             zones=self._zones,
             wide_zones=self._wide,
+            uncertain=tuple(
+                (
+                    (radius - self._radius(0.0)) * spec.resolution_m,
+                    CellMask.copied(plane, spec.rows, spec.cols),
+                )
+                for radius, plane in self._wider_planes.items()
+            ),
             free=CellMask.copied(self.space.across[FREE], spec.rows, spec.cols),
             version=version,
         )

@@ -24,6 +24,7 @@ def obstacle_masks(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDAr
     layers = [
         *((grid.margins_m.get(class_id, 0.0), layer) for class_id, layer in grid.beware.items()),
         *grid.wide_zones,
+        *grid.uncertain,
     ]
     for margin_m, layer in layers:
         if layer.any():

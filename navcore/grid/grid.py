@@ -111,6 +111,9 @@ class OccupancyGrid:
     """Class id → margin in metres beyond the robot's own; 0 for classes that are not listed."""
     wide_zones: tuple[tuple[float, BoolGrid], ...] = ()
     """(margin in metres, (rows, cols) cells) of keep-out zones with a margin of their own."""
+    uncertain: tuple[tuple[float, BoolGrid], ...] = ()
+    """(margin in metres, (rows, cols) cells) of beware cells that need more than the margin of
+    their class, because the position is uncertain relative to them."""
 
     def occupied(self) -> BoolGrid:
         """Return the (rows, cols) union of all layers."""
@@ -155,7 +158,7 @@ def inflate_layers(
         else:
             base |= layer
     blocked = np.zeros_like(base)
-    for margin_m, mask in [(0.0, base), *groups.items(), *grid.wide_zones]:
+    for margin_m, mask in [(0.0, base), *groups.items(), *grid.wide_zones, *grid.uncertain]:
         radius = inflation_radius(
             vehicle_width_m=vehicle_width_m,
             safety_margin_m=safety_margin_m + margin_m,

@@ -102,6 +102,7 @@ def padded(grid: OccupancyGrid, points: Iterable[tuple[float, float]]) -> Occupa
         beware={class_id: np.pad(layer, sides) for class_id, layer in grid.beware.items()},
         zones=np.pad(grid.zones, sides),
         wide_zones=tuple((margin_m, np.pad(mask, sides)) for margin_m, mask in grid.wide_zones),
+        uncertain=tuple((margin_m, np.pad(mask, sides)) for margin_m, mask in grid.uncertain),
     )
 
 

@@ -3,12 +3,13 @@
 What the camera sees now is where it is seen. What it saw before is as uncertain, relative to the
 robot, as odometry has become since, and no more than the position in the map has: the difference of
 two covariances in the map holds errors, as of the heading far behind, that moved robot and cell
-alike.
+alike. What was in view stays known when the robot leaves it: on its way back a cell is as uncertain
+as the drive in between has made it, and not as the whole map.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -16,59 +17,87 @@ from scipy.spatial import cKDTree
 from navcore.config.localisation.localisation import OdometryConfig
 from navcore.config.safety import KeepOutMonitorConfig
 from navcore.geometry.arrays import Bools, Floats, Points
-from navcore.geometry.transform import Matrix, Pose2
+from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.tracking.odometry_model import OdometryStep, travel_of, travel_variance
 from navcore.robot.frame import Frame
 
 
-class _Seen(NamedTuple):
-    """Moment at which a cell was last in view."""
+@dataclass(frozen=True, slots=True, eq=False)
+class GrownCells:
+    """Beware cells near the robot, and how far each is kept besides."""
 
-    covariance: Matrix
-    """(2, 2) covariance of the position in the map, square metres."""
-    travel: Floats
-    """(3,) travel by odometry until then."""
+    cells: Points = field(default_factory=lambda: np.empty((0, 2)))
+    """(N, 2) centres, map frame."""
+    growth_m: Floats = field(default_factory=lambda: np.zeros(0))
+    """(N,) growth in metres by the uncertainty of the position relative to each cell."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """When cells were last in view."""
+
+    cells: Points
+    """(N, 2) centres, map frame."""
+    covariances: Floats
+    """(N, 2, 2) covariance of the robot's position in the map then, square metres."""
+    travels: Floats
+    """(N, 3) travel by odometry until then; NaN for cells that were never in view."""
+
+    @staticmethod
+    def never(cells: Points) -> _Seen:
+        """Return what is known of (N, 2) cells that were never in view."""
+        return _Seen(cells, np.zeros((len(cells), 2, 2)), np.full((len(cells), 3), np.nan))
+
+    def only(self, which: Bools) -> _Seen:
+        """Return some of the cells, (N,) true for those."""
+        return _Seen(self.cells[which], self.covariances[which], self.travels[which])
+
+    def of(self, cells: Points, within_m: float) -> _Seen:
+        """Return when (N, 2) other cells were in view: when the nearest of these was, within a
+        distance."""
+        known = np.append(self.covariances, np.zeros((1, 2, 2)), axis=0)
+        travels = np.append(self.travels, np.full((1, 3), np.nan), axis=0)
+        # Without a neighbour the index is that of the row that was added.
+        _, nearest = cKDTree(self.cells).query(cells, distance_upper_bound=within_m)
+        return _Seen(cells, known[nearest], travels[nearest])
+
+    def joined(self, other: _Seen) -> _Seen:
+        """Return the cells of both."""
+        return _Seen(
+            np.concatenate([self.cells, other.cells]),
+            np.concatenate([self.covariances, other.covariances]),
+            np.concatenate([self.travels, other.travels]),
+        )
 
 
 class CellMargins:
-    """Remembers when each nearby cell was last in view."""
+    """Remembers when each beware cell was last in view."""
 
-    def __init__(
-        self,
-        *,
-        keep_out: KeepOutMonitorConfig,
-        odometry: OdometryConfig,
-        resolution_m: float,
-        range_m: float,
-    ) -> None:
-        """Cells farther from the camera than `range_m` metres are not in view."""
+    def __init__(self, *, keep_out: KeepOutMonitorConfig, odometry: OdometryConfig) -> None:
         self._keep_out, self._odometry = keep_out, odometry
-        self._resolution_m, self._range_m = resolution_m, range_m
-        self._seen: dict[tuple[int, int], _Seen] = {}
+        self._seen = _Seen.never(np.empty((0, 2)))
         self._travel = np.zeros(3)
         self._last: tuple[Pose2, int] | None = None
 
-    def follow(self, cells: Points, frame: Frame, place: LocalisationEstimate) -> Floats:
-        """Return (N,) growth in metres of (N, 2) cell centres of the map frame.
+    def follow(self, cells: Points, frame: Frame, place: LocalisationEstimate) -> GrownCells:
+        """Return those of (N, 2) centres of beware cells, map frame, that are near the robot, and
+        their growth; of what the camera may see all have to be given.
 
-        The frame is placed in the map. Cells that are left out of a call are forgotten; a cell that
-        was never in view, nor any beside it, is as uncertain as the robot's place in the map.
+        The frame is placed in the map. Cells that are no longer there are forgotten; one that was
+        never in view, nor any beside it, is as uncertain as the robot's place in the map.
         """
+        rules = self._keep_out
         self._advance(place.T_map_odom.inverse() @ frame.pose, frame.stamp_ns)
-        if not len(cells):
-            self._seen = {}
-            return np.zeros(0)
-        now = _Seen(place.covariance[:2, :2], self._travel)
-        keys = [(int(x), int(y)) for x, y in np.floor(cells / self._resolution_m)]
-        before = self._before(keys)
-        seen = [
-            now if in_view else before.get(key)
-            for key, in_view in zip(keys, self._in_view(cells, frame), strict=True)
-        ]
-        self._seen = {key: one for key, one in zip(keys, seen, strict=True) if one is not None}
-        away_m = np.hypot(*(cells - (frame.pose.x_m, frame.pose.y_m)).T)
-        return np.asarray(self._keep_out.sigmas * np.sqrt(self._variance(seen, now, away_m)))
+        cells = cells[_away_m(cells, frame) <= rules.seen_within_m]
+        far = _away_m(self._seen.cells, frame) > rules.seen_within_m
+        seen = self._seen.only(~far).of(cells, rules.neighbour_m)
+        in_view = self._in_view(cells, frame)
+        seen.covariances[in_view], seen.travels[in_view] = place.covariance[:2, :2], self._travel
+        self._seen = self._seen.only(far).joined(seen)
+        near = seen.only(_away_m(cells, frame) <= rules.cells_within_m)
+        variance = self._variance(near, place, _away_m(near.cells, frame))
+        return GrownCells(near.cells, rules.sigmas * np.sqrt(variance))
 
     def _advance(self, odom: Pose2, stamp_ns: int) -> None:
         if self._last is not None:
@@ -77,33 +106,25 @@ class CellMargins:
             self._travel = self._travel + travel_of(step, self._odometry)
         self._last = odom, stamp_ns
 
-    def _before(self, keys: list[tuple[int, int]]) -> dict[tuple[int, int], _Seen]:
-        """Return when cells were in view before; cells that have come up since have the moment of
-        the nearest one, within the configured distance."""
-        new = [key for key in keys if key not in self._seen]
-        if not new or not self._seen:
-            return self._seen
-        known = list(self._seen)
-        away, nearest = cKDTree(known).query(new)
-        beside = away * self._resolution_m <= self._keep_out.neighbour_m
-        return self._seen | {
-            key: self._seen[known[i]]
-            for key, i, is_near in zip(new, nearest, beside, strict=True)
-            if is_near
-        }
-
-    def _variance(self, seen: list[_Seen | None], now: _Seen, away_m: Floats) -> Floats:
+    def _variance(self, seen: _Seen, place: LocalisationEstimate, away_m: Floats) -> Floats:
         """Return the (N,) largest variances of cells relative to the robot, square metres."""
-        never = np.zeros((2, 2))
-        then = np.stack([never if one is None else one.covariance for one in seen])
-        in_map = np.maximum(np.linalg.eigvalsh(now.covariance - then)[:, -1], 0.0)
-        was_seen = np.array([one is not None for one in seen])
-        since = now.travel - np.stack([now.travel if one is None else one.travel for one in seen])
-        by_odometry = travel_variance(since, away_m, self._odometry)
-        return np.asarray(np.where(was_seen, np.minimum(in_map, by_odometry), in_map))
+        since_then = np.linalg.eigvalsh(place.covariance[:2, :2] - seen.covariances)
+        in_map = np.maximum(since_then[:, -1], 0.0)
+        by_odometry = travel_variance(self._travel - seen.travels, away_m, self._odometry)
+        return np.asarray(np.fmin(in_map, by_odometry))
 
     def _in_view(self, cells: Points, frame: Frame) -> Bools:
+        """Return (N,) whether the camera shows the floor at cells, and nothing before it."""
         floor = np.column_stack([cells, np.zeros(len(cells))])
-        camera = frame.T_map_camera[:2, 3]
-        near = np.hypot(*(cells - camera).T) <= self._range_m
-        return np.asarray(near & frame.shows(floor))
+        in_view = frame.shows(floor)
+        camera, lens = frame.T_map_camera, frame.intrinsics
+        x, y, z = ((floor[in_view] - camera[:3, 3]) @ camera[:3, :3]).T
+        cols = np.rint(lens.fx * x / z + lens.cx).astype(int)
+        rows = np.rint(lens.fy * y / z + lens.cy).astype(int)
+        in_view[in_view] &= frame.depth_m[rows, cols] > z - self._keep_out.hidden_m
+        return in_view
+
+
+def _away_m(cells: Points, frame: Frame) -> Floats:
+    """Return the (N,) distances in metres of cells from the middle of the robot."""
+    return np.asarray(np.hypot(*(cells - (frame.pose.x_m, frame.pose.y_m)).T))

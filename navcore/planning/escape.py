@@ -74,7 +74,7 @@ def escape_path(
         max(profile.width_m / 2 + config.safety_margin_m, profile.circumscribed_radius_m)
         + 2 * spec.resolution_m
     )
-    rim_m = max(margin_m for _, margin_m, _ in occupancy.layers) + body_m
+    rim_m = occupancy.widest_margin_m + body_m
     while True:
         box = box_around(spec, pose, within_m + rim_m)
         found, own = _exit_within(occupancy, box, pose, zones, profile, config)

@@ -90,6 +90,12 @@ class RobotProfile:
         x, y = self.length_m / 2 + padding_m, self.width_m / 2 + padding_m
         return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
 
+    def distances_m(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return (N,) distances in metres of (N, 2) points of the base frame from the footprint
+        along its axes, negative under it."""
+        x, y = np.abs(points).T
+        return np.asarray(np.maximum(x - self.length_m / 2, y - self.width_m / 2))
+
 
 ROBOTS = Path(__file__).parent / "profiles"
 """Folder with the profiles of the known platforms."""

@@ -174,7 +174,8 @@ def _near_cells(keep_outs: KeepOuts, pose: Pose2, reach_m: float) -> KeepOuts:
     cells, growth_m = keep_outs.cells, _growth_of(keep_outs)
     if len(cells):
         away_m = np.hypot(cells[:, 0] - pose.x_m, cells[:, 1] - pose.y_m)
-        near = away_m <= reach_m + growth_m
+        # Distances from the footprint are along its axes, so at its corners up to √2 times as far.
+        near = away_m <= reach_m + math.sqrt(2.0) * growth_m
         cells, growth_m = cells[near], growth_m[near]
     return dataclasses.replace(keep_outs, cells=cells, cell_growth_m=growth_m)
 
@@ -241,12 +242,12 @@ def _cell_entered(
     if not len(keep_outs.cells):
         return None
     growth_m = _growth_of(keep_outs)
-    now = _distances_to_cells(keep_outs.cells, start, profile)
+    now = profile.distances_m(start.from_parent(keep_outs.cells))
     if keep_outs.leaving and (now < growth_m).any():
         return None
     kept = np.minimum(now, growth_m) - _ROUNDING
     for pose in poses:
-        if (_distances_to_cells(keep_outs.cells, pose, profile) < kept).any():
+        if (profile.distances_m(pose.from_parent(keep_outs.cells)) < kept).any():
             return "an object of the beware list"
     return None
 
@@ -272,13 +273,6 @@ def _forbidden(zone: Zone, points: npt.NDArray[np.float64]) -> npt.NDArray[np.bo
 def _growth_of(keep_outs: KeepOuts) -> Floats:
     growth_m = keep_outs.cell_growth_m
     return np.zeros(len(keep_outs.cells)) if growth_m is None else growth_m
-
-
-def _distances_to_cells(cells: Points, pose: Pose2, profile: RobotProfile) -> Floats:
-    """Return (N,) distances in metres of cell centres from the footprint along its axes, negative
-    under it."""
-    x, y = np.abs(pose.from_parent(cells)).T
-    return np.asarray(np.maximum(x - profile.length_m / 2, y - profile.width_m / 2))
 
 
 @lru_cache(maxsize=4)

@@ -21,10 +21,9 @@ from navcore.behaviours.assisted_teleop import stays_out
 from navcore.behaviours.search_turn import SearchTurn
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
-from navcore.costmap.local_costmap import beware_cells
 from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
-from navcore.localisation.cell_margins import CellMargins
+from navcore.localisation.cell_margins import GrownCells
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
@@ -56,9 +55,6 @@ STANDSTILL_MPS = 0.03
 CLOCK_SLACK_NS = 100_000_000
 """A command that is younger than the clock's reading by at most this much was decided while the
 command thread waited for the lock, nanoseconds."""
-KEEP_OUT_REACH_M = 2.5
-"""Distance in metres from the robot within which beware cells are given to the gate; at full speed
-the robot stops within 0.5 m."""
 HELD_NS = 1_000_000_000
 """Time for which the gate has to keep the robot from its motion, before a zone or an object of the
 beware list, until the recovery tries another, nanoseconds."""
@@ -96,12 +92,6 @@ class RobotController:
         self._recent_obstacles = RecentObstacles()
         self._blocked_since_ns: int | None = None
         self._held_since_ns: int | None = None
-        self._cell_margins = CellMargins(
-            keep_out=DEFAULT_SAFETY.keep_out,
-            odometry=navigator.config.localisation.odometry,
-            resolution_m=navigator.map.spec.resolution_m,
-            range_m=KEEP_OUT_REACH_M,
-        )
         self._corrected: dict[int, Pose2] = {}
         self._map_edits: list[Callable[[PointMap], None]] = []
         self._placed: tuple[Pose2, Matrix] | None = None
@@ -256,7 +246,6 @@ class RobotController:
                 self._tick_state, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None
             )
             return None
-        cells = beware_cells(decision.occupancy.around(decision.frame.pose, KEEP_OUT_REACH_M))
         command = (
             Command(twist=self._corrected_twist(decision), stamp_ns=clock())
             if (goal or request.leave) and decision.place.is_known
@@ -269,8 +258,6 @@ class RobotController:
             frame_ns=frame.stamp_ns,
             command=command,
             request=request,
-            beware_cells=cells,
-            cell_growth_m=self._cell_margins.follow(cells, decision.frame, decision.place),
             zone_covariances=self.navigator.zone_margins.covariances(request.zones, decision.place),
         )
         if self._background.is_idle and (task := self.navigator.next_task()) is not None:
@@ -450,11 +437,12 @@ class RobotController:
         """Return what the gate keeps the robot out of in a mission: the operator's present zones,
         and the beware cells of the newest tick."""
         newest, place, tick_state = self._watched.newest, self.place, self._tick_state
+        grown = tick_state.decision.grown_cells if tick_state.decision else GrownCells()
         return KeepOuts(
             pose=newest.placed(place.T_map_odom).pose if newest and place.is_known else None,
             zones=self._intent.zones,
-            cells=tick_state.beware_cells,
-            cell_growth_m=tick_state.cell_growth_m,
+            cells=grown.cells,
+            cell_growth_m=grown.growth_m,
             leaving=self._intent.mission.phase is Phase.LEAVING,
             covariance=place.covariance[:2, :2],
             covariances=tick_state.zone_covariances,

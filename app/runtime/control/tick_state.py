@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.transform import Matrix
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import TickResult
 from navcore.robot.driver import Command
-from navcore.safety.keep_out_monitor import NO_CELLS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,10 +23,6 @@ class TickState:
     """Command of the newest tick; None when it asks for nothing."""
     request: NavigationRequest | None = None
     """Request that the command was decided for."""
-    beware_cells: Points = field(default_factory=lambda: NO_CELLS)
-    """(N, 2) centres of the known beware cells near the robot, map frame."""
-    cell_growth_m: Floats | None = None
-    """(N,) growth of each of these cells in metres by the uncertainty of the position."""
     zone_covariances: Mapping[str, Matrix] = field(default_factory=dict)
     """(2, 2) covariance of the robot's position relative to each zone by its id, square metres."""
     bad_frame: str | None = None

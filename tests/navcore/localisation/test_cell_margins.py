@@ -12,9 +12,10 @@ from navcore.localisation.cell_margins import CellMargins
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.tracking.odometry_model import travel_variance
 from navcore.robot.frame import Frame
-from tests.navcore.scene import picture
+from tests.navcore.scene import Box, picture
 
 AHEAD = np.array([[2.0, 0.0]])
+NOTHING_NEAR = np.empty((0, 2))
 
 
 def place(sigma_m: float) -> LocalisationEstimate:
@@ -24,10 +25,7 @@ def place(sigma_m: float) -> LocalisationEstimate:
 @pytest.fixture
 def margins() -> CellMargins:
     return CellMargins(
-        keep_out=KeepOutMonitorConfig(sigmas=2.0, neighbour_m=0.25),
-        odometry=OdometryConfig(),
-        resolution_m=0.05,
-        range_m=6.0,
+        keep_out=KeepOutMonitorConfig(sigmas=2.0, neighbour_m=0.25), odometry=OdometryConfig()
     )
 
 
@@ -37,34 +35,62 @@ def turned(yaw_rad: float) -> Frame:
 
 
 def test_what_is_in_view_grows_by_nothing(margins: CellMargins) -> None:
-    assert margins.follow(AHEAD, turned(0.0), place(0.3)) == pytest.approx([0.0])
+    assert margins.follow(AHEAD, turned(0.0), place(0.3)).growth_m == pytest.approx([0.0])
 
 
 def test_what_was_in_view_grows_by_the_uncertainty_since(margins: CellMargins) -> None:
     margins.follow(AHEAD, turned(0.0), place(0.300))
     grown = 2 * np.sqrt(0.301**2 - 0.300**2)
-    assert margins.follow(AHEAD, turned(3.0), place(0.301)) == pytest.approx([grown])
+    assert margins.follow(AHEAD, turned(3.0), place(0.301)).growth_m == pytest.approx([grown])
 
 
 def test_it_grows_by_no_more_than_odometry_has_become_uncertain(margins: CellMargins) -> None:
     margins.follow(AHEAD, turned(0.0), place(0.3))
-    (turning,) = margins.follow(AHEAD, turned(3.0), place(0.5))
+    (turning,) = margins.follow(AHEAD, turned(3.0), place(0.5)).growth_m
     bound = 4 * travel_variance(np.array([[0.0, 3.0, 0.1]]), np.array([2.0]))
     assert turning == pytest.approx(np.sqrt(bound[0])) and 0.05 < turning < 0.3
     unseen = np.vstack([AHEAD, [[2.0, 1.0]]])  # control
-    assert margins.follow(unseen, turned(3.0), place(0.5))[1] == pytest.approx(1.0)
+    assert margins.follow(unseen, turned(3.0), place(0.5)).growth_m[1] == pytest.approx(1.0)
 
 
 def test_what_was_never_in_view_is_as_uncertain_as_the_place(margins: CellMargins) -> None:
-    assert margins.follow(AHEAD, turned(3.0), place(0.3)) == pytest.approx([0.6])
+    assert margins.follow(AHEAD, turned(3.0), place(0.3)).growth_m == pytest.approx([0.6])
 
 
 def test_a_cell_that_a_correction_moves_has_the_history_of_its_neighbour(
     margins: CellMargins,
 ) -> None:
     margins.follow(AHEAD, turned(0.0), place(0.3))
-    (before,) = margins.follow(AHEAD, turned(3.0), place(0.5))
+    (before,) = margins.follow(AHEAD, turned(3.0), place(0.5)).growth_m
     moved_and_far = np.array([[2.1, 0.1], [2.1, 0.5]])
-    beside, alone = margins.follow(moved_and_far, turned(3.0), place(0.5))
+    beside, alone = margins.follow(moved_and_far, turned(3.0), place(0.5)).growth_m
     assert beside == pytest.approx(before, rel=0.1)
     assert alone == pytest.approx(1.0)
+
+
+def test_a_cell_that_the_robot_comes_back_to_was_seen_before(margins: CellMargins) -> None:
+    margins.follow(AHEAD, turned(0.0), place(0.300))
+    away = picture(pose=Pose2(x_m=-8.0, y_m=0.0, yaw_rad=3.0), stamp_ns=int(2e9))
+    assert len(margins.follow(NOTHING_NEAR, away, place(0.301)).cells) == 0
+    back = picture(pose=Pose2(x_m=0.0, y_m=0.0, yaw_rad=3.0), stamp_ns=int(4e9))
+    (known,) = margins.follow(AHEAD, back, place(0.301)).growth_m
+    assert known == pytest.approx(2 * np.sqrt(0.301**2 - 0.300**2))
+    margins.follow(NOTHING_NEAR, back, place(0.301))  # control: it is gone from the map
+    assert margins.follow(AHEAD, back, place(0.301)).growth_m == pytest.approx([0.602])
+
+
+def test_the_gate_gets_the_cells_near_the_robot_and_their_view_from_afar(
+    margins: CellMargins,
+) -> None:
+    far = np.array([[3.5, 0.0]])
+    assert len(margins.follow(far, turned(0.0), place(0.3)).cells) == 0
+    near = picture(pose=Pose2(x_m=1.5, y_m=0.0, yaw_rad=3.0), stamp_ns=int(2e9))
+    (growth_m,) = margins.follow(far, near, place(0.3)).growth_m
+    assert growth_m == pytest.approx(0.0)
+
+
+def test_a_cell_behind_something_is_not_in_view(margins: CellMargins) -> None:
+    wall = Box(x=(1.2, 1.4), y=(-1.0, 1.0), z=(0.0, 1.5))
+    assert margins.follow(AHEAD, picture(wall), place(0.3)).growth_m == pytest.approx([0.6])
+    foot = Box(x=(1.8, 2.2), y=(-0.2, 0.2), z=(0.0, 1.5))  # control: it stands on the cell
+    assert margins.follow(AHEAD, picture(foot), place(0.3)).growth_m == pytest.approx([0.0])

@@ -278,6 +278,23 @@ def test_a_robot_within_the_growth_of_a_beware_cell_may_back_off_and_not_drive_o
     assert share(dataclasses.replace(before, cell_growth_m=np.array([0.0]))) > 0.0
 
 
+def test_a_robot_is_stopped_before_it_passes_a_beware_cell_within_its_growth() -> None:
+    aside_m, growth_m = HUSKY.width_m / 2 + 0.9, 1.0
+    stopped = [
+        share(
+            KeepOuts(
+                pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0),
+                cells=np.array([[0.0, aside_m]]),
+                cell_growth_m=np.array([growth_m]),
+            ),
+            Twist(v_mps=0.3, w_radps=0.0),
+        )
+        == 0.0
+        for x_m in np.arange(-3.0, 0.0, 0.05)
+    ]
+    assert any(stopped)
+
+
 @pytest.mark.parametrize("keep_out", [zone(3.0, 5.0), site(3.0)], ids=["zone", "site"])
 @pytest.mark.parametrize("skid", [False, True])
 def test_a_broken_planner_does_not_bring_the_robot_into_a_zone_or_out_of_a_site(
