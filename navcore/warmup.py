@@ -25,7 +25,7 @@ from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.relocalisation.place_map import place_map_of
 from navcore.localisation.relocalisation.place_search import search_places
 from navcore.localisation.relocalisation.submap import Submap
-from navcore.localisation.scans.matching import search
+from navcore.localisation.scans.matching import lines_blocked_share, search
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.mapping.point_map import PointMap
@@ -196,6 +196,7 @@ def _search_a_place() -> None:
     seen_again = ScanMap()
     seen_again.put(shown[0])
     search(scan, seen_again, seen.T_odom_base)
+    lines_blocked_share(scan, seen_again, seen.T_odom_base)
 
 
 def _correct_a_map(point_map: PointMap) -> None:

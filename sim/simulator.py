@@ -135,7 +135,7 @@ class Simulator:
             people=self.moving_poses(),
             items=[pose_of(self.client, body) for body in self.world.item_bodies],
             period_s=PERIOD_S,
-            odometry=self._T_map_odom @ self.odometry(),
+            odometry=self.dead_reckoning(),
         )
         if self._steps * PERIOD_S * self._camera_rate_hz >= self._frames:
             self._frames += 1
@@ -191,6 +191,10 @@ class Simulator:
     def odometry(self) -> Pose2:
         """Return T_odom_base."""
         return self._odometry.pose
+
+    def dead_reckoning(self) -> Pose2:
+        """Return T_map_base by odometry alone, from the true start."""
+        return self._T_map_odom @ self.odometry()
 
     def velocity(self) -> Twist:
         """Return the velocity by encoders and gyro."""

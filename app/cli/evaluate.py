@@ -117,6 +117,14 @@ class EvaluateSettings:
     camera: CameraOption = None
     latency: LatencyOption = "live"
     yielding: YieldingOption = False
+    kept_map: Annotated[
+        bool,
+        typer.Option(
+            "--kept-map",
+            help="Second day: the robot has mapped the world of each seed by a drive to its goals "
+            "and back, and starts in that map.",
+        ),
+    ] = False
     figures: Annotated[
         int,
         typer.Option(min=0, help="Number of first episodes to draw; failed ones are always drawn."),
@@ -131,8 +139,10 @@ class EvaluateSettings:
 def evaluate(settings: EvaluateSettings) -> None:
     """Drive many seeded episodes and print a summary; resumes an interrupted campaign."""
     from app.evaluation.driving.barn import SUITES
+    from app.runtime.record.provenance import version
     from navcore.config.navigator import load_config
 
+    version()  # of the files that are loaded now, whatever changes while episodes are driven
     _check_options(settings, (*SUITES, CROSSINGS_SUITE, DOORS_SUITE, *VIEWING, LOCALISATION_SUITE))
     config = (
         None
@@ -176,10 +186,10 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
 
 def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
     own_task = settings.random or settings.zones is not None or settings.gnss is not None
-    own_task = own_task or settings.yielding
+    own_task = own_task or settings.yielding or settings.kept_map
     if settings.suite in suites and (own_task or settings.ablation is not Ablation.NONE):
         raise BadConfiguration(
-            "--random, --zones, --gnss, --yielding and --ablation are for scenarios, "
+            "--random, --zones, --gnss, --yielding, --kept-map and --ablation are for scenarios, "
             f"{settings.suite!r} is a suite of its own"
         )
     if settings.scenario is not None and settings.suite != LOCALISATION_SUITE:
@@ -401,6 +411,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         camera=settings.stream,
         latency=latency_of(settings.latency),
         yielding=settings.yielding,
+        kept_map=settings.kept_map,
         max_time_s=settings.max_time,
     )
     parts = [
@@ -413,6 +424,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         "" if settings.camera is None else f"camera-{settings.stream}",
         "" if settings.latency == "live" else f"latency-{settings.latency}",
         "yielding" if settings.yielding else "",
+        "kept-map" if settings.kept_map else "",
     ]
     needs_segmenter = settings.ablation not in NEEDS_NO_SEGMENTER
     summary = evaluate_scenario(

@@ -196,6 +196,8 @@ class Episode:
         self.estimate_errors_m: dict[int, float] = {}
         """Distance by the robot's estimate to each goal when it was reported reached, metres, by
         goal id."""
+        self.first_day: dict[str, Any] | None = None
+        """How the kept map was made; None in a new map."""
         self.samples: list[Sample] = []
         """Samples of the episode, one per second."""
         self.driven: list[tuple[float, float]] = []
@@ -247,6 +249,7 @@ class Episode:
             segmenter=self.segmenter_identity,
             ablation=str(self.ablation),
             latency=self.latency.name,
+            first_day=self.first_day,
             goals=self.goals,
             zones=self.zones,
             ended=self._end(cut_short=cut_short),
@@ -344,9 +347,10 @@ class Episode:
         if decision is not None:
             self.on_decision(self.now_s, decision)
         if goal is not None and goal in self.controller.intent.mission.reached:
-            truly, believed = self.simulator.true_pose(), self.simulator.odometry()
-            self.goal_errors_m[goal.id] = truly.distance_to(goal.x_m, goal.y_m)
-            self.odometry_errors_m[goal.id] = believed.distance_to(goal.x_m, goal.y_m)
+            truly, believed = self.simulator.true_pose(), self.simulator.dead_reckoning()
+            (true_goal,) = (one for one in self.goals if one.id == goal.id)
+            self.goal_errors_m[goal.id] = truly.distance_to(true_goal.x_m, true_goal.y_m)
+            self.odometry_errors_m[goal.id] = believed.distance_to(true_goal.x_m, true_goal.y_m)
             self.estimate_errors_m[goal.id] = self.pose().distance_to(goal.x_m, goal.y_m)
 
     def _command(self) -> None:

@@ -56,6 +56,8 @@ class EpisodeRecord:
     """What was left out of the navigation."""
     latency: str
     """Time that ticks took on the simulated clock: `none`, `live`, or a fixed one."""
+    first_day: dict[str, Any] | None
+    """How the kept map was made; None in a new map."""
     goals: tuple[Goal, ...]
     """Goals of the mission, in order."""
     zones: tuple[Polygon, ...]
@@ -117,6 +119,7 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "ablation": record.ablation,
         "odometry": str(record.simulator.odometry_grade),
         "latency": record.latency,
+        "map": "new" if record.first_day is None else "kept",
         "camera": str(record.simulator.profile.stream),
         "people": _manner_of(record.scenario),
         "gnss": "none" if record.simulator.gnss is None else record.simulator.gnss.kind,
@@ -136,6 +139,7 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "goal_errors_m": _by_goal(errors_m),
         "goal_errors_by_odometry_m": _by_goal(record.goal_errors_by_odometry_m),
         "goal_errors_by_estimate_m": _by_goal(record.goal_errors_by_estimate_m),
+        **({} if record.first_day is None else {"first_day": record.first_day}),
         "items": _items(record),
         "explored_share": _explored_share(record),
         "replans": len(timer.ms["replan"]),

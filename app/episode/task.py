@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from app.episode.ablations import Ablation
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.latency import NO_LATENCY, Latency
+from app.episode.second_day import second_day
 from app.runtime.start.segmentation import Perception
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration, BadGeometry
@@ -49,6 +50,8 @@ class Task:
     """Time that ticks take on the simulated clock."""
     yielding: bool = False
     """Whether the people of the scenario who yield to the robot do so; else all walk on."""
+    kept_map: bool = False
+    """Whether the robot has mapped the world on the day before."""
     max_time_s: float = 600.0
     """Longest simulated duration, seconds."""
 
@@ -108,7 +111,7 @@ def episode_of(
     config: NavigatorConfig | None = None,
 ) -> Episode:
     """Compose the episode of a seed: the scenario randomised, mission and zones drawn as the task
-    says.
+    says; for one in a kept map the day before is driven now.
 
     Without a configuration the default of the robot is used.
     """
@@ -120,26 +123,25 @@ def episode_of(
         world = dataclasses.replace(world, goals=task.goals)
     check_goals(world)
     inflation_m = robot.width_m / 2 + config.safety_margin_m
-    return Episode(
-        world,
-        EpisodeSettings(
-            beware=beware,
-            config=config,
-            max_time_s=task.max_time_s,
-            perception=perception,
-            robot=robot,
-            randomised=True,
-            zones=draw_zones(
-                world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m
-            ),
-            ablation=task.ablation,
-            odometry=task.odometry,
-            camera=task.camera,
-            latency=task.latency,
-            gnss=task.gnss,
+    settings = EpisodeSettings(
+        beware=beware,
+        config=config,
+        max_time_s=task.max_time_s,
+        perception=perception,
+        robot=robot,
+        randomised=True,
+        zones=draw_zones(
+            world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m
         ),
-        seed=seed,
+        ablation=task.ablation,
+        odometry=task.odometry,
+        camera=task.camera,
+        latency=task.latency,
+        gnss=task.gnss,
     )
+    if task.kept_map:
+        return second_day(world, settings, seed=seed)
+    return Episode(world, settings, seed=seed)
 
 
 def _placed(

@@ -68,7 +68,7 @@ ITEM_COUNTS = ("there", "seen", "not_passed", "missed", "false")
 """Counts of the objects of a class in a report."""
 SAME = (
     *("scenario", "robot", "segmenter", "ablation", "odometry", "gnss", "latency", "people"),
-    "camera",
+    *("camera", "map"),
 )
 """Keys whose value all episodes of a campaign share."""
 
@@ -136,7 +136,7 @@ def tables_of(summary: Report) -> list[Table]:
     title = (
         f"{summary['scenario']}, {summary['robot']}, {summary['episodes']} episodes, "
         f"ablation {summary['ablation']}, latency {summary['latency']}, "
-        f"people {summary['people']}"
+        f"people {summary['people']}, {summary['map']} map"
     )
     measures = Table("", "figure", "95 % interval", title=title)
     for key, (name, _) in [*RATES.items(), *MEANS.items()]:
@@ -221,7 +221,13 @@ def _read(folder: Path) -> dict[str, Any]:
         ) from None
     if isinstance(summary, dict):
         # All that earlier versions had.
-        earlier = {"odometry": "ideal", "gnss": "none", "latency": "none", "people": "yield"}
+        earlier = {
+            "odometry": "ideal",
+            "gnss": "none",
+            "latency": "none",
+            "people": "yield",
+            "map": "new",
+        }
         summary = {**earlier, "camera": str(CameraStream()), **summary}
     missing = {*SAME, "episodes", "seeds", "failures", *RATES, *MEANS} - set(
         summary if isinstance(summary, dict) else ()

@@ -1,7 +1,7 @@
 """The tables of results in the pages, made from the kept files in `results/`.
 
-A file is the `summary.json` of a campaign, named after its world or suite, or the `replay.json` of
-a recording with annotated objects, named after its folder.
+A file is the `summary.json` of a campaign, named after its world or suite (`file_name`), or the
+`replay.json` of a recording with annotated objects, named after its folder.
 `python -m app.evaluation.tables` rewrites the tables; a test compares them.
 """
 
@@ -62,6 +62,26 @@ def is_taught(result: Result) -> bool:
     return "taught" in result
 
 
+def is_localisation(result: Result) -> bool:
+    """Return whether a result is of the suite of localisation."""
+    return "saved_map" in result
+
+
+def is_second_day(result: Result) -> bool:
+    """Return whether a result is of missions in a kept map."""
+    return result.get("map") == "kept"
+
+
+def file_name(result: Result) -> str:
+    """Return the name of the file of a result, without its suffix."""
+    kinds = (
+        "paper" if is_paper(result) else "",
+        "second-day" if is_second_day(result) else "",
+        f"localisation-{result['odometry']}" if is_localisation(result) else "",
+    )
+    return "-".join(filter(None, (result["scenario"], *kinds)))
+
+
 def is_recorded(result: Result) -> bool:
     """Return whether a result is of a recording of a real camera."""
     return "frames" in result
@@ -69,7 +89,10 @@ def is_recorded(result: Result) -> bool:
 
 def is_random(result: Result) -> bool:
     """Return whether a result is of random missions in a world."""
-    others = (is_paper, is_walked, is_lit, is_doors, is_crossings, is_taught, is_recorded)
+    others = (
+        *(is_paper, is_walked, is_lit, is_doors, is_crossings, is_taught, is_recorded),
+        is_localisation,
+    )
     return not any(is_other(result) for is_other in others)
 
 
@@ -79,7 +102,7 @@ def short_table(results: Sequence[Result]) -> str:
         ("world", "all goals reached", "95 % interval", "success", "SPL", "SPL of the baseline"),
         [
             (
-                f"`{result['scenario']}`",
+                _world(result),
                 _count(result, "goals_rate"),
                 _interval(result, "goals_rate"),
                 _count(result, "success_rate"),
@@ -99,7 +122,7 @@ def full_table(results: Sequence[Result]) -> str:
         ("world", *(RATES[key][0] for key in rates), "SPL", "baseline", "failures by seed"),
         [
             (
-                f"`{result['scenario']}`",
+                _world(result),
                 *(f"{_count(result, key)} ({_interval(result, key)})" for key in rates),
                 f"{result['spl']:.2f}",
                 f"{result['ideal_spl']:.2f}",
@@ -161,6 +184,18 @@ def full_table(results: Sequence[Result]) -> str:
         ),
         [_teaching_row(result) for result in results if is_taught(result)],
     )
+    located = _table(
+        (
+            *("world", "odometry", "runs", "odometry alone, rms", "new map, rms"),
+            *("saved map, rms", "its p95", "its yaw, p95", "NEES", "loops", "carried away"),
+            *("disturbed", "p99 a frame"),
+        ),
+        [_tracking_row(result) for result in results if is_localisation(result)],
+    )
+    searched = _table(
+        ("world", "odometry", "start", "map", "right", "refused", "wrong", "misled on the way"),
+        [row for result in results if is_localisation(result) for row in _search_rows(result)],
+    )
     origins = _table(
         (
             "world",
@@ -175,7 +210,9 @@ def full_table(results: Sequence[Result]) -> str:
         ),
         [
             (
-                f"`{result['scenario']}`" + ", the paper's" * is_paper(result),
+                _world(result)
+                + ", the paper's" * is_paper(result)
+                + ", localisation" * is_localisation(result),
                 result.get("latency", "–"),
                 result.get("people", "–"),
                 result.get("odometry", "–"),
@@ -194,7 +231,8 @@ def full_table(results: Sequence[Result]) -> str:
     met = [crossings] if any(map(is_crossings, results)) else []
     learned = [taught] if any(map(is_taught, results)) else []
     walking = [walks] if walked else []
-    tables = [figures, missions, *walking, *lit, *real, *passed, *met, *learned, origins]
+    placed = [located, searched] if any(map(is_localisation, results)) else []
+    tables = [figures, missions, *walking, *lit, *real, *passed, *met, *learned, *placed, origins]
     return "\n".join(tables)
 
 
@@ -312,6 +350,57 @@ def _crossings_row(result: Result) -> Sequence[str]:
     )
 
 
+def _tracking_row(result: Result) -> Sequence[str]:
+    new, saved = result["new_map"], result["saved_map"]
+
+    def shown(which: Result, name: str, scale: float = 1.0, unit: str = "m") -> str:
+        middle, worst = (scale * which[kind][name] for kind in ("median", "worst"))
+        return f"{middle:.3g} ({worst:.3g}) {unit}".rstrip()
+
+    loops = {kind: int(sum(new["by_run"][f"loops_{kind}"])) for kind in ("right", "wrong")}
+    carried = result["carried_away"]["saved_map"]
+    ends = result["disturbed"].values()
+    return (
+        f"`{result['scenario']}`",
+        result["odometry"],
+        str(new["runs"]),
+        shown(new, "odometry_rms_m"),
+        shown(new, "rms_m"),
+        shown(saved, "rms_m", 100.0, "cm"),
+        shown(saved, "p95_m", 100.0, "cm"),
+        shown(saved, "yaw_p95_deg", unit="°"),
+        shown(saved, "nees", unit=""),
+        f"{loops['right']} right, {loops['wrong']} wrong",
+        f"{carried['noticed']} of {carried['carried']} noticed, {carried['in_time']} in time; "
+        f"{carried['false_alarms']} false alarms in {carried['not_carried']}",
+        f"{sum(end['wrong'] for end in ends)} wrong of {sum(end['runs'] for end in ends)}",
+        shown(saved, "p99_ms", unit="ms"),
+    )
+
+
+def _search_rows(result: Result) -> list[Sequence[str]]:
+    """Return a row for each map, in which the robot is switched on without a place or at the place
+    that odometry gives."""
+    found = [
+        ("no place", "the saved map", result["switched_on"]),
+        *(("no place", name, one) for name, one in result["wrong_map"].items()),
+        *(("by odometry", name, one) for name, one in result["started_in"].items()),
+    ]
+    return [
+        (
+            f"`{result['scenario']}`",
+            result["odometry"],
+            start,
+            name,
+            f"{one['right']} of {one['starts']}",
+            str(one["refused"]),
+            f"{one['wrong']} ({_share_interval(one['wrong'], one['starts'])})",
+            f"{one['misled']}, {one['misled_m']:.1f} m at most" if "misled" in one else "–",
+        )
+        for start, name, one in found
+    ]
+
+
 def _teaching_row(result: Result) -> Sequence[str]:
     taught = result["taught"]
     low, high = rate_interval(result["found"], len(taught))
@@ -349,9 +438,17 @@ def _count(result: Result, key: str) -> str:
     return f"{round(result[key] * result['episodes'])} of {result['episodes']}"
 
 
+def _world(result: Result) -> str:
+    return f"`{result['scenario']}`" + ", second day" * is_second_day(result)
+
+
 def _interval(result: Result, key: str) -> str:
     episodes = result["episodes"]
-    low, high = rate_interval(round(result[key] * episodes), episodes)
+    return _share_interval(round(result[key] * episodes), episodes)
+
+
+def _share_interval(number: int, trials: int) -> str:
+    low, high = rate_interval(number, trials)
     return f"{low:.0%} to {high:.0%}".replace("%", " %")
 
 

@@ -52,15 +52,20 @@ def generator(seed: int, source: Source) -> np.random.Generator:
 
 def randomise(scenario: Scenario, seed: int) -> Scenario:
     """Return the scenario as it is in the run of this seed."""
+    relief = scenario.relief and dataclasses.replace(scenario.relief, seed=seed)
+    found = dataclasses.replace(another_day(scenario, seed), relief=relief)
+    scenery = generator(seed, Source.SCENERY)
+    return scatter(furnish(found, scenery), scenery)
+
+
+def another_day(scenario: Scenario, seed: int) -> Scenario:
+    """Return the same world on another day: chairs and items stand a little elsewhere."""
     rng = generator(seed, Source.WORLD)
     furniture = tuple(
         _nudge(piece, rng) if piece.kind in MOVED_BY_HAND else piece for piece in scenario.furniture
     )
-    relief = scenario.relief and dataclasses.replace(scenario.relief, seed=seed)
     items = tuple(_nudge(item, rng) for item in scenario.items)
-    found = dataclasses.replace(scenario, furniture=furniture, items=items, relief=relief)
-    scenery = generator(seed, Source.SCENERY)
-    return scatter(furnish(found, scenery), scenery)
+    return dataclasses.replace(scenario, furniture=furniture, items=items)
 
 
 def _nudge(piece: Movable, rng: np.random.Generator) -> Movable:

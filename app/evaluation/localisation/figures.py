@@ -71,17 +71,18 @@ def relative_error_m(run: Run) -> float:
 
 
 def summarise(rows: Iterable[dict[str, float]]) -> dict[str, Any]:
-    """Return the median and the worst of each figure over the seeds."""
+    """Return each figure of every run, to four digits, with its median and its worst."""
     rows = list(rows)
     names = rows[0] if rows else {}
+    by_run = {name: [float(f"{row[name]:.4g}") for row in rows] for name in names}
     return {
         "runs": len(rows),
-        "median": {name: float(np.median([row[name] for row in rows])) for name in names},
+        "median": {name: float(np.median(values)) for name, values in by_run.items()},
         "worst": {
-            name: float((np.min if name == "located_share" else np.max)([r[name] for r in rows]))
-            for name in names
+            name: (min if name == "located_share" else max)(values)
+            for name, values in by_run.items()
         },
-        "rows": rows,
+        "by_run": by_run,
     }
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console as Terminal
 from rich.table import Table
 
+from app.episode.second_day import OTHER_DAY
 from app.evaluation.localisation.drives import kept_drive
 from app.evaluation.localisation.figures import figures, summarise
 from app.evaluation.localisation.relocalisation import (
@@ -23,6 +24,8 @@ from app.evaluation.localisation.relocalisation import (
 )
 from app.evaluation.localisation.replay import Replay, follow, keyframes_of
 from app.evaluation.localisation.trials import SavedMap, days, disturbed, half_turn, started_in
+from app.runtime.record.provenance import command_line, machine, version
+from app.runtime.start.segmentation import colour_perception
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.files import write_whole
@@ -32,8 +35,6 @@ from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
 
-OTHER_DAY = 1000
-"""Added to the seed of the second drive: chairs stand elsewhere, other people are about."""
 PLACES = 5
 """Places at which the robot is switched on or carried away, for each episode."""
 DAYS = 10
@@ -126,10 +127,14 @@ def evaluate_localisation(
     second = suite.recording(scenario, other_day=True)
     saved = suite.saved(first)
     summary = {
+        "command": command_line(),
         "scenario": scenario.name,
+        "segmenter": colour_perception().identity,
         "odometry": str(grade),
-        "seed": seed,
+        "versions": [version()],
+        "machines": [machine()],
         "episodes": episodes,
+        "seeds": list(range(seed, seed + episodes)),
         "distance_m": [round(run.drive.distance_m, 1) for run in (first, second)],
         "new_map": summarise(suite.tracked(first, None)),
         "saved_map": summarise(suite.tracked(second, saved)),
@@ -208,7 +213,7 @@ def _print(summary: dict[str, Any]) -> None:
 def lines(summary: dict[str, Any]) -> list[str]:
     """Return the figures beside the table, one a line."""
     return [
-        *(_consistency(name, summary[name]["rows"]) for name in ("new_map", "saved_map")),
+        *(_consistency(name, summary[name]["by_run"]) for name in ("new_map", "saved_map")),
         *(
             f"switched on, map {name}: {_answers(found)}, after {_metres(found['median_m'])}"
             for name, found in {
@@ -239,12 +244,13 @@ def lines(summary: dict[str, Any]) -> list[str]:
     ]
 
 
-def _consistency(name: str, rows: list[dict[str, float]]) -> str:
-    worse = sum(row["worse_than_odometry_m"] > WORSE_M for row in rows)
-    sure = sum(row["overconfident_s"] >= 3.0 for row in rows)
-    right, wrong = (int(sum(row[f"loops_{kind}"] for row in rows)) for kind in ("right", "wrong"))
+def _consistency(name: str, by_run: dict[str, list[float]]) -> str:
+    worse = sum(value > WORSE_M for value in by_run["worse_than_odometry_m"])
+    sure = sum(value >= 3.0 for value in by_run["overconfident_s"])
+    right, wrong = (int(sum(by_run[f"loops_{kind}"])) for kind in ("right", "wrong"))
+    runs = len(by_run["nees"])
     return (
-        f"{name.replace('_', ' ')}: {worse} of {len(rows)} runs worse than odometry by more than "
+        f"{name.replace('_', ' ')}: {worse} of {runs} runs worse than odometry by more than "
         f"{100 * WORSE_M:.0f} cm, {sure} with NEES above 30 for 3 s; loops {right} right, "
         f"{wrong} wrong"
     )

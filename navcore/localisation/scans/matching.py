@@ -63,8 +63,6 @@ class Match:
     """Number of points that fit a surface."""
     residual_m: float
     """Root mean square distance of the fitting points from their surfaces, metres."""
-    blocked_share: float
-    """Share of lines of sight that pass through a surface of the map, 0 to 1."""
 
     @property
     def share(self) -> float:
@@ -110,9 +108,6 @@ def match(
         grid, scan.points_base, scan.normals, scan.variance_m2, scan.origin, poses, prior, scale,
         rules, radius_m,
     )  # fmt: skip
-    blocked = blocked_share(
-        grid, pose, scan.points_base, scan.origin, _FREE_M, max(rules.min_hits, 2)
-    )
     return Match(
         pose=Pose2(x_m=pose[0], y_m=pose[1], yaw_rad=wrap_angle(pose[2])),
         information=information,
@@ -120,8 +115,17 @@ def match(
         near=counts[0],
         fitting=counts[1],
         residual_m=residual,
-        blocked_share=blocked,
     )
+
+
+def lines_blocked_share(
+    scan: Scan, scan_map: ScanMap, T_map_base: Pose2, *, config: MatchConfig = _DEFAULT
+) -> float:
+    """Return the share of a scan's lines of sight that pass through a surface of the map, 0 to
+    1."""
+    pose = (T_map_base.x_m, T_map_base.y_m, T_map_base.yaw_rad)
+    min_hits = max(config.min_hits, 2)
+    return blocked_share(scan_map.grid, pose, scan.points_base, scan.origin, _FREE_M, min_hits)
 
 
 def search(

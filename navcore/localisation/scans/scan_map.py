@@ -161,7 +161,7 @@ class ScanMap:
             i, j = np.array(self._origin) - low if self._directory.size else (0, 0)
             larger[i : i + rows, j : j + cols] = self._directory
             self._directory, self._origin = larger, (int(low[0]), int(low[1]))
-        new_tiles = len(np.unique(tiles, axis=0))
+        new_tiles = len(np.unique(tiles @ (self._directory.shape[1], 1)))
         while self._used[0] + new_tiles > len(self._heads):
             self._heads = np.concatenate([self._heads, np.full_like(self._heads, -1)])
         while self._used[1] + len(points) > len(self._sums):

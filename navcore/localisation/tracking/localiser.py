@@ -268,7 +268,7 @@ class Localiser:
             result = self._match(scan, scan_map, absolute=absolute)
             if absolute and 2 * result.near >= result.points:
                 self.saved_share = result.share_of_near
-            if absolute and is_elsewhere(result, self._config.tracking):
+            if absolute and is_elsewhere(result, scan, scan_map, self._config):
                 contradicted = True
                 break
             if result.near < least:

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from navcore.config.localisation.localisation import LocalisationConfig, TrackingConfig
+from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.arrays import Floats, Indices, Points
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
-from navcore.localisation.scans.matching import Match, match
+from navcore.localisation.scans.matching import Match, lines_blocked_share, match
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.odometry_model import OdometryStep
@@ -34,13 +34,14 @@ _DIRECTION_RAD = math.radians(3.0)
 """Width of a direction in radians."""
 
 
-def is_elsewhere(result: Match, rules: TrackingConfig) -> bool:
-    """Return whether little of a scan fits and lines of sight cross surfaces: a place that is new
-    shows the first alone."""
-    return (
-        result.share < rules.elsewhere_share
-        and result.blocked_share > rules.elsewhere_blocked_share
-    )
+def is_elsewhere(result: Match, scan: Scan, scan_map: ScanMap, config: LocalisationConfig) -> bool:
+    """Return whether little of a scan fits a map and lines of sight cross surfaces: a place that is
+    new shows the first alone."""
+    rules = config.tracking
+    if result.share >= rules.elsewhere_share:
+        return False
+    blocked = lines_blocked_share(scan, scan_map, result.pose, config=config.match)
+    return blocked > rules.elsewhere_blocked_share
 
 
 class RecentScans:

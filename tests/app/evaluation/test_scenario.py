@@ -163,6 +163,7 @@ def made_up(seed: int, **changes: Any) -> dict[str, Any]:
         "latency": "none",
         "people": "none",
         "camera": "424x240@10",
+        "map": "new",
         "seed": seed,
         "success": True,
         "goals": [[0.0, 0.0]],

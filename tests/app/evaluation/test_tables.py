@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import pytest
 
@@ -14,12 +15,14 @@ from app.evaluation.tables import (
     RESULTS,
     ROOT,
     Result,
+    file_name,
     full_table,
     is_crossings,
     is_doors,
-    is_paper,
+    is_localisation,
     is_random,
     is_recorded,
+    is_second_day,
     kept_results,
     short_table,
     with_table,
@@ -41,7 +44,8 @@ def test_a_page_shows_what_the_files_say(page: str) -> None:
 
 @every_result
 def test_a_result_is_of_the_network_that_ships_and_names_its_origin(result: Result) -> None:
-    if not (is_doors(result) or is_crossings(result)):  # there nothing is to be recognised
+    knows_place = is_localisation(result) or is_second_day(result)  # which is what is judged
+    if not (is_doors(result) or is_crossings(result) or knows_place):
         assert f"network sha256 {shipped_sha256()}," in result["segmenter"]
     if is_recorded(result):
         assert result["frames"] > 0
@@ -56,8 +60,7 @@ def test_a_result_is_of_the_network_that_ships_and_names_its_origin(result: Resu
 def test_kept_files_are_small_and_named_after_their_world() -> None:
     assert KEPT
     for name, result in KEPT.items():
-        assert name.removesuffix("-paper") == result["scenario"]
-        assert is_paper(result) == name.endswith("-paper")
+        assert name == file_name(result)
         assert (RESULTS / f"{name}.json").stat().st_size < 20_000
 
 
@@ -165,6 +168,51 @@ def test_teaching_has_a_table_of_its_own_with_the_things_and_what_was_lost() -> 
     assert row in shown
     assert short_table([result]).count("\n") == 2
     assert full_table([{**result, "found": 2}]) != shown
+
+
+def located(wrong: int) -> dict[str, Any]:
+    """Return a result of the suite of localisation."""
+    figures = {"odometry_rms_m": 0.25, "rms_m": 0.015, "p95_m": 0.03, "yaw_p95_deg": 0.1}
+    figures |= {"nees": 0.7, "p99_ms": 3.9}
+    loops = {"loops_right": [1.0, 2.0], "loops_wrong": [0.0, 0.0]}
+    run = {"runs": 2, "median": figures, "worst": figures, "by_run": loops}
+    search = {"starts": 10, "right": 8, "refused": 2 - wrong, "wrong": wrong}
+    carried = {"carried": 9, "noticed": 8, "in_time": 7, "false_alarms": 0, "not_carried": 3}
+    return {
+        "scenario": "office",
+        "odometry": "typical",
+        "segmenter": "colour rules",
+        "command": "bewarenav evaluate localisation",
+        "versions": ["1"],
+        "machines": ["one"],
+        "new_map": run,
+        "saved_map": run,
+        "switched_on": search,
+        "wrong_map": {},
+        "started_in": {"mirrored": {**search, "misled": 1, "misled_m": 0.9}},
+        "carried_away": {"saved_map": carried},
+        "disturbed": {"jump": {"wrong": 0, "runs": 2}},
+    }
+
+
+def test_localisation_has_tables_of_tracking_and_of_searches() -> None:
+    result = located(wrong=0)
+    shown, row = full_table([result]), "| `office` | typical | by odometry | mirrored | 8 of 10 | "
+    assert "| 1.5 (1.5) cm | 3 (3) cm |" in shown and "| 3 right, 0 wrong |" in shown
+    assert f"{row}2 | 0 (0 % to 28 %) | 1, 0.9 m at most |" in shown
+    assert f"{row}1 | 1 (2 % to 40 %) |" in full_table([located(wrong=1)])
+    assert file_name(result) == "office-localisation-typical"
+    assert short_table([result]).count("\n") == 2
+
+
+def test_the_second_day_has_rows_of_its_own() -> None:
+    first = next(filter(is_random, KEPT.values()))
+    second = {**first, "map": "kept"}
+    world = f"`{first['scenario']}`"
+    assert file_name(second) == f"{first['scenario']}-second-day"
+    for table_of in (short_table, full_table):
+        assert f"| {world}, second day |" in table_of([second])
+        assert f"| {world} |" in table_of([first])
 
 
 def test_a_table_stands_between_its_two_lines() -> None:

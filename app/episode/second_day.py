@@ -1,0 +1,134 @@
+"""Episodes in a kept map: on the first day the robot maps the world by a drive of its own, and on
+the second day it is switched on where it stood in the evening, with the map of the day before.
+
+The world is the same on both days, but chairs and items stand a little elsewhere, people are
+elsewhere, and odometry has other errors and begins at zero. The robot finds its place as in the
+console: by its scans, where it stood last. Goals and zones of the second day are what an operator
+draws into the kept map, beside what it shows, wherever its drift has put that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.episode.episode import Episode, EpisodeSettings
+from app.episode.latency import NO_LATENCY
+from app.runtime.record.map_persistence import load_map, save_map
+from navcore.geometry.transform import IDENTITY, Pose2
+from navcore.mission.anchors import Item, anchored
+from navcore.mission.mission import Mission
+from navcore.navigator import TickResult
+from sim.scenario.schema import Scenario
+from sim.scenario.variation import another_day
+
+OTHER_DAY = 1000
+"""Added to a seed for another day: chairs stand elsewhere, other people are about."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FirstDay:
+    """What is left of the first day besides the file of the map."""
+
+    true_poses: tuple[Pose2, ...]
+    """True T_map_base at which each pose of the map was first seen, by pose ID."""
+    map_poses: tuple[Pose2, ...]
+    """The same poses in the map, after all corrections."""
+    last: Pose2 | None
+    """T_map_base at which the robot was last known to be; None if it never was."""
+    report: dict[str, Any]
+    """How the drive went, for the report of the second day."""
+
+    def placed(self, item: Item) -> Item:
+        """Return a zone or goal of the true world where an operator draws it in the map: at the
+        same place relative to the poses beside it. Far from all of them it stays."""
+        held = anchored(item, self.true_poses, frozen=0)
+        return item if held is None else held.at(self.map_poses)
+
+
+def second_day(world: Scenario, settings: EpisodeSettings, *, seed: int) -> Episode:
+    """Drive the first day and return the episode of the second, in the map that was kept.
+
+    `world` is what the seed has made of it, with the start of the robot.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        kept = Path(folder) / "map.npz"
+        first = drive_first_day(world, settings, seed=seed, kept=kept)
+        episode = Episode(world, dataclasses.replace(settings, odometry_origin=IDENTITY), seed=seed)
+        try:
+            navigator, controller = episode.controller.navigator, episode.controller
+            load_map(navigator.map, settings.beware, prior=None, kept=kept)
+            navigator.adopt_map(first.last)
+            controller.change(
+                lambda intent: dataclasses.replace(
+                    intent,
+                    mission=dataclasses.replace(
+                        intent.mission, queue=tuple(map(first.placed, intent.mission.queue))
+                    ),
+                    zones=tuple(map(first.placed, intent.zones)),
+                )
+            )
+            episode.first_day = first.report
+        except BaseException:
+            episode.close()
+            raise
+    return episode
+
+
+def drive_first_day(
+    world: Scenario, settings: EpisodeSettings, *, seed: int, kept: Path
+) -> FirstDay:
+    """Map a world by a drive to its goals and back to the start, without zones and with the time
+    that both ways may take; write the map to the file `kept`.
+
+    A drive that ends early leaves the map that it has made.
+    """
+    goals, home = settings.goals or world.goals, world.start_pose
+    episode = Episode(
+        another_day(world, seed + OTHER_DAY),
+        dataclasses.replace(
+            settings,
+            goals=(*goals, (home.x_m, home.y_m)),
+            zones=(),
+            latency=NO_LATENCY,  # so that a tick is of the moment whose true pose is noted
+            max_time_s=2 * settings.max_time_s,
+        ),
+        seed=seed + OTHER_DAY,
+    )
+    navigator, true_poses = episode.controller.navigator, list[Pose2]()
+    last: Pose2 | None = None
+
+    def note(_: float, result: TickResult) -> None:
+        nonlocal last
+        last = result.place.T_map_base if result.place.is_known else last
+        new = len(navigator.map.pose_ids) - len(true_poses)
+        true_poses.extend([episode.simulator.true_pose()] * new)
+
+    def homewards(mission: Mission) -> Mission:
+        goal = dataclasses.replace(mission.queue[-1], yaw_rad=home.yaw_rad)
+        return mission.change(goal, navigator.map.spec)
+
+    episode.on_decision = note
+    try:
+        episode.controller.change_mission(homewards)
+        driven = episode.run()
+        save_map(navigator.map, settings.beware, kept)
+        map_poses = navigator.map.poses
+    finally:
+        episode.close()
+    away_m = [
+        true.distance_to(pose.x_m, pose.y_m)
+        for true, pose in zip(true_poses, map_poses, strict=True)
+    ]
+    report = {
+        "ended": driven["ended"],
+        "goals_reached": driven["goals_reached"],
+        "goals": len(goals) + 1,
+        "distance_m": driven["distance_m"],
+        "sim_time_s": driven["sim_time_s"],
+        "map_error_m": round(max(away_m, default=0.0), 3),
+    }
+    return FirstDay(true_poses=tuple(true_poses), map_poses=map_poses, last=last, report=report)
