@@ -46,7 +46,7 @@ from navcore.perception.labels import Labels, Segmenter, only_coloured
 from navcore.perception.people.track import Track
 from navcore.perception.people.tracker import PeopleTracker
 from navcore.planning.global_planner import GlobalPlanner, Replan
-from navcore.planning.path import Path
+from navcore.planning.path import NoPath, Path
 from navcore.planning.route import NO_POINTS, Route
 from navcore.robot.frame import Frame, check_frame
 from navcore.robot.profile import RobotProfile
@@ -207,7 +207,9 @@ class Navigator:
         self.place = place = stages.localise(self.localisation, frame, labels, people, ground_m)
         frame = frame.placed(place.T_map_odom)
         people = tuple(person.placed(place.T_map_odom) for person in people)
-        self.behaviour = self.behaviour.towards(request)
+        before, self.behaviour = self.behaviour, self.behaviour.towards(request)
+        if self.behaviour is not before:
+            self.zone_margins.restore_clearance()
         keep_outs = self.behaviour.keep_outs
         grown = self.zone_margins.follow(request.zones, place)
         covering = self.zone_margins.covering_robot(request.zones, place) if request.goal else ()
@@ -230,6 +232,8 @@ class Navigator:
             route = stages.plan(
                 self._planner, costmap, frame.pose, request, keep_outs, stages.replan
             )
+        if self.zone_margins.keeps_clearance and route and isinstance(route.outcome, NoPath):
+            self.zone_margins.give_up_clearance()
         task = self._control_task(costmap, frame, route, people, request, covering)
         motion = stages.control(self._controller, task)
         self.behaviour, motion = stages.supervise(
