@@ -163,8 +163,7 @@ class Navigator:
         self.zone_margins = self._zone_margins()
         """Growth of the zones with the uncertainty of the pose."""
         self._cell_margins = CellMargins(
-            keep_out=DEFAULT_SAFETY.keep_out,
-            odometry=config.localisation.odometry,
+            keep_out=DEFAULT_SAFETY.keep_out, odometry=config.localisation.odometry
         )
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
         self._costmap = LiveCostmap(
@@ -330,6 +329,7 @@ class Navigator:
         where the scans contradict odometry's pose. `kept`: the estimate in this map when another
         one was loaded, if the robot has hardly moved since."""
         self._costmap.restart()
+        self._cell_margins.forget()
         self._planner = GlobalPlanner(
             self._costmap.space, self.map.explored, self._profile, self._config
         )
@@ -346,6 +346,7 @@ class Navigator:
     def reset_pose(self) -> None:
         """Expect the robot anywhere: it was moved by other means than its wheels."""
         self._mapper.reset_pose()
+        self._cell_margins.forget()
         self._controller.reset()
         self.behaviour = self.behaviour.after_reset()
 
