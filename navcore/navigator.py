@@ -46,7 +46,7 @@ from navcore.perception.labels import Labels, Segmenter, only_coloured
 from navcore.perception.people.track import Track
 from navcore.perception.people.tracker import PeopleTracker
 from navcore.planning.global_planner import GlobalPlanner, Replan
-from navcore.planning.path import Path
+from navcore.planning.path import NoPath, Path
 from navcore.planning.route import NO_POINTS, Route
 from navcore.robot.frame import Frame, check_frame
 from navcore.robot.profile import RobotProfile
@@ -163,8 +163,7 @@ class Navigator:
         self.zone_margins = self._zone_margins()
         """Growth of the zones with the uncertainty of the pose."""
         self._cell_margins = CellMargins(
-            keep_out=DEFAULT_SAFETY.keep_out,
-            odometry=config.localisation.odometry,
+            keep_out=DEFAULT_SAFETY.keep_out, odometry=config.localisation.odometry
         )
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
         self._costmap = LiveCostmap(
@@ -207,7 +206,9 @@ class Navigator:
         self.place = place = stages.localise(self.localisation, frame, labels, people, ground_m)
         frame = frame.placed(place.T_map_odom)
         people = tuple(person.placed(place.T_map_odom) for person in people)
-        self.behaviour = self.behaviour.towards(request)
+        before, self.behaviour = self.behaviour, self.behaviour.towards(request)
+        if self.behaviour is not before:
+            self.zone_margins.restore_clearance()
         keep_outs = self.behaviour.keep_outs
         grown = self.zone_margins.follow(request.zones, place)
         covering = self.zone_margins.covering_robot(request.zones, place) if request.goal else ()
@@ -230,6 +231,8 @@ class Navigator:
             route = stages.plan(
                 self._planner, costmap, frame.pose, request, keep_outs, stages.replan
             )
+        if self.zone_margins.keeps_clearance and route and isinstance(route.outcome, NoPath):
+            self.zone_margins.give_up_clearance()
         task = self._control_task(costmap, frame, route, people, request, covering)
         motion = stages.control(self._controller, task)
         self.behaviour, motion = stages.supervise(
@@ -326,6 +329,7 @@ class Navigator:
         where the scans contradict odometry's pose. `kept`: the estimate in this map when another
         one was loaded, if the robot has hardly moved since."""
         self._costmap.restart()
+        self._cell_margins.forget()
         self._planner = GlobalPlanner(
             self._costmap.space, self.map.explored, self._profile, self._config
         )
@@ -342,6 +346,7 @@ class Navigator:
     def reset_pose(self) -> None:
         """Expect the robot anywhere: it was moved by other means than its wheels."""
         self._mapper.reset_pose()
+        self._cell_margins.forget()
         self._controller.reset()
         self.behaviour = self.behaviour.after_reset()
 

@@ -76,9 +76,14 @@ class CellMargins:
 
     def __init__(self, *, keep_out: KeepOutMonitorConfig, odometry: OdometryConfig) -> None:
         self._keep_out, self._odometry = keep_out, odometry
-        self._seen = _Seen.never(np.empty((0, 2)))
         self._travel = np.zeros(3)
+        self.forget()
         self._last: tuple[Pose2, int] | None = None
+
+    def forget(self) -> None:
+        """Forget what was in view: the map is another one, or the robot was moved by other means
+        than its wheels."""
+        self._seen = _Seen.never(np.empty((0, 2)))
 
     def follow(self, cells: Points, frame: Frame, place: LocalisationEstimate) -> GrownCells:
         """Return those of (N, 2) centres of beware cells, map frame, that are near the robot, and

@@ -4,11 +4,13 @@ A zone belongs to the place beside which it was drawn. What counts is how uncert
 position has become since it was there, not how uncertain it is in the map: a zone drawn beside the
 robot is exact however far it has come by dead reckoning.
 
-The growth is that of the safety gate or more: where the planner leads, the gate lets pass.
+With the margin that the planner keeps besides, the growth is more than that of the safety gate:
+where the planner leads, the gate lets pass.
 
 Where the position is so uncertain that the safety gate slows the robot down beside the zone, the
 zone has a clearance besides, so that the path leads round at a distance. The clearance gives way to
-a robot that is nearer already, which can then drive away.
+a robot that is nearer already, which can then drive away, and it is given up where no path keeps
+it: the robot passes slowly.
 
 The growth itself may come over a robot beside the zone, which then drives out of it before it goes
 on to its goal (`navcore.control.growth_exit`).
@@ -29,6 +31,7 @@ from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import (
     GrownZone,
+    beyond_margin,
     covering,
     distance_m,
     grow,
@@ -48,7 +51,7 @@ class _Margin:
     anchor: Matrix
     """(2, 2) covariance of the robot's position when it was beside the zone."""
     grown: Zone
-    """The zone, grown by the covariance."""
+    """The zone, grown by what the covariance asks for beyond the safety margin."""
     covariance: Matrix = field(default_factory=lambda: _ZERO)
     """(2, 2) covariance by which the zone is grown at present."""
     clearance_m: float = 0.0
@@ -76,10 +79,12 @@ class ZoneMargins:
         belong to its own frame."""
         self._config, self._gate, self._frozen = config, gate, frozen
         self._footprint = profile.footprint()
+        self._safety_margin_m = safety_margin_m
         self._inflation_m = profile.width_m / 2 + safety_margin_m
         self._margins: dict[tuple[str, int], _Margin] = {}
         self._trail: list[tuple[float, float]] = []
         self._covariances: list[Matrix] = []
+        self._gives_up = False
 
     def follow(self, zones: tuple[Zone, ...], place: LocalisationEstimate) -> tuple[Zone, ...]:
         """Return the zones, grown by the present uncertainty; the same objects as long as their
@@ -88,6 +93,19 @@ class ZoneMargins:
         keys = {(zone.id, zone.version) for zone in zones}
         self._margins = {key: one for key, one in self._margins.items() if key in keys}
         return tuple(self._grown(zone, place) for zone in zones)
+
+    @property
+    def keeps_clearance(self) -> bool:
+        """Whether any zone has a clearance."""
+        return any(margin.clearance_m > 0 for margin in self._margins.values())
+
+    def give_up_clearance(self) -> None:
+        """Keep no clearance from now on: no path does."""
+        self._gives_up = True
+
+    def restore_clearance(self) -> None:
+        """Keep clearances again, as for another goal."""
+        self._gives_up = False
 
     def covering_robot(
         self, zones: tuple[Zone, ...], place: LocalisationEstimate
@@ -142,15 +160,20 @@ class ZoneMargins:
         if not suffices or kept_m > 2 * (growth_m + config.step_m):
             slack = (1 + config.slack) * needed + config.step_m**2 * np.eye(2)
             margin.covariance, margin.cleared = slack, None
-            margin.grown = grow(zone, spread_of(slack, self._gate.sigmas))
-        clearance_m = self._clearance_m(margin, growth_m, place.T_map_base) if zone.closed else 0.0
+            margin.grown = grow(zone, self._planned(slack))
+        keeps = zone.closed and not self._gives_up
+        clearance_m = self._clearance_m(margin, growth_m, place.T_map_base) if keeps else 0.0
         if not clearance_m:
             margin.clearance_m = 0.0
             return margin.grown
         if margin.cleared is None or margin.clearance_m != clearance_m:
-            spread = spread_of(margin.covariance, self._gate.sigmas) + clearance_m * np.eye(2)
+            spread = self._planned(margin.covariance) + clearance_m * np.eye(2)
             margin.clearance_m, margin.cleared = clearance_m, grow(zone, spread)
         return margin.cleared
+
+    def _planned(self, covariance: Matrix) -> Matrix:
+        """Return the ellipse by which the planner's zones are grown, whose margin it keeps too."""
+        return beyond_margin(spread_of(covariance, self._gate.sigmas), self._safety_margin_m)
 
     def _clearance_m(self, margin: _Margin, growth_m: float, pose: Pose2) -> float:
         """Return the clearance of a zone in metres: the whole, or what a robot that is nearer

@@ -45,6 +45,18 @@ def largest_axis_m(spread: Matrix) -> float:
     return float(np.linalg.eigvalsh(spread)[-1])
 
 
+def beyond_margin(spread: Matrix, margin_m: float) -> Matrix:
+    """Return the part of the ellipse of `spread_of` that has to be added where a margin in metres
+    is kept besides.
+
+    The margin is for errors of map and control, which do not depend on those of the position, so
+    both add up by their squares: with half axes of √(s² + a²) − s, the margin s and this part keep
+    at least √(s² + a²) in a direction in which the ellipse asks for a.
+    """
+    half_axes, axes = np.linalg.eigh(spread)
+    return np.asarray((axes * (np.hypot(half_axes, margin_m) - margin_m)) @ axes.T)
+
+
 def grown_polygon(
     corners: tuple[tuple[float, float], ...], spread: Matrix
 ) -> tuple[tuple[float, float], ...]:

@@ -20,6 +20,7 @@ from navcore.navigator import Stages
 from navcore.robot.profile import HUSKY
 from tests.reliability.fault_runs import CAMERA, OPEN_FLOOR
 
+Corners = tuple[tuple[float, float], ...]
 WORLD = dataclasses.replace(OPEN_FLOOR, start=(-8.0, 0.0, 0.0), goals=((2.5, -0.5),))
 BESIDE = ((-1.0, 0.2), (1.0, 0.2), (1.0, 5.0), (-1.0, 5.0))
 """A zone that the shortest path passes closely."""
@@ -38,7 +39,8 @@ def driven(
     until_s: float = 25.0,
     over_m: float = GROWS_OVER_M,
     sigma_m: float = SIGMA_M,
-    zone: tuple[tuple[float, float], ...] = BESIDE,
+    zone: Corners = BESIDE,
+    others: tuple[Corners, ...] = (),
 ) -> tuple[dict[str, Any], float]:
     """The report of a drive past a zone, on which the position becomes uncertain from a place on,
     over a distance, and the least distance of the robot's middle from the zone."""
@@ -57,7 +59,7 @@ def driven(
             beware=default_beware_list(),
             max_time_s=until_s,
             camera=CAMERA,
-            zones=(zone,),
+            zones=(zone, *others),
             stages=Stages(localise=localise),
         ),
         seed=0,
@@ -100,12 +102,40 @@ AHEAD = ((-4.0, -1.0), (-2.5, -1.0), (-2.5, 3.0), (-4.0, 3.0))
 
 
 def test_a_robot_that_the_growth_of_a_zone_comes_over_drives_out_and_on_to_the_goal() -> None:
-    report, _ = driven(from_m=-6.2, over_m=0.05, sigma_m=0.6, zone=AHEAD, until_s=60.0)
+    report, _ = driven(from_m=-6.0, over_m=0.05, sigma_m=0.6, zone=AHEAD, until_s=60.0)
     assert report["goals_reached"] == 1
     assert report["zone_intrusions"] == 0
 
 
 def test_without_driving_out_it_stands_there_for_good(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(zone_margins.ZoneMargins, "covering_robot", lambda *_: ())
-    report, _ = driven(from_m=-6.2, over_m=0.05, sigma_m=0.6, zone=AHEAD, until_s=12.0)
+    report, _ = driven(from_m=-6.0, over_m=0.05, sigma_m=0.6, zone=AHEAD, until_s=12.0)
     assert report["stops"][-1]["duration_s"] > 6.0
+
+
+def bar(left_m: float, bottom_m: float, right_m: float, top_m: float) -> Corners:
+    return ((left_m, bottom_m), (right_m, bottom_m), (right_m, top_m), (left_m, top_m))
+
+
+LEFT = bar(-1.0, 1.0, 1.0, 4.0)
+OTHERS = (
+    bar(-1.0, -4.0, 1.0, -1.0),
+    bar(-12.0, 4.0, 6.5, 5.0),
+    bar(-12.0, -5.0, 6.5, -4.0),
+    bar(-12.0, -4.0, -11.0, 4.0),
+    bar(5.5, -4.0, 6.5, 4.0),
+)
+"""With `LEFT`, zones around two halves of the floor with a passage of 2 m between them, where no
+path keeps the clearance."""
+
+
+def test_where_no_path_keeps_the_clearance_the_robot_passes_slowly() -> None:
+    report, nearest_m = driven(from_m=-12.0, zone=LEFT, others=OTHERS, until_s=50.0)
+    assert report["goals_reached"] == 1
+    assert nearest_m > DEFAULT_SAFETY.keep_out.sigmas * SIGMA_M + HUSKY.width_m / 2
+
+
+def test_with_the_clearance_it_finds_no_path_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(zone_margins.ZoneMargins, "give_up_clearance", lambda _: None)
+    report, _ = driven(from_m=-12.0, zone=LEFT, others=OTHERS, until_s=12.0)
+    assert report["stops"][-1]["reason"] == "no_path"

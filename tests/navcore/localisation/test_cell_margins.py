@@ -94,3 +94,10 @@ def test_a_cell_behind_something_is_not_in_view(margins: CellMargins) -> None:
     assert margins.follow(AHEAD, picture(wall), place(0.3)).growth_m == pytest.approx([0.6])
     foot = Box(x=(1.8, 2.2), y=(-0.2, 0.2), z=(0.0, 1.5))  # control: it stands on the cell
     assert margins.follow(AHEAD, picture(foot), place(0.3)).growth_m == pytest.approx([0.0])
+
+
+def test_a_robot_that_was_moved_by_other_means_has_seen_nothing(margins: CellMargins) -> None:
+    margins.follow(AHEAD, turned(0.0), place(0.3))
+    assert margins.follow(AHEAD, turned(3.0), place(0.3)).growth_m == pytest.approx([0.0])
+    margins.forget()
+    assert margins.follow(AHEAD, turned(3.0), place(0.3)).growth_m == pytest.approx([0.6])

@@ -25,12 +25,16 @@ from navcore.mission.zone_growth import (
     spread_of,
 )
 from navcore.robot.profile import HUSKY
+from sim.truth.random_missions import EXTRA_CLEARANCE_M
 
 ZONE = Zone(id="z", name="z", polygon=((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)))
 
 
+MARGIN_M = 0.15
+
+
 def margins_of(*, frozen: bool = False) -> ZoneMargins:
-    return ZoneMargins(HUSKY, safety_margin_m=0.15, frozen=frozen)
+    return ZoneMargins(HUSKY, safety_margin_m=MARGIN_M, frozen=frozen)
 
 
 def place(x_m: float, sigma_m: float) -> LocalisationEstimate:
@@ -40,46 +44,62 @@ def place(x_m: float, sigma_m: float) -> LocalisationEstimate:
     )
 
 
-def test_a_zone_contains_what_the_present_uncertainty_needs_at_every_step() -> None:
+def test_zone_and_margin_contain_what_uncertainty_and_margin_need_at_every_step() -> None:
     margins, needed_before, changes = margins_of(), None, 0
     for step in range(400):
         sigma_m = 0.2 * step / 400
         (grown,) = margins.follow((ZONE,), place(0.1 * step, sigma_m))
-        needed = grown_polygon(
-            ZONE.polygon,
-            spread_of(place(0.0, sigma_m).covariance, GATE.sigmas),
-        )
+        asked_m = GATE.sigmas * sigma_m * np.array([1.0, 2.0])
+        needed = grown_polygon(ZONE.polygon, np.diag(np.hypot(asked_m, MARGIN_M)))
         if 2 * GATE.sigmas * sigma_m > ZoneMarginConfig().negligible_m:
             # The circumscribed arcs are polygons themselves: they differ by a millimetre.
-            assert Polygon(grown.polygon).buffer(0.006).contains(Polygon(needed))
+            kept = Polygon(grown.polygon).buffer(MARGIN_M + 0.006)
+            assert kept.contains(Polygon(needed))
         changes += grown is not needed_before
         needed_before = grown
     assert 2 <= changes <= 40  # every change costs a costmap
 
 
 def beyond_the_planners_zone_m() -> float:
-    """How far at most the gate's area reaches beyond the zone that the planner keeps out of, while
-    the uncertainty grows, in metres."""
-    margins, beyond_m = margins_of(frozen=True), 0.0
+    """How far at most the gate's area reaches beyond the zone that the planner keeps out of, with
+    its margin, while the uncertainty grows, in metres."""
+    margins, beyond_m = margins_of(frozen=True), -MARGIN_M
     for step in range(300):
         here = place(0.1 * step, 0.02 + 0.1 * step / 300)
         (planned,) = margins.follow((ZONE,), here)
         gates = grow(ZONE, spread_of(covering(here.covariance[:2, :2]), GATE.sigmas))
         away = shapely.distance(polygon_of(planned.polygon), shapely.points(gates.polygon))
-        beyond_m = max(beyond_m, float(away.max()))
+        beyond_m = max(beyond_m, float(away.max()) - MARGIN_M)
     return beyond_m
 
 
 def test_the_planner_keeps_out_of_all_that_the_gate_forbids() -> None:
-    assert beyond_the_planners_zone_m() < 0.001
+    assert beyond_the_planners_zone_m() < -0.02
 
 
-def test_by_the_bare_uncertainty_the_planner_would_lead_where_the_gate_stops(
+def test_by_the_margin_alone_the_planner_would_lead_where_the_gate_stops(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(zone_margins, "covering", lambda covariance: covariance)
+    monkeypatch.setattr(zone_margins, "beyond_margin", lambda spread, _: 0 * spread)
+    assert beyond_the_planners_zone_m() > 0.02
 
-    assert beyond_the_planners_zone_m() > 0.002
+
+def passage_m(sigma_m: float) -> float:
+    """Width in metres of the narrowest passage between the zone and a wall to its left that the
+    planner leads through."""
+    here = place(-10.0, sigma_m)
+    round_ = dataclasses.replace(here, covariance=sigma_m**2 * np.eye(3))
+    (planned,) = margins_of(frozen=True).follow((ZONE,), round_)
+    return HUSKY.width_m + 2 * MARGIN_M + 11.0 - gap_m(planned, -10.0)
+
+
+def test_a_robot_uncertain_by_a_decimetre_passes_a_zone_that_leaves_what_missions_leave(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    left_m = HUSKY.width_m + 2 * (MARGIN_M + EXTRA_CLEARANCE_M)
+    assert passage_m(0.1) < left_m - 0.05
+    monkeypatch.setattr(zone_margins, "beyond_margin", lambda spread, _: spread)  # control
+    assert passage_m(0.1) > left_m
 
 
 def test_a_zone_drawn_beside_the_robot_is_exact_however_far_it_has_come() -> None:
@@ -166,3 +186,17 @@ def test_the_zone_whose_growth_the_robot_is_in_is_named_until_it_is_out() -> Non
     assert covering(0.2, 0.3) == [ZONE.id]
     assert covering(-0.5, 0.3) == []
     assert covering(0.8, 0.3) == []  # the body is in the zone itself: to leave it takes an order
+
+
+def test_the_clearance_is_given_up_where_it_closes_the_way() -> None:
+    margins = margins_of(frozen=True)
+    (clear,) = margins.follow((ZONE,), place(-10.0, 0.1))
+    assert margins.keeps_clearance
+    margins.give_up_clearance()
+    (bare,) = margins.follow((ZONE,), place(-10.0, 0.1))
+    assert not margins.keeps_clearance
+    assert gap_m(bare, -10.0) == pytest.approx(
+        gap_m(clear, -10.0) + GATE.uncertain_clearance_m, abs=0.03
+    )
+    margins.restore_clearance()
+    assert margins.follow((ZONE,), place(-10.0, 0.1)) == (clear,)
