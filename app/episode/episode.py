@@ -189,6 +189,8 @@ class Episode:
         """Called with the simulated time in seconds and each command as it is sent."""
         self.on_decision: Callable[[float, TickResult], None] = lambda t_s, decision: None
         """Called with the simulated time in seconds and the result of each tick."""
+        self.before_start: Callable[[], None] = lambda: None
+        """Called when the robot has looked around, before its mission starts."""
         self.goal_errors_m: dict[int, float] = {}
         """True distance to each goal when it was reported reached, metres, by goal id."""
         self.odometry_errors_m: dict[int, float] = {}
@@ -216,7 +218,8 @@ class Episode:
         """
         warm_up(self._segmenter)
         started = time.perf_counter()
-        self._observe(look_first_s)
+        self.observe(look_first_s)
+        self.before_start()
         self.controller.change_mission(Mission.start)
         next_command_s, next_sample_s, cut_short = 0.0, 0.0, False
         while (
@@ -303,7 +306,7 @@ class Episode:
         """Simulated time, seconds."""
         return self.simulator.now_ns() / 1e9
 
-    def _observe(self, seconds: float) -> None:
+    def observe(self, seconds: float) -> None:
         """Stand and observe for some seconds, at least until the first frame; here ticks take no
         time."""
         while (newest := self.simulator.newest_frame()) is None or self.now_s < seconds:

@@ -3,30 +3,45 @@ the second day it is switched on where it stood in the evening, with the map of 
 
 The world is the same on both days, but chairs and items stand a little elsewhere, people are
 elsewhere, and odometry has other errors and begins at zero. The robot finds its place as in the
-console: by its scans, where it stood last. Goals and zones of the second day are what an operator
-draws into the kept map, beside what it shows, wherever its drift has put that.
+console: by its scans, where it stood last; where these do not tell, an operator shows its place.
+Goals and zones of the second day are what an operator draws into the kept map, beside what it
+shows, wherever its drift has put that.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.latency import NO_LATENCY
+from app.runtime.control.robot_controller import COMMAND_PERIOD_S
 from app.runtime.record.map_persistence import load_map, save_map
-from navcore.geometry.transform import IDENTITY, Pose2
+from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.mission.anchors import Item, anchored
-from navcore.mission.mission import Mission
+from navcore.mission.mission import Goal, Mission
 from navcore.navigator import TickResult
 from sim.scenario.schema import Scenario
 from sim.scenario.variation import another_day
+from sim.truth.random_missions import SALT
 
 OTHER_DAY = 1000
 """Added to a seed for another day: chairs stand elsewhere, other people are about."""
+FIRST_LOOK_S = 0.5
+"""Time in seconds for which the robot stands before its place is asked for."""
+PATIENCE_S = 8.0
+"""Longest time for which the robot looks for its place before the operator shows it, seconds."""
+ELSEWHERE_M = 1.0
+"""Distance in metres from which an operator sees that the robot is not where the map shows it."""
+SHOWN = np.array([0.25, 0.25, math.radians(5.0)])
+"""Standard deviations of a place that the operator shows: metres along x and y, and radians."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,25 +72,55 @@ def second_day(world: Scenario, settings: EpisodeSettings, *, seed: int) -> Epis
     with tempfile.TemporaryDirectory() as folder:
         kept = Path(folder) / "map.npz"
         first = drive_first_day(world, settings, seed=seed, kept=kept)
-        episode = Episode(world, dataclasses.replace(settings, odometry_origin=IDENTITY), seed=seed)
-        try:
-            navigator, controller = episode.controller.navigator, episode.controller
-            load_map(navigator.map, settings.beware, prior=None, kept=kept)
-            navigator.adopt_map(first.last)
-            controller.change(
-                lambda intent: dataclasses.replace(
-                    intent,
-                    mission=dataclasses.replace(
-                        intent.mission, queue=tuple(map(first.placed, intent.mission.queue))
-                    ),
-                    zones=tuple(map(first.placed, intent.zones)),
-                )
-            )
-            episode.first_day = first.report
-        except BaseException:
-            episode.close()
-            raise
+        return switched_on(world, settings, seed=seed, kept=kept, first=first)
+
+
+def switched_on(
+    world: Scenario, settings: EpisodeSettings, *, seed: int, kept: Path, first: FirstDay
+) -> Episode:
+    """Return the episode of the second day in the map of a file."""
+    episode = Episode(world, dataclasses.replace(settings, odometry_origin=IDENTITY), seed=seed)
+    try:
+        navigator = episode.controller.navigator
+        load_map(navigator.map, settings.beware, prior=None, kept=kept)
+    except BaseException:
+        episode.close()
+        raise
+    navigator.adopt_map(first.last)
+    episode.controller.change(
+        lambda intent: dataclasses.replace(
+            intent,
+            mission=dataclasses.replace(
+                intent.mission, queue=tuple(map(first.placed, intent.mission.queue))
+            ),
+            zones=tuple(map(first.placed, intent.zones)),
+        )
+    )
+    episode.first_day = dict(first.report)
+    episode.before_start = partial(_look_for_place, episode, episode.first_day, first)
     return episode
+
+
+def _look_for_place(episode: Episode, report: dict[str, Any], first: FirstDay) -> None:
+    """Stand until the robot takes itself to be somewhere; an operator shows the place of one that
+    does not, or that is elsewhere, as well as a click and a drag do."""
+    x_m, y_m, yaw_rad = episode.scenario.start
+    shown = first.placed(Goal(id=0, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
+    episode.observe(FIRST_LOOK_S)
+    while not episode.controller.place.is_known and episode.now_s < PATIENCE_S:
+        episode.observe(episode.now_s + COMMAND_PERIOD_S)
+    place = episode.controller.place
+    is_elsewhere = place.T_map_base.distance_to(shown.x_m, shown.y_m) > ELSEWHERE_M
+    told = is_elsewhere or not place.is_known
+    report["place_shown"] = told
+    if told:
+        dx, dy, turn = SHOWN * np.random.default_rng((episode.seed, SALT, 2)).standard_normal(3)
+        pose = Pose2(
+            x_m=shown.x_m + float(dx),
+            y_m=shown.y_m + float(dy),
+            yaw_rad=wrap_angle(yaw_rad + float(turn)),
+        )
+        episode.controller.place_robot(pose, np.diag(SHOWN**2))
 
 
 def drive_first_day(

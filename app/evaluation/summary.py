@@ -105,6 +105,17 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
         "min_clearance_m": min(clear, default=None),
         "items": _items(reports),
         "failures": count_causes(reports),
+        **({"first_days": _first_days(reports)} if summary["map"] == "kept" else {}),
+    }
+
+
+def _first_days(reports: Sequence[Report]) -> dict[str, Any]:
+    """Return how the kept maps were made, and in which the operator had to show the place."""
+    days = {report["seed"]: report["first_day"] for report in reports}
+    return {
+        "came_back": sum(day["goals_reached"] == day["goals"] for day in days.values()),
+        "map_error_m": [day["map_error_m"] for day in days.values()],
+        "place_shown_seeds": [seed for seed, day in days.items() if day.get("place_shown")],
     }
 
 

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
-from app.episode.second_day import FirstDay
-from app.episode.task import Task, episode_of
+import pytest
+
+from app.episode import second_day
+from app.episode.episode import EpisodeSettings
+from app.episode.second_day import FirstDay, drive_first_day, switched_on
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone
-from navcore.robot.profile import HUSKY
 from sim.scenario.load import load_scenario
+from sim.scenario.variation import randomise
 
 ROOM = load_scenario("empty_room")
+NEAR = randomise(dataclasses.replace(ROOM, goals=((ROOM.start[0] + 0.6, ROOM.start[1]),)), seed=0)
+SETTINGS = EpisodeSettings(beware=default_beware_list(), randomised=True, max_time_s=11.0)
 TRUE_POSES = tuple(Pose2(x_m=0.5 * k, y_m=0.0, yaw_rad=0.0) for k in range(9))
 DRIFT = Pose2(x_m=0.2, y_m=-0.1, yaw_rad=0.05)
 
 
-def first_day(drift: Pose2) -> FirstDay:
+def drifted(drift: Pose2) -> FirstDay:
     map_poses = tuple(drift @ pose for pose in TRUE_POSES)
     return FirstDay(true_poses=TRUE_POSES, map_poses=map_poses, last=None, report={})
 
@@ -27,32 +35,51 @@ def test_goals_and_zones_are_drawn_where_the_drift_of_the_map_has_put_their_plac
     goal = Goal(id=1, x_m=3.0, y_m=1.0)
     corners = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0))
     zone = Zone(id="z", name="z", polygon=corners)
-    drifted, exact = first_day(DRIFT), first_day(IDENTITY)
+    by_drift, exact = drifted(DRIFT), drifted(IDENTITY)
     for told, true in (
-        ((drifted.placed(goal).x_m, drifted.placed(goal).y_m), (3.0, 1.0)),
-        *zip(drifted.placed(zone).polygon, corners, strict=True),
+        ((by_drift.placed(goal).x_m, by_drift.placed(goal).y_m), (3.0, 1.0)),
+        *zip(by_drift.placed(zone).polygon, corners, strict=True),
     ):
         seen = DRIFT @ Pose2(x_m=true[0], y_m=true[1], yaw_rad=0.0)
         assert seen.distance_to(*told) < 1e-9
     assert exact.placed(goal) == goal and exact.placed(zone) == zone
     far = dataclasses.replace(goal, y_m=30.0)
-    assert drifted.placed(far) == far
+    assert by_drift.placed(far) == far
 
 
-def test_the_robot_finds_its_place_in_the_map_of_the_day_before_and_reaches_the_goal() -> None:
-    """Odometry begins at zero, which is not where the robot stands in the map."""
-    x_m, y_m, _ = ROOM.start
-    near = dataclasses.replace(ROOM, goals=((x_m + 0.6, y_m),))
-    task = Task(scenario=near, kept_map=True, max_time_s=20.0)
-    episode = episode_of(task, 0, robot=HUSKY, beware=default_beware_list(), perception=None)
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[FirstDay, Path]]:
+    kept = tmp_path_factory.mktemp("first") / "map.npz"
+    yield drive_first_day(NEAR, SETTINGS, seed=0, kept=kept), kept
+
+
+def driven(first: tuple[FirstDay, Path], **changes: Any) -> dict[str, Any]:
+    """Drive the second day; odometry begins at zero, which is not where the robot stands."""
+    day, kept = dataclasses.replace(first[0], **changes), first[1]
+    episode = switched_on(NEAR, SETTINGS, seed=0, kept=kept, first=day)
     try:
-        known = episode.controller.navigator.map.explored.area_m2
-        assert known > 5.0 and episode.simulator.odometry() == IDENTITY
-        report = episode.run()
-        place, true = episode.controller.place.T_map_base, episode.simulator.true_pose()
+        assert episode.controller.navigator.map.explored.area_m2 > 5.0
+        assert episode.simulator.odometry() == IDENTITY
+        return episode.run()
     finally:
         episode.close()
+
+
+def test_the_robot_finds_its_place_where_it_stood_in_the_evening(
+    first: tuple[FirstDay, Path],
+) -> None:
+    report = driven(first)
     assert report["success"] and report["map"] == "kept"
-    assert report["first_day"]["goals_reached"] == 2 and report["first_day"]["map_error_m"] < 0.1
-    assert place.distance_to(true.x_m, true.y_m) < 0.1
+    day = report["first_day"]
+    assert (day["goals_reached"], day["place_shown"]) == (2, False) and day["map_error_m"] < 0.1
     assert report["goal_errors_by_odometry_m"]["1"] < 0.3
+
+
+def test_where_nothing_tells_the_place_the_operator_shows_it(
+    first: tuple[FirstDay, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown = driven(first, last=None)
+    assert shown["success"] and shown["first_day"]["place_shown"]
+    monkeypatch.setattr(second_day, "_look_for_place", lambda *_: None)
+    alone = driven(first, last=None)
+    assert alone["goals_reached"] == 0 and alone["distance_m"] < 0.1

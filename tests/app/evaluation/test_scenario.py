@@ -252,6 +252,20 @@ def test_a_summary_has_rates_and_means_with_their_intervals() -> None:
     }
 
 
+def test_the_summary_of_second_days_says_how_the_maps_came_about() -> None:
+    day = {"goals_reached": 2, "goals": 2, "map_error_m": 0.2, "place_shown": False}
+    lost = {**day, "goals_reached": 1, "map_error_m": 0.4, "place_shown": True}
+    summary = summarise(
+        [made_up(1, map="kept", first_day=day), made_up(2, map="kept", first_day=lost)]
+    )
+    assert summary["first_days"] == {
+        "came_back": 1,
+        "map_error_m": [0.2, 0.4],
+        "place_shown_seeds": [2],
+    }
+    assert "first_days" not in summarise([made_up(1)])
+
+
 def test_intervals_are_right_at_the_ends_and_the_same_every_time() -> None:
     assert rate_interval(0, 100) == pytest.approx((0.0, 0.037), abs=1e-3)
     assert rate_interval(100, 100) == pytest.approx((0.963, 1.0), abs=1e-3)
