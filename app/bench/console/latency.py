@@ -23,6 +23,7 @@ from rich.table import Table
 from app.bench.console.chromium import NoBrowser, watched_page
 from app.bench.console.page import LATE, console_process, drive_around
 from app.runtime.record.provenance import machine, shipped_sha256, version
+from navcore.errors import Refused
 from navcore.files import write_whole
 from navcore.robot.camera_stream import CameraStream
 from sim.scenario.load import load_scenario
@@ -63,11 +64,11 @@ def latency_table(
         drive_around(program, load_scenario(scenario).goals)
         time.sleep(SETTLE_S)
         segmenter = program.get("/api/v1/state").json()["segmenter"]
-        watches["no page"] = _watch(program, seconds)
+        watches["no page"] = watch_drive(program, seconds)
         load_average = round(os.getloadavg()[0], 1)
         with suppress(NoBrowser), watched_page(f"{program.base_url}/#map", PAGE_SIZE):
             time.sleep(SETTLE_S)
-            watches["map open"] = _watch(program, seconds)
+            watches["map open"] = watch_drive(program, seconds)
     record = {
         "command": f"bewarenav bench latency --scenario {scenario} --seconds {seconds:g}"
         + ("" if camera is None else f" --camera {camera}"),
@@ -101,17 +102,20 @@ def _percentiles(values: list[float]) -> str:
     return ", ".join(f"{value:.0f}" for value in np.percentile(values, [50, 95, 99]))
 
 
-def _watch(program: httpx.Client, seconds: float) -> _Watch:
-    """Look at the console while its robot drives."""
+def watch_drive(program: httpx.Client, seconds: float) -> _Watch:
+    """Look at the console while its robot drives; raises `Refused` where it never does."""
     ticks_ms, ages_s, late = dict[int, float](), list[float](), list[bool]()
-    until_s = time.monotonic() + seconds
+    until_s, state = time.monotonic() + seconds, dict[str, Any]()
     while time.monotonic() < until_s:
-        state: dict[str, Any] = program.get("/api/v1/state").json()
+        state = program.get("/api/v1/state").json()
         if state["phase"] == "driving":
             ticks_ms.setdefault(state["picture_serial"], state["tick_ms"])
             ages_s.append(state["frame_age_s"])
             late.append(any(reason["code"] in LATE for reason in state["reasons"]))
         time.sleep(POLL_S)
+    if not ticks_ms:
+        reasons = " ".join(reason["text"] for reason in state["reasons"])
+        raise Refused(f"the robot did not drive: the mission is {state['phase']}. {reasons}")
     return _Watch(ticks_ms=list(ticks_ms.values()), ages_s=ages_s, held=float(np.mean(late)))
 
 
