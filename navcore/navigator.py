@@ -405,5 +405,4 @@ class Navigator:
             around=around,
             goal=request.goal,
             ignore_predictions=behaviour.waiting.is_over(self._config.people),
-            stand_in_touch=behaviour.waiting.waited_s < self._config.people.touched_s,
         )

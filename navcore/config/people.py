@@ -36,12 +36,6 @@ class PeopleConfig:
     patience_s: float = ranged(1.0, 600.0, default=15.0)
     """Time in seconds of waiting at one position after which the robot avoids where people are, no
     longer where they may come to; `near_m` and `near_mps` still hold."""
-    touch_m: float = ranged(0.0, 0.3, default=0.05)
-    """Distance in metres between the body and the outline of a person who stands within which they
-    touch, as far as the camera can tell: the robot stands still, since they may lean on it."""
-    touched_s: float = ranged(0.0, 600.0, default=60.0)
-    """Time in seconds of waiting at one position after which the robot moves away from a person who
-    touches it all the same."""
     reaction_s: float = ranged(0.1, 1.0, default=0.45)
     """Time in seconds from a person's change of motion to the braking of the wheels."""
     braking_mps2: float = ranged(0.5, 5.0, default=2.5)

@@ -59,8 +59,6 @@ class ControlTask:
     """Whether to turn once in place and look around."""
     ignore_predictions: bool = False
     """Whether the robot has waited long enough for people to go on as if they stood still."""
-    stand_in_touch: bool = True
-    """Whether the robot stands still while a person touches it."""
 
 
 class Controller:
@@ -113,7 +111,6 @@ class Controller:
                 retreat=task.retreat,
                 spin=task.spin,
                 ignore_predictions=task.ignore_predictions,
-                stand_in_touch=task.stand_in_touch,
             )
         )
         at_end = self._motion.outcome in (ControllerState.ARRIVED, ControllerState.ALIGN)

@@ -88,9 +88,6 @@ class LocalPlannerInput:
     ignore_predictions: bool = False
     """Whether the robot, having waited long enough, waits only where people are and not where they
     may come to."""
-    stand_in_touch: bool = True
-    """Whether the robot stands still while a person touches it: whatever it did, it would move
-    against or along them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,9 +109,6 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         return ARRIVED
     if footprint_overlaps(inputs.forbidden, inputs.profile, inputs.cell_m):
         return Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
-    stands = inputs.stand_in_touch and not inputs.people_config.non_cooperative
-    if stands and inputs.people.touches(inputs.profile, inputs.people_config.touch_m):
-        return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     checker = _collision_checker(inputs)
     motion = _select(inputs, checker, path, goal)
     if inputs.people_config.non_cooperative:

@@ -122,10 +122,6 @@ class PeopleState:
         circles = (person[:2] + person[4] * circle for person in self.standing)
         return np.vstack([np.empty((0, 2)), *circles])
 
-    def touches(self, profile: RobotProfile, within_m: float) -> bool:
-        """Return whether a person who stands is within a distance in metres of the footprint."""
-        return bool((profile.distances_m(self.outlines()) <= within_m).any())
-
 
 NO_PEOPLE = PeopleState(walking=np.empty((0, 5)), standing=np.empty((0, 5)))
 

@@ -48,8 +48,6 @@ def decide(
     people: PeopleState = NO_PEOPLE,
     goal_yaw_rad: float | None = None,
     ignore_predictions: bool = False,
-    stand_in_touch: bool = True,
-    retreat: Points | None = None,
     pose: Pose2 = ORIGIN,
     twist: Twist = STANDSTILL,
 ) -> Motion:
@@ -69,8 +67,6 @@ def decide(
             people=people,
             goal_yaw_rad=goal_yaw_rad,
             ignore_predictions=ignore_predictions,
-            stand_in_touch=stand_in_touch,
-            retreat=retreat,
         )
     )
 
