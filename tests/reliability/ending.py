@@ -95,8 +95,17 @@ def _drive(program: httpx.Client, *, zone: str) -> None:
         program.put("mission/loop", json={"loop": True}).raise_for_status()
         program.post("mission/start").raise_for_status()
     else:
-        program.post("mission/resume").raise_for_status()
+        _resume(program)
     _when(program, lambda state: state["command"]["v_mps"] > 0)
+
+
+def _resume(program: httpx.Client) -> None:
+    """Resume the mission as soon as the robot has found its place in the kept map."""
+    until_s = time.monotonic() + PATIENCE_S
+    while not (answer := program.post("mission/resume")).is_success:
+        if time.monotonic() > until_s:
+            answer.raise_for_status()
+        time.sleep(0.1)
 
 
 def _when(program: httpx.Client, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:

@@ -90,11 +90,11 @@ class ControlLoop:
     def stop(self) -> None:
         """Send zero and end the threads; a second call has no effect."""
         self._ended.set()
-        self._ahead.stop()
         think, command = self._threads
         command.join(timeout=JOIN_S)
         self._robot.send(STANDSTILL)
         think.join(timeout=JOIN_S)
+        self._ahead.stop()  # not before: the think thread would wait for labels that never come
 
     def _think(self) -> None:
         frame: Frame | None = None

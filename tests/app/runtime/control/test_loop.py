@@ -133,6 +133,8 @@ def rig() -> Iterator[Rig]:
     segmenter.go_on.set()
     loop.stop()
     assert robot.sent[-1][1] == STANDSTILL
+    # A thread that waited for labels that never come would hold up the end of the console.
+    assert not {"think", "command"} & {thread.name for thread in threading.enumerate()}
 
 
 def until(holds: Any, patience_s: float = 60.0) -> None:
