@@ -23,7 +23,7 @@ from rich.table import Table
 from app.bench.console.chromium import NoBrowser, watched_page
 from app.bench.console.page import LATE, console_process, drive_around
 from app.runtime.record.provenance import machine, shipped_sha256, version
-from navcore.errors import Refused
+from navcore.errors import BewareNavError
 from navcore.files import write_whole
 from navcore.robot.camera_stream import CameraStream
 from sim.scenario.load import load_scenario
@@ -103,7 +103,7 @@ def _percentiles(values: list[float]) -> str:
 
 
 def watch_drive(program: httpx.Client, seconds: float) -> _Watch:
-    """Look at the console while its robot drives; raises `Refused` where it never does."""
+    """Look at the console while its robot drives; raises `BewareNavError` where it never does."""
     ticks_ms, ages_s, late = dict[int, float](), list[float](), list[bool]()
     until_s, state = time.monotonic() + seconds, dict[str, Any]()
     while time.monotonic() < until_s:
@@ -115,7 +115,7 @@ def watch_drive(program: httpx.Client, seconds: float) -> _Watch:
         time.sleep(POLL_S)
     if not ticks_ms:
         reasons = " ".join(reason["text"] for reason in state["reasons"])
-        raise Refused(f"the robot did not drive: the mission is {state['phase']}. {reasons}")
+        raise BewareNavError(f"the robot did not drive: the mission is {state['phase']}. {reasons}")
     return _Watch(ticks_ms=list(ticks_ms.values()), ages_s=ages_s, held=float(np.mean(late)))
 
 

@@ -6,7 +6,7 @@ import httpx
 import pytest
 
 from app.bench.console.latency import watch_drive
-from navcore.errors import Refused
+from navcore.errors import BewareNavError
 
 IDLE = {"phase": "idle", "reasons": [{"code": "no_goal", "text": "There is no goal."}]}
 
@@ -15,6 +15,6 @@ def test_a_robot_that_never_drives_is_told_with_its_reasons() -> None:
     console = httpx.MockTransport(lambda _: httpx.Response(200, json=IDLE))
     with (
         httpx.Client(transport=console, base_url="http://console") as program,
-        pytest.raises(Refused, match=r"did not drive: the mission is idle\. There is no goal\."),
+        pytest.raises(BewareNavError, match=r"the mission is idle\. There is no goal\."),
     ):
         watch_drive(program, seconds=0.05)
