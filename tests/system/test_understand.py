@@ -55,6 +55,8 @@ def test_a_drive_is_logged_explained_and_plotted(client: httpx.Client) -> None:
     client.post("/api/v1/mission/start")
     explained = answer_when(client, "explain", lambda said: not said.get("found", True))
     assert explained["lift"] == {"keys": [f"zone:{zone}"], "exact": True, "at_least": 1}
+    # Paths are compared a few times a second; edits and stops are told each.
+    answer_when(client, "journal?limit=1000", lambda log: "There is no path" in str(log))
     client.delete(f"/api/v1/zones/{zone}")
     state_when(client, lambda state: state["moving"])
     assert client.get("/api/v1/explain").json()["found"]
