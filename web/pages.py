@@ -10,6 +10,7 @@ from pathlib import Path
 from fastapi import APIRouter, HTTPException, Request, Response
 
 from web.auth.roles import CurrentVisitor, Visitor
+from web.gateway.etag import unless_known
 from web.languages.catalog import CATALOGS, ENGLISH, language_of
 
 FOLDER = Path(__file__).with_name("page")
@@ -40,11 +41,8 @@ def pages_router() -> APIRouter:
     def file(request: Request, name: str) -> Response:
         if name not in files:
             raise HTTPException(404, "nothing is here")
-        headers = {"ETag": tags[name], "Cache-Control": "no-cache"}
-        if request.headers.get("if-none-match") == tags[name]:
-            return Response(status_code=304, headers=headers)
         kind = _TYPES.get(Path(name).suffix) or mimetypes.guess_type(name)[0]
-        return Response(files[name], media_type=kind, headers=headers)
+        return unless_known(request, tags[name], lambda: files[name], kind)
 
     def page(request: Request, visitor: Visitor, name: str) -> Response:
         answer = file(request, f"{language_of(request.headers, visitor.language)}/{name}")

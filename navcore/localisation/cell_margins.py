@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from navcore.config.localisation.localisation import OdometryConfig
 from navcore.config.safety import KeepOutMonitorConfig
 from navcore.geometry.arrays import Bools, Floats, Points
+from navcore.geometry.camera import project
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.tracking.odometry_model import OdometryStep, travel_of, travel_variance
@@ -122,11 +123,10 @@ class CellMargins:
         """Return (N,) whether the camera shows the floor at cells, and nothing before it."""
         floor = np.column_stack([cells, np.zeros(len(cells))])
         in_view = frame.shows(floor)
-        camera, lens = frame.T_map_camera, frame.intrinsics
-        x, y, z = ((floor[in_view] - camera[:3, 3]) @ camera[:3, :3]).T
-        cols = np.rint(lens.fx * x / z + lens.cx).astype(int)
-        rows = np.rint(lens.fy * y / z + lens.cy).astype(int)
-        in_view[in_view] &= frame.depth_m[rows, cols] > z - self._keep_out.hidden_m
+        camera = frame.T_map_camera
+        ahead = (floor[in_view] - camera[:3, 3]) @ camera[:3, :3]
+        cols, rows = np.rint(project(ahead, frame.intrinsics)).astype(int).T
+        in_view[in_view] &= frame.depth_m[rows, cols] > ahead[:, 2] - self._keep_out.hidden_m
         return in_view
 
 

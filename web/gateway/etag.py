@@ -1,12 +1,13 @@
-"""ETag and If-Match: an edit names the version it was made from; a lost update is refused."""
+"""ETag with If-Match: an edit names the version it was made from; a lost update is refused. With
+If-None-Match: what the client has already is not sent again."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
-from fastapi import Depends, Header, HTTPException
+from fastapi import Depends, Header, HTTPException, Request, Response
 
 from web.gateway.problems import ProblemResponse, problem
 
@@ -16,6 +17,16 @@ _ETAG = re.compile(r'"(\d{1,15})"')
 def etag(version: int) -> dict[str, str]:
     """Return the header that names a version."""
     return {"ETag": f'"{version}"'}
+
+
+def unless_known(
+    request: Request, tag: str, make: Callable[[], bytes], media_type: str | None
+) -> Response:
+    """Return what `make` makes, under a quoted ETag; 304 to a client that has it already."""
+    headers = {"ETag": tag, "Cache-Control": "no-cache"}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    return Response(make(), media_type=media_type, headers=headers)
 
 
 def _expected(

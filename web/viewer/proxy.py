@@ -18,6 +18,7 @@ from websockets.asyncio.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from web.auth.roles import CurrentVisitor, Role
+from web.gateway.etag import unless_known
 from web.gateway.websockets import GOING_AWAY, TRY_AGAIN, until_one_ends
 from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER
 from web.viewer.viewer import Viewer
@@ -56,10 +57,7 @@ def viewer_router(viewer: Viewer | None) -> APIRouter:
             raise HTTPException(
                 404, "the 3D view is not running; the map and every control work without it"
             )
-        headers = {"ETag": tag, "Cache-Control": "no-cache"}
-        if request.headers.get("if-none-match") == tag:
-            return Response(status_code=304, headers=headers)
-        return Response(html, media_type="text/html; charset=utf-8", headers=headers)
+        return unless_known(request, tag, lambda: html, "text/html; charset=utf-8")
 
     @router.get("/viewer/{page_id}")
     @router.get("/viewer/{page_id}/")

@@ -3,11 +3,13 @@ missions."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from navcore.geometry.transform import Pose2
+from web.gateway.etag import unless_known
 from web.gateway.problems import JsonResponse, refusals
 from web.images.camera import camera_jpg, labels_of, with_overlay
 from web.images.encode import (
@@ -195,13 +197,10 @@ class _Jpeg(Response):
     media_type = "image/jpeg"
 
 
-def _tagged(request: Request, key: tuple[int, int], make: Any, media_type: str) -> Response:
-    tag = '"{}-{}"'.format(*key)
-    if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers={"ETag": tag})
-    return Response(
-        make(), media_type=media_type, headers={"ETag": tag, "Cache-Control": "no-cache"}
-    )
+def _tagged(
+    request: Request, key: tuple[int, int], make: Callable[[], bytes], media_type: str
+) -> Response:
+    return unless_known(request, '"{}-{}"'.format(*key), make, media_type)
 
 
 def poses_router(operations: RobotService) -> APIRouter:
