@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import json
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,8 @@ import msgspec
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.http11 import Request
+from websockets.server import ServerProtocol
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
@@ -114,6 +118,33 @@ def test_after_a_stop_no_thread_and_no_port_is_left_though_clients_were_connecte
     with socket.socket() as again:
         again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         again.bind(("127.0.0.1", port))
+
+
+def test_a_stop_closes_the_connection_to_a_3d_view_that_does_not_answer(
+    operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = "ws://127.0.0.1:%d" % silent.getsockname()[1]
+        monkeypatch.setattr(Viewer, "websocket_url", address)
+        console = ConsoleServer(operations, port=0)
+        console.start()
+        with ThreadPoolExecutor() as pool:
+            joining = pool.submit(viewer_of, console)
+            accepted, _ = silent.accept()
+            handshake = ServerProtocol(subprotocols=[SUBPROTOCOL])
+            while not (requests := handshake.events_received()):
+                handshake.receive_data(accepted.recv(4096))
+            request = requests[0]
+            assert isinstance(request, Request)
+            handshake.send_response(handshake.accept(request))
+            accepted.sendall(b"".join(handshake.data_to_send()))
+            with joining.result():
+                console.stop()
+        accepted.settimeout(10)
+        with accepted, contextlib.suppress(ConnectionResetError):
+            while accepted.recv(4096):
+                pass
+    gc.collect()
 
 
 def test_a_stop_closes_connections_that_come_meanwhile(operations: FakeOperations) -> None:

@@ -91,7 +91,7 @@ def _page() -> bytes:
 
 
 async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool) -> None:
-    connecting = websockets.connect(
+    upstream = await websockets.connect(
         viewer.websocket_url,
         subprotocols=[Subprotocol(viewer.subprotocol)],
         additional_headers={PAGE_ID_HEADER: page_id} if page_id else None,
@@ -100,11 +100,15 @@ async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool)
         max_queue=1,
         proxy=None,
     )
-    async with connecting as upstream:
+    try:
         await socket.accept(subprotocol=viewer.subprotocol)
         await until_one_ends(
             _from_viewer(upstream, socket), _to_viewer(socket, upstream, acts=acts)
         )
+        await upstream.close()
+    finally:
+        # A close that is cancelled as the console ends leaves its socket open.
+        upstream.transport.abort()
     if (
         socket.client_state is WebSocketState.CONNECTED
         and socket.application_state is WebSocketState.CONNECTED
