@@ -124,7 +124,7 @@ def test_a_stop_closes_the_connection_to_a_3d_view_that_does_not_answer(
     operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
-        address = "ws://127.0.0.1:%d" % silent.getsockname()[1]
+        address = f"ws://127.0.0.1:{silent.getsockname()[1]}"
         monkeypatch.setattr(Viewer, "websocket_url", address)
         console = ConsoleServer(operations, port=0)
         console.start()
