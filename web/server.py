@@ -39,6 +39,7 @@ from web.gateway.guard import Guard
 from web.gateway.problems import JsonResponse
 from web.gateway.undo_number import UndoNumber
 from web.interface.operations import RobotService
+from web.interface.wire import build_schemas
 from web.pages import pages_router
 from web.port import reserve
 from web.viewer.proxy import viewer_router
@@ -69,6 +70,7 @@ def create_app(
 ) -> FastAPI:
     """Return the console as an ASGI app. `allowed_hosts` are the names it answers to, with or
     without a port."""
+    build_schemas()
     access = access or Access()
     auditor = Auditor(access.audit_log)
     app = FastAPI(

@@ -5,16 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol, TypedDict
+from typing import Protocol, TypedDict
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ConfigDict
 
 from navcore.mission.mission import Goal
 from navcore.mission.zone import ZoneSpec
 from navcore.planning.path import NoPath, Path
-from web.interface.wire import DOCUMENTED, Position
+from web.interface.wire import Position, served
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,11 +66,10 @@ class EditHistory:
         )
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RejectedPlace:
     """Place at which an operator said that a detection is not one of its class."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     id: int
     """Number of the rejection since the start of the console."""

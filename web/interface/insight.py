@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ConfigDict, computed_field
+from pydantic import computed_field
 
 from navcore.planning.explanation.constraint_removal import Removal
 from navcore.planning.explanation.path_explanation import Stretch
-from web.interface.wire import DOCUMENTED, Polyline, Position, WholePolyline
+from web.interface.wire import Polyline, Position, WholePolyline, served
 
 Kind = Literal[
     "mission",
@@ -37,11 +37,10 @@ Verdict = Literal["wrong", "rejected"]
 """What an operator said of a detection."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
     """Entry of the event log: a decision of the robot, or an event that led to one."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     id: int
     """Number of the entry; grows by one with every entry, across restarts."""
@@ -59,11 +58,10 @@ class Entry:
     """Position (x, y) in metres of the map frame; null for an entry without a position."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
     """Part of the event log, oldest entry first."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     newest: int
     """Id of the newest entry of the whole log, 0 for an empty log; the next `since`."""
@@ -75,11 +73,10 @@ class Page:
     """Entries, oldest first."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplainedRule:
     """Rule that blocks cells, and its effect on the path."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     key: str
     """Key of the rule: `class:<id>`, `zone:<id>` or `wall`."""
@@ -91,11 +88,10 @@ class ExplainedRule:
     """Length in metres by which the path is shorter without the rule; null when not computed."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Explanation:
     """Rules that shape the path, or the fewest rules whose removal opens one."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     goal: Position
     """Goal (x, y) in metres of the map frame."""
@@ -126,11 +122,10 @@ class Explanation:
         return self.reason is None
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Alternative:
     """Path without some rules; nothing is applied."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     reason: str | None
     """Reason why there would be no path; null when there would be one."""
@@ -162,11 +157,10 @@ class Candidates:
     """Index of the primitive that is driven; None during any other motion."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
     """Detected object of the beware list at one position."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     id: int
     """Constant id of the object."""
@@ -189,11 +183,10 @@ class Sighting:
     the map; null for none."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabellingState:
     """State of the folder of images for the next training."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     folder: str
     """Path of the folder."""

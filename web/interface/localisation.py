@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
-from pydantic import ConfigDict
 
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.estimate import LocalisationState
-from web.interface.wire import DOCUMENTED, WholePolyline
+from web.interface.wire import WholePolyline, served
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceOut:
     """How well the robot knows where it is."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     state: LocalisationState = LocalisationState.DEAD_RECKONING
     """How the robot knows its pose."""
@@ -43,11 +41,10 @@ class PlaceOut:
     """Pose of odometry's frame in the map."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceCheck:
     """How well the newest scan fits the map at a proposed pose."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     pose: Pose2
     """The proposed pose, T_map_base, after the scan was matched there."""

@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
-
-from pydantic import ConfigDict
+from typing import Protocol
 
 from navcore.geometry.transform import Pose2
 from navcore.mapping.changes import ChangeKind
 from navcore.toml_config import ranged
-from web.interface.wire import DOCUMENTED, WholePolyline
+from web.interface.wire import WholePolyline, served
 
 SITE_NAME = r"^[A-Za-z0-9](?:[A-Za-z0-9 _-]{0,38}[A-Za-z0-9_-])?$"
 """Names of sites, as a regular expression: they are names of folders, too."""
@@ -26,11 +24,10 @@ FAR_M = 1e6
 """Largest coordinate in metres."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tag:
     """Fiducial marker of a site."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     id: int = ranged(0, 1_000_000)
     """Number of the marker in its family."""
@@ -50,11 +47,10 @@ class Tag:
     """Standard deviation of the direction in radians."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeenTag:
     """A marker in the newest image."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     tag: Tag
     """Where it is, by where the robot is and sees it."""
@@ -62,11 +58,10 @@ class SeenTag:
     """Whether the site has a marker of this number."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
     """One site in the list."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     name: str
     """Name of the site."""
@@ -90,11 +85,10 @@ class Site:
     """Fiducial markers."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AreaOut:
     """Area in which the map differs from the accepted one."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     id: int
     """Number of the area in this listing."""
@@ -106,11 +100,10 @@ class AreaOut:
     """Convex outline around the cells, (x, y) in metres of the map frame."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapChanges:
     """Listing of the changes of the map of the chosen site."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     listing: int
     """Number of the listing, for accepting areas of it."""

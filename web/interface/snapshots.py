@@ -4,11 +4,11 @@ newest tick."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ConfigDict, PlainSerializer
+from pydantic import PlainSerializer
 
 from navcore.costmap.costmap import Costmap
 from navcore.geometry.camera import Intrinsics
@@ -21,14 +21,13 @@ from navcore.perception.people.track import Track
 from navcore.planning.unseen_parts import Parts, unseen_m
 from navcore.safety.gate import Cause, StopReason
 from web.interface.localisation import PlaceOut
-from web.interface.wire import DOCUMENTED
+from web.interface.wire import served
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReasonOut:
     """Reason why the robot does not move."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     code: Cause
     """Stable word for programs."""
@@ -43,11 +42,10 @@ def _reason_out(reason: StopReason) -> ReasonOut:
     return ReasonOut(code=reason.cause, text=reason.text, offer=offer)
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
     """Small values of the system, one consistent snapshot; sent as they are."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     type: Literal["state"] = "state"
     """Kind of the message."""

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ConfigDict
 
-from web.interface.wire import DOCUMENTED
+from web.interface.wire import served
 
 NOTHING_NAME = "background"
 """Name of the class of everything that is no object of the beware list."""
@@ -27,11 +26,10 @@ MAX_UPLOAD_BYTES = 256_000_000
 """Largest upload in bytes, a weights file or an archive of frames, packed and unpacked."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CapturedFrame:
     """A stored RGB-D frame."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     id: str
     """Name of the frame; the order of the names is that of the captures."""
@@ -47,11 +45,10 @@ class CapturedFrame:
     """Classes with pixels in the annotation."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFolderState:
     """What the folder of captured frames holds, and its limits."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     folder: str
     """Folder of the frames, in the layout of a data set."""
@@ -130,11 +127,10 @@ TrainingPhase = Literal[
 """What a training run does, or how it ended."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurvePoint:
     """Point of a curve over the steps of a training."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     step: int
     """Number of steps taken."""
@@ -142,11 +138,10 @@ class CurvePoint:
     """Value then."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassFigures:
     """How well two networks find a class in images that neither was trained on."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     name: str
     """Name of the class."""
@@ -164,11 +159,10 @@ class ClassFigures:
     """Images of the comparison: captured frames that were held back, or rendered ones."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkVersion:
     """Network that the robot can use."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     name: str
     """Name of the version; `start` is the network that the console was started with."""
@@ -193,11 +187,10 @@ class NetworkVersion:
     """Taught classes that it does not find in the held-back frames."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingRun:
     """State of a training run."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     name: str
     """Name of the version that comes of it."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Annotated, Any
+from dataclasses import fields, is_dataclass
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,9 @@ OpenAPI."""
 Points = npt.NDArray[np.float64]
 Position = tuple[float, float]
 """(x, y) in metres of the map frame."""
+_Kind = TypeVar("_Kind")
+_served: list[type] = []
+"""Served dataclasses without a schema yet."""
 
 
 def polyline(points: Points) -> list[Position]:
@@ -42,7 +45,24 @@ def descriptions(kind: type) -> dict[str, str]:
     }
 
 
-def documented_as(base: type) -> ConfigDict:
+def served(kind: type[_Kind]) -> type[_Kind]:
+    """Class decorator of a dataclass in answers: the docstrings of its fields, and of those of a
+    dataclass that it extends, are the descriptions in OpenAPI."""
+    base = next(filter(is_dataclass, kind.__mro__[1:]), None)
+    kind.__pydantic_config__ = DOCUMENTED if base is None else _documented_as(base)  # type: ignore[attr-defined]
+    _served.append(kind)
+    return kind
+
+
+def build_schemas() -> None:
+    """Make the schemas of all served dataclasses, once: pydantic takes the schema that a class has,
+    instead of reading the class's source again for every route."""
+    while _served:
+        kind = _served.pop(0)
+        kind.__pydantic_core_schema__ = TypeAdapter(kind).core_schema  # type: ignore[attr-defined]
+
+
+def _documented_as(base: type) -> ConfigDict:
     """Return `DOCUMENTED` for a subclass of a dataclass: pydantic reads the docstrings of the
     fields that the subclass itself defines."""
 

@@ -6,9 +6,9 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr
+from pydantic import BaseModel, Field, StrictBool, StrictStr
 
 from navcore.mission.beware_list import (
     LARGEST_CLASS_ID,
@@ -20,7 +20,7 @@ from navcore.mission.beware_list import (
 from navcore.mission.prototype import Prototype
 from web.images import palette
 from web.interface.beware import BewareEdits, ListPreview
-from web.interface.wire import DOCUMENTED, Points, Position, documented_as, rounded, values_of
+from web.interface.wire import DOCUMENTED, Points, Position, rounded, served, values_of
 from web.schemas.drafts import PathPreviewOut, PixelIn, difference
 from web.schemas.fields import Body, Changes, Closed, Entry, Limits, body_model
 
@@ -57,11 +57,10 @@ class BewareListIn(Closed):
     """Ignored."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedClass(BewareClass):
     """Class of the beware list as the console shows it."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = documented_as(BewareClass)
 
     display: str
     """Colour of the class in the console, `#rrggbb`."""
@@ -77,11 +76,10 @@ LIMITS: dict[str, Limits] = {
 """Ranges of the numbers of a class."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BewareOut:
     """Beware list in force; its version is the ETag."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = DOCUMENTED
 
     version: int
     """Version of the list."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from web.interface.insight import LabellingState, Sighting
-from web.interface.wire import DOCUMENTED, Position, documented_as
+from web.interface.wire import DOCUMENTED, Position, served
 from web.schemas.fields import Closed, Name
 
 MAX_KEYS = 64
@@ -45,11 +45,10 @@ class WithoutIn(Closed):
     """Keys as in `GET explain`."""
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SightingOut(Sighting):
     """Detected object of the beware list with its age."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = documented_as(Sighting)
 
     age_s: float
     """Time since the last detection, seconds."""

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
 from navcore.grid.grid import GridSpec
-from web.interface.wire import DOCUMENTED, Position, documented_as
+from web.interface.wire import DOCUMENTED, Position, served
 from web.schemas.zones import ZoneOut
 
 
+@served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapOut(GridSpec):
     """Position and size of the map, and size of the robot."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = documented_as(GridSpec)
 
     frame: Literal["map"] = "map"
     """Frame of the coordinates."""
