@@ -33,6 +33,7 @@ from navcore.robot.profile import load_profile
 from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
+    from app.episode.episode import EpisodeSettings
     from app.evaluation.campaign import Fleet
     from app.evaluation.perception.detection_counts import Walks
     from navcore.config.navigator import NavigatorConfig
@@ -250,21 +251,16 @@ def _out(settings: EvaluateSettings, name: str) -> Path:
 
 
 def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
-    from app.episode.latency import latency_of
     from app.evaluation.driving.barn import evaluate_barn
 
     verdict = evaluate_barn(
         settings.suite,
         settings.worlds,
-        robot=settings.robot,
+        _episode_settings(settings, config),
         count=settings.episodes,
         seed=settings.seed,
         fleet=_fleet(settings),
         out=_out(settings, f"{settings.suite}-{settings.robot}"),
-        config=config,
-        odometry=settings.odometry,
-        latency=latency_of(settings.latency),
-        camera=settings.stream,
     )
     return _is_perfect(verdict)
 
@@ -291,14 +287,25 @@ def _seeded(
     episodes: int,
 ) -> dict[str, Any]:
     """Run a suite that draws one episode of each seed; `episodes`: their number by default."""
-    from app.episode.latency import latency_of
-
     return evaluate_suite(
+        _episode_settings(settings, config),
         seeds=range(settings.seed, settings.seed + (settings.episodes or episodes)),
         fleet=_fleet(settings),
         out=_out(settings, settings.suite),
+    )
+
+
+def _episode_settings(
+    settings: EvaluateSettings, config: NavigatorConfig | None
+) -> EpisodeSettings:
+    """Return what all episodes of a suite share; its time limit is its own."""
+    from app.episode.episode import EpisodeSettings
+    from app.episode.latency import latency_of
+
+    return EpisodeSettings(
         beware=beware_list(settings.beware),
         config=config,
+        robot=load_profile(settings.robot),
         odometry=settings.odometry,
         latency=latency_of(settings.latency),
         camera=settings.stream,

@@ -3,10 +3,7 @@ almost hits them."""
 
 from __future__ import annotations
 
-import functools
 from typing import Any
-
-import pytest
 
 from app.episode.episode import EpisodeSettings
 from app.evaluation.driving.crossings import draw_crossing, drive_crossing
@@ -14,21 +11,18 @@ from navcore.mission.beware_list import default_beware_list
 from navcore.navigator import Stages
 
 
-def drive() -> dict[str, Any]:
-    return drive_crossing(7, beware=default_beware_list(), max_time_s=40.0)
+def drive(stages: Stages) -> dict[str, Any]:
+    settings = EpisodeSettings(beware=default_beware_list(), max_time_s=40.0, stages=stages)
+    return drive_crossing(7, settings)
 
 
-def test_the_robot_yields_to_a_person_who_crosses_its_path_and_reaches_its_goal(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    report = drive()
+def test_the_robot_yields_to_a_person_who_crosses_its_path_and_reaches_its_goal() -> None:
+    report = drive(Stages())
     assert report["collisions"] == report["struck_while_standing"] == 0
     assert report["goals_reached"] == 1
     assert report["min_clearance_m"] > 0.05
     # The control: without the tracker, with only the map and the gate to stop the robot.
-    blind = functools.partial(EpisodeSettings, stages=Stages(track=lambda *_: ()))
-    monkeypatch.setattr("app.evaluation.driving.crossings.EpisodeSettings", blind)
-    assert drive()["min_clearance_m"] < 0.03
+    assert drive(Stages(track=lambda *_: ()))["min_clearance_m"] < 0.03
 
 
 def test_every_crossing_hits_an_undisturbed_robot_and_the_same_seed_draws_the_same() -> None:

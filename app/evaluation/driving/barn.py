@@ -10,14 +10,11 @@ from typing import Any
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.failure_causes import causes_of
-from app.episode.latency import NO_LATENCY, Latency
 from app.evaluation.campaign import HERE, Campaign, Fleet, conclude, mean_of
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList
-from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import RobotProfile, load_profile
-from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.barn import SCALES, BarnWorld, load_worlds
 from sim.simulator import Simulator
 
@@ -79,42 +76,27 @@ class ChallengeRules:
 def evaluate_barn(
     suite: str,
     worlds: Path | None,
+    settings: EpisodeSettings,
     *,
-    robot: str,
     count: int | None,
     seed: int,
     fleet: Fleet = HERE,
     out: Path,
-    config: NavigatorConfig | None = None,
-    odometry: OdometryGrade = OdometryGrade.TYPICAL,
-    latency: Latency = NO_LATENCY,
-    camera: CameraStream | None = None,
 ) -> dict[str, Any]:
     """Drive the first `count` worlds of a file, one run each; print a table, write `summary.json`.
 
-    Returns the summary. `config` defaults to the configuration of the robot. Raises
-    `BadConfiguration`.
+    Returns the summary. The beware list of `settings` is emptied: these worlds have nothing of it.
+    Raises `BadConfiguration`.
     """
     if worlds is None:
         raise BadConfiguration(
             f"the suite {suite} needs --worlds FILE.json, the file of its worlds"
         )
-    profile = load_profile(robot)
-    listed, config = (
-        _listed(suite, worlds, profile)[:count],
-        _fitted(suite, config or config_for(profile)),
-    )
-    drive = partial(
-        drive_world,
-        worlds=worlds,
-        suite=suite,
-        robot=robot,
-        seed=seed,
-        config=config,
-        odometry=odometry,
-        latency=latency,
-        camera=camera,
-    )
+    profile = settings.robot
+    listed = _listed(suite, worlds, profile)[:count]
+    config = _fitted(suite, settings.config or config_for(profile))
+    settings = replace(settings, beware=NO_CLASSES, config=config)
+    drive = partial(drive_world, worlds=worlds, suite=suite, settings=settings, seed=seed)
     campaign = Campaign(
         suite=suite,
         key="world",
@@ -123,9 +105,9 @@ def evaluate_barn(
             profile,
             config,
             seed,
-            odometry,
-            latency,
-            camera,
+            settings.odometry,
+            settings.latency,
+            settings.camera,
         ),
         holds="other worlds, another robot, seed, odometry, latency, camera or configuration",
         drive=drive,
@@ -161,34 +143,13 @@ def summarise(suite: str, robot: RobotProfile, reports: list[dict[str, Any]]) ->
 
 
 def drive_world(
-    number: int,
-    *,
-    worlds: Path,
-    suite: str,
-    robot: str,
-    seed: int,
-    config: NavigatorConfig | None = None,
-    odometry: OdometryGrade = OdometryGrade.TYPICAL,
-    latency: Latency = NO_LATENCY,
-    camera: CameraStream | None = None,
+    number: int, *, worlds: Path, suite: str, settings: EpisodeSettings, seed: int
 ) -> dict[str, Any]:
     """Drive the world of a number once; return its report with the challenge's verdict."""
-    profile = load_profile(robot)
-    world = next(world for world in _listed(suite, worlds, profile) if world.id == number)
+    world = next(world for world in _listed(suite, worlds, settings.robot) if world.id == number)
     rules = ChallengeRules(world)
-    episode = Episode(
-        world.scenario,
-        EpisodeSettings(
-            beware=NO_CLASSES,
-            config=config or _fitted(suite, config_for(profile)),
-            max_time_s=2 * world.limit_s,
-            robot=profile,
-            odometry=odometry,
-            latency=latency,
-            camera=camera,
-        ),
-        seed=seed,
-    )
+    settings = replace(settings, max_time_s=2 * world.limit_s)
+    episode = Episode(world.scenario, settings, seed=seed)
     try:
         report = episode.run(ended=rules.ended, look_first_s=OBSERVE_FIRST_S)
     finally:

@@ -8,6 +8,7 @@ at the same bearing, and one outside the camera's field of view could not be avo
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
 from collections.abc import Iterable
@@ -18,16 +19,11 @@ from typing import Any
 import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
-from app.episode.latency import NO_LATENCY, Latency
 from app.evaluation.campaign import HERE, Fleet, conclude
 from app.evaluation.driving.drawn_missions import drive_drawn, origin_of
 from app.evaluation.summary import rate_interval
-from navcore.config.navigator import NavigatorConfig
-from navcore.mission.beware_list import BewareList
-from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import HUSKY
 from sim.physics.pedestrians import BODY_DIAMETER_M
-from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.schema import MapExtent, Person, Scenario
 
 HALL_M = 30.0
@@ -160,31 +156,17 @@ COLUMNS = (
 
 
 def evaluate_crossings(
-    *,
-    seeds: Iterable[int],
-    fleet: Fleet = HERE,
-    out: Path,
-    beware: BewareList,
-    max_time_s: float = PATIENCE_S,
-    config: NavigatorConfig | None = None,
-    odometry: OdometryGrade = OdometryGrade.TYPICAL,
-    latency: Latency = NO_LATENCY,
-    camera: CameraStream | None = None,
+    settings: EpisodeSettings, *, seeds: Iterable[int], fleet: Fleet = HERE, out: Path
 ) -> dict[str, Any]:
     """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
     reports = drive_drawn(
         SUITE,
         draw_crossing(0),
         drive_crossing,
+        dataclasses.replace(settings, max_time_s=PATIENCE_S),
         seeds=seeds,
         fleet=fleet,
         out=out,
-        beware=beware,
-        max_time_s=max_time_s,
-        config=config,
-        odometry=odometry,
-        latency=latency,
-        camera=camera,
     )
     return conclude_crossings(reports, out)
 
@@ -196,30 +178,10 @@ def conclude_crossings(reports: list[dict[str, Any]], out: Path) -> dict[str, An
     return summary
 
 
-def drive_crossing(
-    seed: int,
-    *,
-    beware: BewareList,
-    max_time_s: float,
-    config: NavigatorConfig | None = None,
-    odometry: OdometryGrade = OdometryGrade.TYPICAL,
-    latency: Latency = NO_LATENCY,
-    camera: CameraStream | None = None,
-) -> dict[str, Any]:
+def drive_crossing(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
     """Drive the crossing of a seed; return its report with the drawn values."""
     crossing = draw_crossing(seed)
-    episode = Episode(
-        crossing.scenario(),
-        EpisodeSettings(
-            beware=beware,
-            max_time_s=max_time_s,
-            config=config,
-            odometry=odometry,
-            latency=latency,
-            camera=camera,
-        ),
-        seed=seed,
-    )
+    episode = Episode(crossing.scenario(), settings, seed=seed)
     try:
         report = episode.run()
     finally:

@@ -17,16 +17,11 @@ from typing import Any
 import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
-from app.episode.latency import NO_LATENCY, Latency
 from app.evaluation.campaign import HERE, Fleet, conclude
 from app.evaluation.driving.drawn_missions import drive_drawn, origin_of
 from app.evaluation.summary import rate_interval
-from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
-from navcore.mission.beware_list import BewareList
-from navcore.robot.camera_stream import CameraStream
-from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
 
@@ -96,31 +91,17 @@ def quiet_office() -> Scenario:
 
 
 def evaluate_doors(
-    *,
-    seeds: Iterable[int],
-    fleet: Fleet = HERE,
-    out: Path,
-    beware: BewareList,
-    max_time_s: float = PATIENCE_S,
-    config: NavigatorConfig | None = None,
-    odometry: OdometryGrade = OdometryGrade.TYPICAL,
-    latency: Latency = NO_LATENCY,
-    camera: CameraStream | None = None,
+    settings: EpisodeSettings, *, seeds: Iterable[int], fleet: Fleet = HERE, out: Path
 ) -> dict[str, Any]:
     """Drive one passage per seed, print a table, write `summary.json`; return the summary."""
     reports = drive_drawn(
         SUITE,
         next(draw_passages(0)),
         drive_passage,
+        dataclasses.replace(settings, max_time_s=PATIENCE_S),
         seeds=seeds,
         fleet=fleet,
         out=out,
-        beware=beware,
-        max_time_s=max_time_s,
-        config=config,
-        odometry=odometry,
-        latency=latency,
-        camera=camera,
     )
     return conclude_doors(reports, out)
 
@@ -132,25 +113,8 @@ def conclude_doors(reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
     return summary
 
 
-def drive_passage(
-    seed: int,
-    *,
-    beware: BewareList,
-    max_time_s: float,
-    config: NavigatorConfig | None = None,
-    odometry: OdometryGrade = OdometryGrade.TYPICAL,
-    latency: Latency = NO_LATENCY,
-    camera: CameraStream | None = None,
-) -> dict[str, Any]:
+def drive_passage(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
     """Drive the passage of a seed; return its report with the drawn values."""
-    settings = EpisodeSettings(
-        beware=beware,
-        max_time_s=max_time_s,
-        config=config,
-        odometry=odometry,
-        latency=latency,
-        camera=camera,
-    )
     passage, episode = _first_clear(seed, settings)
     try:
         report = episode.run()

@@ -3,51 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from app.episode.latency import Latency
+from app.episode.episode import EpisodeSettings
 from app.evaluation.campaign import Campaign, Fleet
 from app.runtime.record.provenance import command_line
-from navcore.config.navigator import NavigatorConfig
-from navcore.mission.beware_list import BewareList
-from navcore.robot.camera_stream import CameraStream
-from sim.robot.odometry_grade import OdometryGrade
+from navcore.config.navigator import config_for
 
 
 def drive_drawn(
     suite: str,
     example: object,
     drive_one: Callable[..., dict[str, Any]],
+    settings: EpisodeSettings,
     *,
     seeds: Iterable[int],
     fleet: Fleet,
     out: Path,
-    beware: BewareList,
-    max_time_s: float,
-    config: NavigatorConfig | None,
-    odometry: OdometryGrade,
-    latency: Latency,
-    camera: CameraStream | None,
 ) -> list[dict[str, Any]]:
-    """Return the reports of `drive_one(seed, …)`, one a seed; those kept in `out` are not driven
-    again if they were driven by the same rules. `example` is a drawn mission, one of the rules."""
-    config = config or NavigatorConfig()
-    drive = partial(
-        drive_one,
-        beware=beware,
-        max_time_s=max_time_s,
-        config=config,
-        odometry=odometry,
-        latency=latency,
-        camera=camera,
-    )
+    """Return the reports of `drive_one(seed, settings)`, one a seed; those kept in `out` are not
+    driven again if they were driven by the same rules. `example` is a drawn mission, one of the
+    rules."""
+    settings = replace(settings, config=settings.config or config_for(settings.robot))
+    drive = partial(drive_one, settings=settings)
     campaign = Campaign(
         suite=suite,
         key="seed",
-        rules=(suite, example, beware.classes, max_time_s, config, odometry, latency, camera),
-        holds="another campaign, beware list, odometry, latency, camera or time limit",
+        rules=(
+            suite,
+            example,
+            settings.beware.classes,
+            settings.max_time_s,
+            settings.robot,
+            settings.config,
+            settings.odometry,
+            settings.latency,
+            settings.camera,
+        ),
+        holds="another campaign, robot, beware list, odometry, latency, camera or time limit",
         drive=drive,
         drive_alone=drive,
     )

@@ -9,11 +9,13 @@ from typing import Any
 
 import pytest
 
+from app.episode.episode import EpisodeSettings
 from app.evaluation.driving.barn import ChallengeRules, drive_world, evaluate_barn, verdict
 from navcore.config.navigator import config_for
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Twist
-from navcore.robot.profile import load_profile
+from navcore.mission.beware_list import default_beware_list
+from navcore.robot.profile import HUSKY, RobotProfile, load_profile
 from sim.scenario.barn import load_worlds
 from sim.simulator import Simulator
 from tests.sim.scenario.test_barn import MOVING, STATIC, a_file
@@ -24,13 +26,20 @@ NEAR = [-2.25, 7.0]
 """A goal 4 m from the start."""
 
 
+def rules_of(robot: RobotProfile) -> EpisodeSettings:
+    return EpisodeSettings(beware=default_beware_list(), robot=robot)
+
+
+JACKAL = rules_of(load_profile("jackal"))
+
+
 def test_a_world_is_driven_scored_and_not_driven_twice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     worlds, out = a_file(tmp_path, WALLED, STATIC, goal=NEAR), tmp_path / "out"
 
     def campaign(count: int | None) -> dict[str, Any]:
-        return evaluate_barn("barn", worlds, robot="jackal", count=count, seed=0, out=out)
+        return evaluate_barn("barn", worlds, JACKAL, count=count, seed=0, out=out)
 
     first = campaign(1)
     kept = (out / "episodes.jsonl").read_text()
@@ -45,25 +54,20 @@ def test_a_world_is_driven_scored_and_not_driven_twice(
     assert report["optimal_s"] == 6.0 and report["min_clearance_m"] > 0.03
     assert "time_s" in capsys.readouterr().out
     with pytest.raises(BadConfiguration, match="another --out"):
-        evaluate_barn("barn", worlds, robot="husky", count=1, seed=0, out=out)
+        evaluate_barn("barn", worlds, rules_of(HUSKY), count=1, seed=0, out=out)
 
 
 def test_a_configuration_of_its_own_drives_a_world_and_another_one_is_another_campaign(
     tmp_path: Path,
 ) -> None:
-    usual = config_for(load_profile("jackal"))
-    own = replace(usual, local=replace(usual.local, lookahead_m=0.7))
-    options: dict[str, Any] = {
-        "robot": "jackal",
-        "count": 1,
-        "seed": 0,
-        "out": tmp_path / "out",
-    }
-    summary = evaluate_barn("barn", a_file(tmp_path, WALLED, goal=NEAR), config=own, **options)
+    usual = config_for(JACKAL.robot)
+    own = replace(JACKAL, config=replace(usual, local=replace(usual.local, lookahead_m=0.7)))
+    options: dict[str, Any] = {"count": 1, "seed": 0, "out": tmp_path / "out"}
+    summary = evaluate_barn("barn", a_file(tmp_path, WALLED, goal=NEAR), own, **options)
     assert (summary["success_rate"], summary["score"]) == (1.0, 0.5)
     assert summary["min_clearance_m"] > 0.03
     with pytest.raises(BadConfiguration, match="another --out"):
-        evaluate_barn("barn", tmp_path / "worlds.json", **options)
+        evaluate_barn("barn", tmp_path / "worlds.json", JACKAL, **options)
 
 
 def judged(
@@ -133,18 +137,23 @@ def test_a_wrong_suite_robot_or_file_is_refused(tmp_path: Path) -> None:
     static = a_file(tmp_path, STATIC)
     options: dict[str, Any] = {"count": None, "seed": 0, "out": tmp_path}
     with pytest.raises(BadConfiguration, match="needs --worlds"):
-        evaluate_barn("barn", None, robot="jackal", **options)
+        evaluate_barn("barn", None, JACKAL, **options)
     with pytest.raises(BadConfiguration, match="no such file"):
-        evaluate_barn("barn", tmp_path / "none.json", robot="jackal", **options)
+        evaluate_barn("barn", tmp_path / "none.json", JACKAL, **options)
     with pytest.raises(BadConfiguration, match="no dynabarn worlds"):
-        evaluate_barn("dynabarn", static, robot="jackal", **options)
-    with pytest.raises(BadConfiguration, match="no robot is called"):
-        evaluate_barn("barn", static, robot="unicycle", **options)
+        evaluate_barn("dynabarn", static, JACKAL, **options)
+    other = rules_of(replace(HUSKY, name="unicycle"))
+    with pytest.raises(BadConfiguration, match="unicycle: the worlds are made for one of: "):
+        evaluate_barn("barn", static, other, **options)
 
 
 def test_the_husky_drives_the_same_world_at_its_own_size(tmp_path: Path) -> None:
     report = drive_world(
-        6, worlds=a_file(tmp_path, STATIC, goal=NEAR), suite="barn", robot="husky", seed=0
+        6,
+        worlds=a_file(tmp_path, STATIC, goal=NEAR),
+        suite="barn",
+        settings=rules_of(HUSKY),
+        seed=0,
     )
     assert (report["success"], report["collision"], report["robot"]) == (True, False, "husky")
     assert report["causes"] == []

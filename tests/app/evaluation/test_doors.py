@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import islice
 
+from app.episode.episode import EpisodeSettings
 from app.evaluation.driving.doors import (
     DOORS,
     draw_passages,
@@ -28,7 +29,7 @@ def test_start_and_goal_lie_on_both_sides_of_a_door_and_a_seed_draws_the_same() 
 
 
 def test_a_door_is_passed_and_a_way_back_is_no_first_try() -> None:
-    report = drive_passage(3, beware=default_beware_list(), max_time_s=40.0)
+    report = drive_passage(3, EpisodeSettings(beware=default_beware_list(), max_time_s=40.0))
     assert report["goals_reached"] == 1
     assert report["first_try"]
     longer = {**report, "distance_m": report["shortest_m"] + 2.0}
