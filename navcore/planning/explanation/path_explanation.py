@@ -155,18 +155,21 @@ def rules_of(
         _rule(
             f"class:{entry.class_id}",
             entry.label or entry.name,
-            grid.beware[entry.class_id],
-            radius(entry.margin_m),
+            (grid.beware[entry.class_id], radius(entry.margin_m)),
+            *(
+                (grid.beware[entry.class_id] & mask, radius(margin_m))
+                for margin_m, mask in grid.uncertain
+            ),
         )
         for entry in beware.enabled
         if entry.class_id in grid.beware
     ]
     found += [
-        _rule(f"zone:{zone.id}", zone.name, forbidden_cells(zone, spec), radius(zone.margin_m))
+        _rule(f"zone:{zone.id}", zone.name, (forbidden_cells(zone, spec), radius(zone.margin_m)))
         for zone in zones
         if zone.closed
     ]
-    walls = _rule("wall", "obstacle", grid.geometric, radius(0.0))
+    walls = _rule("wall", "obstacle", (grid.geometric, radius(0.0)))
     return Rules(
         spec=spec, walls=walls, removable=tuple(rule for rule in found if rule is not None)
     )
@@ -194,21 +197,23 @@ def path_without(
     return plan_weighted(~blocked, rules.unseen, price, start, goal, max_expansions=budget)
 
 
-def _rule(key: str, name: str, mask: BoolGrid, radius: int) -> Rule | None:
-    """The rule of one layer's cells, inflated by `radius` cells; None when it has none."""
-    rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+def _rule(key: str, name: str, *layers: tuple[BoolGrid, int]) -> Rule | None:
+    """The rule of layers of cells, each inflated by a number of cells; None when the first, which
+    contains the others, has none."""
+    whole = layers[0][0]
+    rows, cols = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
     if not len(rows):
         return None
-    border = radius + 2
+    border = max(radius for _, radius in layers) + 2
     top, left = max(int(rows[0]) - border, 0), max(int(cols[0]) - border, 0)
-    part = mask[top : int(rows[-1]) + border + 1, left : int(cols[-1]) + border + 1]
+    window = slice(top, int(rows[-1]) + border + 1), slice(left, int(cols[-1]) + border + 1)
+    beyond = [_beyond(mask[window], radius) for mask, radius in layers if mask.any()]
+    return Rule(key=key, name=name, top=top, left=left, beyond=np.minimum.reduce(beyond))
+
+
+def _beyond(mask: BoolGrid, radius: int) -> npt.NDArray[np.float32]:
+    """(h, w) distance in cells to a mask that is inflated by `radius` cells."""
     # Squared distances of cells are whole numbers, so the small term keeps the disc of
     # `navcore.grid.grid.inflate` exactly.
-    away = cv2.distanceTransform((~part).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return Rule(
-        key=key,
-        name=name,
-        top=top,
-        left=left,
-        beyond=np.asarray(away - np.float32(radius + 1e-3), dtype=np.float32),
-    )
+    away = cv2.distanceTransform((~mask).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(away - np.float32(radius + 1e-3), dtype=np.float32)

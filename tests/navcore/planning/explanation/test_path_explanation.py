@@ -40,7 +40,12 @@ def box(left: float, right: float, low: float, high: float) -> tuple[tuple[float
     return ((left, low), (right, low), (right, high), (left, high))
 
 
-def world(walls: BoolGrid, cups: BoolGrid, zones: tuple[Zone, ...]) -> OccupancyGrid:
+def world(
+    walls: BoolGrid,
+    cups: BoolGrid,
+    zones: tuple[Zone, ...],
+    uncertain: tuple[tuple[float, BoolGrid], ...],
+) -> OccupancyGrid:
     enabled = [zone for zone in zones if zone.enabled]
     plain = [rasterise(zone.polygon, SPEC) for zone in enabled if zone.margin_m == 0]
     return OccupancyGrid(
@@ -52,11 +57,17 @@ def world(walls: BoolGrid, cups: BoolGrid, zones: tuple[Zone, ...]) -> Occupancy
         wide_zones=tuple(
             (zone.margin_m, rasterise(zone.polygon, SPEC)) for zone in enabled if zone.margin_m > 0
         ),
+        uncertain=uncertain,
     )
 
 
-def made(walls: BoolGrid, cups: BoolGrid, zones: tuple[Zone, ...]) -> tuple[OccupancyGrid, Rules]:
-    grid = world(walls, cups, zones)
+def made(
+    walls: BoolGrid,
+    cups: BoolGrid,
+    zones: tuple[Zone, ...],
+    uncertain: tuple[tuple[float, BoolGrid], ...] = (),
+) -> tuple[OccupancyGrid, Rules]:
+    grid = world(walls, cups, zones, uncertain)
     return grid, rules_of(grid, BEWARE, zones, vehicle_width_m=WIDTH_M, safety_margin_m=MARGIN_M)
 
 
@@ -77,7 +88,9 @@ def test_the_rules_together_close_exactly_the_cells_that_the_planner_avoids(seed
             ((-2.0, -1.5, 0.0, True), (0.5, 0.2, 0.25, True), (1.5, -1.0, 0.0, False))
         )
     )
-    grid, rules = made(walls, cups, zones)
+    wider = generator.integers(0, 3, (SPEC.rows, SPEC.cols))
+    uncertain = tuple((margin_m, cups & (wider == i)) for i, margin_m in ((1, 0.2), (2, 0.4)))
+    grid, rules = made(walls, cups, zones, uncertain)
     assert (
         rules.blocked() == inflate_layers(grid, vehicle_width_m=WIDTH_M, safety_margin_m=MARGIN_M)
     ).all()
@@ -115,6 +128,16 @@ def test_only_the_zone_that_shuts_the_door_must_be_removed() -> None:
     found = minimum_removal(rules, start, goal)
     assert found.keys == ("zone:door",) and found.exact and found.at_least == 1
     assert isinstance(path_without(rules, found.keys, start, goal, budget=None), Path)
+
+
+def test_a_class_that_shuts_the_door_only_by_the_uncertainty_of_the_position_is_named() -> None:
+    wall = rasterise(box(-0.2, 0.2, -2.0, 2.0), SPEC) & ~rasterise(box(-0.4, 0.4, -1.0, 1.0), SPEC)
+    cup = rasterise(box(-0.1, 0.1, -0.1, 0.1), SPEC)
+    start, goal = SPEC.cell(-2.0, 0.0), SPEC.cell(2.0, 0.0)
+    _, surely = made(wall, cup, ())
+    assert minimum_removal(surely, start, goal).keys == ()
+    _, unsure = made(wall, cup, (), ((0.7, cup),))
+    assert minimum_removal(unsure, start, goal).keys == ("class:2",)
 
 
 def test_walls_cannot_be_removed_and_an_open_path_needs_nothing() -> None:
