@@ -6,6 +6,7 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Protocol
 
 JOIN_S = 2.0
@@ -33,6 +34,9 @@ class Background(Protocol):
     def poll(self) -> Any:
         """Return the outcome of the last task once, when it has one; else None."""
 
+    def discard(self) -> None:
+        """Cancel the task that runs; no outcome of an earlier task is returned any more."""
+
 
 class InlineBackground:
     """Runs a task at once and hands its outcome to the next poll: the same run every time, for
@@ -55,14 +59,19 @@ class InlineBackground:
         outcome, self._outcome = self._outcome, None
         return outcome
 
+    def discard(self) -> None:
+        """Drop the outcome of the last task."""
+        self._outcome = None
+
 
 class ThreadBackground:
     """Runs tasks in a thread of its own; a task that fails is logged and has no outcome."""
 
     def __init__(self) -> None:
-        self._tasks: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
-        self._outcomes: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._tasks: queue.SimpleQueue[tuple[int, Task] | None] = queue.SimpleQueue()
+        self._outcomes: queue.SimpleQueue[tuple[int, Any]] = queue.SimpleQueue()
         self._busy, self._ended = threading.Event(), threading.Event()
+        self._generation = 0
         self._thread = threading.Thread(target=self._run, name="localisation", daemon=True)
 
     def start(self) -> None:
@@ -83,21 +92,30 @@ class ThreadBackground:
     def submit(self, task: Task) -> None:
         """Begin a task; only while idle."""
         self._busy.set()
-        self._tasks.put(task)
+        self._tasks.put((self._generation, task))
 
     def poll(self) -> Any:
         """Return the outcome of the last task once, when it has one; else None."""
-        try:
-            return self._outcomes.get_nowait()
-        except queue.Empty:
-            return None
+        while not self._outcomes.empty():
+            generation, outcome = self._outcomes.get()
+            if generation == self._generation:
+                return outcome
+        return None
+
+    def discard(self) -> None:
+        """Cancel the task that runs; no outcome of an earlier task is returned any more."""
+        self._generation += 1
 
     def _run(self) -> None:
-        while (task := self._tasks.get()) is not None:
+        while (given := self._tasks.get()) is not None:
+            generation, task = given
             try:
-                outcome = task.run(self._ended.is_set)
+                outcome = task.run(partial(self._is_cancelled, generation))
                 if outcome is not None:
-                    self._outcomes.put(outcome)
+                    self._outcomes.put((generation, outcome))
             except Exception:
                 log.exception("a task in the background failed")
             self._busy.clear()
+
+    def _is_cancelled(self, generation: int) -> bool:
+        return self._ended.is_set() or generation != self._generation

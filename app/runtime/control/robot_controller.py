@@ -10,8 +10,10 @@ from __future__ import annotations
 import dataclasses
 import threading
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from app.runtime.control.background import Background, InlineBackground
+from app.runtime.control.map_requests import MapRequests
 from app.runtime.control.operator_state import MOVING, OperatorState
 from app.runtime.control.segmentation_ahead import SegmentedFrame
 from app.runtime.control.stage_timer import TICK, StageTimer
@@ -92,13 +94,8 @@ class RobotController:
         self._recent_obstacles = RecentObstacles()
         self._blocked_since_ns: int | None = None
         self._held_since_ns: int | None = None
-        self._corrected: dict[int, Pose2] = {}
-        self._map_edits: list[Callable[[PointMap], None]] = []
-        self._placed: tuple[Pose2, Matrix] | None = None
-        self._search, self._search_begins = SearchTurn(), False
-        self._was_located = False
-        self._pose_accepted = False
-        self._enter: Callable[[], None] | None = None
+        self._requests = MapRequests()
+        self._search, self._was_located = SearchTurn(), False
 
     @property
     def intent(self) -> OperatorState:
@@ -148,17 +145,17 @@ class RobotController:
             if not 0 <= pose_id < known:
                 raise BadConfiguration(f"pose ID {pose_id} is not on the map, which has {known}")
         with self._lock:
-            self._corrected |= poses
+            self._ask(poses={**self._requests.poses, **poses})
 
     def edit_map(self, edit: Callable[[PointMap], None]) -> None:
         """Have the think thread edit the map before the next tick, after the edits before."""
         with self._lock:
-            self._map_edits.append(edit)
+            self._ask(edits=(*self._requests.edits, edit))
 
     def place_robot(self, T_map_base: Pose2, covariance: Matrix) -> None:
         """Set the pose of the robot, with its (3, 3) covariance, before the next tick."""
         with self._lock:
-            self._placed = (T_map_base, covariance)
+            self._ask(place=(T_map_base, covariance))
 
     def enter_site(
         self, edit: Callable[[OperatorState], OperatorState], replace_map: Callable[[], None]
@@ -168,7 +165,7 @@ class RobotController:
         with self._lock:
             self.require_standing()
             self._replace(edit(self._intent))
-            self._enter, self._corrected, self._map_edits = replace_map, {}, []
+            self._ask(replace_map=replace_map, poses={}, edits=())
 
     def require_standing(self, then: str = "change the site") -> None:
         """Raise `Refused` while the robot moves or a mission drives; `then` names what was
@@ -191,7 +188,7 @@ class RobotController:
                 raise Refused("the emergency stop is latched; reset it first")
             self._replace(dataclasses.replace(self._intent, searching=True))
             self._search = SearchTurn()
-            self._search_begins = True
+            self._ask(search=True)
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Label a frame for `think`, one at a time, in any thread. Raises `BadFrame`."""
@@ -208,29 +205,14 @@ class RobotController:
         """
         with self._lock:
             intent = self._intent
-            corrected, self._corrected = self._corrected, {}
-            edits, self._map_edits = self._map_edits, []
-            placed, self._placed = self._placed, None
-            search_begins, self._search_begins = self._search_begins, False
-            pose_accepted, self._pose_accepted = self._pose_accepted, False
-            enter, self._enter = self._enter, None
+            requests, self._requests = self._requests, MapRequests()
             senses = self._mapped = self._mapped.after(frame, self.profile)
         goal, request = intent.mission.goal, request_of(intent)
-        if enter is not None:
-            enter()
-            self.navigator.reset_pose()
-        if corrected:  # here and not in `correct_poses`: only this thread changes the map
-            self.navigator.map.correct(corrected)
-        for edit in edits:
-            edit(self.navigator.map)
-        if pose_accepted:
-            self.navigator.reset_pose()
+        if requests.replace_map is not None:
+            self._background.discard()  # it computes on the map before
         if (outcome := self._background.poll()) is not None:
             self.navigator.take(outcome)
-        if search_begins:
-            self.navigator.localisation.search(frame.stamp_ns)
-        if placed is not None:
-            self.navigator.place_robot(*placed, frame)
+        requests.apply(self.navigator, frame)
         if senses.fault is not None or senses.repeats:
             # An implausible frame must not enter the map; the gate says why the robot stands, or
             # the command just expires.
@@ -286,6 +268,9 @@ class RobotController:
                     lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission
                 )
         return decision
+
+    def _ask(self, **requests: Any) -> None:
+        self._requests = dataclasses.replace(self._requests, **requests)
 
     def _replace(self, intent: OperatorState) -> OperatorState:
         self._intent = intent
@@ -380,7 +365,7 @@ class RobotController:
         """Accept pose and stamp of the next frame, whatever came before, on the operator's word."""
         with self._lock:
             if self.pose_in_doubt:
-                self._pose_accepted = True
+                self._ask(trust_pose=True)
                 # The new pose does not tell where the obstacles are that are out of view.
                 self._recent_obstacles = RecentObstacles()
             self._mapped = self._watched = SensorMonitor()

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import pytest
 
+from app.runtime.control.background import InlineBackground
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
@@ -544,3 +546,27 @@ def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_
     known = driver.navigator.map.explored.known(SPEC)
     row, col = SPEC.cell(there.x_m - 0.8, there.y_m)
     assert known[row, col] == accepted
+
+
+@pytest.mark.parametrize("enters", [True, False])
+def test_what_was_computed_on_a_map_is_not_taken_for_the_next_one(
+    enters: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class OnOldMap:
+        def run(self, is_cancelled: Callable[[], bool]) -> str:
+            return "places on the old map"
+
+    background, taken = InlineBackground(), list[object]()
+    driver = RobotController(
+        navigator=navigator(),
+        profile=HUSKY,
+        intent=OperatorState(mission=Mission(), beware=RED_LIST),
+        background=background,
+    )
+    think(driver)
+    monkeypatch.setattr(driver.navigator, "take", taken.append)
+    background.submit(OnOldMap())
+    if enters:
+        driver.enter_site(lambda intent: intent, lambda: None)
+    think(driver)
+    assert taken == ([] if enters else ["places on the old map"])

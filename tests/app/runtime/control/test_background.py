@@ -1,0 +1,71 @@
+"""Work beside the tick: one task at a time, and no outcome for a map that was replaced."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from app.runtime.control.background import InlineBackground, ThreadBackground
+
+
+class Slow:
+    """Task that ends when it is told to, or cancelled."""
+
+    def __init__(self) -> None:
+        self.may_end, self.began = threading.Event(), threading.Event()
+        self.was_cancelled = False
+
+    def run(self, is_cancelled: Callable[[], bool]) -> str:
+        self.began.set()
+        while not self.may_end.wait(0.01):
+            if is_cancelled():
+                self.was_cancelled = True
+                break
+        return "outcome of the map before"
+
+
+@pytest.fixture
+def thread() -> Iterator[ThreadBackground]:
+    background = ThreadBackground()
+    background.start()
+    yield background
+    background.stop()
+
+
+def polled(background: ThreadBackground) -> object:
+    while not background.is_idle:
+        time.sleep(0.01)
+    return background.poll()
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_what_was_computed_before_a_discard_is_never_returned(
+    thread: ThreadBackground, ended: bool
+) -> None:
+    task = Slow()
+    thread.submit(task)
+    assert task.began.wait(10)
+    if ended:
+        task.may_end.set()
+        while not thread.is_idle:
+            time.sleep(0.01)
+    thread.discard()
+    assert polled(thread) is None
+    assert task.was_cancelled is not ended
+    # The control: without a discard it is.
+    task = Slow()
+    task.may_end.set()
+    thread.submit(task)
+    assert polled(thread) == "outcome of the map before"
+    assert thread.poll() is None
+
+
+def test_in_simulated_time_too() -> None:
+    background, task = InlineBackground(), Slow()
+    task.may_end.set()
+    background.submit(task)
+    background.discard()
+    assert background.is_idle and background.poll() is None
