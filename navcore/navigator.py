@@ -24,7 +24,7 @@ from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.grid.grid import Box, GridSpec, OccupancyGrid, inflate_layers
 from navcore.grid.growth import growth_to
 from navcore.localisation.cell_margins import CellMargins, GrownCells
-from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.localisation import Localisation, Outcome, Task
 from navcore.localisation.map_correction import (
     AppliedCorrection,
@@ -335,6 +335,8 @@ class Navigator:
         )
         keyframes = restored(self.map.scans(), self.map.poses)
         self.localisation.load(keyframes, last, kept=kept)
+        # Until the next frame nothing tells where the robot is on this map.
+        self.place = kept or LocalisationEstimate(state=LocalisationState.AMBIGUOUS)
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.zone_margins = self._zone_margins(frozen=len(self.map.poses) > 0)
 

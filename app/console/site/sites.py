@@ -101,6 +101,7 @@ class LiveSites:
         self._lock = threading.RLock()
         self._saved: Mission | None = None
         self._placed: Pose2 | None = None
+        self._has_entered = True
         self._left: dict[str, LocalisationEstimate] = {}
         self._listings: OrderedDict[int, _Listing] = OrderedDict()
         self._listed = 0
@@ -234,7 +235,9 @@ class LiveSites:
             if mission is not self._saved:
                 self._store.site.save_document(*MISSION, _mission_record(mission))
                 self._saved = mission
-            if self._has_own_map and place.is_known and _has_moved(self._placed, place.T_map_base):
+            if not (self._has_own_map and self._has_entered and place.is_known):
+                return
+            if _has_moved(self._placed, place.T_map_base):
                 self._placed = place.T_map_base
                 self._store.site.save_document(*LAST_PLACE, dataclasses.asdict(self._placed))
 
@@ -247,7 +250,7 @@ class LiveSites:
         left, kept = self._controller.place, self._kept_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
-        price = stored_unknown_price(site)
+        price, last = stored_unknown_price(site), expected_place(site)
         self._keeper.write_now()
         self.keep_session()
 
@@ -266,15 +269,19 @@ class LiveSites:
 
         def replace_map() -> None:
             self._controller.navigator.map.restore(stored.state)
-            self._controller.navigator.adopt_map(expected_place(site), kept=kept)
+            self._controller.navigator.adopt_map(last, kept=kept)
             self._keeper.use(site.map_file, stored.class_names)
+            self._has_entered = True
 
         with self._user.leaving_site():
             self._store.use(site.name, world=self._world)
+            # Until the next tick the robot's place is that on the map of the site before.
+            self._has_entered = False
             try:
                 self._controller.enter_site(edit, replace_map)
             except Refused:
                 self._store.use(before.name)
+                self._has_entered = True
                 raise
             self._user.enter_site(site)
         if left.is_known:

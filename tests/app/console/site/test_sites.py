@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -279,6 +280,27 @@ def test_the_place_of_the_robot_comes_back_unless_it_was_not_known(desk: Desk) -
     desk.sites.keep_session()
     assert last_place_of(desk.store.site) == here
     assert last_place_of(desk.store.sites.open("hall")) is None
+
+
+def test_the_place_on_the_old_map_is_never_kept_for_the_new_site(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entered, enter = desk.store.sites.open("hall"), desk.controller.enter_site
+
+    def entering(edit: Any, replace_map: Callable[[], None]) -> None:
+        def replace_and_keep() -> None:
+            desk.sites.keep_session()
+            replace_map()
+            desk.sites.keep_session()
+
+        enter(edit, replace_and_keep)
+
+    monkeypatch.setattr(desk.controller, "enter_site", entering)
+    assert desk.controller.place.is_known
+    desk.choose("hall")
+    assert last_place_of(entered) is None
+    desk.sites.keep_session()
+    assert last_place_of(entered) == desk.controller.place.T_map_base
 
 
 def test_without_a_tick_a_site_is_not_left(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
