@@ -165,7 +165,10 @@ class RobotController:
         with self._lock:
             self.require_standing()
             self._replace(edit(self._intent))
-            self._ask(replace_map=replace_map, poses={}, edits=())
+            # What was asked before is about the map before, but for the pose by odometry.
+            self._requests = MapRequests(
+                replace_map=replace_map, trust_pose=self._requests.trust_pose
+            )
 
     def require_standing(self, then: str = "change the site") -> None:
         """Raise `Refused` while the robot moves or a mission drives; `then` names what was
