@@ -549,7 +549,7 @@ def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_
 
 
 @pytest.mark.parametrize("enters", [True, False])
-def test_what_was_computed_on_a_map_is_not_taken_for_the_next_one(
+def test_what_was_computed_or_shown_on_a_map_is_not_taken_for_the_next_one(
     enters: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class OnOldMap:
@@ -557,6 +557,7 @@ def test_what_was_computed_on_a_map_is_not_taken_for_the_next_one(
             return "places on the old map"
 
     background, taken = InlineBackground(), list[object]()
+    shown = Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.0)
     driver = RobotController(
         navigator=navigator(),
         profile=HUSKY,
@@ -565,8 +566,10 @@ def test_what_was_computed_on_a_map_is_not_taken_for_the_next_one(
     )
     think(driver)
     monkeypatch.setattr(driver.navigator, "take", taken.append)
+    monkeypatch.setattr(driver.navigator, "place_robot", lambda *place: taken.append(place[0]))
     background.submit(OnOldMap())
+    driver.place_robot(shown, np.eye(3))
     if enters:
         driver.enter_site(lambda intent: intent, lambda: None)
     think(driver)
-    assert taken == ([] if enters else ["places on the old map"])
+    assert taken == ([] if enters else ["places on the old map", shown])
