@@ -31,9 +31,9 @@ from app.teaching.training.rehearsal import around_objects, labels_of, rendered
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
-from navcore.learning.training.class_teaching import ClassTeacher, grown_network
-from navcore.learning.training.taught_rows import Encoded
-from navcore.learning.training.teaching_recipe import TeachingRecipe
+from navcore.learning.teaching.class_teaching import ClassTeacher, grown_network
+from navcore.learning.teaching.taught_rows import Encoded
+from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.network.preprocess import Size
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, load
 from sim.dataset.generate import shard_seed

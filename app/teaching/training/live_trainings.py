@@ -17,7 +17,7 @@ from app.teaching.training.lock import ask_to_end, holder_of
 from app.teaching.training.plan import PLAN_NAME, TrainingPlan, prepare, read_plan
 from app.teaching.training.progress import LOOKS_NAME, RunProgress, read_progress, write_progress
 from navcore.errors import BadConfiguration, NotKnown, Refused
-from navcore.learning.training.teaching_recipe import TeachingRecipe
+from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.toml_config import from_table
 from web.interface.teaching import TrainingOrder, TrainingPhase, TrainingRun
 

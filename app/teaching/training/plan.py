@@ -22,7 +22,7 @@ from navcore.files import read_whole, write_whole
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, Split
 from navcore.learning.data.dataset import load_dataset
 from navcore.learning.data.writer import write_text
-from navcore.learning.training.teaching_recipe import TeachingRecipe
+from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.toml_config import from_table
 from web.interface.teaching import NOTHING_NAME, CapturedFrame
 

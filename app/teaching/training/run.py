@@ -30,11 +30,11 @@ from navcore.errors import BadConfiguration
 from navcore.files import write_whole
 from navcore.learning.data.card import Sample
 from navcore.learning.data.dataset import Dataset, load_dataset
-from navcore.learning.training.class_teaching import ClassTeacher, grown_network
+from navcore.learning.teaching.class_teaching import ClassTeacher, grown_network
+from navcore.learning.teaching.taught_rows import Encoded
+from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.learning.training.evaluation import InferenceSettings
 from navcore.learning.training.metrics import confusion_matrix, mean_iou
-from navcore.learning.training.taught_rows import Encoded
-from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import Size, check_size
 from navcore.perception.esanet.weights.weights_file import WeightsCard, digest, load, save

@@ -12,8 +12,8 @@ from app.teaching.networks.versions import MODEL_NAME
 from app.teaching.training.plan import TrainingPlan, prepare
 from app.teaching.training.run import TeachingRun
 from navcore.learning.data.card import Sample
+from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.learning.training.evaluation import InferenceSettings, predict
-from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.network.preprocess import Size
 from navcore.perception.esanet.weights.weights_file import load

@@ -23,7 +23,7 @@ from app.teaching.training.lock import holder_of
 from app.teaching.training.plan import PLAN_NAME, TrainingPlan, held_back, prepare, read_plan
 from app.teaching.training.run import STATE_NAME, Cancelled, TeachingRun
 from navcore.errors import Refused, StorageFailed
-from navcore.learning.training.teaching_recipe import TeachingRecipe
+from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet import build
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
 from navcore.perception.esanet.weights.weights_file import WeightsCard, load, save

@@ -12,9 +12,9 @@ from torch.nn import functional
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
-from navcore.learning.training.class_teaching import ClassTeacher, grown_network
-from navcore.learning.training.taught_rows import TaughtRows
-from navcore.learning.training.teaching_recipe import TeachingRecipe
+from navcore.learning.teaching.class_teaching import ClassTeacher, grown_network
+from navcore.learning.teaching.taught_rows import TaughtRows
+from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.network.preprocess import Size
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, load

@@ -39,11 +39,11 @@ from torch import Tensor
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
+from navcore.learning.teaching.taught_rows import Encoded, TaughtRows
+from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.learning.training.batches import plain_batch
 from navcore.learning.training.initial_weights import transferred_network
 from navcore.learning.training.recipe import Recipe
-from navcore.learning.training.taught_rows import Encoded, TaughtRows
-from navcore.learning.training.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.network.model import EsaNet
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard
