@@ -101,7 +101,7 @@ class LiveSites:
         self._lock = threading.RLock()
         self._saved: Mission | None = None
         self._placed: Pose2 | None = None
-        self._has_entered = True
+        self._has_entered, self._old_picture = True, view.picture
         self._left: dict[str, LocalisationEstimate] = {}
         self._listings: OrderedDict[int, _Listing] = OrderedDict()
         self._listed = 0
@@ -271,7 +271,7 @@ class LiveSites:
             self._controller.navigator.map.restore(stored.state)
             self._controller.navigator.adopt_map(last, kept=kept)
             self._keeper.use(site.map_file, stored.class_names)
-            self._has_entered = True
+            self._has_entered, self._old_picture = True, self._view.picture
 
         with self._user.leaving_site():
             self._store.use(site.name, world=self._world)
@@ -322,7 +322,7 @@ class LiveSites:
 
     def _present(self) -> CellMap:
         picture = self._view.picture
-        if picture is None:
+        if picture is None or picture is self._old_picture or not self._has_entered:
             raise Refused("there is no map yet; the camera has not delivered an image")
         return cells_on(picture.grid, picture.seen)
 

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -301,6 +302,24 @@ def test_the_place_on_the_old_map_is_never_kept_for_the_new_site(
     assert last_place_of(entered) is None
     desk.sites.keep_session()
     assert last_place_of(entered) == desk.controller.place.T_map_base
+
+
+def test_a_site_is_compared_with_its_own_map_and_never_with_that_of_the_site_before(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def newest() -> Any:
+        decision = desk.controller.tick_state.decision
+        assert decision is not None
+        grid = decision.occupancy.grid
+        return SimpleNamespace(grid=grid, seen=np.ones_like(grid.geometric))
+
+    monkeypatch.setattr(desk, "picture", newest())
+    assert not desk.sites.changes().accepted
+    desk.choose("hall")
+    with pytest.raises(Refused, match="no map yet"):
+        desk.sites.changes()
+    monkeypatch.setattr(desk, "picture", newest())
+    assert desk.sites.accept(None, ()).accepted
 
 
 def test_without_a_tick_a_site_is_not_left(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
