@@ -240,6 +240,12 @@ class LiveOperations:
         self._edit(site)
         self.map_edits = self._map_editor()
         self._recorder.watch_zones(self.zones.stored)
+        self._forget_map()
+        # The tick that runs now still notes what it saw on the map before.
+        self._controller.edit_map(lambda _: self._forget_map())
+
+    def _forget_map(self) -> None:
+        """Forget what was seen, and what zones and goals were anchored to, on another map."""
         self.insight.forget_place()
         self._anchored.forget()
         self._recent.forget()

@@ -1,0 +1,91 @@
+"""What the console knows of one site does not come along to the next."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import threading
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.console.beware.recent_frames import RecentFrames
+from app.console.mission.anchored_items import AnchoredItems
+from app.console.operations import LiveOperations
+from app.runtime.record.recorder import Recorder
+from app.runtime.start.live_perception import LivePerception
+from app.runtime.start.segmentation import colour_perception
+from app.storage import Store
+from app.storage.site_store import SiteStore
+from navcore.config.navigator import NavigatorConfig
+from tests.reliability.fault_runs import BenchRobot, first_frame, standing_controller
+
+SECOND = 1_000_000_000
+
+
+def test_a_tick_that_ends_after_a_change_of_site_leaves_nothing_of_its_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recent, noted = RecentFrames(), list[str]()
+
+    class Recorded(AnchoredItems):
+        def note_tick(self, *given: Any) -> tuple[str, ...]:
+            noted.append("anchored")
+            return super().note_tick(*given)
+
+        def forget(self) -> None:
+            noted.append("forgotten")
+            super().forget()
+
+    monkeypatch.setattr("app.console.operations.RecentFrames", lambda: recent)
+    monkeypatch.setattr("app.console.operations.AnchoredItems", Recorded)
+    controller, scene = standing_controller(), first_frame()
+    with closing(Store(tmp_path)) as store:
+        operations = LiveOperations(
+            robot=BenchRobot(scene=scene, controller=controller),
+            controller=controller,
+            store=store,
+            recorder=Recorder(controller=controller, store=store, referee=None, scenario="bench"),
+            robot_urdf=None,
+            perception=LivePerception(colour_perception()),
+            data=tmp_path,
+            config=NavigatorConfig(),
+        )
+        stamps, ended, entering = itertools.count(1), threading.Event(), threading.Lock()
+
+        def tick() -> None:
+            frame = dataclasses.replace(scene, stamp_ns=next(stamps) * SECOND)
+            with entering:
+                controller.trust_pose()  # the image is the same, again
+                decision = controller.think(frame, clock=lambda: frame.stamp_ns)
+            assert decision is not None
+            operations.note_decision(decision)
+
+        def ticking() -> None:
+            while not ended.is_set():
+                tick()
+
+        tick()
+        (old,) = recent.all
+        operations.sites.make("hall")
+        stale, enter = controller.tick_state.decision, operations.enter_site
+        assert stale is not None
+
+        def enter_and_end_the_tick(site: SiteStore) -> None:
+            with entering:
+                enter(site)
+                noted.clear()
+                operations.note_decision(stale)
+                assert old.frame in [one.frame for one in recent.all] and "anchored" in noted
+
+        monkeypatch.setattr(operations, "enter_site", enter_and_end_the_tick)
+        thread = threading.Thread(target=ticking)
+        thread.start()
+        operations.sites.choose("hall")
+        ended.set()
+        thread.join()
+        tick()
+        assert old.frame not in [one.frame for one in recent.all]
+        assert "forgotten" in noted
