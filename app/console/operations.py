@@ -31,7 +31,7 @@ from app.console.mission.path_settings import PathSettings
 from app.console.mission.saved_missions import SavedMissions
 from app.console.mission.zone_editor import ZoneEditor
 from app.console.site.map_editor import MapEditor
-from app.console.site.place_editor import PlaceEditor
+from app.console.site.place_editor import PlaceEditor, require_known
 from app.console.site.sites import LiveSites
 from app.console.status_message import stands_in_zone, status_message
 from app.insight.labelling import LabellingFolder
@@ -350,8 +350,8 @@ class LiveOperations:
                 raise Refused(
                     f"the emergency stop by {intent.stopped_by} is latched; reset it first"
                 )
-            if action in ("start", "resume") and not self._controller.place.is_known:
-                raise Refused("the robot does not know where it is; show its place on the map")
+            if action in ("start", "resume"):
+                require_known(self._controller.place)
             return dataclasses.replace(
                 intent, mission=TRANSITIONS[action](intent.mission), searching=False
             )

@@ -16,6 +16,7 @@ _TEXTS = {
     LocalisationState.LOCATED: "The robot knows its place: what the camera sees fits the map.",
     LocalisationState.DEAD_RECKONING: "The robot goes by its wheels alone: nothing in view fits "
     "the map.",
+    LocalisationState.CHECKING: "The robot compares what it sees with the map.",
     LocalisationState.AMBIGUOUS: "The robot is unsure of its place.",
     LocalisationState.LOST: "The robot has lost its place: what the camera sees contradicts the "
     "map.",

@@ -20,6 +20,9 @@ class LocalisationState(StrEnum):
     """Newest scans fit the map at the estimated pose."""
     DEAD_RECKONING = "dead reckoning"
     """By odometry alone since the last scan that fitted; the covariance grows."""
+    CHECKING = "checking"
+    """The place at which the robot was switched on in a saved map is compared with the first
+    scans; not believed yet."""
     AMBIGUOUS = "ambiguous"
     """Several places fit; none is believed."""
     LOST = "lost"
@@ -61,7 +64,8 @@ class LocalisationEstimate:
     since_m: float = 0.0
     """Distance driven since the last frame that fitted the map, metres."""
     candidates: tuple[Pose2, ...] = ()
-    """Places that fit while none is believed (`AMBIGUOUS`), T_map_base, best first."""
+    """Places that are possible while none is believed (`CHECKING`, `AMBIGUOUS`), T_map_base, best
+    first."""
     fix_correction: FixCorrection | None = None
     """Correction by the fixes of this frame, None without one; if it is large, it waits until the
     robot stands."""

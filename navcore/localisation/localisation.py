@@ -7,11 +7,12 @@ Searches take longer than a frame: `next_task` says what to compute, any thread 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable
 
-from navcore.config.localisation.localisation import LocalisationConfig
+from navcore.config.localisation.localisation import LocalisationConfig, StartConfig
 from navcore.geometry.arrays import FloatImage
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, wrap_angle
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.fixes import TagMap, fixes_of
@@ -59,6 +60,7 @@ class Localisation:
         """Loop closures that wait to be applied to the map and to the poses alike."""
         self._start: StartCheck | None = None
         self._last: Pose2 | None = None
+        self._may_be_elsewhere = False
         self._kept: LocalisationEstimate | None = None
         self._probation: Probation | None = None
         self._place_map: PlaceMap | None = None
@@ -86,6 +88,9 @@ class Localisation:
             self._kept = None
         elif self._start is not None and self.tracker.scan is None:
             self.tracker.place(frame.pose, self._start.covariance, frame)
+            if self._last is not None:
+                self._may_be_elsewhere = _are_apart(self._last, frame.pose, self._config.start)
+                self._last = self._last @ frame.pose.inverse()
         self.tracker.is_confirmed = self._start is None
         estimate = self.tracker.follow(frame, scan)
         self._loops.note(self.tracker.take_edges())
@@ -148,8 +153,7 @@ class Localisation:
             estimate = self.tracker.estimate(frame, estimate.match_share)
         if self.tracker.fix_correction is not None:
             self._restart_chain()
-        is_fixed = frame.stamp_ns - self._fixed_ns < FIX_LIFE_NS
-        if is_fixed and estimate.state is LocalisationState.DEAD_RECKONING:
+        if self._is_fixed(frame) and estimate.state is LocalisationState.DEAD_RECKONING:
             return dataclasses.replace(estimate, state=LocalisationState.LOCATED, since_m=0.0)
         return estimate
 
@@ -169,19 +173,40 @@ class Localisation:
                 return self._lost(estimate, frame)
         if self._start is None:
             return estimate
-        verdict = False if is_lost else self._start.after(share, points, frame.stamp_ns)
+        may_be_elsewhere = self._may_be_elsewhere and not self._is_fixed(frame)
+        verdict = False if is_lost else self._start.after(
+            share, points, frame.stamp_ns, may_be_elsewhere=may_be_elsewhere
+        )  # fmt: skip
         if verdict is None:
-            return _between(estimate, estimate.T_map_base)
+            return self._unconfirmed(estimate, self._start, frame)
         self._start = None
         if verdict:
             self._probation = Probation(self._config.start, self._config.relocalisation)
             return estimate
         if self._last is not None:
-            self._start, last = StartCheck(self._config.start), self._last
-            self._last = None
+            self._start, last = StartCheck(self._config.start), self._last @ frame.pose
+            self._last, self._may_be_elsewhere = None, True
             self.tracker.place(last, self._start.covariance, frame)
-            return _between(self.tracker.estimate(frame), last)
+            return self._unconfirmed(self.tracker.estimate(frame), self._start, frame)
         return self._lost(estimate, frame)
+
+    def _unconfirmed(
+        self, estimate: LocalisationEstimate, start: StartCheck, frame: Frame
+    ) -> LocalisationEstimate:
+        """Return the estimate of a robot that waits until the scans have told whether a place is
+        right."""
+        places = [estimate.T_map_base]
+        if self._last is not None and self._may_be_elsewhere:
+            places.append(self._last @ frame.pose)
+        return dataclasses.replace(
+            estimate,
+            state=LocalisationState.CHECKING if start.is_looking else LocalisationState.AMBIGUOUS,
+            candidates=tuple(places),
+        )
+
+    def _is_fixed(self, frame: Frame) -> bool:
+        """Whether an absolute position has located the robot lately."""
+        return frame.stamp_ns - self._fixed_ns < FIX_LIFE_NS
 
     def _lost(self, estimate: LocalisationEstimate, frame: Frame) -> LocalisationEstimate:
         if estimate.state is not LocalisationState.LOST:
@@ -312,12 +337,14 @@ class Localisation:
         self._kept, self._probation = kept, None
         self._start = StartCheck(self._config.start) if has_map and kept is None else None
         self._last = last if has_map and kept is None else None
+        self._may_be_elsewhere = False
 
 
-def _between(estimate: LocalisationEstimate, place: Pose2) -> LocalisationEstimate:
-    """Return the estimate of a robot that waits until the scans have told whether a place is
-    right."""
-    return dataclasses.replace(estimate, state=LocalisationState.AMBIGUOUS, candidates=(place,))
+def _are_apart(place: Pose2, other: Pose2, config: StartConfig) -> bool:
+    """Return whether two places are not the same within two standard deviations of a start."""
+    turn = abs(wrap_angle(place.yaw_rad - other.yaw_rad))
+    is_far = place.distance_to(other.x_m, other.y_m) > 2.0 * config.sigma_m
+    return is_far or turn > 2.0 * math.radians(config.sigma_deg)
 
 
 def _ambiguous(estimate: LocalisationEstimate, proposal: PlaceProposal) -> LocalisationEstimate:

@@ -17,16 +17,19 @@ from navcore.localisation.relocalisation.relocalisation import SearchResult
 class StartCheck:
     """Believes the place once the scans have fitted there for a while.
 
-    Where too little is in view to tell, the place is believed as it was given: nothing speaks
-    against it, and the robot goes on by dead reckoning. Much in view where the map shows nothing is
-    no such case: this may be another map.
+    Where too little is in view to tell, the place is believed as it was given if the robot can
+    stand nowhere else: nothing speaks against it, and the robot goes on by dead reckoning. If it
+    can, the place stays open until enough comes into view. Much in view where the map shows nothing
+    is no such case: this may be another map.
     """
 
     def __init__(self, config: StartConfig) -> None:
         self._config = config
         self._began_ns: int | None = None
+        self._seen_since_ns: int | None = None
         self._fits_since_ns: int | None = None
-        self._has_seen = False
+        self.is_looking = True
+        """Whether the time for which the first looks may take is not over."""
 
     @property
     def covariance(self) -> Matrix:
@@ -34,23 +37,31 @@ class StartCheck:
         sigma_rad = math.radians(self._config.sigma_deg)
         return np.diag([self._config.sigma_m, self._config.sigma_m, sigma_rad]) ** 2
 
-    def after(self, share: float | None, points: int, stamp_ns: int) -> bool | None:
+    def after(
+        self, share: float | None, points: int, stamp_ns: int, *, may_be_elsewhere: bool
+    ) -> bool | None:
         """Return whether the place is believed after one more frame, whose scan has `points` of
         which a share fits the saved map, None where it shows none of them; None while it is
         open."""
         config = self._config
         self._began_ns = stamp_ns if self._began_ns is None else self._began_ns
-        self._has_seen = self._has_seen or share is not None or points >= config.telling_points
+        if self._seen_since_ns is None and (share is not None or points >= config.telling_points):
+            self._seen_since_ns = stamp_ns
         if share is None or share < config.share:
             self._fits_since_ns = None
         elif self._fits_since_ns is None:
             self._fits_since_ns = stamp_ns
-        since_ns = self._fits_since_ns
-        if since_ns is not None and stamp_ns - since_ns >= config.fitting_s * 1e9:
+        if _has_passed(self._fits_since_ns, config.fitting_s, stamp_ns):
             return True
-        if stamp_ns - self._began_ns < config.decide_s * 1e9:
-            return None
-        return not self._has_seen
+        if _has_passed(self._seen_since_ns, config.decide_s, stamp_ns):
+            return False
+        waits = _has_passed(self._began_ns, config.decide_s, stamp_ns)
+        self.is_looking = self._seen_since_ns is not None or not waits
+        return None if self.is_looking or may_be_elsewhere else True
+
+
+def _has_passed(since_ns: int | None, seconds: float, stamp_ns: int) -> bool:
+    return since_ns is not None and stamp_ns - since_ns >= seconds * 1e9
 
 
 class Probation:

@@ -108,6 +108,14 @@ def _answer(scan: Scan, found: CheckedPlace) -> PlaceCheck:
     )
 
 
+def require_known(place: LocalisationEstimate) -> None:
+    """Raise `Refused` while the robot does not know where it is."""
+    if place.state is LocalisationState.CHECKING:
+        raise Refused("the robot is still comparing what it sees with the map; try again shortly")
+    if not place.is_known:
+        raise Refused("the robot does not know where it is; show its place on the map")
+
+
 def in_words(place: LocalisationEstimate) -> str:
     """Return a sentence on the robot's knowledge of its place."""
     sigma = f"± {SIGMAS * place.sigma_m:.2f} m"
@@ -117,6 +125,8 @@ def in_words(place: LocalisationEstimate) -> str:
             return f"Located ({sigma}{share})."
         case LocalisationState.DEAD_RECKONING:
             return f"By the wheels alone since {place.since_m:.0f} m ({sigma})."
+        case LocalisationState.CHECKING:
+            return "Comparing what the camera sees with the map."
         case LocalisationState.AMBIGUOUS:
             count = len(place.candidates)
             which = "its place" if count < 2 else f"which of {count} places it is at"

@@ -1,5 +1,5 @@
-"""Evaluation of a robot that is switched on anywhere, of wrong maps, and of a robot that is carried
-away: recorded drives of which parts are left out."""
+"""Recordings and wrong maps, and the evaluation of a robot that is carried away: recorded drives of
+which parts are left out."""
 
 from __future__ import annotations
 
@@ -10,24 +10,14 @@ from typing import Any
 import numpy as np
 
 from app.evaluation.localisation.drives import Drive
-from app.evaluation.localisation.replay import RIGHT_M, RIGHT_RAD, odometry_of
+from app.evaluation.localisation.replay import RIGHT_M, odometry_of
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.config.localisation.relocalisation import RelocalisationConfig
-from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
-from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
-from navcore.localisation.relocalisation.relocalisation import (
-    RelocalisationState,
-    Relocaliser,
-    search_task,
-)
+from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.scans.scan import Keyframe, Scan
-from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
 from sim.robot.odometry_grade import OdometryGrade
 
-GIVEN_UP_M = 10.0
-"""Distance in metres after which a search without an answer counts as refused."""
 NOTICED_M, NOTICED_S = 2.0, 3.0
 """Way and time within which a robot that was carried away should know it."""
 FOLLOWED_M = 10.0
@@ -57,15 +47,6 @@ class Recording:
         return odometry_of(self.drive, self.grade, self.seed + number, start)
 
 
-def place_map(keyframes: Iterable[Keyframe], config: LocalisationConfig) -> PlaceMap:
-    """Return what is searched in a saved map."""
-    surfaces = ScanMap(config.match)
-    surfaces.replace(keyframes)
-    known = surfaces.surfaces
-    normals = known[:, 2:4] * known[:, 5:]
-    return place_map_of(known[:, :2], normals, config.relocalisation.search, surfaces.keyframes)
-
-
 def mirrored(keyframes: Iterable[Keyframe]) -> list[Keyframe]:
     """Return the map of the world that a mirror along the x axis shows: every room is there, and no
     place of it is that of the robot."""
@@ -87,54 +68,6 @@ def mirrored(keyframes: Iterable[Keyframe]) -> list[Keyframe]:
         )
         for frame in keyframes
     ]
-
-
-def switched_on(
-    run: Recording, saved: PlaceMap, config: RelocalisationConfig, count: int, *, is_here: bool
-) -> dict[str, Any]:
-    """Switch the robot on without a place at `count` places of a drive, let it search a map along
-    the drive, and count the answers; in the map of another world every answer is wrong."""
-    right, wrong, metres = 0, 0, []
-    starts = run.starts(count)
-    for number, start in enumerate(starts):
-        found = _search(run, number, start, saved, config)
-        if found is None:
-            continue
-        place, k, driven_m = found
-        true = run.drive.true_poses[k]
-        is_right = is_here and bool(
-            place.distance_to(true.x_m, true.y_m) <= RIGHT_M
-            and abs(wrap_angle(place.yaw_rad - true.yaw_rad)) <= RIGHT_RAD
-        )
-        right, wrong = right + is_right, wrong + (not is_right)
-        metres.append(driven_m)
-    return {
-        "starts": len(starts),
-        "right": right,
-        "wrong": wrong,
-        "refused": len(starts) - right - wrong,
-        "median_m": float(np.median(metres)) if metres else None,
-    }
-
-
-def _search(
-    run: Recording, number: int, start: int, saved: PlaceMap, config: RelocalisationConfig
-) -> tuple[Pose2, int, float] | None:
-    """Return the T_map_base that is believed, the frame and the metres driven; None without one."""
-    odometry, relocaliser, driven_m = run.odometry(number), Relocaliser(saved, config), 0.0
-    for k in range(start, len(run.drive)):
-        if k > start:
-            driven_m += odometry[k].distance_to(odometry[k - 1].x_m, odometry[k - 1].y_m)
-        if driven_m > GIVEN_UP_M:
-            break
-        relocaliser.observe(run.drive.scans[k], odometry[k], run.drive.stamps_ns[k])
-        task = relocaliser.next_task()
-        if task is not None and (result := search_task(task, saved, config)) is not None:
-            relocaliser.take(result)
-        proposal = relocaliser.proposal
-        if proposal.state is RelocalisationState.ACCEPTED and proposal.T_map_odom is not None:
-            return proposal.T_map_odom @ odometry[k], k, driven_m
-    return None
 
 
 def carried_away(

@@ -23,8 +23,7 @@ from navcore.localisation.graph.edges import Edge
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.map_correction import MapCorrection
 from navcore.localisation.scans.scan import Keyframe
-from navcore.localisation.tracking.keyframe_chain import KnownPoses
-from navcore.localisation.tracking.localiser import Localiser
+from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPoses
 from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.mapping.point_map import PointMap
 from navcore.robot.frame import Frame
@@ -194,16 +193,12 @@ def _judged(replay: Replay, drive: Drive) -> tuple[int, int]:
 def keyframes_of(
     drive: Drive, pose_ids: KnownPoses, config: LocalisationConfig
 ) -> tuple[Keyframe, ...]:
-    """Return the keyframes of a map at the true poses: one that was corrected well."""
-    exact = replace(
-        config,
-        tracking=replace(config.tracking, young_points=0.0),
-        scan_odometry=replace(config.scan_odometry, point_weight=0.0),
-    )
-    localiser = Localiser(pose_ids, exact)
-    for k, pose in enumerate(drive.true_poses):
-        localiser.follow(drive.frame(k, pose), drive.scans[k])
-    return localiser.keyframes
+    """Return the keyframes of a map at the true poses: one that was corrected perfectly."""
+    chain = KeyframeChain(pose_ids, config)
+    for stamp_ns, pose, scan in zip(drive.stamps_ns, drive.true_poses, drive.scans, strict=True):
+        if len(scan) >= config.match.min_points:
+            chain.add(scan, pose, stamp_ns)
+    return chain.map.keyframes
 
 
 def _minus(pose: Pose2, other: Pose2) -> npt.NDArray[np.float64]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,6 @@ from app.evaluation.localisation.relocalisation import (
     Recording,
     carried_away,
     mirrored,
-    place_map,
-    switched_on,
 )
 from app.evaluation.localisation.replay import Replay, follow, keyframes_of
 from app.evaluation.localisation.trials import SavedMap, days, disturbed, half_turn, started_in
@@ -153,33 +152,22 @@ def _found(
     suite: Suite, scenario: Scenario, run: Recording, saved: SavedMap
 ) -> dict[str, dict[str, Any]]:
     """Return how often the place is found in the saved map, and in wrong ones."""
-    rules, count = suite.config.localisation, PLACES * suite.episodes
     other = load_scenario("indoor" if scenario.name == "office" else "office")
-    elsewhere = suite.saved(suite.recording(other)).keyframes
-    wrong = {"mirrored": mirrored(saved.keyframes), other.name: elsewhere}
+    elsewhere = replace(saved, keyframes=suite.saved(suite.recording(other)).keyframes)
+    wrong = {
+        "mirrored": replace(saved, keyframes=tuple(mirrored(saved.keyframes))),
+        other.name: elsewhere,
+    }
+    started = partial(started_in, run, config=suite.config, count=PLACES * suite.episodes)
     return {
-        "switched_on": switched_on(
-            run, place_map(saved.keyframes, rules), rules.relocalisation, count, is_here=True
-        ),
+        "switched_on": started(saved, searches=True),
         "wrong_map": {
-            name: switched_on(
-                run, place_map(keyframes, rules), rules.relocalisation, count, is_here=False
-            )
-            for name, keyframes in wrong.items()
+            name: started(one, is_here=False, searches=True) for name, one in wrong.items()
         },
         "started_in": {
-            "the saved map": started_in(run, saved, suite.config, count),
-            "turned by 180°": started_in(run, saved, suite.config, count, half_turn(saved)),
-            "mirrored": started_in(
-                run,
-                replace(saved, keyframes=tuple(mirrored(saved.keyframes))),
-                suite.config,
-                count,
-                is_here=False,
-            ),
-            other.name: started_in(
-                run, replace(saved, keyframes=elsewhere), suite.config, count, is_here=False
-            ),
+            "the saved map": started(saved),
+            "turned by 180°": started(saved, motion=half_turn(saved)),
+            **{name: started(one, is_here=False) for name, one in wrong.items()},
         },
     }
 
@@ -215,15 +203,14 @@ def lines(summary: dict[str, Any]) -> list[str]:
     return [
         *(_consistency(name, summary[name]["by_run"]) for name in ("new_map", "saved_map")),
         *(
-            f"switched on, map {name}: {_answers(found)}, after {_metres(found['median_m'])}"
+            f"switched on, map {name}: {_answers(found)}"
             for name, found in {
                 "the saved map": summary["switched_on"],
                 **summary["wrong_map"],
             }.items()
         ),
         *(
-            f"started as odometry says, map {name}: {_answers(found)}; {found['misled']} misled on "
-            f"the way, {found['misled_m']:.1f} m at most"
+            f"started as odometry says, map {name}: {_answers(found)}"
             for name, found in summary["started_in"].items()
         ),
         *(
@@ -259,7 +246,8 @@ def _consistency(name: str, by_run: dict[str, list[float]]) -> str:
 def _answers(found: dict[str, Any]) -> str:
     return (
         f"{found['right']} right, {found['refused']} refused, {found['wrong']} wrong of "
-        f"{found['starts']}"
+        f"{found['starts']}, after {_metres(found['median_m'])}; {found['misled']} misled on the "
+        f"way, {found['misled_m']:.1f} m at most"
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from app.evaluation.localisation.drives import Drive
-from app.evaluation.localisation.relocalisation import GIVEN_UP_M, Recording
+from app.evaluation.localisation.relocalisation import Recording
 from app.evaluation.localisation.replay import RIGHT_M, RIGHT_RAD, Replay, follow
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import Floats
@@ -18,6 +18,8 @@ from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.localisation.estimate import LocalisationState
 from navcore.localisation.scans.scan import Keyframe
 
+GIVEN_UP_M = 10.0
+"""Distance in metres over which a robot that was switched on is judged."""
 JUMP = Pose2(x_m=0.3, y_m=0.0, yaw_rad=math.radians(3.0))
 """Motion of the robot that its odometry does not notice."""
 GYRO_STEP_RADPS = math.radians(0.05)
@@ -60,20 +62,24 @@ def started_in(
     motion: Pose2 = IDENTITY,
     *,
     is_here: bool = True,
+    searches: bool = False,
 ) -> dict[str, Any]:
-    """Start at `count` places of a drive, odometry saying the place of the unmoved map, in the map
-    moved by `motion`, and count whether the place that is believed after some metres is the right
-    one of the moved map, a wrong one, or none; in the map of another world every place is wrong.
+    """Start at `count` places of a drive in the map moved by `motion`, and count whether the place
+    that is believed after some metres is the right one of the moved map, a wrong one, or none; in
+    the map of another world every place is wrong.
 
-    `misled` of them believed a wrong place on the way, for `misled_m` metres at most.
+    Odometry says the place of the unmoved map; a robot that `searches` is told to look in the whole
+    map. `misled` of them believed a wrong place on the way, for `misled_m` metres at most;
+    `median_m`: metres after which a place was believed first.
     """
     moved = saved.moved(motion)
     found = [
-        _started(run, moved, config, number, start, motion if is_here else None)
+        _started(run, moved, config, number, start, motion if is_here else None, searches=searches)
         for number, start in enumerate(run.starts(count))
     ]
-    ends = [verdict for verdict, _ in found]
-    misled = [way_m for _, way_m in found if way_m > 0.0]
+    ends = [one.is_right for one in found]
+    misled = [one.misled_m for one in found if one.misled_m > 0.0]
+    metres = [one.believed_m for one in found if one.believed_m is not None]
     return {
         "starts": len(found),
         "right": ends.count(True),
@@ -81,7 +87,20 @@ def started_in(
         "refused": ends.count(None),
         "misled": len(misled),
         "misled_m": max(misled, default=0.0),
+        "median_m": float(np.median(metres)) if metres else None,
     }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Start:
+    """How one start went."""
+
+    is_right: bool | None
+    """Whether the place at the end of the way is right; None while none is believed."""
+    misled_m: float
+    """Metres for which a wrong place was believed."""
+    believed_m: float | None
+    """Metres after which a place was believed first; None if none was."""
 
 
 def _started(
@@ -91,26 +110,33 @@ def _started(
     number: int,
     start: int,
     motion: Pose2 | None,
-) -> tuple[bool | None, float]:
-    """Return whether the place at the end of the way is right, None while none is believed, and the
-    way in metres for which a wrong one was believed; `motion` is that of the map, None for the map
-    of another world."""
+    *,
+    searches: bool,
+) -> _Start:
+    """Start at a frame of a drive; `motion` is that of the map, None for the map of another
+    world."""
     drive = run.drive
     odometry = run.odometry(number)
     origin = drive.true_poses[start] @ odometry[start].inverse()
     replay, driven_m, misled_m = Replay(config, saved.keyframes, saved.poses), 0.0, 0.0
     verdict: bool | None = None
+    believed_m: float | None = None
     for k in range(start, len(drive)):
         step_m = odometry[k].distance_to(odometry[k - 1].x_m, odometry[k - 1].y_m) if k else 0.0
         driven_m += step_m if k > start else 0.0
         if driven_m > GIVEN_UP_M:
             break
         place = replay.advance(drive, k, origin @ odometry[k])
+        if searches and k == start:
+            replay.localisation.search(drive.stamps_ns[k])
+            continue
         true = None if motion is None else motion @ drive.true_poses[k]
         is_right = true is not None and _is_right(place.T_map_base, true)
         verdict = is_right if place.is_known else None
         misled_m += step_m if verdict is False else 0.0
-    return verdict, misled_m
+        if believed_m is None and verdict is not None:
+            believed_m = driven_m
+    return _Start(is_right=verdict, misled_m=misled_m, believed_m=believed_m)
 
 
 def disturbed(

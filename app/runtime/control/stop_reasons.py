@@ -39,6 +39,10 @@ POSE_STOPS = {
         text="The robot does not know where it is: what the camera sees does not fit the map. Have "
         "it look round, drive it by hand, or show its place on the map.",
     ),
+    LocalisationState.CHECKING: StopReason(
+        cause=Cause.POSE_UNKNOWN,
+        text="The robot is comparing what it sees with the map to tell whether its place is right.",
+    ),
     LocalisationState.AMBIGUOUS: StopReason(
         cause=Cause.POSE_UNKNOWN,
         text="The robot is unsure between several places. Drive it some metres by hand, or show "

@@ -194,7 +194,7 @@ class TrackingConfig:
     errors are those of the poses it was made from."""
     floor_m: float = ranged(0.0, 0.2, default=0.012)
     """Standard deviation in metres that no match against the saved map falls below."""
-    floor_deg: float = ranged(0.0, 5.0, default=0.15)
+    floor_deg: float = ranged(0.0, 5.0, default=0.05)
     """The same for the heading in degrees."""
     gate_sigmas: float = ranged(1.0, 10.0, default=3.0)
     """Deviation from odometry, in standard deviations, beyond which a match or a position fix is
@@ -211,13 +211,13 @@ class TrackingConfig:
     others, if lines of sight cross its surfaces."""
     elsewhere_blocked_share: float = ranged(0.0, 1.0, default=0.1)
     """Share of lines of sight that cross surfaces of the map above which they do."""
-    discontinuous_share: float = ranged(0.0, 1.0, default=0.35)
+    discontinuous_share: float = ranged(0.0, 1.0, default=0.45)
     """Share of points that fit the surfaces of the last metres below which the robot was moved by
-    other means than its wheels."""
+    other means than its wheels, unless something that has stepped in hides them."""
+    replaced_share: float = ranged(0.0, 1.0, default=0.2)
+    """The same, below which nothing that steps in between two frames explains it."""
     judged_points: int = ranged(1, 1000, default=40)
     """Least number of points by which that is judged: few far points scatter too much."""
-    breaks: int = ranged(1, 100, default=5)
-    """Number of such frames after which those that cannot tell count as such, too."""
     step_m: float = ranged(0.01, 5.0, default=0.3)
     """Motion in metres between two frames beyond which those surfaces tell nothing."""
     step_rad: float = ranged(0.01, math.pi, default=0.25)

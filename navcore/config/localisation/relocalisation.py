@@ -77,6 +77,9 @@ class RelocalisationConfig:
     least_fit_share: float = ranged(0.1, 1.0, default=0.5)
     """Share of the points of several scans that must fit; a map has seen one side of most things,
     and what it has not seen speaks neither for a place nor against it."""
+    least_closeness: float = ranged(0.1, 1.0, default=0.8)
+    """Mean likelihood, of the points that fit, that the scans which confirm a place must reach:
+    another room of the same shape fits roughly, this one as closely as the sensor measures."""
     tracked_share: float = ranged(0.1, 1.0, default=0.9)
     """Share of the points of single scans, of those of which the map tells, that must fit, averaged
     over a second."""

@@ -50,6 +50,15 @@ class PlaceFit:
         told = self.fit_share + self.contradicted_share
         return self.fit_share / told if told > 0.0 else None
 
+    @property
+    def closeness(self) -> float:
+        """Mean likelihood of the points that fit, 0 to 1: how near they are to their surfaces.
+
+        Points of another room that has the shape of this one lie anywhere within the distance in
+        which they count as fitting; those of this one are as near as the sensor measures.
+        """
+        return self.score / self.fit_share if self.fit_share > 0.0 else 0.0
+
     def contradiction(self, rules: RelocalisationConfig) -> str:
         """Return what of the map speaks against the place; "" for nothing."""
         if self.contradicted_share >= rules.contradicted_share:

@@ -303,6 +303,8 @@ class Relocaliser:
             return "what has been seen since fits better elsewhere"
         if doubt := doubt_of(again, self._config):
             return f"not confirmed yet: {doubt}"
+        if again[0].closeness < self._config.least_closeness:
+            return "what has been seen since fits only roughly; drive on to confirm the place"
         if result.task.has_only_turned and not self._is_beyond_doubt(result):
             return "one place fits from here; drive on to confirm it"
         tracked_ns = 0 if self._tracked_since_ns is None else self._now_ns - self._tracked_since_ns

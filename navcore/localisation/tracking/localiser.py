@@ -66,7 +66,7 @@ class Localiser:
         self._since_ns, self._since_m = 0, 0.0
         self._doubt_s, self._doubt_m = 0.0, 0.0
         self._unmatched = (math.inf, math.inf)
-        self._continues, self._breaks = True, 0
+        self._continues = True
         self.scan: Scan | None = None
         """Scan of the newest frame; None before the first."""
         self.saved_share: float | None = None
@@ -210,7 +210,7 @@ class Localiser:
         self._recent.clear()
         self._scan_odometry.clear()
         self._refused.clear()
-        self._continues, self._breaks = True, 0
+        self._continues = True
 
     @property
     def _pose(self) -> Pose2:
@@ -257,9 +257,9 @@ class Localiser:
             self._reckon(stamp_ns)
             return None
         continues = self._recent.are_continued(scan, self._odometry[0], step)
-        self._breaks = 0 if continues else self._breaks + (continues is False)
-        if continues is None and self._breaks >= self._config.tracking.breaks:
+        if continues is None and not self._continues:
             continues = False  # until the surfaces of before are seen again
+        self._continues = continues is not False
         found: Match | None = None
         contradicted = False
         for scan_map, absolute in ((self._saved, True), (self._chain.map, False)):
@@ -291,7 +291,6 @@ class Localiser:
                 break
         # Where only the robot's own map contradicts, that may have drifted; where there is no map,
         # the scan still continues the last ones.
-        self._continues = continues is not False
         if contradicted or not self._continues:
             self._doubt(step, stamp_ns)
         else:

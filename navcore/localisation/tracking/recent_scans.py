@@ -20,7 +20,9 @@ from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.odometry_model import OdometryStep
 
 _KEPT = 8
-"""Number of scans."""
+"""Number of scans beside the newest."""
+_NEWEST = -1
+"""Number of the newest scan while it is not one of these."""
 _SPACING_M, _SPACING_RAD = 0.4, math.radians(15.0)
 """Motion between two of them."""
 _DRIFT = np.diag([0.05, 0.05, math.radians(1.5)]) ** 2
@@ -53,23 +55,29 @@ class RecentScans:
         self._rules = replace(config.match, iterations=1)
         self._map = ScanMap(config.match)
         self._count = 0
+        self._kept: Pose2 | None = None
         self._newest: tuple[Scan, Pose2] | None = None
 
     def are_continued(self, scan: Scan, T_odom_base: Pose2, step: OdometryStep) -> bool | None:
         """Return whether a scan shows the surfaces of the last metres where odometry expects them;
         None where too few were in view to tell, or the robot has moved too far in one step.
 
-        It does not continue them if neither what it shows was seen before, which people and new
-        rooms cause as well, nor what was seen before is shown.
+        It does not continue them if neither what it shows was seen before, which people cause as
+        well, nor what was seen before is shown. Between two frames no person hides nearly all.
         """
         rules = self._config.tracking
         moves_far = step.distance_m > rules.step_m or abs(step.turn_rad) > rules.step_rad
         if self._newest is None or moves_far or len(scan) < rules.judged_points:
             return None
-        if self._share(scan, self._map, T_odom_base) >= rules.discontinuous_share:
+        share = self._share(scan, self._map, T_odom_base)
+        if share >= rules.discontinuous_share:
             return True
-        before, pose = self._newest
-        expected = self._in_view(before.seen_from(T_odom_base.inverse() @ pose), scan)
+        newest, pose = self._newest
+        before = newest.seen_from(T_odom_base.inverse() @ pose)
+        if share < rules.replaced_share:
+            in_front = self._in_view(before, scan, hidden=True)
+            return False if len(in_front) >= rules.judged_points else None
+        expected = self._in_view(before, scan, hidden=False)
         if len(expected) < rules.judged_points:
             return None
         now = ScanMap(self._config.match)
@@ -88,39 +96,41 @@ class RecentScans:
             config=self._rules,
         ).share
 
-    def _in_view(self, before: Scan, now: Scan) -> Scan:
+    def _in_view(self, before: Scan, now: Scan, *, hidden: bool) -> Scan:
         """Return the points of a scan that the camera of another one, in the same frame, has in
-        view and that nothing hides, as a person does who steps in.
+        view, whether or not they are `hidden`, as by a person who steps in.
 
         What counts is where they are from the later camera: a post that the robot has come past is
         beside it then, and no longer in view.
         """
         bearing, range_m = _polar(now.points_base, now.origin)
         bearing_before, range_before_m = _polar(before.points_base, now.origin)
-        seen_m = np.full(math.ceil(2 * math.pi / _DIRECTION_RAD) + 1, np.inf)
-        np.minimum.at(seen_m, _direction(bearing), range_m)
         in_view = (bearing_before > bearing.min()) & (bearing_before < bearing.max())
         in_view &= range_before_m < self._config.scan.max_range_m - _RIM_M
-        in_view &= range_before_m < seen_m[_direction(bearing_before)] + _RIM_M
+        if not hidden:
+            seen_m = np.full(math.ceil(2 * math.pi / _DIRECTION_RAD) + 1, np.inf)
+            np.minimum.at(seen_m, _direction(bearing), range_m)
+            in_view &= range_before_m < seen_m[_direction(bearing_before)] + _RIM_M
         return before.part(in_view)
 
     def add(self, scan: Scan, T_odom_base: Pose2) -> None:
-        """Keep a scan if the robot has moved since the last one."""
-        if self._newest is not None:
-            last = self._newest[1]
-            if (
-                last.distance_to(T_odom_base.x_m, T_odom_base.y_m) < _SPACING_M
-                and abs(wrap_angle(last.yaw_rad - T_odom_base.yaw_rad)) < _SPACING_RAD
-            ):
-                return
-        self._map.put(Keyframe(pose_id=self._count, T_map_base=T_odom_base, scan=scan))
-        self._map.remove(self._count - _KEPT)
-        self._newest, self._count = (scan, T_odom_base), self._count + 1
+        """Keep a scan until the next one comes, and longer if the robot has moved since the last
+        that was kept so."""
+        self._map.remove(_NEWEST)
+        self._newest, last, pose_id = (scan, T_odom_base), self._kept, _NEWEST
+        if (
+            last is None
+            or last.distance_to(T_odom_base.x_m, T_odom_base.y_m) >= _SPACING_M
+            or abs(wrap_angle(last.yaw_rad - T_odom_base.yaw_rad)) >= _SPACING_RAD
+        ):
+            pose_id, self._kept, self._count = self._count, T_odom_base, self._count + 1
+            self._map.remove(pose_id - _KEPT)
+        self._map.put(Keyframe(pose_id=pose_id, T_map_base=T_odom_base, scan=scan))
 
     def clear(self) -> None:
         """Forget all scans."""
         self._map.replace(())
-        self._newest = None
+        self._kept = self._newest = None
 
 
 def _polar(points: Points, camera: Points) -> tuple[Floats, Floats]:

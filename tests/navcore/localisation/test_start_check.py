@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from navcore.config.localisation.localisation import LocalisationConfig, StartConfig
 from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Pose2
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.relocalisation.place_fit import PlaceFit
 from navcore.localisation.relocalisation.relocalisation import (
@@ -18,11 +21,12 @@ from navcore.localisation.relocalisation.relocalisation import (
     SearchTask,
 )
 from navcore.localisation.relocalisation.submap import Submap
+from navcore.localisation.scans.scan import Keyframe
 from navcore.localisation.start_check import Probation, StartCheck
 from navcore.localisation.tasks import PrepareSearch
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
-from tests.navcore.localisation.plan_worlds import drive, office
+from tests.navcore.localisation.plan_worlds import drive, office, room_doors
 from tests.navcore.localisation.tracking.test_localiser import frame_at
 
 RULES = StartConfig()
@@ -31,10 +35,13 @@ WORLD = office(3)
 ROUTE = drive([(1.5, 0.0), (9.0, 0.0)])
 
 
-def verdict_of(share: float | None, points: int) -> bool | None:
+def verdict_of(share: float | None, points: int, *, may_be_elsewhere: bool = False) -> bool | None:
     """Verdict on frames that are all alike, for as long as it takes."""
     check = StartCheck(RULES)
-    verdicts = (check.after(share, points, k * 200_000_000) for k in range(60))
+    verdicts = (
+        check.after(share, points, k * 200_000_000, may_be_elsewhere=may_be_elsewhere)
+        for k in range(60)
+    )
     return next((verdict for verdict in verdicts if verdict is not None), None)
 
 
@@ -43,6 +50,70 @@ def test_what_fits_is_believed_and_what_does_not_or_is_nowhere_on_the_map_is_not
     assert verdict_of(0.5, MANY) is False
     assert verdict_of(None, MANY) is False
     assert verdict_of(None, FEW) is True
+
+
+def test_where_too_little_is_in_view_a_robot_that_may_be_elsewhere_is_believed_nowhere() -> None:
+    assert verdict_of(None, FEW, may_be_elsewhere=True) is None
+    assert verdict_of(0.9, FEW, may_be_elsewhere=True) is True
+    assert verdict_of(0.5, FEW, may_be_elsewhere=True) is False
+
+
+DOOR_M, SIDE, DEPTH_M = room_doors(3)[1]
+INTO_ROOM = drive([(1.5, 0.0), (DOOR_M, 0.0), (DOOR_M, SIDE * (DEPTH_M - 0.5))])
+STOOD = Pose2(x_m=DOOR_M, y_m=SIDE * 0.8, yaw_rad=SIDE * np.pi / 2)
+"""Where the robot of these tests stood at the end of the session before: before a room."""
+
+
+@pytest.mark.parametrize(
+    ("last", "state", "places"),
+    [
+        (STOOD, LocalisationState.AMBIGUOUS, 2),
+        (ROUTE[0] @ Pose2(x_m=0.2, y_m=0.1, yaw_rad=0.1), LocalisationState.DEAD_RECKONING, 0),
+        (None, LocalisationState.DEAD_RECKONING, 0),
+    ],
+)
+def test_in_the_dark_only_a_robot_that_stood_elsewhere_is_unsure_and_says_first_that_it_looks(
+    last: Pose2 | None, state: LocalisationState, places: int
+) -> None:
+    found = list(switched_on_in_the_dark(last, 25))
+    assert [one.state for one in found[:15]] == [LocalisationState.CHECKING] * 15
+    assert (found[-1].state, len(found[-1].candidates)) == (state, places)
+
+
+def test_a_robot_that_is_driven_out_of_the_dark_knows_its_place_where_it_stood() -> None:
+    """The control of the last place: it has moved with the robot since."""
+    way = [ROUTE[0] @ Pose2(x_m=0.1 * k, y_m=0.0, yaw_rad=0.0) for k in range(11)]
+    found = list(switched_on_in_the_dark(STOOD, 20, then=[*way, *[way[-1]] * 30]))[-1]
+    there = STOOD @ Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0)
+    assert found.is_known
+    assert found.T_map_base.distance_to(there.x_m, there.y_m) < 0.1
+
+
+def switched_on_in_the_dark(
+    last: Pose2 | None, frames: int, then: list[Pose2] | None = None
+) -> Iterator[LocalisationEstimate]:
+    """Estimates of a robot that sees nothing for some frames, then drives a way by its odometry
+    from where it stood."""
+    rng, (ids, keyframes) = np.random.default_rng(2), kept_map()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(keyframes, last)
+    dark = WORLD.scan(ROUTE[0], rng)
+    dark = dark.part(np.zeros(len(dark), dtype=np.bool_))
+    for k in range(frames):
+        yield localisation.follow(frame_at(ROUTE[0], k), dark)
+    for k, pose in enumerate(then or []):
+        true = STOOD @ ROUTE[0].inverse() @ pose
+        yield localisation.follow(frame_at(pose, frames + k), WORLD.scan(true, rng))
+
+
+def kept_map() -> tuple[PoseIds, tuple[Keyframe, ...]]:
+    """The map of the route, and its poses."""
+    rng, ids = np.random.default_rng(1), PoseIds(0.25, 10.0)
+    maker = Localiser(ids)
+    for k, pose in enumerate(INTO_ROOM):
+        maker.follow(frame_at(pose, k), WORLD.scan(pose, rng))
+    ids.freeze()
+    return ids, maker.keyframes
 
 
 def fit(

@@ -9,6 +9,7 @@ const FIGURES_MS = 500;
 const PLACES = {
   located: t("located"),
   "dead reckoning": t("by the wheels"),
+  checking: t("checking"),
   ambiguous: t("unsure"),
   lost: t("lost"),
 };

@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from app.console.site.place_editor import PlaceEditor
+from app.console.site.place_editor import PlaceEditor, require_known
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadGeometry, Refused
 from navcore.geometry.transform import Pose2
-from navcore.localisation.estimate import LocalisationState
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission
 from navcore.navigator import Navigator
@@ -103,3 +103,13 @@ def test_a_search_forgets_the_place_and_says_so(desk: Desk) -> None:
     desk.see()
     assert not desk.editor.status().searching
     assert desk.controller.place.is_known
+
+
+def test_a_mission_is_refused_with_a_word_of_patience_while_the_first_looks_are_not_over() -> None:
+    for state, words in (
+        (LocalisationState.CHECKING, "still comparing"),
+        (LocalisationState.LOST, "show its place"),
+    ):
+        with pytest.raises(Refused, match=words):
+            require_known(LocalisationEstimate(state=state))
+    require_known(LocalisationEstimate(state=LocalisationState.DEAD_RECKONING))

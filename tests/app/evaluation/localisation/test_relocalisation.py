@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -11,11 +12,11 @@ from app.evaluation.localisation.relocalisation import (
     Recording,
     carried_away,
     mirrored,
-    place_map,
-    switched_on,
 )
 from app.evaluation.localisation.replay import keyframes_of
+from app.evaluation.localisation.trials import SavedMap, started_in
 from navcore.config.localisation.localisation import LocalisationConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.localisation.scans.scan import Keyframe
 from navcore.mapping.points.pose_ids import PoseIds
 from sim.robot.odometry_grade import OdometryGrade
@@ -43,14 +44,15 @@ def toured() -> tuple[Recording, tuple[Keyframe, ...], PoseIds]:
 
 
 def test_switched_on_in_its_map_the_robot_is_right_and_in_a_mirrored_one_refused() -> None:
-    run, saved, _ = toured()
-    here, rules = place_map(saved, CONFIG), CONFIG.relocalisation
-    found = switched_on(run, here, rules, 2, is_here=True)
+    run, keyframes, ids = toured()
+    saved = SavedMap(keyframes=keyframes, poses=ids.array())
+    turned = replace(saved, keyframes=tuple(mirrored(keyframes)))
+    started = partial(started_in, run, config=NavigatorConfig(), count=2, searches=True)
+    found = started(saved)
     assert found["right"] >= 1 and found["wrong"] == 0 and found["median_m"] <= 10.0
-    wrong = switched_on(run, place_map(mirrored(saved), CONFIG), rules, 2, is_here=False)
-    assert wrong["wrong"] == 0 and wrong["refused"] == 2
+    assert started(turned, is_here=False)["refused"] == 2
     # The count can fail: what is found in a map that is said to be wrong is wrong.
-    assert switched_on(run, here, rules, 2, is_here=False)["wrong"] == found["right"]
+    assert started(saved, is_here=False)["wrong"] == found["right"]
 
 
 def test_a_map_that_is_mirrored_twice_is_the_map() -> None:

@@ -140,6 +140,24 @@ def test_a_turn_alone_would_believe_the_like_of_a_room_in_a_wrong_map() -> None:
     assert relocalised(world, true, office_map(4), seed=2, config=rash)[1] is not None
 
 
+def test_rooms_of_the_same_shape_that_are_a_little_larger_are_not_believed() -> None:
+    """They fit within the distance in which points count as fitting, but only roughly; the control
+    asks for no more."""
+    world, true = larger(office(1, rooms=ROOMS), room_drive(1, 3), 1.04)
+    rough = dataclasses.replace(CONFIG, least_closeness=0.1)
+    last, error, _ = relocalised(world, true, office_map(1))
+    assert error is None and "roughly" in last.reason
+    assert relocalised(world, true, office_map(1), config=rough)[1] is not None
+
+
+def larger(world: PlanWorld, true: Drive, scale: float) -> tuple[PlanWorld, Drive]:
+    """A world and a drive in it of which all lengths are multiplied."""
+    x0, y0, x1, y1 = (scale * np.array(world.boxes).T).tolist()
+    return PlanWorld(boxes=list(zip(x0, y0, x1, y1, strict=True))), [
+        Pose2(x_m=scale * pose.x_m, y_m=scale * pose.y_m, yaw_rad=pose.yaw_rad) for pose in true
+    ]
+
+
 def test_a_mirrored_map_is_never_believed() -> None:
     for room in (1, 4):
         world, true = office(1, rooms=ROOMS), room_drive(1, room)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,20 @@ def test_the_next_view_continues_the_last_ones_and_another_place_does_not(
 def test_a_person_who_steps_in_ends_nothing(recent: RecentScans, share: float) -> None:
     view = with_person(seen_from(HERE), share)
     assert recent.are_continued(view, HERE, step_by()) is not False
+
+
+def test_between_two_frames_nothing_hides_all_that_was_in_view(recent: RecentScans) -> None:
+    """A robot that was put before a wall sees nothing of before, and nothing that should be seen;
+    the control takes that for a person who has stepped in."""
+    wall = PlanWorld()
+    wall.box(0.7, -2.0, 0.8, 2.0)
+    view = wall.scan(Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), np.random.default_rng(1))
+    assert recent.are_continued(view, HERE, step_by()) is False
+    rules = LocalisationConfig()
+    patient = RecentScans(replace(rules, tracking=replace(rules.tracking, replaced_share=0.0)))
+    for k, pose in enumerate(ROUTE):
+        patient.add(seen_from(pose, k), pose)
+    assert patient.are_continued(view, HERE, step_by()) is None
 
 
 def test_a_post_that_the_robot_has_come_past_is_not_missed() -> None:
