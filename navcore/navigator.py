@@ -336,7 +336,7 @@ class Navigator:
         keyframes = restored(self.map.scans(), self.map.poses)
         self.localisation.load(keyframes, last, kept=kept)
         # Until the next frame nothing tells where the robot is on this map.
-        self.place = kept or LocalisationEstimate(state=LocalisationState.AMBIGUOUS)
+        self.place = kept or LocalisationEstimate(state=LocalisationState.CHECKING)
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.zone_margins = self._zone_margins(frozen=len(self.map.poses) > 0)
 
