@@ -173,10 +173,12 @@ class Localisation:
                 return self._lost(estimate, frame)
         if self._start is None:
             return estimate
-        may_be_elsewhere = self._may_be_elsewhere and not self._is_fixed(frame)
-        verdict = False if is_lost else self._start.after(
-            share, points, frame.stamp_ns, may_be_elsewhere=may_be_elsewhere
-        )  # fmt: skip
+        verdict = False
+        if not is_lost:
+            may_be_elsewhere = self._may_be_elsewhere and not self._is_fixed(frame)
+            verdict = self._start.after(
+                share, points, frame.stamp_ns, may_be_elsewhere=may_be_elsewhere
+            )
         if verdict is None:
             return self._unconfirmed(estimate, self._start, frame)
         self._start = None
