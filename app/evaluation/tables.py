@@ -395,7 +395,7 @@ def _search_rows(result: Result) -> list[Sequence[str]]:
             f"{one['right']} of {one['starts']}",
             str(one["refused"]),
             f"{one['wrong']} ({_share_interval(one['wrong'], one['starts'])})",
-            f"{one['misled']}, {one['misled_m']:.1f} m at most" if "misled" in one else "–",
+            f"{one['misled']}, {one['misled_m']:.1f} m at most",
         )
         for start, name, one in found
     ]

@@ -177,6 +177,7 @@ def located(wrong: int) -> dict[str, Any]:
     loops = {"loops_right": [1.0, 2.0], "loops_wrong": [0.0, 0.0]}
     run = {"runs": 2, "median": figures, "worst": figures, "by_run": loops}
     search = {"starts": 10, "right": 8, "refused": 2 - wrong, "wrong": wrong}
+    search |= {"misled": 1, "misled_m": 0.9}
     carried = {"carried": 9, "noticed": 8, "in_time": 7, "false_alarms": 0, "not_carried": 3}
     return {
         "scenario": "office",
@@ -189,7 +190,7 @@ def located(wrong: int) -> dict[str, Any]:
         "saved_map": run,
         "switched_on": search,
         "wrong_map": {},
-        "started_in": {"mirrored": {**search, "misled": 1, "misled_m": 0.9}},
+        "started_in": {"mirrored": search},
         "carried_away": {"saved_map": carried},
         "disturbed": {"jump": {"wrong": 0, "runs": 2}},
     }
