@@ -333,10 +333,11 @@ class Navigator:
         self._planner = GlobalPlanner(
             self._costmap.space, self.map.explored, self._profile, self._config
         )
+        if self.localisation.scan is not None:
+            # The present estimate is of another map; of this one the next frame tells.
+            self.place = kept or LocalisationEstimate(state=LocalisationState.CHECKING)
         keyframes = restored(self.map.scans(), self.map.poses)
         self.localisation.load(keyframes, last, kept=kept)
-        # Until the next frame nothing tells where the robot is on this map.
-        self.place = kept or LocalisationEstimate(state=LocalisationState.CHECKING)
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.zone_margins = self._zone_margins(frozen=len(self.map.poses) > 0)
 

@@ -176,7 +176,7 @@ def located(wrong: int) -> dict[str, Any]:
     figures |= {"nees": 0.7, "p99_ms": 3.9}
     loops = {"loops_right": [1.0, 2.0], "loops_wrong": [0.0, 0.0]}
     run = {"runs": 2, "median": figures, "worst": figures, "by_run": loops}
-    search = {"starts": 10, "right": 8, "refused": 2 - wrong, "wrong": wrong}
+    search: dict[str, Any] = {"starts": 10, "right": 8, "refused": 2 - wrong, "wrong": wrong}
     search |= {"misled": 1, "misled_m": 0.9}
     carried = {"carried": 9, "noticed": 8, "in_time": 7, "false_alarms": 0, "not_carried": 3}
     return {
