@@ -11,7 +11,7 @@ run: setup
 
 test: setup
 	@$(MAKE) --no-print-directory --jobs=2 lint kernels debian
-	$(BIN)/pytest --numprocesses=3 --dist=worksteal
+	$(BIN)/pytest --numprocesses=2 --dist=worksteal
 
 # The Ray engine on a cluster of two nodes on this machine, one of which is killed. Ray is 70 MB, so it is no part of `test`.
 test-fleet: setup
