@@ -21,7 +21,9 @@ _TEXTS = {
     LocalisationState.LOST: "The robot has lost its place: what the camera sees contradicts the "
     "map.",
 }
-_FIXES = {
+_CORRECTIONS = {
+    None: "What the camera sees fits the map beside the robot's place: it is corrected by "
+    "{shift_m:.2f} m.",
     FixSource.GNSS: "Satellite positions have contradicted the robot's place for seconds: it is "
     "corrected to them by {shift_m:.2f} m.",
     FixSource.TAG: "A tag has contradicted the robot's place for seconds: it is corrected to the "
@@ -49,8 +51,8 @@ class PlaceEvents:
                 f"{correction.loops} {loops} recognised: the map and the robot's place on it are "
                 f"corrected by {shift_m:.2f} m, {turn_deg:.1f}°."
             )
-        if (fixed := place.fix_correction) is not None:
-            told.append(_FIXES[fixed.source].format(shift_m=fixed.shift_m))
+        if (shifted := place.place_correction) is not None:
+            told.append(_CORRECTIONS[shifted.source].format(shift_m=shifted.shift_m))
         urgent = not place.is_known
         settled = decision.frame.stamp_ns - place.since_ns >= SETTLED_NS
         if place.state is not self._told and (urgent or settled):

@@ -30,12 +30,12 @@ class LocalisationState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FixCorrection:
-    """A correction of the pose by position fixes that contradicted it for seconds: the robot was
-    moved by other means than its wheels."""
+class PlaceCorrection:
+    """A correction of the pose by what contradicted it for a while: the robot was moved by other
+    means than its wheels, or the saved map is bent there."""
 
-    source: FixSource
-    """What measured them."""
+    source: FixSource | None
+    """What measured the position fixes; None for scans, which fit the saved map beside."""
     shift_m: float
     """Distance in metres from where the robot was believed to be."""
 
@@ -66,9 +66,9 @@ class LocalisationEstimate:
     candidates: tuple[Pose2, ...] = ()
     """Places that are possible while none is believed (`CHECKING`, `AMBIGUOUS`), T_map_base, best
     first."""
-    fix_correction: FixCorrection | None = None
-    """Correction by the fixes of this frame, None without one; if it is large, it waits until the
-    robot stands."""
+    place_correction: PlaceCorrection | None = None
+    """Correction at this frame, None without one; if it is large, it waits until the robot
+    stands."""
 
     @property
     def is_known(self) -> bool:

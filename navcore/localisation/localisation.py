@@ -94,6 +94,8 @@ class Localisation:
         self.tracker.is_confirmed = self._start is None
         estimate = self.tracker.follow(frame, scan)
         self._loops.note(self.tracker.take_edges())
+        if self.tracker.place_correction is not None:
+            self._prove()
         is_believed = self._probation is None and self._start is None
         estimate = self._confirmed(self._fixed(frame, estimate), frame)
         was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
@@ -137,10 +139,15 @@ class Localisation:
         """Return the estimate at a place that a search has found, which is on probation."""
         T_map_odom, covariance = place
         self.tracker.place(T_map_odom @ frame.pose, covariance, frame)
-        self._relocaliser, self._is_lost, self._still = None, False, None
+        self._is_lost, self._still = False, None
+        self._prove()
+        return self.tracker.estimate(frame)
+
+    def _prove(self) -> None:
+        """Put the place that was found on probation."""
+        self._relocaliser = None
         self._probation = Probation(self._config.start, self._config.relocalisation)
         self._restart_chain()
-        return self.tracker.estimate(frame)
 
     def _fixed(self, frame: Frame, estimate: LocalisationEstimate) -> LocalisationEstimate:
         """Return the estimate with the absolute positions of a frame, which locate the robot for a
@@ -151,7 +158,7 @@ class Localisation:
                 self._fixed_ns = frame.stamp_ns
         if fresh:
             estimate = self.tracker.estimate(frame, estimate.match_share)
-        if self.tracker.fix_correction is not None:
+        if self.tracker.place_correction is not None:
             self._restart_chain()
         if self._is_fixed(frame) and estimate.state is LocalisationState.DEAD_RECKONING:
             return dataclasses.replace(estimate, state=LocalisationState.LOCATED, since_m=0.0)

@@ -14,13 +14,10 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.episode.second_day import OTHER_DAY
+from app.evaluation.localisation.carried_away import carried_away
 from app.evaluation.localisation.drives import kept_drive
 from app.evaluation.localisation.figures import figures, summarise
-from app.evaluation.localisation.relocalisation import (
-    Recording,
-    carried_away,
-    mirrored,
-)
+from app.evaluation.localisation.recording import Recording, mirrored
 from app.evaluation.localisation.replay import Replay, follow, keyframes_of
 from app.evaluation.localisation.trials import SavedMap, days, disturbed, half_turn, started_in
 from app.runtime.record.provenance import command_line, machine, version
@@ -173,12 +170,10 @@ def _found(
 
 
 def _carried(suite: Suite, run: Recording, saved: SavedMap) -> dict[str, dict[str, Any]]:
-    rules, count = suite.config.localisation, PLACES * suite.episodes
-    known = suite.pose_ids()
-    known.restore(saved.poses)
+    count = PLACES * suite.episodes
     return {
-        "saved_map": carried_away(run, saved.keyframes, rules, known, count),
-        "new_map": carried_away(run, (), rules, suite.pose_ids(), count),
+        "saved_map": carried_away(run, saved, suite.config, count),
+        "new_map": carried_away(run, None, suite.config, count),
     }
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from app.evaluation.localisation.drives import Drive
-from app.evaluation.localisation.relocalisation import Recording
+from app.evaluation.localisation.recording import Recording
 from app.evaluation.localisation.replay import RIGHT_M, RIGHT_RAD, Replay, follow
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import Floats

@@ -15,15 +15,16 @@ import numpy as np
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.localisation.estimate import (
-    FixCorrection,
     LocalisationEstimate,
     LocalisationState,
+    PlaceCorrection,
 )
 from navcore.localisation.graph.edges import ConstantErrors, Edge
 from navcore.localisation.scans.matching import Match, match, search
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.correction import CorrectionFlow
+from navcore.localisation.tracking.displacement import DisplacementSearch
 from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPoses
 from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.localisation.tracking.pose_filter import PoseFilter, difference
@@ -40,6 +41,8 @@ _MOVED_M, _MOVED_RAD = 0.05, math.radians(1.0)
 """Motion after which a scan says something new about a map."""
 _PLACED = np.diag([0.3, 0.3, math.radians(8.0)]) ** 2
 """Covariance of a pose that was given without one."""
+_DISPLACED = np.diag([_WIDE_M, _WIDE_M, _WIDE_RAD]) ** 2
+"""Covariance of a motion without the wheels, or of an error of the saved map."""
 _UNKNOWN = 1e-6 * np.eye(3)
 """Information about a direction that a scan tells nothing of."""
 
@@ -60,6 +63,7 @@ class Localiser:
         self._recent = RecentScans(config)
         self._scan_odometry = ScanOdometry(config)
         self._refused = RefusedFixes(config.tracking)
+        self._displacement = DisplacementSearch(config)
         self._flow = CorrectionFlow(config.tracking)
         self._odometry: tuple[Pose2, int] = (IDENTITY, 0)
         self._state = LocalisationState.DEAD_RECKONING
@@ -74,15 +78,15 @@ class Localiser:
         where most of the scan is not."""
         self.is_confirmed = True
         """Whether the place is believed: else nothing is kept of what is seen."""
-        self.fix_correction: FixCorrection | None = None
-        """Correction by the fixes of the newest frame, if they contradicted the estimate for so
-        long that it was wrong."""
+        self.place_correction: PlaceCorrection | None = None
+        """Correction at the newest frame by position fixes, or by scans that fit beside the
+        estimate, if they contradicted it for so long that it was wrong."""
         self.moved_m = 0.0
         """Motion before the newest frame in metres; a radian counts as half a metre."""
 
     def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         """Return the estimate for one more frame and its scan."""
-        self.scan, self.fix_correction = scan, None
+        self.scan, self.place_correction = scan, None
         step = self._advance(frame)
         share: float | None = None
         self.saved_share = None
@@ -167,7 +171,7 @@ class Localiser:
         the same; returns whether it was believed.
 
         It must lie within the gate around the expected pose, or agree with others that contradict
-        it for so long that the robot must have been moved (`fix_correction`). What contradicts is
+        it for so long that the robot must have been moved (`place_correction`). What contradicts is
         told by the error of a single fix, however many share it. A lost robot is placed by fixes
         with a heading alone.
         """
@@ -192,12 +196,16 @@ class Localiser:
 
     def _move_to(self, measured: Pose2, covariance: Matrix, source: FixSource) -> None:
         """Set the estimate to a measured position, and begin to track again from there."""
-        spread, before = _PLACED.copy(), self._pose
+        spread = _PLACED.copy()
         spread[: len(covariance), : len(covariance)] = covariance
-        yaw_rad = measured.yaw_rad if len(covariance) == 3 else before.yaw_rad
+        yaw_rad = measured.yaw_rad if len(covariance) == 3 else self._pose.yaw_rad
         there = Pose2(x_m=measured.x_m, y_m=measured.y_m, yaw_rad=yaw_rad)
-        shift_m = before.distance_to(there.x_m, there.y_m)
-        self.fix_correction = FixCorrection(source=source, shift_m=shift_m)
+        self._shift(there, spread, source)
+
+    def _shift(self, there: Pose2, spread: Matrix, source: FixSource | None) -> None:
+        """Correct the estimate to a pose, and begin to track again from there."""
+        shift_m = self._pose.distance_to(there.x_m, there.y_m)
+        self.place_correction = PlaceCorrection(source=source, shift_m=shift_m)
         if self._state is LocalisationState.LOST:
             self._place(there, spread)
             return
@@ -210,6 +218,7 @@ class Localiser:
         self._recent.clear()
         self._scan_odometry.clear()
         self._refused.clear()
+        self._displacement.clear()
         self._continues = True
 
     @property
@@ -281,6 +290,7 @@ class Localiser:
                     self._confirm(result)
                 self._fuse(result, absolute=absolute)
                 self._trust(step)
+                self._displacement.clear()
                 self._since_m = 0.0
                 self._enter(LocalisationState.LOCATED, stamp_ns)
                 return result.share if absolute else result.share_of_near
@@ -293,6 +303,7 @@ class Localiser:
         # the scan still continues the last ones.
         if contradicted or not self._continues:
             self._doubt(step, stamp_ns)
+            self._look_beside(scan, stamp_ns)
         else:
             if continues:
                 self._trust(step)
@@ -362,6 +373,18 @@ class Localiser:
         self._doubt_s = max(self._doubt_s - 2 * step.duration_s, 0.0)
         self._doubt_m = max(self._doubt_m - 2 * step.distance_m, 0.0)
 
+    def _look_beside(self, scan: Scan, stamp_ns: int) -> None:
+        """Correct the estimate if scans that contradict it fit the saved map beside it."""
+        if not (len(self._saved) and self.is_confirmed) or self._state is LocalisationState.LOST:
+            return
+        found = self._displacement.find(scan, self._saved, self._pose, self._odometry[0], stamp_ns)
+        if found is None:
+            return
+        information = self._scale(found.points, absolute=True) * found.information
+        spread = np.linalg.inv(information + np.linalg.inv(_DISPLACED)) + self._floor
+        self._shift(found.pose, spread, None)
+        self._doubt_s = self._doubt_m = 0.0
+
     def _doubt(self, step: OdometryStep, stamp_ns: int) -> None:
         """Count frames that contradict the map; after too many the robot is lost."""
         rules = self._config.tracking
@@ -409,5 +432,5 @@ class Localiser:
             match_share=share,
             since_ns=self._since_ns,
             since_m=self._since_m,
-            fix_correction=self.fix_correction,
+            place_correction=self.place_correction,
         )

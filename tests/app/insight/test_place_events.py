@@ -7,20 +7,25 @@ import dataclasses
 import pytest
 
 from app.insight.place_events import PlaceEvents
-from navcore.localisation.estimate import FixCorrection, LocalisationEstimate
+from navcore.localisation.estimate import LocalisationEstimate, PlaceCorrection
 from navcore.robot.fix import FixSource
 from tests.app.insight.test_event_detector import EMPTY, decision
 
 
 @pytest.mark.parametrize(
     ("source", "begins"),
-    [(FixSource.GNSS, "Satellite positions"), (FixSource.TAG, "A tag"), (FixSource.DOCK, "The")],
+    [
+        (FixSource.GNSS, "Satellite positions"),
+        (FixSource.TAG, "A tag"),
+        (FixSource.DOCK, "The dock"),
+        (None, "What the camera sees"),
+    ],
 )
-def test_a_correction_by_fixes_is_told_once_with_its_source_and_length(
-    source: FixSource, begins: str
+def test_a_correction_of_the_place_is_told_once_with_its_source_and_length(
+    source: FixSource | None, begins: str
 ) -> None:
     events, tick = PlaceEvents(), decision(EMPTY)
-    corrected = LocalisationEstimate(fix_correction=FixCorrection(source=source, shift_m=1.104))
+    corrected = LocalisationEstimate(place_correction=PlaceCorrection(source=source, shift_m=1.104))
     (told,) = events.after(dataclasses.replace(tick, place=corrected))
     assert told.startswith(begins) and told.endswith("by 1.10 m.")
     assert events.after(tick) == []

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.evaluation.localisation.relocalisation import mirrored
+from app.evaluation.localisation.recording import mirrored
 from navcore.config.localisation.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of

@@ -79,7 +79,7 @@ def wrong_m(errors: list[float]) -> float:
 def test_fixes_with_shared_errors_win_after_seconds_whatever_the_push(push_m: float) -> None:
     _, estimates, errors = drive(rtk, push_m=push_m)
     assert wrong_m(errors) < 4.5 and errors[-1] < 0.1
-    told = [one.fix_correction for one in estimates if one.fix_correction is not None]
+    told = [one.place_correction for one in estimates if one.place_correction is not None]
     assert [one.source for one in told] == [FixSource.GNSS]
     assert told[0].shift_m == pytest.approx(push_m, abs=0.1)
     stubborn = dataclasses.replace(CONFIG.tracking, refused_s=60.0)
@@ -106,7 +106,7 @@ def test_a_wild_fix_now_and_then_does_nothing_and_keeps_no_right_ones_out() -> N
         return rtk(k, Pose2(x_m=at.x_m + 4.0 * (k % 8 == 5), y_m=at.y_m, yaw_rad=0.0))
 
     _, estimates, errors = drive(with_wild)
-    assert max(errors) < 0.05 and not any(one.fix_correction for one in estimates)
+    assert max(errors) < 0.05 and not any(one.place_correction for one in estimates)
     _, _, errors = drive(with_wild, push_m=1.1)
     assert wrong_m(errors) < 5.0 and errors[-1] < 0.1
 
@@ -118,7 +118,7 @@ def test_reflected_signals_carry_the_robot_no_farther_than_they_are_wrong_and_it
 
     _, estimates, errors = drive(reflected, seconds=16.0)
     assert max(errors) < 1.6 and errors[-1] < 0.1
-    assert sum(one.fix_correction is not None for one in estimates) == 2
+    assert sum(one.place_correction is not None for one in estimates) == 2
     # Those that last for less than `refused_s` change nothing.
     _, _, errors = drive(lambda k, at: reflected(k, at) if k < 34 else rtk(k, at), seconds=6.0)
     assert max(errors) < 0.05
@@ -165,7 +165,7 @@ def test_after_such_a_correction_loops_of_the_chain_before_are_not_taken(
     restarts: list[LoopCloser] = []
     monkeypatch.setattr(LoopCloser, "restart", lambda chain: restarts.append(chain))
     localisation, estimates, _ = drive(rtk, push_m=1.1)
-    assert sum(one.fix_correction is not None for one in estimates) == len(restarts) == 1
+    assert sum(one.place_correction is not None for one in estimates) == len(restarts) == 1
     late = LoopClosures(
         poses={900: IDENTITY},
         loops=(),

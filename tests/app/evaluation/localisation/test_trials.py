@@ -7,12 +7,9 @@ from functools import cache, partial
 
 import numpy as np
 
+from app.evaluation.localisation.carried_away import carried_away
 from app.evaluation.localisation.drives import Drive
-from app.evaluation.localisation.relocalisation import (
-    Recording,
-    carried_away,
-    mirrored,
-)
+from app.evaluation.localisation.recording import Recording, mirrored
 from app.evaluation.localisation.replay import keyframes_of
 from app.evaluation.localisation.trials import SavedMap, started_in
 from navcore.config.localisation.localisation import LocalisationConfig
@@ -65,8 +62,9 @@ def test_a_map_that_is_mirrored_twice_is_the_map() -> None:
 def test_a_robot_that_is_carried_through_its_saved_map_notices_and_one_that_is_not_does_not() -> (
     None
 ):
-    run, saved, ids = toured()
-    found = carried_away(run, saved, CONFIG, ids, 2)
+    run, keyframes, ids = toured()
+    saved = SavedMap(keyframes=keyframes, poses=ids.array())
+    found = carried_away(run, saved, NavigatorConfig(), 3)
     assert found["carried"] >= 3
     assert found["noticed"] + found["right_again"] >= found["carried"] - 1
     assert found["false_alarms"] == 0 and found["not_carried"] == 2

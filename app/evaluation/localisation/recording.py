@@ -1,0 +1,58 @@
+"""Recordings: drives that are driven again by the odometry of many runs; and a wrong map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.evaluation.localisation.drives import Drive
+from app.evaluation.localisation.replay import odometry_of
+from navcore.geometry.transform import IDENTITY, Pose2
+from navcore.localisation.scans.scan import Keyframe, Scan
+from sim.robot.odometry_grade import OdometryGrade
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """A drive, and the odometry with which it is driven again."""
+
+    drive: Drive
+    """The drive."""
+    grade: OdometryGrade
+    """Grade of the odometry with which it is driven again."""
+    seed: int
+    """First seed of that odometry."""
+
+    def starts(self, count: int) -> list[int]:
+        """Return the frames of `count` places along the drive, none within its last 50 frames."""
+        last = max(len(self.drive) - 50, 1)
+        return [int(k) for k in np.linspace(0, last, count, endpoint=False)]
+
+    def odometry(self, number: int, start: Pose2 = IDENTITY) -> list[Pose2]:
+        """Return T_odom_base of each frame in one run, the first is `start`."""
+        return odometry_of(self.drive, self.grade, self.seed + number, start)
+
+
+def mirrored(keyframes: Iterable[Keyframe]) -> list[Keyframe]:
+    """Return the map of the world that a mirror along the x axis shows: every room is there, and no
+    place of it is that of the robot."""
+    flip = np.array([1.0, -1.0])
+    return [
+        replace(
+            frame,
+            T_map_base=Pose2(
+                x_m=frame.T_map_base.x_m,
+                y_m=-frame.T_map_base.y_m,
+                yaw_rad=-frame.T_map_base.yaw_rad,
+            ),
+            scan=Scan(
+                points_base=frame.scan.points_base * flip,
+                variance_m2=frame.scan.variance_m2.copy(),
+                normals=frame.scan.normals * flip,
+                origin=frame.scan.origin * flip,
+            ),
+        )
+        for frame in keyframes
+    ]
