@@ -325,9 +325,9 @@ def test_a_robot_that_comes_back_is_looked_for_where_its_wheels_have_brought_it(
     desk.tick()
     desk.choose("default")
     assert expected[0] is None  # never was at the other site
-    there = left @ turned
-    assert expected[1].distance_to(there.x_m, there.y_m) < 0.01
-    assert expected[1].yaw_rad == pytest.approx(there.yaw_rad, abs=0.01)
+    there, found = left @ turned, expected[1]
+    assert found is not None and found.distance_to(there.x_m, there.y_m) < 0.01
+    assert found.yaw_rad == pytest.approx(there.yaw_rad, abs=0.01)
 
 
 def test_a_site_is_compared_with_its_own_map_and_never_with_that_of_the_site_before(
