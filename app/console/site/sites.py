@@ -235,7 +235,9 @@ class LiveSites:
             if mission is not self._saved:
                 self._store.site.save_document(*MISSION, _mission_record(mission))
                 self._saved = mission
-            if not (self._has_own_map and self._has_entered and place.is_known):
+            # Before the first tick the place is no estimate yet.
+            has_place = self._controller.tick_state.decision is not None and place.is_known
+            if not (self._has_own_map and self._has_entered and has_place):
                 return
             if _has_moved(self._placed, place.T_map_base):
                 self._placed = place.T_map_base

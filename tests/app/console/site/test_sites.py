@@ -285,6 +285,21 @@ def test_the_place_of_the_robot_comes_back_unless_it_was_not_known(desk: Desk) -
     assert last_place_of(desk.store.sites.open("hall")) is None
 
 
+def test_a_robot_that_was_just_switched_on_keeps_its_last_place_until_it_sees(
+    tmp_path: Path,
+) -> None:
+    before = Desk(tmp_path)
+    before.pose = Pose2(x_m=1.0, y_m=0.5, yaw_rad=0.2)
+    before.tick()
+    before.sites.keep_session()
+    last = last_place_of(before.store.site)
+    before.store.close()
+    after = Desk(tmp_path)
+    with closing(after.store):
+        after.sites.keep_session()
+        assert last is not None and last_place_of(after.store.site) == last
+
+
 def test_the_place_on_the_old_map_is_never_kept_for_the_new_site(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
