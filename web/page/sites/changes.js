@@ -21,6 +21,7 @@ const all = make("button", { "data-testid": "changes-all" }, t("Accept the whole
 const again = make("button", { "data-testid": "changes-refresh" }, t("Compare again"));
 let listed = { areas: [], listing: null };
 let panel = { hide: () => {}, show: () => {} };
+let looked = null; // the area that is looked at on the map
 let retry = 0;
 
 // `hide` and `show` put the panel, which covers the map, away and back.
@@ -58,7 +59,7 @@ export function hide() {
   return false;
 }
 
-function lookAt(text, place, accept) {
+function lookAt(area, text, place, accept) {
   const back = () => {
     set(shown, { hidden: true });
     panel.show();
@@ -73,6 +74,7 @@ function lookAt(text, place, accept) {
     event.stopPropagation();
     back();
   };
+  looked = area;
   set(shown, { hidden: false });
   panel.hide();
   showMap();
@@ -118,7 +120,7 @@ function itemOf(area) {
     { title: t("Show it on the map"), "aria-label": t("Show on the map: {text} at {place}", { text, place }) },
     place,
   );
-  where.onclick = () => lookAt(text, [x, y], acceptThis);
+  where.onclick = () => lookAt(area, text, [x, y], acceptThis);
   const label = make("span", { class: "label" }, text);
   return make("li", { "data-testid": "change", "data-kind": area.kind }, label, where, accept);
 }
@@ -130,7 +132,10 @@ async function acceptAreas(listing, areas) {
 
 all.onclick = () => attempt(() => acceptAreas(null, []));
 again.onclick = () => attempt(refresh);
-// Dashed, and red or blue: the colour is not the only sign, the list names the kind.
+// Dashed, and red or blue: the colour is not the only sign, the list names the kind. The one that is
+// looked at is drawn through and thick.
 overlays.push(({ line }) => {
-  for (const area of listed.areas) line(area.outline, COLOURS[area.kind], WIDTH_PX, DASH, true);
+  for (const area of listed.areas)
+    if (area === looked) line(area.outline, COLOURS[area.kind], 2 * WIDTH_PX, [], true);
+    else line(area.outline, COLOURS[area.kind], WIDTH_PX, DASH, true);
 });
