@@ -291,6 +291,7 @@ class LiveOperations:
         decision, now_ns = tick_state.decision, self._robot.now_ns()
         reasons, picture = tuple(self._controller.reasons(now_ns)), self._recorder.picture
         moving = abs(verdict.twist.v_mps) > MOVING_MPS or abs(verdict.twist.w_radps) > MOVING_MPS
+        by_hand = self._controller.hand(now_ns) is not None
         return State(
             stamp_s=now_ns / 1e9,
             scenario=self._recorder.scenario,
@@ -298,8 +299,8 @@ class LiveOperations:
             robot=self.profile.name,
             phase=intent.mission.phase,
             moving=moving,
-            by_hand=self._controller.hand(now_ns) is not None,
-            summary=status_message(intent, decision, reasons, moving=moving),
+            by_hand=by_hand,
+            summary=status_message(intent, decision, reasons, moving=moving, by_hand=by_hand),
             stop_latched=intent.stopped_by is not None or self._controller.pose_in_doubt,
             reasons=reasons,
             pose=self._recorder.pose,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.runtime.control.operator_state import MOVING, OperatorState
+from app.runtime.control.operator_state import OperatorState
 from navcore.control.motion import ControllerState
 from navcore.mission.mission import Phase
 from navcore.navigator import TickResult
@@ -20,13 +20,17 @@ def status_message(
     reasons: tuple[StopReason, ...],
     *,
     moving: bool,
+    by_hand: bool = False,
 ) -> str:
-    """Return what holds the robot, else what it does, in one sentence."""
+    """Return what holds the robot, else what it does, in one sentence. `by_hand`: whether an
+    operator drives it now."""
     mission = intent.mission
     if reasons:
         return reasons[0].text
-    if moving and mission.phase not in MOVING:
+    if moving and by_hand:
         return "Driven by hand."
+    if intent.searching:
+        return "Turning round to look for its place in the map."
     if mission.phase is Phase.LEAVING:
         return "Leaving the beware area by the shortest path."
     if stands_in_zone(decision):

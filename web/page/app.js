@@ -34,7 +34,7 @@ import { showPathSettings } from "./mission/path_settings.js";
 import { showStatus } from "./mission/status.js";
 import "./mission/teleop.js";
 import * as sites from "./sites/sites.js";
-import { isDrawing, numberZonesBy, onDraft, setMode } from "./zones/draft.js";
+import { draft, isDrawing, numberZonesBy, onDraft, setMode } from "./zones/draft.js";
 import "./zones/draft_input.js";
 import * as zoneFiles from "./zones/files.js";
 import "./zones/from_camera.js";
@@ -122,6 +122,10 @@ const viewTabs = document.querySelectorAll("[data-view][role=tab]");
 for (const tab of viewTabs) tab.onclick = () => showView(tab.dataset.view);
 showMapBy(() => showView("map"));
 switchViewBy(() => showView(isOnMap() ? "3d" : "map"));
+// Freehand is a stroke, which in the 3D view turns the camera.
+onDraft(() => {
+  if (draft.mode === "draw" && draft.tool === "free" && !isOnMap()) showView("map");
+});
 
 for (const button of document.querySelectorAll("[data-mode]"))
   button.onclick = () => setMode(button.dataset.mode);

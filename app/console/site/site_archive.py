@@ -178,8 +178,8 @@ def _parts(archive: bytes) -> tuple[bytes, bytes | None]:
                 )
             document = _read(packed, DOCUMENT, MAX_DOCUMENT_BYTES)
             map_data = _read(packed, MAP_FILE, MAX_ARCHIVE_BYTES) if MAP_FILE in names else None
-    except _FAILURES as error:
-        raise BadConfiguration(f"no zip archive, or a damaged one: {error!s:.200}") from None
+    except _FAILURES:
+        raise BadConfiguration("no zip archive, or a damaged one") from None
     return document, map_data
 
 

@@ -235,7 +235,9 @@ class LiveSites:
             if mission is not self._saved:
                 self._store.site.save_document(*MISSION, _mission_record(mission))
                 self._saved = mission
-            if not (self._has_own_map and self._has_entered and place.is_known):
+            # Before the first tick the place is no estimate yet.
+            has_place = self._controller.tick_state.decision is not None and place.is_known
+            if not (self._has_own_map and self._has_entered and has_place):
                 return
             if _has_moved(self._placed, place.T_map_base):
                 self._placed = place.T_map_base
@@ -247,10 +249,11 @@ class LiveSites:
         self._require_own_map()
         self._controller.require_standing()
         before, spec = self._store.site, self._controller.navigator.first_grid
-        left, kept = self._controller.place, self._kept_place(site)
+        left = self._controller.place
+        expected, kept = self._expected_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
-        price, last = stored_unknown_price(site), expected_place(site)
+        price = stored_unknown_price(site)
         self._keeper.write_now()
         self.keep_session()
 
@@ -269,7 +272,7 @@ class LiveSites:
 
         def replace_map() -> None:
             self._controller.navigator.map.restore(stored.state)
-            self._controller.navigator.adopt_map(last, kept=kept)
+            self._controller.navigator.adopt_map(expected, kept=kept)
             self._keeper.use(site.map_file, stored.class_names)
             self._has_entered, self._old_picture = True, self._view.picture
 
@@ -284,21 +287,23 @@ class LiveSites:
                 self._has_entered = True
                 raise
             self._user.enter_site(site)
+        self._left.pop(site.name, None)
         if left.is_known:
             self._left[before.name] = left
         self._placed = None
         self._use_tags()
         self._listings.clear()
 
-    def _kept_place(self, site: SiteStore) -> LocalisationEstimate | None:
-        """Return where the robot was when it left a site in this session, if by its odometry, which
-        has gone on since, it still stands there."""
-        left, present = self._left.pop(site.name, None), self._controller.place
+    def _expected_place(self, site: SiteStore) -> tuple[Pose2 | None, LocalisationEstimate | None]:
+        """Return T_map_base at which to look for the robot, and the estimate of its place that
+        still holds. A robot that has left the site in this session is where odometry, which has
+        gone on since, has it, and if it has hardly moved it knows its place still."""
+        left = self._left.get(site.name)
         if left is None:
-            return None
-        moved = _by_odometry(left).inverse() @ _by_odometry(present)
+            return expected_place(site), None
+        moved = _by_odometry(left).inverse() @ _by_odometry(self._controller.place)
         is_there = math.hypot(moved.x_m, moved.y_m) < STAYED_M and abs(moved.yaw_rad) < STAYED_RAD
-        return left if is_there else None
+        return left.T_map_base @ moved, left if is_there else None
 
     def _use_tags(self) -> None:
         """Tell the robot of the tags of the present site, else of those of the world."""

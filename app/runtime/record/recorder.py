@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.runtime.control.robot_controller import RobotController
+from app.runtime.record.driven_path import DrivenPath
 from app.runtime.record.run_report import Referee, RunReporter
 from app.storage import Store
 from navcore.geometry.arrays import Points
@@ -12,17 +13,13 @@ from navcore.geometry.transform import Pose2
 from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from navcore.planning.path import Path
-from navcore.planning.route import Route, read_only
+from navcore.planning.route import Route
 from navcore.planning.unseen_parts import unseen_parts
 from navcore.safety.gate import GateDecision
 from web.interface.snapshots import Cloud, TickSnapshot
 
 CLOUD_PERIOD_S = 1.0
 """Time between two copies of the point cloud, seconds."""
-DRIVEN_STEP_M = 0.05
-"""Distance between two points of the driven path, metres."""
-MAX_DRIVEN = 20_000
-"""Largest number of points of the driven path: the newest kilometre is kept."""
 
 
 class Recorder:
@@ -47,22 +44,25 @@ class Recorder:
         """Points of the map; None before the first tick."""
         self.pose = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
         """Pose of the robot in the map frame at the newest tick."""
-        self.travelled_m = 0.0
-        """Length of the driven path, metres."""
         self.explored_m2 = 0.0
         """Area that the map has observed, m²."""
         self.replans = 0
         """Number of paths planned so far."""
-        self._driven: list[tuple[float, float]] = []
-        self._driven_points: Points = np.empty((0, 2))
+        self._driven = DrivenPath()
         self._route: Route | None = None
         self._floor_key: tuple[int, float] = (-1, -1.0)
         self._floor_version = 0
         self._cloud_ns = 0
 
+    @property
+    def travelled_m(self) -> float:
+        """Length of the driven path, metres."""
+        return self._driven.length_m
+
     def note_decision(self, decision: TickResult) -> None:
         """Called by the think thread after each tick."""
-        self._note_pose(decision.frame.pose)
+        self.pose = decision.frame.pose
+        self._driven.add(self.pose, decision.place.T_map_odom.inverse() @ self.pose)
         if decision.route is not None and decision.route is not self._route:
             self.replans += isinstance(decision.route.outcome, Path)
         self._route = decision.route
@@ -100,17 +100,6 @@ class Recorder:
         """Store the report of an unfinished run; call when no thread feeds this any more."""
         self._reporter.close(self._controller.intent.mission)
 
-    def _note_pose(self, pose: Pose2) -> None:
-        if not self._driven:
-            self._driven = [(pose.x_m, pose.y_m)]
-            self._driven_points = read_only(np.array(self._driven))
-        step_m = pose.distance_to(*self._driven[-1])
-        if step_m >= DRIVEN_STEP_M:
-            self.travelled_m += step_m
-            self._driven = [*self._driven[-MAX_DRIVEN:], (pose.x_m, pose.y_m)]
-            self._driven_points = read_only(np.array(self._driven))
-        self.pose = pose
-
     def _picture_of(self, decision: TickResult) -> TickSnapshot:
         frame, occupancy, route = decision.frame, decision.occupancy, decision.route
         key = (occupancy.version, self.explored_m2)
@@ -134,7 +123,7 @@ class Recorder:
             path=path,
             unseen=unseen_parts(path, seen, world.explored.spec),
             waypoints=route.waypoints if route else empty,
-            driven=self._driven_points,
+            driven=self._driven.points,
             people=decision.people,
             closed=decision.closed,
             depth_m=frame.depth_m,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -43,3 +44,13 @@ def test_a_robot_that_drives_out_of_the_growth_of_a_zone_says_so() -> None:
     goal = Goal(id=1, x_m=3.0, y_m=0.0)
     text = status_message(operator(goal), growing, (), moving=True)
     assert text.startswith("The position has become uncertain beside a zone")
+
+
+def test_only_a_robot_that_a_hand_drives_is_driven_by_hand() -> None:
+    reached = operator(phase=Phase.IDLE)
+    driven = status_message(reached, FOLLOWING, (), moving=True, by_hand=True)
+    assert driven == "Driven by hand."
+    # It rolls out at its goal, or turns to look for its place.
+    assert "hand" not in status_message(reached, FOLLOWING, (), moving=True)
+    searching = dataclasses.replace(reached, searching=True)
+    assert status_message(searching, FOLLOWING, (), moving=True).startswith("Turning round")

@@ -170,6 +170,8 @@ def test_versions_come_back_and_a_damaged_file_is_refused_by_line(
     expect(row(page, "book")).to_have_count(0)
     page.locator("[popovertarget=beware-versions]").click()
     oldest = page.get_by_test_id("beware-version-row").last
+    for told in page.locator("#beware-versions small").all():  # who and when, not cut off
+        assert told.evaluate("(told) => told.scrollWidth <= told.clientWidth")
     oldest.get_by_test_id("beware-compare").click()
     expect(oldest).to_contain_text("“book” added; “cup”: margin 0.7 m → 0.05 m")
     oldest.get_by_test_id("beware-restore").click()

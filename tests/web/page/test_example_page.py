@@ -35,11 +35,15 @@ class TestWithNetwork:
         note = page.get_by_test_id("entry-example-note")
         expect(note).to_contain_text("Click the thing in the camera image")
         click_camera(page, *FLOOR)
+        page.keyboard.type("crate b")  # neither the space bar nor B are keys of the page here
         expect(page.get_by_text("there is only floor there").first).to_be_visible()
+        expect(page.get_by_test_id("entry-name")).to_have_value("crate b")
+        assert not operations.state().stop_latched
         click_camera(page, *BOX)
         expect(page.get_by_test_id("camera-mask")).to_be_visible()
         expect(note).to_contain_text("1 click; it takes")
         expect(page.get_by_test_id("entry-eyes")).to_have_text("Detected by: example")
+        page.get_by_test_id("entry-name").select_text()
         page.keyboard.type("crate")
         expect(page.get_by_test_id("entry-apply")).to_be_enabled()
         page.keyboard.press("Enter")

@@ -114,6 +114,22 @@ def test_every_menu_and_dialog_opens_on_the_screen_as_a_whole_and_leaves_the_sto
         expect(overlay).to_be_hidden()
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_a_long_menu_is_scrolled_and_covers_no_stop(
+    size: str, open_page: Opener, operations: FakeOperations
+) -> None:
+    for centimetres in range(30):
+        operations.beware.edit("cup", {"margin_m": centimetres / 100})
+    page = open_page(size)
+    button, menu = page.get_by_test_id("beware-versions-button"), page.locator("#beware-versions")
+    show(button)
+    press(button)
+    expect(page.get_by_test_id("beware-version-row").first).to_be_visible()
+    assert menu.evaluate("(menu) => menu.scrollHeight > menu.clientHeight")
+    press(page.get_by_test_id("stop"))
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+
+
 @pytest.mark.parametrize(
     "overlay_id",
     # A list that was never edited has versions without a button.

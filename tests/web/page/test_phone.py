@@ -256,3 +256,37 @@ def test_the_camera_of_a_standing_robot_is_shown_when_its_tab_is_opened(
     page.wait_for_timeout(500)
     page.get_by_test_id("page-tab-camera").tap()
     expect(page.get_by_test_id("camera")).to_have_attribute("data-serial", re.compile(r"\d+"))
+
+
+def test_the_pad_of_driving_by_hand_opens_within_the_screen(open_phone: Opener) -> None:
+    page = open_phone(*PHONE)
+    page.get_by_test_id("page-tab-camera").tap()
+    page.get_by_test_id("teleop-open").tap()
+    for direction in ("forward", "left", "back", "right"):
+        expect(page.get_by_test_id(f"drive-{direction}")).to_be_in_viewport(ratio=1.0)
+
+
+def test_who_has_control_takes_two_rows_of_the_header_whoever_it_is(
+    open_phone: Opener, server: ConsoleServer
+) -> None:
+    page = open_phone(*PHONE)
+    height = page.locator(".bar").evaluate("(bar) => bar.offsetHeight")
+    other = open_phone(*PHONE)
+    other.get_by_test_id("control-take").tap()
+    expect(page.get_by_test_id("control-ask")).to_be_visible()
+    assert page.locator(".bar").evaluate("(bar) => bar.offsetHeight") <= height + 24
+
+
+def test_a_place_that_is_proposed_from_another_tab_is_shown_on_the_map(
+    open_phone: Opener, operations: FakeOperations
+) -> None:
+    page = open_phone(*PHONE)
+    page.get_by_test_id("page-tab-goals").tap()
+    page.get_by_test_id("sites-button").tap()
+    page.get_by_test_id("dock-here").tap()
+    page.get_by_test_id("dock-in").tap()
+    proposal = page.get_by_test_id("place-proposal")
+    expect(proposal).to_be_visible()
+    for button in proposal.get_by_role("button").all():
+        expect(button).to_be_in_viewport(ratio=1.0)
+        assert button.evaluate("(button) => button.scrollWidth <= button.clientWidth")

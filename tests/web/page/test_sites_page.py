@@ -9,9 +9,19 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from navcore.errors import Refused
 from tests.web.api.test_sites import YAML
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import await_map, on_page
+from tests.web.fake_sites import AREAS
+from tests.web.page.chromium import (
+    IS_TOPMOST,
+    IS_WITHIN_VIEWPORT,
+    await_map,
+    eventually,
+    map_view,
+    middle_of,
+    on_page,
+)
 from tests.web.page.test_overlays import press
 from web.interface.sites import Site
 
@@ -51,7 +61,13 @@ def test_sites_are_made_chosen_renamed_copied_and_deleted_by_hand(
     expect(row(panel, "Ward 3")).to_contain_text("the robot is here")
     expect(row(panel, "Ward 3").get_by_test_id("site-delete")).to_be_disabled()
     press(row(panel, "Ward 3").get_by_test_id("site-rename"))
-    row(panel, "Ward 3").get_by_test_id("site-rename-name").fill("Ward 4")
+    renamed = row(panel, "Ward 3").get_by_test_id("site-rename-name")
+    expect(renamed).to_have_value("Ward 3")
+    renamed.fill("default")
+    page.keyboard.press("Enter")
+    expect(page.get_by_test_id("toasts")).to_contain_text("A site is called 'default' already")
+    expect(renamed).to_have_value("default")  # to be corrected, not typed again
+    renamed.fill("Ward 4")
     page.keyboard.press("Enter")
     expect(page.get_by_test_id("sites-button")).to_have_text("Site Ward 4 ▾")
     press(row(panel, "Ward 4").get_by_test_id("site-copy"))
@@ -115,7 +131,11 @@ def test_an_archive_is_exported_and_imported(
     expect(panel.get_by_test_id("site-name")).to_have_value("")
     panel.get_by_test_id("site-import").set_input_files(file)  # whose site is there
     expect(row(panel, "default 2")).to_be_visible()
-    assert operations.sites.archives == [b"archive of default"] * 2
+    panel.get_by_test_id("site-import").set_input_files(
+        {"name": "Ward 7.site.zip", "mimeType": "application/zip", "buffer": file.read_bytes()}
+    )
+    expect(row(panel, "Ward 7 2")).to_be_visible()
+    assert operations.sites.archives == [b"archive of default"] * 3
 
 
 def test_changes_are_listed_drawn_and_accepted_one_by_one(panel: Locator) -> None:
@@ -127,6 +147,60 @@ def test_changes_are_listed_drawn_and_accepted_one_by_one(panel: Locator) -> Non
     press(page.get_by_test_id("change-accept").first)
     expect(page.get_by_test_id("change")).to_have_count(1)
     expect(page.get_by_test_id("changes-note")).to_contain_text("1 area differs")
+
+
+def test_a_change_is_looked_at_on_the_map_before_it_is_accepted(panel: Locator) -> None:
+    page = panel.page
+    press(page.get_by_test_id("changes-all"))
+    shown, middle = page.get_by_test_id("change-shown"), AREAS[0].outline.mean(axis=0)
+    for leave, left in (("change-back", 2), ("change-shown-accept", 1)):
+        page.get_by_test_id("change").first.get_by_title("Show it on the map").click()
+        expect(panel).to_be_hidden()
+        expect(shown).to_contain_text("new obstacle, 0.80 m²")
+        eventually(page, lambda: map_view(page)[1:] == pytest.approx(middle, abs=0.01))
+        assert shown.evaluate(IS_WITHIN_VIEWPORT)
+        page.get_by_test_id(leave).click()
+        expect(panel).to_be_visible()
+        expect(shown).to_be_hidden()
+        expect(page.get_by_test_id("change")).to_have_count(left)
+    page.get_by_test_id("change").first.get_by_title("Show it on the map").click()
+    page.keyboard.press("Escape")
+    expect(panel).to_be_visible()
+    expect(shown).to_be_hidden()
+
+
+def test_the_changes_of_a_site_that_was_just_entered_are_listed_with_its_first_image(
+    panel: Locator, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page, listed = panel.page, operations.sites.changes
+
+    def refuse() -> None:
+        raise Refused("there is no map yet; the camera has not delivered an image")
+
+    monkeypatch.setattr(operations.sites, "changes", refuse)
+    note = page.get_by_test_id("changes-note")
+    press(page.get_by_test_id("changes-refresh"))
+    expect(note).to_have_text("There is no map yet; the camera has not delivered an image")
+    monkeypatch.setattr(operations.sites, "changes", listed)
+    expect(note).to_contain_text("No map has been accepted yet")
+
+
+def test_the_panel_comes_back_from_the_map_as_it_was_left(panel: Locator) -> None:
+    page = panel.page
+    for number in range(8):
+        make_site(panel, f"Ward {number}")
+    setting = page.get_by_test_id("dock-set")
+    setting.scroll_into_view_if_needed()
+    page.mouse.move(*middle_of(setting))
+    page.mouse.wheel(0, 2000)
+    scrolled = panel.evaluate("(panel) => panel.scrollTop")
+    assert scrolled > 0 and page.get_by_test_id("sites-close").evaluate(IS_TOPMOST)
+    press(setting)
+    expect(panel).to_be_hidden()
+    for point in ((-3.0, 3.0), (-3.0, 4.0)):
+        page.mouse.click(*on_page(page, *point))
+    expect(panel).to_be_visible()
+    assert panel.evaluate("(panel) => panel.scrollTop") == scrolled
 
 
 def test_a_nav2_map_is_placed_by_two_clicks_in_each_frame(
@@ -158,6 +232,7 @@ def test_a_nav2_map_is_placed_by_two_clicks_in_each_frame(
     expect(on_site).to_have_value(re.compile(r"^-[34](\.\d+)?, [23]"))
     press(panel.get_by_test_id("placing-make"))
     expect(row(panel, "hall")).to_be_visible()
+    expect(panel.get_by_test_id("site-name")).to_have_value("")
     placed = operations.sites.placed
     assert placed is not None and abs(placed.yaw_rad - 1.5708) < 0.1
 

@@ -4,8 +4,10 @@ followed, and a background of the theme."""
 from __future__ import annotations
 
 import io
+import json
 import math
 from collections.abc import Callable
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,8 +15,9 @@ from PIL import Image
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import eventually
+from tests.web.page.chromium import eventually, on_page
 from web.server import ConsoleServer
+from web.viewer.messages import Mode
 
 PLACES = """() => {
   const root = document.getElementById("viewer").contentDocument.getElementById("root");
@@ -176,3 +179,39 @@ def test_a_layer_is_faded_in_the_page_of_the_operator_who_fades_it_alone(
     other.close()
     opacity.fill("100")
     expect(viser).to_have_attribute("data-faded", "", timeout=60_000)
+
+
+def test_the_view_is_told_only_of_modes_that_it_knows(page: Page) -> None:
+    told: list[str] = []
+
+    def note(frame: str | bytes) -> None:
+        message = json.loads(frame)
+        if message["type"] == "draft":
+            told.append(message["mode"])
+
+    page.on(
+        "websocket", lambda link: link.on("framesent", note) if "/viewer/" in link.url else None
+    )
+    page.reload()
+    eventually(page, lambda: told == ["navigate"])
+    page.get_by_test_id("mode-draw").click()
+    page.get_by_test_id("sites-button").click()
+    page.get_by_test_id("dock-set").click()  # asks for a point of the map
+    expect(page.get_by_test_id("hint")).to_contain_text("Click the middle of the robot")
+    eventually(page, lambda: told[-2:] == ["draw", "navigate"])
+    assert set(told) <= set(get_args(Mode))
+
+
+def test_freehand_is_drawn_on_the_map(page: Page) -> None:
+    page.get_by_test_id("view-3d").click()
+    page.get_by_test_id("mode-draw").click()
+    expect(page.get_by_test_id("view-3d")).to_have_attribute("aria-selected", "true")
+    page.get_by_test_id("zone-tool").select_option("free")
+    expect(page.get_by_test_id("view-map")).to_have_attribute("aria-selected", "true")
+    x, y = on_page(page, -3.0, 4.0)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for right, down in ((60, 0), (60, 60), (0, 60), (0, 2)):
+        page.mouse.move(x + right, y + down, steps=4)
+    page.mouse.up()
+    expect(page.get_by_test_id("draft-note")).to_contain_text("corners")

@@ -58,6 +58,9 @@ function setPointing(points) {
 }
 
 async function take(event, shown, frame) {
+  // What is typed next is its name, also while the console has not answered: letters and the space
+  // bar are keys of the page elsewhere.
+  element("entry-name").focus();
   const box = shown.getBoundingClientRect();
   const share = (at) => Math.min(Math.max(at, 0), 1);
   const click = await post("/beware/example/click", {
@@ -73,7 +76,6 @@ async function take(event, shown, frame) {
     mask.src = click.mask;
     mask.hidden = false;
   }
-  element("entry-name").focus();
   await learn();
 }
 

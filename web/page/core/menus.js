@@ -22,11 +22,12 @@ function positionMenu(menu) {
   const { left, top, bottom } = buttonOf(menu).getBoundingClientRect();
   const stop = element("stop").getBoundingClientRect();
   const end = stop.top > bottom ? stop.top : innerHeight;
-  const isBelow = end - bottom > top;
+  const start = stop.bottom < top ? stop.bottom : 0;
+  const isBelow = end - bottom > top - start;
   menu.style.setProperty("--left", `${left}px`);
   menu.style.top = isBelow ? `${bottom + GAP_PX}px` : "auto";
   menu.style.bottom = isBelow ? "auto" : `${innerHeight - top + GAP_PX}px`;
-  menu.style.maxHeight = `${(isBelow ? end - bottom : top) - 2 * GAP_PX}px`;
+  menu.style.maxHeight = `${(isBelow ? end - bottom : top - start) - 2 * GAP_PX}px`;
 }
 
 for (const popover of document.querySelectorAll("[popover]")) {

@@ -5,7 +5,7 @@ import { swatchOf } from "../beware/swatch.js";
 import { edit, get, post, request } from "../core/link/api.js";
 import { element, make, setText } from "../core/dom.js";
 import { formatAge } from "../core/text/format.js";
-import { number, t } from "../core/text/language.js";
+import { number, t, tn } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { offerUndo } from "../core/undo.js";
 import { openMissed } from "./missed_object.js";
@@ -85,8 +85,7 @@ function show({ seen, sightings, labelling }) {
   sightings.forEach((detection, i) => {
     setText(
       cards.children[i].querySelector(".soft"),
-      t("{looks} views · {age} ago", {
-        looks: detection.looks,
+      tn("{n} view · {age} ago", "{n} views · {age} ago", detection.looks, {
         age: formatAge(detection.age_s ?? 0),
       }),
     );

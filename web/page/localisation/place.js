@@ -3,6 +3,7 @@
 import { post } from "../core/link/api.js";
 import { onStale } from "../core/link/connection.js";
 import { element, make, set, setText } from "../core/dom.js";
+import { showMap } from "../core/page_tabs.js";
 import { sentence, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
@@ -33,6 +34,7 @@ function show(asked, checked) {
   const panel = element("place-proposal");
   set(panel, { hidden: !checked });
   if (checked) {
+    showMap();
     const [text, id] = checked.fits ? [t("Accept"), "place-accept"] : [t("Accept anyway"), "place-force"];
     panel.replaceChildren(
       make("p", { "data-testid": "place-fit" }, sentence(checked.text)),

@@ -92,7 +92,7 @@ function announce(now) {
       ? t("{name} has taken over control. Take over to drive again.", now.holder)
       : t("{name} is in control now. Take over to drive again.", now.holder ?? {});
     if (now.holder) notify(change);
-    else notify(t("You have given up control."), { good: true });
+    else notify(t("You are no longer in control. Take over to drive again."));
   } else if (now.yours && !previous.yours) {
     notify(t("You are in control."), { good: true });
   } else if (now.yours && now.asking && !previous.asking) {

@@ -96,6 +96,7 @@ pad.addEventListener("toggle", () => {
   if (!pad.open) releaseAll();
   if (pad.open) wasSwapped = isSwapped();
   swap(pad.open || wasSwapped);
+  if (pad.open) pad.scrollIntoView({ block: "nearest" }); // on a phone it opens below the edge
   keepAwake(pad.open);
 });
 window.addEventListener("blur", () => {

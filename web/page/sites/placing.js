@@ -12,7 +12,7 @@ const DOT_PX = 5;
 const COLOURS = ["#e5322d", "#0a84ff"];
 const NAMES = ["A", "B"];
 
-// `hide` and `show` close and open the panel, which covers the map; `onMade` is called with a site.
+// `hide` and `show` close and open the panel, which covers the map; `onMade` is called with the name of a site.
 export function buildPlacing({ hide, show, onMade }) {
   const picture = make("canvas", {
     tabindex: "0",
@@ -91,7 +91,7 @@ export function buildPlacing({ hide, show, onMade }) {
       await post("/sites/import-nav2", { ...map.files, alignment: alignmentOf(fields) });
       form.hidden = true;
       notify(t("Site {name} is made.", map.files), { good: true });
-      onMade();
+      onMade(map.files.name);
     });
   };
 

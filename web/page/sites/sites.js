@@ -57,12 +57,14 @@ async function refresh() {
 const pathOf = (name) => `/sites/${encodeURIComponent(name)}`;
 
 // Do something with the sites, say so, and show them as they are now.
+// Returns whether it was done.
 const act = (what, said) =>
   attempt(async () => {
     await what();
     // Told in the list itself: a message would lie over its buttons.
     setText(element("sites-said"), said ?? "");
     await refresh();
+    return true;
   });
 
 function itemOf({ name }) {
@@ -85,7 +87,7 @@ function itemOf({ name }) {
     { "data-testid": "site", "data-name": name },
     make("span", { class: "label" }, make("span", {}, name), make("small")),
     button(t("Go on here"), "site-choose", () => act(() => post(`${pathOf(name)}/choose`))),
-    button(t("Rename …"), "site-rename", () => toggle(renaming)),
+    button(t("Rename …"), "site-rename", () => toggle(renaming, name)),
     button(t("Copy …"), "site-copy", () => toggle(copying)),
     button(t("Export"), "site-export", () => attempt(() => save(name, "export", "site.zip"))),
     button("Nav2", "site-nav2", () => attempt(() => save(name, "nav2", "nav2.zip")), t("Export Nav2")),
@@ -96,18 +98,17 @@ function itemOf({ name }) {
 }
 
 function fill(item, site) {
-  const map = site.map_unix_s
-    ? t("map of {time}, {size} MB", {
-        time: formatTime(site.map_unix_s),
-        size: number(site.map_bytes / 1e6, 1),
-      })
-    : t("no map yet");
+  const map = t("map of {time}, {size} MB", {
+    time: formatTime(site.map_unix_s),
+    size: number(site.map_bytes / 1e6, 1),
+  });
   const parts = [
     tn("{n} zone", "{n} zones", site.zones),
     tn("{n} mission", "{n} missions", site.missions),
-    map,
   ];
+  if (site.map_unix_s) parts.push(map);
   if (site.accepted) parts.push(t("accepted map"));
+  if (!site.map_unix_s && !site.accepted) parts.push(t("no map yet"));
   if (site.chosen) parts.unshift(t("the robot is here"));
   setText(item.querySelector("small"), parts.join(" · "));
   item.classList.toggle("chosen", site.chosen);
@@ -115,19 +116,21 @@ function fill(item, site) {
     item.querySelector(`[data-testid=${testId}]`).disabled = site.chosen;
 }
 
-function toggle(form) {
+function toggle(form, name = "") {
   form.hidden = !form.hidden;
-  if (!form.hidden) form.querySelector("input").focus();
+  if (form.hidden) return;
+  const field = form.querySelector("input");
+  field.value = name;
+  field.select();
 }
 
 function nameForm(label, verb, testId, onName) {
   const field = nameField(label, testId);
   const save = make("button", { class: "primary" }, verb);
   const form = make("form", { class: "row", hidden: "", autocomplete: "off" }, field, save);
-  form.onsubmit = (event) => {
+  form.onsubmit = async (event) => {
     event.preventDefault();
-    form.hidden = true;
-    onName(field.value);
+    if (await onName(field.value)) form.hidden = true;
   };
   return form;
 }
@@ -159,8 +162,8 @@ async function answered(path, options) {
 // The name that was typed, else one made of the name of a file, and of a number if a site has it.
 function nameFor(file) {
   if (newName.value) return newName.value;
-  const made = file.name.replace(/(\.site)?\.[a-z0-9]+$/i, "").replace(/[^A-Za-z0-9_-]+/g, "-");
-  const name = made.replace(/^[-_]+|-+$/g, "").slice(0, 36) || "site";
+  const made = file.name.replace(/(\.site)?\.[a-z0-9]+$/i, "").replace(/[^A-Za-z0-9 _-]+/g, "-");
+  const name = made.replace(/^[-_ ]+|[- ]+$/g, "").slice(0, 36).trimEnd() || "site";
   const taken = new Set([...list.children].map((item) => item.dataset.name));
   let number = 1;
   while (taken.has(numbered(name, number))) number += 1;
@@ -197,6 +200,19 @@ function close() {
   panel.close();
 }
 
+// While something is done on the map, the panel is away; it comes back as it was left.
+let scrolled = 0;
+const aside = {
+  hide: () => {
+    scrolled = panel.scrollTop;
+    close();
+  },
+  show: () => {
+    open();
+    panel.scrollTop = scrolled;
+  },
+};
+
 function build() {
   const closing = make(
     "button",
@@ -218,7 +234,13 @@ function build() {
       clearSent(newName, typed);
     }, t("Site {name} is made.", { name: typed }));
   };
-  const placing = buildPlacing({ hide: close, show: open, onMade: refresh });
+  const placing = buildPlacing({
+    ...aside,
+    onMade: (name) => {
+      clearSent(newName, name);
+      return refresh();
+    },
+  });
   const files = make(
     "div",
     { class: "row" },
@@ -230,14 +252,13 @@ function build() {
   panel.append(
     make("header", {}, make("h2", {}, t("Sites")), make("span", { id: "sites-said", role: "status" }), closing),
     make("section", {}, list, only, making, files, placing.form),
-    buildDockAndTags({ hide: close, show: open }),
-    changes.section,
+    buildDockAndTags(aside),
+    changes.buildChanges(aside),
   );
 }
 
 build();
 opener.onclick = () => (panel.open ? close() : open());
 panel.addEventListener("close", () => {
-  changes.hide();
-  opener.focus();
+  if (!changes.hide()) opener.focus();
 });

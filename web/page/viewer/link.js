@@ -7,8 +7,8 @@ import { address, drawViewerNow, setConnected } from "./viewer.js";
 import { goalMark, sketch } from "../map/world.js";
 
 const MAX_PREVIEW_POINTS = 4000;
-// Modes of which the 3D view knows nothing.
-const PAGE_MODES = new Set(["measure", "place"]);
+// Modes that the 3D view knows; the others are of the map alone.
+const VIEW_MODES = new Set(["goal", "draw", "edit"]);
 let onOpen = () => {};
 let onPointer = () => {};
 let display = null;
@@ -62,7 +62,7 @@ export function sendDraft() {
   const path = isGoal ? sketch.path : draft.preview;
   link.send({
     type: "draft",
-    mode: PAGE_MODES.has(draft.mode) ? "navigate" : draft.mode,
+    mode: VIEW_MODES.has(draft.mode) ? draft.mode : "navigate",
     corners: draft.corners,
     outline: isGoal ? goalMark() : isDrawing() ? outline() : [],
     path: path.slice(0, MAX_PREVIEW_POINTS),

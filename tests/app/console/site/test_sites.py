@@ -46,6 +46,8 @@ class Desk:
     """A robot that is ticked by hand, with its store, its editors and its sites."""
 
     picture: TickSnapshot | None = None
+    pose = FRAMES[0].pose
+    """T_odom_base of the next tick."""
 
     def __init__(self, folder: Path) -> None:
         self.store = Store(folder)
@@ -82,7 +84,7 @@ class Desk:
     def tick(self) -> None:
         """Run one tick as the think thread does."""
         self._ticks += 1
-        frame = dataclasses.replace(FRAMES[0], stamp_ns=self._ticks * SECOND)
+        frame = dataclasses.replace(FRAMES[0], pose=self.pose, stamp_ns=self._ticks * SECOND)
         self.controller.trust_pose()
         self.controller.think(frame, clock=lambda: frame.stamp_ns)
         self.keeper.note_tick(self.controller.navigator.map, RED_LIST.names, frame.stamp_ns)
@@ -283,6 +285,21 @@ def test_the_place_of_the_robot_comes_back_unless_it_was_not_known(desk: Desk) -
     assert last_place_of(desk.store.sites.open("hall")) is None
 
 
+def test_a_robot_that_was_just_switched_on_keeps_its_last_place_until_it_sees(
+    tmp_path: Path,
+) -> None:
+    before = Desk(tmp_path)
+    before.pose = Pose2(x_m=1.0, y_m=0.5, yaw_rad=0.2)
+    before.tick()
+    before.sites.keep_session()
+    last = last_place_of(before.store.site)
+    before.store.close()
+    after = Desk(tmp_path)
+    with closing(after.store):
+        after.sites.keep_session()
+        assert last is not None and last_place_of(after.store.site) == last
+
+
 def test_the_place_on_the_old_map_is_never_kept_for_the_new_site(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -302,6 +319,30 @@ def test_the_place_on_the_old_map_is_never_kept_for_the_new_site(
     assert last_place_of(entered) is None
     desk.sites.keep_session()
     assert last_place_of(entered) == desk.controller.place.T_map_base
+
+
+def test_a_robot_that_comes_back_is_looked_for_where_its_wheels_have_brought_it(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    navigator, expected = desk.controller.navigator, []
+    adopt = navigator.adopt_map
+
+    def adopting(last: Pose2 | None = None, **kept: Any) -> None:
+        expected.append(last)
+        adopt(last, **kept)
+
+    monkeypatch.setattr(navigator, "adopt_map", adopting)
+    desk.sites.keep_session()
+    left = desk.controller.place.T_map_base
+    desk.choose("hall")
+    turned = Pose2(x_m=0.2, y_m=0.1, yaw_rad=2.0)
+    desk.pose = desk.pose @ turned
+    desk.tick()
+    desk.choose("default")
+    assert expected[0] is None  # never was at the other site
+    there, found = left @ turned, expected[1]
+    assert found is not None and found.distance_to(there.x_m, there.y_m) < 0.01
+    assert found.yaw_rad == pytest.approx(there.yaw_rad, abs=0.01)
 
 
 def test_a_site_is_compared_with_its_own_map_and_never_with_that_of_the_site_before(

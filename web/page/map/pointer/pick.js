@@ -4,7 +4,7 @@
 import { element, setText } from "../../core/dom.js";
 import { distance, rounded, roundedPoint } from "../../core/geometry.js";
 import { number, t } from "../../core/text/language.js";
-import { selectTab } from "../../core/page_tabs.js";
+import { showMap } from "../../core/page_tabs.js";
 import { attempt, notify } from "../../core/toasts.js";
 import { typedPoint, typedPose } from "../../core/text/typed_pose.js";
 import { propose } from "../../localisation/place.js";
@@ -23,8 +23,7 @@ export function startMeasuring(from) {
 
 // Show the map and ask for a point of it in `words`; `then` takes the point.
 export function askPoint(words, then) {
-  selectTab("map");
-  element("tab-map").click();
+  showMap();
   draft.asked = words;
   setMode("point");
   sketch.pointed = then;
