@@ -48,9 +48,7 @@ def decode(data: bytes, where: str) -> MapImage:
     elif data.startswith(_PNG):
         image = _decode_png(data, where)
     else:
-        raise BadConfiguration(
-            f"{where}: neither PGM (P2 or P5) nor PNG; it begins with {data[:8]!r}"
-        )
+        raise BadConfiguration(f"{where}: neither PGM (P2 or P5) nor PNG")
     image.pixels.flags.writeable = False
     return image
 

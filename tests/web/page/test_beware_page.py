@@ -161,6 +161,24 @@ def test_rows_are_moved_by_keys_and_mouse(page: Page, operations: FakeOperations
     assert names(operations)[:3] == [third, second, first]
 
 
+def test_an_edit_that_another_one_has_overtaken_is_applied_when_it_is_asked_for_again(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    row(page, "cup").get_by_test_id("beware-edit").click()
+    operations.beware.edit("book", {"margin_m": 0.7})
+    page.get_by_test_id("entry-margin").fill("0.3")
+    apply, note = page.get_by_test_id("entry-apply"), page.get_by_test_id("entry-note")
+    expect(note).not_to_have_text("")  # the effect
+    apply.click()
+    expect(note).to_contain_text("Another user has changed the list meanwhile")
+    assert operations.beware.list.named("cup").margin_m != 0.3
+    apply.click()
+    expect(page.get_by_test_id("entry")).to_be_hidden()
+    assert operations.beware.list.named("cup").margin_m == 0.3
+    assert operations.beware.list.named("book").margin_m == 0.7
+
+
 def test_versions_come_back_and_a_damaged_file_is_refused_by_line(
     page: Page, operations: FakeOperations, tmp_path: Path
 ) -> None:

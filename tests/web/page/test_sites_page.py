@@ -211,7 +211,12 @@ def test_a_nav2_map_is_placed_by_two_clicks_in_each_frame(
     (tmp_path / "map.pgm").write_bytes(b"P5\n# made by a test\n20 20\n255\n" + bytes([254] * 400))
     panel.get_by_test_id("site-name").fill("hall")
     files = [tmp_path / "map.yaml", tmp_path / "map.pgm"]
+    (tmp_path / "other.pgm").write_bytes((tmp_path / "map.pgm").read_bytes())
+    note = panel.get_by_test_id("placing-note")
+    panel.get_by_test_id("site-import-nav2").set_input_files([files[0], tmp_path / "other.pgm"])
+    expect(note).to_contain_text("is of map.pgm, the image that was chosen is other.pgm")
     panel.get_by_test_id("site-import-nav2").set_input_files(files)
+    expect(note).to_have_text(re.compile("^Site hall"))
     image = panel.get_by_test_id("placing-image")
     image.scroll_into_view_if_needed()
     expect(image).to_be_visible()

@@ -179,7 +179,18 @@ export function verdict(answer) {
 }
 
 async function send(method, path, body) {
-  await request(method, path, body, version === null ? {} : { "If-Match": `"${version}"` });
+  try {
+    await request(method, path, body, version === null ? {} : { "If-Match": `"${version}"` });
+  } catch (error) {
+    if (error.code === "outdated") {
+      version = error.body.stored_version;
+      say(
+        t("Another user has changed the list meanwhile. Apply again to change that version, Cancel to keep it."),
+        true,
+      );
+    }
+    throw error;
+  }
   close();
   refresh();
 }

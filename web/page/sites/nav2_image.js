@@ -13,7 +13,8 @@ export function readDescription(text) {
     new RegExp(`^origin:\\s*(?:\\[|\\n\\s*-)\\s*${NUMBER}\\s*(?:,|\\n\\s*-)\\s*${NUMBER}`, "m"),
   );
   if (!resolution || !origin) throw new Error(t("the YAML file names no resolution and origin"));
-  return { resolution: Number(resolution[1]), x: Number(origin[1]), y: Number(origin[2]) };
+  const image = text.match(/^image:\s*["']?(?:.*[/\\])?(.+?)["']?\s*$/m)?.[1];
+  return { resolution: Number(resolution[1]), x: Number(origin[1]), y: Number(origin[2]), image };
 }
 
 // The pixels, as they are drawn; a browser knows PNG but not PGM.

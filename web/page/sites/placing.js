@@ -109,14 +109,17 @@ export function buildPlacing({ hide, show, onMade }) {
     };
     for (const { onMap, onSite } of fields) onMap.input.value = onSite.input.value = "";
     [picture.width, picture.height] = [map.image.width, map.image.height];
-    setText(
-      note,
-      t(
-        "Site {name}: click two points that you know on the image, far from each other, and the " +
-          "same two on the map. Without points the image's own frame is that of the site.",
-        { name },
-      ),
+    const isOther = description.image && description.image !== image.name;
+    const mix = t("▲ The YAML file is of {named}, the image that was chosen is {chosen}.", {
+      named: description.image,
+      chosen: image.name,
+    });
+    const words = t(
+      "Site {name}: click two points that you know on the image, far from each other, and the " +
+        "same two on the map. Without points the image's own frame is that of the site.",
+      { name },
     );
+    setText(note, isOther ? `${mix} ${words}` : words);
     form.hidden = false;
     drawPoints();
     form.scrollIntoView();

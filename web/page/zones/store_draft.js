@@ -1,7 +1,7 @@
 // Storing a finished draft as a zone.
 
 import { post, request } from "../core/link/api.js";
-import { t } from "../core/text/language.js";
+import { capitalised, t } from "../core/text/language.js";
 import { notify } from "../core/toasts.js";
 import { asZone, draft, isComplete, isDrawing, setMode } from "./draft.js";
 import { missingOf, note } from "./draft_form.js";
@@ -45,7 +45,7 @@ async function store() {
         true,
       );
     } else {
-      note(error.message, true);
+      note(capitalised(error.message), true);
     }
     notify(error.message);
   }
