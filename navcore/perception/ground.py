@@ -107,11 +107,14 @@ def cell_heights(
     return np.asarray(np.sign(heights) * np.maximum(np.abs(heights) - config.tolerance_m, 0.0))
 
 
+@lru_cache(maxsize=4)
 def cell_centres(config: GroundConfig = _DEFAULT) -> Points:
     """Return the (cells_ahead · 2 · cells_aside, 2) middles in metres of the base frame of the
-    cells of `cell_heights`, row by row."""
+    cells of `cell_heights`, row by row; read-only."""
     x, y = _along_and_across(config.cell_m, config.cells_ahead, config.cells_aside)
-    return np.column_stack([np.repeat(x, len(y)), np.tile(y, len(x))])
+    centres = np.column_stack([np.repeat(x, len(y)), np.tile(y, len(x))])
+    centres.flags.writeable = False
+    return centres
 
 
 def _along_and_across(cell_m: float, ahead: int, aside: int) -> tuple[Floats, Floats]:

@@ -75,6 +75,7 @@ def observe(
     geometric, seen = measured_voxels(
         view, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support
     )
+    measured = np.flatnonzero(seen != 0)  # of truth values: those of words take five times as long
     geometric = np.concatenate([geometric, drop_edges(view, spec.resolution_m, rules)])
     heights_m, named = _max_heights(beware), []
     for hypothesis in labels.all_hypotheses:
@@ -105,8 +106,8 @@ def observe(
         max_range_m=rules.max_range_m,
         spec=spec,
         box=view.box,
-        cells_seen=_grid_cells(np.flatnonzero(seen), view, spec),
-        heights_seen=seen[seen != 0],
+        cells_seen=_grid_cells(measured, view, spec),
+        heights_seen=seen[measured],
     )
 
 

@@ -39,6 +39,8 @@ _MIN_RANGE_M = 0.2
 """Least distance in metres from the camera that is divided by."""
 _KEY = 1 << 32
 """Factor of the row in a number that stands for a cell."""
+_NEIGHBOURS = np.argwhere(np.ones((3, 3))) - 1
+"""(9, 2) rows and columns of a cell and its neighbours, relative to it."""
 _MIN_CELLS = 3
 """Number of cells from which a component is evaluated."""
 
@@ -116,7 +118,7 @@ class PersonDetector:
         )
         grid = _Grid(kinds=kinds, counts=counts, sums=sums, origin=origin, eye=t[:2, 3])
         area_px = lens.fx * lens.fy / 2
-        movable = ((kinds == MOVABLE) | (kinds == NEW)).view(np.uint8)
+        movable = (kinds >= MOVABLE).view(np.uint8)
         found, crowded = _clusters(movable, grid, area_px, config)
         parts = list[Cluster]()
         if crowded.any():
@@ -141,8 +143,7 @@ class PersonDetector:
 
     def movable_around(self, cells: Cells, now_s: float) -> Cells:
         """Return the (N, 2) cells and their neighbours, without those that are fixed."""
-        neighbours = np.argwhere(np.ones((3, 3))) - 1
-        rows, cols = (cells[:, None] + neighbours[None]).reshape(-1, 2).T
+        rows, cols = (cells[:, None] + _NEIGHBOURS[None]).reshape(-1, 2).T
         # Rows and columns as one number are sorted much faster than as rows of an array.
         keys = np.unique(rows * _KEY + cols)
         rows = (keys + _KEY // 2) // _KEY
@@ -169,9 +170,10 @@ class PersonDetector:
         cell_m = self._config.cell_m
         reach = math.ceil(radius_m / cell_m)
         row, col = math.floor(y_m / cell_m), math.floor(x_m / cell_m)
-        rows, cols = np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1]
-        within = np.hypot((rows + 0.5) * cell_m - y_m, (cols + 0.5) * cell_m - x_m) < radius_m
-        return np.column_stack([rows[within], cols[within]])
+        rows, cols = (np.arange(at - reach, at + reach + 1) for at in (row, col))
+        y, x = (rows + 0.5) * cell_m - y_m, (cols + 0.5) * cell_m - x_m
+        within = np.argwhere(np.hypot(y[:, None], x) < radius_m)
+        return np.asarray(within + np.array([row - reach, col - reach]))
 
     def looks_at(self, frame: Frame, x_m: float, y_m: float, half_width_m: float) -> bool:
         """Return whether a person at a position of the map frame would be in view and in range, in
@@ -232,9 +234,8 @@ def _clusters(
     totals = component_totals(
         np.asarray(names, dtype=np.int32), total, grid.kinds, grid.counts, grid.sums
     )
-    for name in range(1, total):
-        left, top, width, height, size = boxes[name]
-        if size < _MIN_CELLS:
+    for name, (left, top, width, height, size) in enumerate(boxes.tolist()):
+        if name == 0 or size < _MIN_CELLS:
             continue
         window = np.s_[top : top + height, left : left + width]
         if max(width, height) * config.cell_m > config.max_width_m + config.cell_m:
@@ -255,7 +256,7 @@ def _clusters(
                 x_m=float(x_m + depth_share * dx_m),
                 y_m=float(y_m + depth_share * dy_m),
                 range_m=range_m,
-                on_new_floor=new / int(size),
+                on_new_floor=new / size,
                 labelled=labelled / pixels,
                 radius_m=radius_m,
                 cells=cells,
