@@ -104,7 +104,10 @@ class LaneKeepOut:
         self, people: tuple[Track, ...], pose: Pose2, stamp_ns: int, rules: LaneConfig
     ) -> Walked:
         life_ns = rules.remembered_s * 1e9
-        found = [note for note in self.walked if 0 <= stamp_ns - note[0] < life_ns]
+        old = next((i for i, note in enumerate(self.walked) if stamp_ns - note[0] < life_ns), None)
+        found = [] if old is None else list(self.walked[old:])
+        while found and found[-1][0] > stamp_ns:
+            found.pop()
         for person in people:
             near = pose.distance_to(person.x_m, person.y_m) < rules.remembered_m
             if not near or person.unseen_s > 0 or person.speed_mps == 0:

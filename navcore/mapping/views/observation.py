@@ -101,7 +101,7 @@ def observe(
         points_map=(optical @ camera[:3, :3].T + camera[:3, 3]).astype(np.float32),
         class_ids=class_ids,
         confidence=confidence,
-        rgb=frame.rgb.reshape(-1, 3)[pixels],
+        rgb=frame.rgb.reshape(-1, 3).take(pixels, axis=0),
         range_m=depth,
         max_range_m=rules.max_range_m,
         spec=spec,
