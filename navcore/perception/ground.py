@@ -44,7 +44,7 @@ def ground_heights(
     slopes: Floats | None = None,
 ) -> FloatImage:
     """Return the (H, W) height in metres, above the plane on which the robot stands, of the ground
-    below each measured pixel; read-only.
+    below each measured pixel; (1, W) where that plane is all of it; read-only.
 
     `max_slope` is the rise per metre up to which the ground continues; a steeper one is a step.
     With 0 the ground is that plane. `slopes`: those seen earlier, as in `cell_heights`.
@@ -58,13 +58,14 @@ def ground_heights(
             # As those of flat ground: for compiled code a read-only array is a type of its own.
             heights.flags.writeable = False
             return np.asarray(heights)
-    return flat_ground(frame.depth_m.shape)
+    return flat_ground(frame.intrinsics.width)
 
 
 @lru_cache(maxsize=4)
-def flat_ground(shape: tuple[int, ...]) -> FloatImage:
-    """Return (H, W) zeros, read-only: the ground is the plane on which the robot stands."""
-    level = np.zeros(shape, dtype=np.float32)
+def flat_ground(width: int) -> FloatImage:
+    """Return (1, W) zeros for all rows of an image, read-only: the ground is the plane on which the
+    robot stands."""
+    level = np.zeros((1, width), dtype=np.float32)
     level.flags.writeable = False
     return level
 

@@ -97,12 +97,10 @@ def scan_of(
 ) -> Scan:
     """Return the scan of a frame.
 
-    `excluded`: (H, W) pixels of what does not stay: people and beware objects. `ground_m`: (H, W)
-    height in metres of the ground below each pixel, as `ground_heights` returns it; None for level
-    ground.
+    `excluded`: (H, W) pixels of what does not stay: people and beware objects. `ground_m`: that
+    of `ground_heights`; None for level ground.
     """
-    shape = frame.depth_m.shape
-    ground = flat_ground(shape) if ground_m is None else ground_m
+    ground = flat_ground(frame.intrinsics.width) if ground_m is None else ground_m
     none = np.zeros((0, 0), dtype=np.bool_)
     # What one metre of distance to the square adds to the standard error of depth.
     error_1pm = sensor.depth_error_m(1.0, frame.intrinsics.fx)
@@ -160,7 +158,8 @@ def _surfaces(
     direction = np.repeat(np.arange(directions).astype(np.uint64), rules.column_step)
     for i in range(rows - 1, -1, -1):  # from below upwards
         b = row_slope(i, lens)
-        _upright(depth_m[i], ground_m[i], narrow, b, t, rules, heights, upright)
+        ground = ground_m[i if len(ground_m) > 1 else 0]
+        _upright(depth_m[i], ground, narrow, b, t, rules, heights, upright)
         for eight in range(len(eights)):
             if eights[eight] == 0:
                 continue

@@ -44,7 +44,7 @@ def terrain_looks(
 ) -> TerrainLooks:
     """Return what a frame, placed in the map, says of the ground in cells of side `cell_m`.
 
-    `ground_m`: (H, W) of `ground.ground_heights`; a cell with a measurement farther than
+    `ground_m`: that of `ground.ground_heights`; a cell with a measurement farther than
     `object_height_m` above or below it holds an object or a drop and no ground.
     """
     affine, reach = frame.T_map_camera[:3], math.ceil(rules.max_range_m / cell_m) + 1
@@ -97,7 +97,8 @@ def _cell_heights(
         across[j] = column_slope(j, lens)
     for i in range(depth_m.shape[0]):
         b = np.float32(row_slope(i, lens))
-        _row(depth_m[i], ground_m[i], across, b, affine, side, limits, codes, heights)
+        ground = ground_m[i if len(ground_m) > 1 else 0]
+        _row(depth_m[i], ground, across, b, affine, side, limits, codes, heights)
         j = 0
         while j < width:  # consecutive pixels of one cell are added up before they are written
             code, first = codes[j], j

@@ -55,7 +55,7 @@ def observe(
     """Return the frame's points: geometric ones by height, beware ones by label at any height that
     their rule allows.
 
-    Heights are above the ground, `ground_m` (H, W) of `ground.ground_heights`, by default the plane
+    Heights are above the ground, `ground_m` of `ground.ground_heights`, by default the plane
     on which the robot stands; the points keep their position in space. A point of a beware class
     that is higher than the obstacle height counts as both: it stays an obstacle when its class is
     disabled. Raises `ValueError` for labels of a wrong shape or class, or a confidence that is not

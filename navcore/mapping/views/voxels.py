@@ -19,6 +19,7 @@ from navcore.geometry.arrays import FloatImage, Points
 from navcore.geometry.camera import Intrinsics
 from navcore.grid.bitplane import ONE, lowest
 from navcore.grid.grid import Box, GridSpec
+from navcore.perception.ground import flat_ground
 from navcore.robot.frame import Frame
 
 HEIGHT_BINS = 64
@@ -113,7 +114,7 @@ def depth_view(
     across, down = _slopes(lens)
     return DepthView(
         depth_m=frame.depth_m,
-        ground_m=np.zeros((1, lens.width), dtype=np.float32) if ground_m is None else ground_m,
+        ground_m=flat_ground(lens.width) if ground_m is None else ground_m,
         affine=affine.astype(np.float32),
         across=across,
         down=down,

@@ -74,9 +74,9 @@ def bin_pixels(
     for first in range(0, width, 2 * _TOGETHER):
         columns = min(_TOGETHER, (width - first + 1) // 2)
         for i in range(height):
+            ground = ground_m[i if len(ground_m) > 1 else 0]
             for n in range(columns):
-                depths[n, i] = depth_m[i, first + 2 * n]
-                grounds[n, i] = ground_m[i, first + 2 * n]
+                depths[n, i], grounds[n, i] = depth_m[i, first + 2 * n], ground[first + 2 * n]
         for n in range(columns):
             j = first + 2 * n
             a = column_slope(j, lens)

@@ -88,10 +88,10 @@ class PersonDetector:
         """Return the clusters of a frame; `is_person` (H, W) are the pixels that the segmenter
         labels as a person.
 
-        `ground_m` (H, W) is the height of the ground in metres, 0 by default.
+        `ground_m` is that of `ground_heights`, 0 by default.
         """
         config, now_s = self._config, frame.stamp_ns / 1e9
-        ground_m = flat_ground(frame.depth_m.shape) if ground_m is None else ground_m
+        ground_m = flat_ground(frame.intrinsics.width) if ground_m is None else ground_m
         t, lens = frame.T_map_camera, frame.intrinsics
         origin = np.floor(t[:2, 3] / config.cell_m).astype(np.int64) - SIDE // 2  # column, row
         counts, sums = np.zeros((SIDE, SIDE, 3), dtype=np.int32), np.zeros((SIDE, SIDE, 3))

@@ -42,7 +42,7 @@ class PeopleTracker:
     ) -> tuple[Track, ...]:
         """Return all people after one more frame, those out of sight at their predicted positions.
 
-        `ground_m` (H, W) is the height of the ground in metres (`ground_heights`), 0 by default.
+        `ground_m` is that of `ground_heights`, 0 by default.
         """
         step_s = (frame.stamp_ns - self._now_ns) / 1e9
         if not 0 <= step_s <= self._config.max_gap_s:
