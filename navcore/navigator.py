@@ -98,8 +98,8 @@ class Stages:
     estimate_ground: Callable[[Frame, float, GroundConfig, Floats | None], FloatImage] = (
         ground_heights
     )
-    """(H, W) height of the ground below each pixel; the number is the steepest slope of ground, the
-    last argument the slopes that were seen earlier."""
+    """Height of the ground below each pixel, as of `ground_heights`; the number is the steepest
+    slope of ground, the last argument the slopes that were seen earlier."""
     track: Callable[[PeopleTracker, Frame, Labels, BewareList, FloatImage], tuple[Track, ...]] = (
         PeopleTracker.follow
     )

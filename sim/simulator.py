@@ -113,11 +113,8 @@ class Simulator:
         """Advance the world by 1/240 s and take a frame when one is due."""
         before = self.true_pose()
         t_s = self._steps * PERIOD_S
-        self._robot.drive(
-            *self._faults.wheels(
-                self._driver.wheel_speeds(self.now_ns(), self._yaw_rate_radps), t_s
-            )
-        )
+        speeds = self._driver.wheel_speeds(self.now_ns(), self._yaw_rate_radps)
+        self._robot.drive(*self._faults.wheels(speeds, t_s), before)
         self._crowd.step(before)
         pybullet.stepSimulation(physicsClientId=self.client)
         self._steps += 1
@@ -277,7 +274,7 @@ class Simulator:
         """The ground of the world."""
         self._robot = SkidSteer(self.client, self.scenario.start_pose, self._chassis, self.ground)
         for _ in range(SETTLING_STEPS):
-            self._robot.drive(0.0, 0.0)
+            self._robot.drive(0.0, 0.0, self.true_pose())
             pybullet.stepSimulation(physicsClientId=self.client)
         self._driver = Driver(PERIOD_S, self.profile, self._chassis)
         errors, slip = ODOMETRY_ERRORS[self.odometry_grade], generator(seed, Source.SLIP)

@@ -103,14 +103,18 @@ class LaneKeepOut:
     def _walked(
         self, people: tuple[Track, ...], pose: Pose2, stamp_ns: int, rules: LaneConfig
     ) -> Walked:
-        last = {track_id: (x, y) for _, track_id, x, y in self.walked}
         life_ns = rules.remembered_s * 1e9
-        found = [note for note in self.walked if 0 <= stamp_ns - note[0] < life_ns]
+        old = next((i for i, note in enumerate(self.walked) if stamp_ns - note[0] < life_ns), None)
+        found = [] if old is None else list(self.walked[old:])
+        while found and found[-1][0] > stamp_ns:
+            found.pop()
         for person in people:
             near = pose.distance_to(person.x_m, person.y_m) < rules.remembered_m
-            x, y = last.get(person.id, (math.inf, math.inf))
-            apart = abs(person.x_m - x) + abs(person.y_m - y) > rules.spacing_m
-            if person.speed_mps > 0 and person.unseen_s == 0 and near and apart:
+            if not near or person.unseen_s > 0 or person.speed_mps == 0:
+                continue
+            last = (note for note in reversed(self.walked) if note[1] == person.id)
+            _, _, x, y = next(last, (0, 0, math.inf, math.inf))
+            if abs(person.x_m - x) + abs(person.y_m - y) > rules.spacing_m:
                 found.append((stamp_ns, person.id, person.x_m, person.y_m))
         return tuple(found)
 

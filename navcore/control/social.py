@@ -30,8 +30,9 @@ PEOPLE_CONFIG = PeopleConfig()
 """The default rules."""
 SOCIAL_CONFIG = CONTROL_CONFIG.social
 """The default tolerances."""
-_OUTLINE_POINTS = 20
-"""Number of points on the outline of a person."""
+_ANGLES = np.linspace(0.0, 2 * math.pi, 20, endpoint=False)
+_OUTLINE = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+"""(20, 2) points on the outline of a person with a radius of 1 m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,9 +118,7 @@ class PeopleState:
 
     def outlines(self) -> Points:
         """(N, 2) points around the people who stand: obstacles like any other."""
-        angles = np.linspace(0.0, 2 * math.pi, _OUTLINE_POINTS, endpoint=False)
-        circle = np.column_stack([np.cos(angles), np.sin(angles)])
-        circles = (person[:2] + person[4] * circle for person in self.standing)
+        circles = (person[:2] + person[4] * _OUTLINE for person in self.standing)
         return np.vstack([np.empty((0, 2)), *circles])
 
 

@@ -67,7 +67,7 @@ class Costmap:
     def grid(self) -> OccupancyGrid:
         """Occupied cells of the whole map by layer."""
         if self._grid is None:
-            self._grid = self._unpacked(self.spec, lambda mask: mask.bools)
+            self._grid = self._unpacked(self.spec, lambda mask: mask.bools, self._layers)
         return self._grid
 
     @property
@@ -113,12 +113,15 @@ class Costmap:
         return self._unpacked(
             self.spec.part(top, left, bottom, right),
             lambda mask: mask.window(top, left, bottom, right),
+            self._layers,
         )
 
     def around(self, pose: Pose2, reach_m: float) -> OccupancyGrid:
         """Return the part of the grid within a square of `reach_m` around a pose, widened by the
-        largest margin; it may be empty."""
-        return self.part(*box_around(self.spec, pose, reach_m + self.widest_margin_m))
+        largest margin; it may be empty. Classes that were never seen are left out."""
+        box = box_around(self.spec, pose, reach_m + self.widest_margin_m)
+        seen = {class_id: mask for class_id, mask in self._layers.items() if not mask.is_empty}
+        return self._unpacked(self.spec.part(*box), lambda mask: mask.window(*box), seen)
 
     @property
     def widest_margin_m(self) -> float:
@@ -126,14 +129,14 @@ class Costmap:
         own = (margin_m for margin_m, _ in (*self._wide_zones, *self._uncertain))
         return max([0.0, *self._margins_m.values(), *own])
 
-    def _unpacked(self, spec: GridSpec, unpack: Unpack) -> OccupancyGrid:
+    def _unpacked(
+        self, spec: GridSpec, unpack: Unpack, layers: Mapping[int, CellMask]
+    ) -> OccupancyGrid:
         return OccupancyGrid(
             spec=spec,
             geometric=unpack(self._layers[NOTHING]),
             beware={
-                class_id: unpack(mask)
-                for class_id, mask in self._layers.items()
-                if class_id != NOTHING
+                class_id: unpack(mask) for class_id, mask in layers.items() if class_id != NOTHING
             },
             margins_m=dict(self._margins_m),
             zones=unpack(self._zones),

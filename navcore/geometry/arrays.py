@@ -17,3 +17,12 @@ Bools = npt.NDArray[np.bool_]
 """Truth values in any shape."""
 Words = npt.NDArray[np.uint64]
 """Words of 64 bits in any shape."""
+
+
+def distinct(numbers: Indices) -> Indices:
+    """Return each of (N,) whole numbers once, in rising order: by sorting, which for the thousands
+    of a frame is several times as fast as the hashing of `np.unique`."""
+    ordered = np.sort(numbers)
+    first = np.ones(len(ordered), dtype=np.bool_)
+    np.not_equal(ordered[1:], ordered[:-1], out=first[1:])
+    return ordered[first]

@@ -11,7 +11,7 @@ from navcore.grid.grid import BoolGrid
 class CellMask:
     """Immutable set of cells of a grid, made by `of` or `copied`; safe to share between threads."""
 
-    __slots__ = ("_bools", "_is_empty", "_plane", "cols", "rows")
+    __slots__ = ("_bools", "_plane", "cols", "is_empty", "rows")
 
     def __init__(self, plane: BitPlane, rows: int, cols: int, *, is_empty: bool = False) -> None:
         """Take ownership of a plane (`navcore.grid.bitplane`); it must not be written to
@@ -19,7 +19,8 @@ class CellMask:
         plane.flags.writeable = False
         self._plane, self.rows, self.cols = plane, rows, cols
         self._bools: BoolGrid | None = None
-        self._is_empty = is_empty
+        self.is_empty = is_empty
+        """Whether the set is known to have no cell, as of most classes of the list."""
 
     @staticmethod
     def of(bools: BoolGrid) -> CellMask:
@@ -55,7 +56,7 @@ class CellMask:
     def window(self, top: int, left: int, bottom: int, right: int) -> BoolGrid:
         """Return the (bottom − top, right − left) part of `bools` without unpacking the rest; the
         part must be within the grid."""
-        if self._is_empty:  # most classes of the list were never seen
+        if self.is_empty:
             return np.zeros((bottom - top, right - left), dtype=np.bool_)
         return window(self._plane, top, left, bottom, right)
 

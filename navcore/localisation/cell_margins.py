@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from navcore.config.localisation.localisation import OdometryConfig
 from navcore.config.safety import KeepOutMonitorConfig
-from navcore.geometry.arrays import Bools, Floats, Points
+from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.geometry.camera import project
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate
@@ -59,8 +59,13 @@ class _Seen:
         distance."""
         known = np.append(self.covariances, np.zeros((1, 2, 2)), axis=0)
         travels = np.append(self.travels, np.full((1, 3), np.nan), axis=0)
-        # Without a neighbour the index is that of the row that was added.
-        _, nearest = cKDTree(self.cells).query(cells, distance_upper_bound=within_m)
+        # Most cells are here themselves, and need no search for a neighbour. Without one the index
+        # is that of the row that was added.
+        nearest = _index_of(cells, self.cells)
+        others = nearest == len(self.cells)
+        if others.any():
+            tree = cKDTree(self.cells)
+            _, nearest[others] = tree.query(cells[others], distance_upper_bound=within_m)
         return _Seen(cells, known[nearest], travels[nearest])
 
     def joined(self, other: _Seen) -> _Seen:
@@ -95,6 +100,8 @@ class CellMargins:
         """
         rules = self._keep_out
         self._advance(place.T_map_odom.inverse() @ frame.pose, frame.stamp_ns)
+        if not len(cells) and not len(self._seen.cells):
+            return GrownCells()
         cells = cells[_away_m(cells, frame) <= rules.seen_within_m]
         far = _away_m(self._seen.cells, frame) > rules.seen_within_m
         seen = self._seen.only(~far).of(cells, rules.neighbour_m)
@@ -128,6 +135,17 @@ class CellMargins:
         cols, rows = np.rint(project(ahead, frame.intrinsics)).astype(int).T
         in_view[in_view] &= frame.depth_m[rows, cols] > ahead[:, 2] - self._keep_out.hidden_m
         return in_view
+
+
+def _index_of(cells: Points, among: Points) -> Indices:
+    """Return the (N,) indices of (N, 2) cells among (M, 2) ones, M for those that are not there."""
+    # As complex numbers, which are ordered by y and then x: so most of the cells come.
+    own, all_ = (
+        np.ascontiguousarray(xy[:, ::-1]).view(np.complex128)[:, 0] for xy in (cells, among)
+    )
+    order = np.append(np.argsort(all_, kind="stable"), len(all_))
+    index: Indices = order[np.searchsorted(all_, own, sorter=order[:-1])]
+    return np.where(np.append(all_, np.nan)[index] == own, index, len(all_))
 
 
 def _away_m(cells: Points, frame: Frame) -> Floats:

@@ -75,7 +75,7 @@ class Localisation:
         """Return the estimate for one more frame.
 
         The frame's pose is T_odom_base, and `people` are in odometry's frame as well; `ground_m`
-        (H, W) is the height of the ground below each pixel in metres.
+        is that of `ground_heights`.
         """
         excluded = excluded_pixels(frame, labels, people)
         return self.follow(frame, scan_of(frame, excluded, ground_m, self._config.scan))

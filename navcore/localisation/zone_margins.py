@@ -112,6 +112,8 @@ class ZoneMargins:
     ) -> tuple[GrownZone, ...]:
         """Return the zones, as the safety gate grows them, whose growth the robot is in, but not
         in the zone itself. `follow` has to be called before."""
+        if not zones:
+            return ()
         body = np.array([shapely.polygons(place.T_map_base.to_parent(self._footprint))])
         found = []
         for zone in zones:

@@ -173,8 +173,8 @@ class MapLayers:
     def plane(self, class_id: int) -> BitPlane | None:
         """Return the live layer of a class, valid until the map changes; None for a class that was
         never detected."""
-        at = np.flatnonzero(self._class_ids == class_id)
-        return self._planes[at[0]] if len(at) else None
+        known = self._class_ids.tolist()
+        return self._planes[known.index(class_id)] if class_id in known else None
 
     def bools(self, class_id: int) -> BoolGrid:
         """Return the (rows, cols) layer of a class."""

@@ -51,7 +51,7 @@ class Mapper:
         seen = observe(frame, labels, beware, self.map.spec, rules, ground_m)
         self.map.insert(seen, frame, labels)
         if ground_m is None:
-            ground_m = flat_ground(frame.depth_m.shape)
+            ground_m = flat_ground(frame.intrinsics.width)
         self.map.version += self.map.terrain.observe(frame, ground_m, rules.obstacle_height_m)
         people = beware.people_ids
         self.map.forget(self._tracker.trail(self.map.spec, T_map_odom), [NOTHING, *people])

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration
-from navcore.geometry.arrays import Bools, Floats, Indices, Points
+from navcore.geometry.arrays import Bools, Floats, Indices, Points, distinct
 from navcore.geometry.transform import Pose2, invert
 from navcore.grid.bitplane import MOST_CELLS
 from navcore.grid.cell_mask import CellMask, window
@@ -45,7 +45,7 @@ from navcore.mapping.points.erasing import Erased, put_back, take
 from navcore.mapping.points.fading import faded
 from navcore.mapping.points.placing import base_points, place, pose_rows
 from navcore.mapping.points.point_links import Records
-from navcore.mapping.points.point_queries import points_in, redundant_points
+from navcore.mapping.points.point_queries import points_in, points_in_box, redundant_points
 from navcore.mapping.points.point_table import POINT, MapPoints, PointTable, levels_of
 from navcore.mapping.points.pose_ids import PoseIds, check_movable
 from navcore.mapping.points.rejections import Rejection, Rejections
@@ -103,11 +103,13 @@ class PointMap:
                 f"observation of a grid of {observation.spec.rows} × {observation.spec.cols} cells,"
                 f" the map has {self.spec.rows} × {self.spec.cols}"
             )
+        held = self._points_in(observation.box)
         if labels is not None:
-            self._update_confidence(frame, labels, observation.box)
-            self._fade(frame, labels, observation.box)
+            for judge in (self._update_confidence, self._fade):
+                if judge(frame, labels, held):  # then others have their indices
+                    held = self._points_in(observation.box)
         pose_id = self.pose_ids.id_of(frame.pose)
-        outdated = self._outdated(frame, observation, pose_id)
+        outdated = self._outdated(frame, observation, pose_id, held)
         rows, at = pose_rows([self.pose_ids[pose_id]]), np.zeros(len(observation.rgb), np.int32)
         points_base = base_points(observation.points_map, at, rows)
         new = self._records(observation, points_base, at, rows)
@@ -186,7 +188,7 @@ class PointMap:
         gone = ~np.isin(held["cell"], outside)
         self._points.remove(indices[gone])
         self.version += self.layers.refresh(
-            self._points, np.unique(held["cell"][gone]).astype(np.int64)
+            self._points, distinct(held["cell"][gone]).astype(np.int64)
         )
 
     def erase(self, cells: Indices, class_ids: Iterable[int]) -> Erased:
@@ -450,14 +452,19 @@ class PointMap:
         is down to one point of each class."""
         return self._points.bytes_used / 1e6
 
-    def _update_confidence(self, frame: Frame, labels: Labels, box: Box) -> None:
-        """Update the confidence of the uncertain points in view, and forget the disproved ones."""
+    def _points_in(self, box: Box) -> Indices:
+        return points_in_box(
+            self._points.records, self._points.count, self._points.first, self.spec.cols, box
+        )
+
+    def _update_confidence(self, frame: Frame, labels: Labels, held: Indices) -> bool:
+        """Update the confidence of the uncertain ones of (N,) points, and forget the disproved
+        ones; return whether there were any of these."""
         if not self._has_uncertain:
-            return
+            return False
         forgotten, cells = update_confidence(
             self._points,
-            self.spec.cols,
-            box,
+            held,
             frame,
             labels,
             self._rules.confidence,
@@ -465,35 +472,36 @@ class PointMap:
         )
         self._points.remove(forgotten)
         if len(cells):
-            self.layers.refresh(self._points, np.unique(cells))
+            self.layers.refresh(self._points, distinct(cells))
             self.version += 1
+        return len(forgotten) > 0
 
-    def _fade(self, frame: Frame, labels: Labels, box: Box) -> None:
-        """Count the look at the certain flat points in view, and forget those that have faded."""
+    def _fade(self, frame: Frame, labels: Labels, held: Indices) -> bool:
+        """Count the look at the certain flat ones of (N,) points, and forget those that have faded;
+        return whether there were any of these."""
         if not self._has_beware:
-            return
+            return False
         gone = faded(
             self._points,
-            self.spec.cols,
-            box,
+            held,
             frame,
             labels,
             self._rules.fading,
             self._rules.clearing,
         )
         if len(gone):
-            cells = np.unique(self._points.live["cell"][gone]).astype(np.int64)
+            cells = distinct(self._points.live["cell"][gone]).astype(np.int64)
             self._points.remove(gone)
             self.layers.refresh(self._points, cells)
             self.version += 1
+        return len(gone) > 0
 
-    def _outdated(self, frame: Frame, observation: Observation, pose_id: int) -> Indices:
+    def _outdated(
+        self, frame: Frame, observation: Observation, pose_id: int, held: Indices
+    ) -> Indices:
         return find_outdated(
             self._points.records,
-            self._points.count,
-            self._points.first,
-            self.spec.cols,
-            observation.box,
+            held,
             frame.depth_m,
             invert(frame.T_map_camera),
             frame.intrinsics.pinhole,

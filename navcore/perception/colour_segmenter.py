@@ -76,12 +76,14 @@ def colour_masks(
     base of an obstacle of the same colour does not count. `heights_m` is that of
     `heights_above_floor`.
     """
-    hsv = np.asarray(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
+    hsv = _hsv_planes(frame.rgb)
     masks, grid = [], None
     for entry in entries:
         if entry.colour is None:
             continue
         fits, max_height_m = _matches(hsv, entry.colour), entry.colour.max_height_m
+        if not fits.any():
+            continue
         if entry.colour.pattern is not None and (fits & (heights_m <= max_height_m)).any():
             other = _matches(hsv, entry.colour.pattern) & ~fits
             floor = heights_m <= max_height_m
@@ -104,23 +106,33 @@ def colour_masks(
 def matches_colour(rgb: npt.NDArray[np.uint8], rule: ColourRule) -> Bools:
     """Return the (H, W) pixels of an (H, W, 3) image whose colour fits, at any height; one of both
     colours of a pattern, whether they alternate or not."""
-    hsv = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
+    hsv = _hsv_planes(rgb)
     fits = _matches(hsv, rule)
     return fits if rule.pattern is None else fits | _matches(hsv, rule.pattern)
 
 
-def _matches(hsv: npt.NDArray[np.uint8], rule: ColourRule | ColourPattern) -> Bools:
-    """Return the (H, W) pixels that fit; OpenCV has hue in steps of 2°, saturation and value in
-    0…255."""
-    first, last = (round(hue / 2) for hue in rule.hue_deg)
-    least = (round(rule.min_saturation * 255), round(rule.min_value * 255))
-    most = (round(rule.max_saturation * 255), round(rule.max_value * 255))
+def _hsv_planes(rgb: npt.NDArray[np.uint8]) -> list[npt.NDArray[np.uint8]]:
+    """Return (H, W) hue in steps of 2°, saturation and value in 0…255 of an (H, W, 3) image: apart,
+    they are compared in vectors."""
+    hsv = cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)
+    return [np.asarray(plane, dtype=np.uint8) for plane in cv2.split(hsv)]
+
+
+def _matches(hsv: list[npt.NDArray[np.uint8]], rule: ColourRule | ColourPattern) -> Bools:
+    """Return the (H, W) pixels that fit, by their `_hsv_planes`."""
+    hue, saturation, value = hsv
+    first, last = (round(degrees / 2) for degrees in rule.hue_deg)
     # The rule tells whether the range wraps, not its rounding: 0.5° to 0° goes once around.
     wraps = rule.hue_deg[0] > rule.hue_deg[1]
     spans = [(first, 180), (0, last)] if wraps else [(first, last)]
     if last == 180:
         spans.append((0, 0))  # 360° is 0°
-    mask = np.zeros(hsv.shape[:2], dtype=np.bool_)
+    mask = np.zeros(hue.shape, dtype=np.bool_)
     for low, high in spans:
-        mask |= cv2.inRange(hsv, np.array([low, *least]), np.array([high, *most])) > 0
+        mask |= (hue >= low) & (hue <= high)
+    for plane, least, most in (
+        (saturation, rule.min_saturation, rule.max_saturation),
+        (value, rule.min_value, rule.max_value),
+    ):
+        mask &= (plane >= round(least * 255)) & (plane <= round(most * 255))
     return mask

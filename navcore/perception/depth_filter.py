@@ -132,7 +132,9 @@ def trim_label_bleed(
     reach = max(1, round(config.bleed_rad * frame.intrinsics.fx))
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), dtype=np.uint8)
     recession = _recession(frame, reach, config)
-    for class_id in np.unique(class_ids[class_ids != NOTHING]):
+    for class_id in np.flatnonzero(np.bincount(class_ids.ravel())).tolist():
+        if class_id == NOTHING:
+            continue
         whole = class_ids == class_id
         left, top, width, height = cv2.boundingRect(whole.view(np.uint8))
         window = _window((left, top, width, height), whole.shape, reach)

@@ -44,7 +44,7 @@ def ground_heights(
     slopes: Floats | None = None,
 ) -> FloatImage:
     """Return the (H, W) height in metres, above the plane on which the robot stands, of the ground
-    below each measured pixel; read-only.
+    below each measured pixel; (1, W) where that plane is all of it; read-only.
 
     `max_slope` is the rise per metre up to which the ground continues; a steeper one is a step.
     With 0 the ground is that plane. `slopes`: those seen earlier, as in `cell_heights`.
@@ -58,13 +58,14 @@ def ground_heights(
             # As those of flat ground: for compiled code a read-only array is a type of its own.
             heights.flags.writeable = False
             return np.asarray(heights)
-    return flat_ground(frame.depth_m.shape)
+    return flat_ground(frame.intrinsics.width)
 
 
 @lru_cache(maxsize=4)
-def flat_ground(shape: tuple[int, ...]) -> FloatImage:
-    """Return (H, W) zeros, read-only: the ground is the plane on which the robot stands."""
-    level = np.zeros(shape, dtype=np.float32)
+def flat_ground(width: int) -> FloatImage:
+    """Return (1, W) zeros for all rows of an image, read-only: the ground is the plane on which the
+    robot stands."""
+    level = np.zeros((1, width), dtype=np.float32)
     level.flags.writeable = False
     return level
 
@@ -107,11 +108,14 @@ def cell_heights(
     return np.asarray(np.sign(heights) * np.maximum(np.abs(heights) - config.tolerance_m, 0.0))
 
 
+@lru_cache(maxsize=4)
 def cell_centres(config: GroundConfig = _DEFAULT) -> Points:
     """Return the (cells_ahead · 2 · cells_aside, 2) middles in metres of the base frame of the
-    cells of `cell_heights`, row by row."""
+    cells of `cell_heights`, row by row; read-only."""
     x, y = _along_and_across(config.cell_m, config.cells_ahead, config.cells_aside)
-    return np.column_stack([np.repeat(x, len(y)), np.tile(y, len(x))])
+    centres = np.column_stack([np.repeat(x, len(y)), np.tile(y, len(x))])
+    centres.flags.writeable = False
+    return centres
 
 
 def _along_and_across(cell_m: float, ahead: int, aside: int) -> tuple[Floats, Floats]:
@@ -265,17 +269,20 @@ def _per_pixel(
     height, width = depth_m.shape
     rows, cols = cells.shape
     ground = np.zeros((height, width), dtype=np.float32)
+    across, x, y = np.empty(width), np.empty(width), np.empty(width)
+    for j in range(width):
+        across[j] = column_slope(j, lens)
     for i in range(height):
         b = row_slope(i, lens)
+        for j in range(width):  # free of branches, so that the compiler vectorises it
+            x_m, y_m, _ = point_on_ray(t, across[j], b, depth_m[i, j])
+            x[j] = _clipped(x_m / grid.cell_m + 0.5, rows)
+            y[j] = _clipped(y_m / grid.cell_m + grid.aside - 0.5, cols)
         for j in range(width):
-            depth = depth_m[i, j]
-            if not 0 < depth <= grid.max_range_m:
+            if not 0 < depth_m[i, j] <= grid.max_range_m:
                 continue
-            x_m, y_m, _ = point_on_ray(t, column_slope(j, lens), b, depth)
-            x = x_m / grid.cell_m + 0.5
-            y = y_m / grid.cell_m + grid.aside - 0.5
-            row, col = int(_clipped(x, rows)), int(_clipped(y, cols))
-            u, v = _clipped(x, rows) - row, _clipped(y, cols) - col
+            row, col = int(x[j]), int(y[j])
+            u, v = x[j] - row, y[j] - col
             near = (1 - v) * cells[row, col] + v * cells[row, col + 1]
             far = (1 - v) * cells[row + 1, col] + v * cells[row + 1, col + 1]
             ground[i, j] = (1 - u) * near + u * far

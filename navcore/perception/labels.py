@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -63,8 +64,15 @@ class Segmenter(Protocol):
 
 
 def with_full_confidence(class_ids: npt.NDArray[np.uint8]) -> Labels:
-    """Return labels with a confidence of 1 everywhere."""
-    return Labels(class_ids=class_ids, confidence=np.ones(class_ids.shape, dtype=np.float32))
+    """Return labels with a confidence of 1 everywhere, read-only."""
+    return Labels(class_ids=class_ids, confidence=_ones(class_ids.shape))
+
+
+@lru_cache(maxsize=4)
+def _ones(shape: tuple[int, ...]) -> FloatImage:
+    ones = np.ones(shape, dtype=np.float32)
+    ones.flags.writeable = False
+    return ones
 
 
 def only_coloured(labels: Labels, frame: Frame) -> Labels:

@@ -96,7 +96,7 @@ class Frame:
 def check_frame(frame: Frame) -> None:
     """Raise `BadFrame` for a frame that must not enter the map, with the reason."""
     lens = frame.intrinsics
-    if not np.isfinite((lens.fx, lens.fy, lens.cx, lens.cy)).all() or min(lens.fx, lens.fy) <= 0:
+    if not all(map(math.isfinite, lens.pinhole)) or min(lens.fx, lens.fy) <= 0:
         raise BadFrame(
             f"intrinsics {lens} are invalid: fx and fy must be positive, all four finite"
         )
@@ -129,7 +129,7 @@ def check_frame(frame: Frame) -> None:
         frame.twist.v_mps,
         frame.twist.w_radps,
     )
-    if not np.isfinite(numbers).all() or not np.isfinite(frame.T_base_camera).all():
+    if not all(map(math.isfinite, numbers)) or not np.isfinite(frame.T_base_camera).all():
         raise BadFrame(f"pose, velocity or camera mount is not finite: {numbers}")
     if not max(abs(frame.roll_rad), abs(frame.pitch_rad)) < math.pi / 2:
         raise BadFrame(

@@ -234,7 +234,7 @@ def _obstacle_points(
             if not 0 < depth <= limits.max_depth_m:
                 continue
             x, y, z_m = point_on_ray(t, a, np.float32(row_slope(i, lens)), depth)
-            z = z_m - ground_m[i, j]
+            z = z_m - ground_m[i if len(ground_m) > 1 else 0, j]
             if limits.obstacle_height_m < z < limits.ceiling_m and depth < limits.range_m:
                 found[count, 0], found[count, 1] = x, y
                 count += 1

@@ -3,6 +3,8 @@ physics, which would give them unlimited strength: a walker stops where the robo
 
 from __future__ import annotations
 
+import bisect
+import itertools
 import math
 
 import numpy as np
@@ -32,16 +34,16 @@ class Walker:
         self, person: Person, rng: np.random.Generator, period_s: float, robot: RobotProfile = HUSKY
     ) -> None:
         self._robot = robot
-        self._points = np.array(person.points)
+        self._points = [(float(x), float(y)) for x, y in person.points]
         self._speed_mps = person.speed_mps if len(self._points) > 1 else 0.0
         self._yields, self._period_s = person.yields, period_s
-        self._legs_m = np.hypot(*np.diff(self._points, axis=0).T)
-        self._ends_m = np.concatenate([[0.0], np.cumsum(self._legs_m)])
+        self._legs_m = np.hypot(*np.diff(person.points, axis=0).T).tolist()
+        self._ends_m = [0.0, *itertools.accumulate(self._legs_m)]
         self._along_m = float(rng.uniform(0, self._ends_m[-1])) if self.walks else 0.0
         self._sense = 1 if rng.random() < 0.5 else -1
         if person.begins_at is not None:
-            self._along_m, self._sense = person.begins_at * float(self._ends_m[-1]), 1
-        self._pauses_s = np.array(person.pauses_s or [0.0] * len(self._points))
+            self._along_m, self._sense = person.begins_at * self._ends_m[-1], 1
+        self._pauses_s = person.pauses_s or [0.0] * len(self._points)
         self._pause_left_s = 0.0
         self._waited_s = 0.0
         self.pose = self._pose_at(math.radians(person.yaw_deg))
@@ -70,11 +72,12 @@ class Walker:
         before_m = self._along_m
         self._along_m += self._sense * self._speed_mps * self._period_s
         low, high = min(before_m, self._along_m), max(before_m, self._along_m)
-        self._pause_left_s = float(
-            self._pauses_s[(low < self._ends_m) & (self._ends_m < high)].max(initial=0.0)
+        passed = zip(self._pauses_s, self._ends_m, strict=True)
+        self._pause_left_s = max(
+            (pause_s for pause_s, at_m in passed if low < at_m < high), default=0.0
         )
         if not 0 <= self._along_m <= self._ends_m[-1]:
-            self._along_m = min(max(self._along_m, 0.0), float(self._ends_m[-1]))
+            self._along_m = min(max(self._along_m, 0.0), self._ends_m[-1])
             self._sense = -self._sense
         self.pose = self._pose_at(self._turned_yaw())
 
@@ -84,11 +87,12 @@ class Walker:
         Who does not look out walks until they touch the robot. They cannot push it: it weighs as
         much as they do, or more, and its wheels are braked.
         """
-        step_m, heading = self._speed_mps * self._period_s, self._heading()
+        step_m = self._speed_mps * self._period_s
         x_m, y_m = self.pose.x_m, self.pose.y_m
         gap_m = _gap_m(self._robot, robot, x_m, y_m)
         if gap_m > step_m:
             return False
+        heading = self._heading()
         x_m, y_m = x_m + step_m * math.cos(heading), y_m + step_m * math.sin(heading)
         return _gap_m(self._robot, robot, x_m, y_m) < min(gap_m, 0.0)
 
@@ -107,7 +111,8 @@ class Walker:
 
     def _heading(self) -> float:
         """Return the direction of the present leg, in the sense of walking."""
-        (x0, y0), (x1, y1) = self._points[self._leg()], self._points[self._leg() + 1]
+        leg = self._leg()
+        (x0, y0), (x1, y1) = self._points[leg], self._points[leg + 1]
         return math.atan2(self._sense * (y1 - y0), self._sense * (x1 - x0))
 
     def _turned_yaw(self) -> float:
@@ -116,19 +121,16 @@ class Walker:
         return wrap_angle(self.pose.yaw_rad + max(-most, min(most, missing)))
 
     def _leg(self) -> int:
-        return min(
-            int(np.searchsorted(self._ends_m, self._along_m, side="right")) - 1,
-            len(self._legs_m) - 1,
-        )
+        return min(bisect.bisect_right(self._ends_m, self._along_m), len(self._legs_m)) - 1
 
     def _pose_at(self, yaw_rad: float) -> Pose2:
-        if not self.walks:
-            x, y = self._points[0]
-        else:
+        x, y = self._points[0]
+        if self.walks:
             leg = self._leg()
             share = (self._along_m - self._ends_m[leg]) / self._legs_m[leg]
-            x, y = (1 - share) * self._points[leg] + share * self._points[leg + 1]
-        return Pose2(x_m=float(x), y_m=float(y), yaw_rad=yaw_rad)
+            (x0, y0), (x1, y1) = self._points[leg], self._points[leg + 1]
+            x, y = (1 - share) * x0 + share * x1, (1 - share) * y0 + share * y1
+        return Pose2(x_m=x, y_m=y, yaw_rad=yaw_rad)
 
 
 def _gap_m(profile: RobotProfile, robot: Pose2, x_m: float, y_m: float) -> float:

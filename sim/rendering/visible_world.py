@@ -32,8 +32,15 @@ class Image:
     """(H, W, 3) colours."""
     depth_m: npt.NDArray[np.float32]
     """(H, W) depth, that of the far plane where there is no object."""
-    objects: npt.NDArray[np.int32]
-    """(H, W) number of the object, `NO_OBJECT` where there is none."""
+    shown: npt.NDArray[np.int32]
+    """(H, W) triangle, `NOTHING` where there is none."""
+    object_of: npt.NDArray[np.int32]
+    """(N + 1,) number of the object of each triangle, and `NO_OBJECT` after them."""
+
+    @property
+    def objects(self) -> npt.NDArray[np.int32]:
+        """(H, W) number of the object, `NO_OBJECT` where there is none."""
+        return np.asarray(self.object_of[self.shown])  # NOTHING is the index of the last one
 
 
 class VisibleWorld:
@@ -97,8 +104,8 @@ class VisibleWorld:
             rgb,
             depth_m,
         )
-        objects = np.where(shown == NOTHING, np.int32(NO_OBJECT), world.objects[shown])
-        return Image(rgb=rgb, depth_m=depth_m, objects=objects)
+        object_of = np.append(world.objects, np.int32(NO_OBJECT))
+        return Image(rgb=rgb, depth_m=depth_m, shown=shown, object_of=object_of)
 
     def _packed(self) -> Triangles:
         if self._triangles is None:

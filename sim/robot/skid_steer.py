@@ -112,8 +112,9 @@ class SkidSteer:
             # The tyre model holds the wheels to the floor instead, see `sim.robot.tyres`.
             pybullet.changeDynamics(self.body, wheel, lateralFriction=0.0, physicsClientId=client)
 
-    def drive(self, left_radps: float, right_radps: float) -> None:
-        """Set the motor speeds and apply the tyre forces for the next physics step."""
+    def drive(self, left_radps: float, right_radps: float, pose: Pose2) -> None:
+        """Set the motor speeds and apply the tyre forces for the next physics step; `pose` is the
+        present one."""
         pybullet.setJointMotorControlArray(
             self.body,
             self._chassis.wheels,
@@ -122,7 +123,7 @@ class SkidSteer:
             forces=[self._chassis.wheel_torque_nm] * 4,
             physicsClientId=self._client,
         )
-        pose, speeds, track_m = self.pose(), self._wheel_states(1), self._chassis.track_m
+        speeds, track_m = self._wheel_states(1), self._chassis.track_m
         motion = self._motion(pose)
         ahead, left = self.gradient = self._ground.gradient(pose)
         uphill = (self._weight_n / 2 * ahead, self._weight_n / 2 * left)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled
+
 Depth = npt.NDArray[np.float32]
 Rgb = npt.NDArray[np.uint8]
 
@@ -55,25 +57,20 @@ def degrade_depth(
 
     With disparity d = f·b/z the noise of z is z²·σ_d/(f·b).
     """
-    strength = np.float32(focal_px * errors.baseline_m)
-    disparity: Depth = (strength / np.maximum(true_m, np.float32(0.05))).astype(np.float32)
-    missing = (disparity > errors.largest_disparity_px) | (true_m > errors.max_range_m)
-    if errors.shadows:
-        missing |= _shadowed(disparity)
-    if errors.edge_px:
-        missing |= _near_edges(disparity, errors.edge_px)
-    if errors.speckle:
-        missing |= rng.random(true_m.shape, dtype=np.float32) < errors.speckle
-    if errors.disparity_noise_px:
-        disparity += np.float32(errors.disparity_noise_px) * rng.standard_normal(
-            true_m.shape, dtype=np.float32
-        )
-    if errors.disparity_step_px:
-        disparity = np.round(disparity / np.float32(errors.disparity_step_px)) * np.float32(
-            errors.disparity_step_px
-        )
-    depth: Depth = (strength / np.maximum(disparity, np.float32(0.1))).astype(np.float32)
-    depth[missing | (depth > errors.max_range_m)] = 0.0
+    shape, none = true_m.shape, np.empty((0, 0), dtype=np.float32)
+    chances = rng.random(shape, dtype=np.float32) if errors.speckle else none
+    draws = rng.standard_normal(shape, dtype=np.float32) if errors.disparity_noise_px else none
+    depth: Depth = np.empty(shape, dtype=np.float32)
+    strengths = (
+        focal_px * errors.baseline_m,
+        errors.largest_disparity_px,
+        errors.max_range_m,
+        errors.speckle,
+        errors.disparity_noise_px,
+        errors.disparity_step_px,
+    )
+    rules = np.array(strengths, dtype=np.float32)
+    _measure(true_m, chances, draws, rules, errors.shadows, errors.edge_px, depth)
     return depth
 
 
@@ -83,30 +80,52 @@ def degrade_colour(true_rgb: Rgb, errors: StereoErrors, rng: np.random.Generator
         return true_rgb.copy()
     span = errors.colour_noise + 1
     draws = rng.integers(0, span, size=(2, *true_rgb.shape), dtype=np.uint8)
-    noisy = true_rgb.astype(np.int16) + draws[0] - draws[1]
-    return np.asarray(np.clip(noisy, 0, 255), dtype=np.uint8)
+    noisy = true_rgb.astype(np.int16)
+    noisy += draws[0]
+    noisy -= draws[1]
+    return np.clip(noisy, 0, 255, out=noisy).astype(np.uint8)
 
 
-def _shadowed(disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
-    """Return the mask of pixels that a nearer surface to their right hides from the right imager.
+@compiled
+def _measure(
+    true_m: Depth,
+    chances: Depth,
+    draws: Depth,
+    rules: npt.NDArray[np.float32],
+    shadows: bool,
+    edge_px: int,
+    depth_m: Depth,
+) -> None:
+    """Write the (H, W) depth as the camera reports it.
 
-    Column j of the left image lands in column j − d of the right one; a pixel is hidden when
-    another one further right lands further left.
+    `chances` and `draws` are uniform and normal numbers for speckle and noise, or empty; `rules`
+    are f·b, the largest disparity and range, the share of speckle, and noise and step of the
+    disparity.
     """
-    landing = np.arange(disparity.shape[1], dtype=np.float32) - disparity
-    rest = np.minimum.accumulate(landing[:, ::-1], axis=1)[:, ::-1]
-    hidden = np.zeros(disparity.shape, dtype=np.bool_)
-    hidden[:, :-1] = landing[:, :-1] > rest[:, 1:]
-    return hidden
-
-
-def _near_edges(disparity: npt.NDArray[np.float32], width_px: int) -> npt.NDArray[np.bool_]:
-    """Return the mask of pixels beside a jump of more than one pixel of disparity, along rows and
-    columns."""
-    edges = np.zeros(disparity.shape, dtype=np.bool_)
-    across = np.abs(np.diff(disparity, axis=1)) > 1.0
-    along = np.abs(np.diff(disparity, axis=0)) > 1.0
-    for k in range(width_px):
-        edges[:, k + 1 :] |= across[:, : across.shape[1] - k]
-        edges[k + 1 :, :] |= along[: along.shape[0] - k, :]
-    return edges
+    strength, largest_px, range_m, speckle, noise_px, step_px = rules
+    height, width = true_m.shape
+    disparity, gone = np.empty((height, width), dtype=np.float32), np.empty(width, dtype=np.bool_)
+    for i in range(height):
+        row = disparity[i]
+        for j in range(width):
+            row[j] = strength / max(true_m[i, j], np.float32(0.05))
+        # Column j of the left image lands in column j − d of the right one; a pixel is hidden when
+        # another one further right lands further left.
+        leftmost = np.float32(np.inf)
+        for j in range(width - 1, -1, -1):
+            landing = np.float32(j) - row[j]
+            gone[j] = shadows & (landing > leftmost)
+            leftmost = min(leftmost, landing)
+        for k in range(edge_px):  # beside a jump of more than one pixel
+            for j in range(k + 1, width):
+                gone[j] |= abs(row[j - k] - row[j - k - 1]) > np.float32(1)
+            for j in range(width if i > k else 0):
+                gone[j] |= abs(disparity[i - k, j] - disparity[i - k - 1, j]) > np.float32(1)
+        for j in range(width if len(chances) else 0):
+            gone[j] |= chances[i, j] < speckle
+        for j in range(width):
+            gone[j] |= (row[j] > largest_px) | (true_m[i, j] > range_m)
+            pixels = row[j] + noise_px * draws[i, j] if len(draws) else row[j]
+            pixels = np.rint(pixels / step_px) * step_px if step_px > 0 else pixels
+            depth = strength / max(pixels, np.float32(0.1))
+            depth_m[i, j] = np.float32(0) if gone[j] | (depth > range_m) else depth

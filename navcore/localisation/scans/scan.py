@@ -97,12 +97,10 @@ def scan_of(
 ) -> Scan:
     """Return the scan of a frame.
 
-    `excluded`: (H, W) pixels of what does not stay: people and beware objects. `ground_m`: (H, W)
-    height in metres of the ground below each pixel, as `ground_heights` returns it; None for level
-    ground.
+    `excluded`: (H, W) pixels of what does not stay: people and beware objects. `ground_m`: that
+    of `ground_heights`; None for level ground.
     """
-    shape = frame.depth_m.shape
-    ground = flat_ground(shape) if ground_m is None else ground_m
+    ground = flat_ground(frame.intrinsics.width) if ground_m is None else ground_m
     none = np.zeros((0, 0), dtype=np.bool_)
     # What one metre of distance to the square adds to the standard error of depth.
     error_1pm = sensor.depth_error_m(1.0, frame.intrinsics.fx)
@@ -148,17 +146,20 @@ def _surfaces(
         np.zeros(directions),
     )
     pixels = np.zeros(directions, dtype=np.int32)
-    low, high = np.empty(directions, dtype=np.float32), np.empty(directions, dtype=np.float32)
+    low = np.full(directions, np.float32(np.inf))
+    high = np.full(directions, np.float32(-np.inf))
     across, heights = np.empty(cols), np.empty(cols, dtype=np.float32)
     upright = np.zeros((cols + 7) // 8 * 8, dtype=np.uint8)
     eights = upright.view(np.uint64)
     for j in range(cols):
         across[j] = column_slope(j, lens)
     narrow = across.astype(np.float32)
-    direction = np.repeat(np.arange(directions), rules.column_step)
+    # Unsigned, as numba asks of each signed index whether it counts from the end.
+    direction = np.repeat(np.arange(directions).astype(np.uint64), rules.column_step)
     for i in range(rows - 1, -1, -1):  # from below upwards
         b = row_slope(i, lens)
-        _upright(depth_m[i], ground_m[i], narrow, b, t, rules, heights, upright)
+        ground = ground_m[i if len(ground_m) > 1 else 0]
+        _upright(depth_m[i], ground, narrow, b, t, rules, heights, upright)
         for eight in range(len(eights)):
             if eights[eight] == 0:
                 continue
@@ -171,14 +172,15 @@ def _surfaces(
                 if abs(depth * weight[d] - z[d]) > (3.0 * error + 0.02) * weight[d]:
                     _close(d, weight, x, y, pixels, low, high, rules, closed, found)
                     weight[d], x[d], y[d], z[d], pixels[d] = 0.0, 0.0, 0.0, 0.0, 0
+                    low[d], high[d] = np.inf, -np.inf
                 px, py, _ = point_on_ray(level, across[j], b, depth)
                 share = 1.0 / (error * error)
                 weight[d] += share
                 x[d] += share * px
                 y[d] += share * py
                 z[d] += share * depth
-                low[d] = height if pixels[d] == 0 or height < low[d] else low[d]
-                high[d] = height if pixels[d] == 0 or height > high[d] else high[d]
+                low[d] = min(low[d], height)
+                high[d] = max(high[d], height)
                 pixels[d] += 1
     most = directions * _MOST_SURFACES
     points, variance, count = np.empty((most, 2)), np.empty(most), 0

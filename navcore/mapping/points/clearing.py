@@ -9,8 +9,7 @@ from navcore.config.mapping import ClearingRules
 from navcore.geometry.arrays import FloatImage, Indices
 from navcore.geometry.camera import Pinhole
 from navcore.geometry.transform import Matrix
-from navcore.grid.grid import Box
-from navcore.mapping.points.point_links import Cells, Records
+from navcore.mapping.points.point_links import Records
 from navcore.mission.beware_list import NOTHING
 
 
@@ -32,10 +31,7 @@ def pixel_of(
 @compiled
 def find_outdated(
     records: Records,
-    count: int,
-    first: Cells,
-    cols: int,
-    box: Box,
+    held: Indices,
     depth_m: FloatImage,
     T_camera_map: Matrix,
     lens: Pinhole,
@@ -43,8 +39,8 @@ def find_outdated(
     max_range_m: float,
     pose_id: int,
 ) -> Indices:
-    """Return the indices of the points that the frame sees through, or measures again for the same
-    pose or from much nearer.
+    """Return the indices of those of (N,) `held` points that the frame sees through, or measures
+    again for the same pose or from much nearer.
 
     A point is judged by its pixel and the neighbouring pixels. One of them that measures something
     nearer occludes the point; the point is seen through only if all measured ones measure beyond
@@ -52,32 +48,13 @@ def find_outdated(
     a floor marking has no depth of its own, and neither a label lost at a grazing angle nor the
     pitch of the robot when it brakes must free it.
     """
-    held, found = _points_in_box(records, count, first, cols, box), 0
+    outdated, found = np.empty_like(held), 0
     for index in held:
-        held[found] = index
+        outdated[found] = index
         found += _is_outdated(
             records[index], depth_m, T_camera_map, lens, clearing, max_range_m, pose_id
         )
-    return held[:found]
-
-
-@compiled
-def _points_in_box(records: Records, count: int, first: Cells, cols: int, box: Box) -> Indices:
-    """Return the indices of the points in a box of cells, the first ones of all cells before their
-    second ones: link by link, each would wait for the memory of the one before."""
-    held, begin, end = np.empty(count, dtype=np.int64), 0, 0
-    for row in range(box[0], box[2]):
-        for col in range(box[1], box[3]):
-            if first[row * cols + col] > 0:
-                held[end] = first[row * cols + col] - 1
-                end += 1
-    while begin < end:
-        begin, level = end, range(begin, end)
-        for at in level:
-            if records[held[at]].next > 0:
-                held[end] = records[held[at]].next - 1
-                end += 1
-    return held[:end]
+    return outdated[:found]
 
 
 @inlined

@@ -20,9 +20,8 @@ from navcore.config.mapping import ClearingRules, ConfidenceConfig
 from navcore.geometry.arrays import Bools, FloatImage, Indices
 from navcore.geometry.camera import Pinhole
 from navcore.geometry.transform import Matrix, invert
-from navcore.grid.grid import Box
 from navcore.mapping.points.clearing import pixel_of
-from navcore.mapping.points.point_links import Cells, Records
+from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_table import PointTable
 from navcore.mission.beware_list import NOTHING
 from navcore.perception.labels import Labels
@@ -57,14 +56,13 @@ def initial_confidence(
 
 def update_confidence(
     points: PointTable,
-    cols: int,
-    box: Box,
+    held: Indices,
     frame: Frame,
     labels: Labels,
     config: ConfidenceConfig,
     clearing: ClearingRules,
 ) -> tuple[Indices, Indices]:
-    """Update the confidence of the beware points in a box that an image shows.
+    """Update the confidence of the beware points among (N,) ones that an image shows.
 
     An image shows a point if any source of its labels shows the point's class at its pixel or
     beside: what one source cannot know, another may. Returns the indices of the points to forget,
@@ -74,9 +72,7 @@ def update_confidence(
     return _update(
         points.records,
         points.changed,
-        points.first,
-        cols,
-        box,
+        held,
         frame.depth_m,
         invert(frame.T_map_camera),
         frame.intrinsics.pinhole,
@@ -104,9 +100,7 @@ def _updated_log_odds(confidence: float, claim: float, steps: _LogOdds) -> float
 def _update(
     records: Records,
     changed: npt.NDArray[np.bool_],
-    first: Cells,
-    cols: int,
-    box: Box,
+    held: Indices,
     depth_m: FloatImage,
     t: Matrix,
     lens: Pinhole,
@@ -119,34 +113,29 @@ def _update(
 ) -> tuple[Indices, Indices]:
     height, width = depth_m.shape
     forget, cells = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
-    for row in range(box[0], box[2]):
-        for col in range(box[1], box[3]):
-            at = first[row * cols + col]
-            while at > 0:
-                index = at - 1
-                at = records[index].next
-                if records[index].class_id == NOTHING or records[index].confidence >= 1:
-                    continue
-                i, j, depth = pixel_of(records[index], t, lens, clearing.nearest_m)
-                if depth > trusted_m:
-                    continue
-                if i < border_px or i >= height - border_px:
-                    continue
-                if j < border_px or j >= width - border_px:
-                    continue
-                tolerance = clearing.constant_m + clearing.per_m2 * depth * depth
-                if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > tolerance:
-                    continue
-                claim = 0.0
-                for source in range(len(class_ids)):
-                    for r in range(i - 1, i + 2):
-                        for c in range(j - 1, j + 2):
-                            if class_ids[source, r, c] == records[index].class_id:
-                                claim = max(claim, float(confidence[source, r, c]))
-                odds = _updated_log_odds(float(records[index].confidence), claim, steps)
-                records[index].confidence = 1 / (1 + math.exp(-odds))
-                changed[index] = True
-                cells.append(np.int64(row * cols + col))
-                if odds <= steps.least:
-                    forget.append(np.int64(index))
+    for index in held:
+        if records[index].class_id == NOTHING or records[index].confidence >= 1:
+            continue
+        i, j, depth = pixel_of(records[index], t, lens, clearing.nearest_m)
+        if depth > trusted_m:
+            continue
+        if i < border_px or i >= height - border_px:
+            continue
+        if j < border_px or j >= width - border_px:
+            continue
+        tolerance = clearing.constant_m + clearing.per_m2 * depth * depth
+        if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > tolerance:
+            continue
+        claim = 0.0
+        for source in range(len(class_ids)):
+            for r in range(i - 1, i + 2):
+                for c in range(j - 1, j + 2):
+                    if class_ids[source, r, c] == records[index].class_id:
+                        claim = max(claim, float(confidence[source, r, c]))
+        odds = _updated_log_odds(float(records[index].confidence), claim, steps)
+        records[index].confidence = 1 / (1 + math.exp(-odds))
+        changed[index] = True
+        cells.append(np.int64(records[index].cell))
+        if odds <= steps.least:
+            forget.append(index)
     return np.array(forget, dtype=np.int64), np.array(cells, dtype=np.int64)

@@ -17,9 +17,8 @@ from navcore.config.mapping import ClearingRules, FadingConfig, FadingRules
 from navcore.geometry.arrays import FloatImage, Indices
 from navcore.geometry.camera import Pinhole
 from navcore.geometry.transform import Matrix, invert
-from navcore.grid.grid import Box
 from navcore.mapping.points.clearing import pixel_of
-from navcore.mapping.points.point_links import Cells, Records
+from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_table import PointTable
 from navcore.mission.beware_list import NOTHING
 from navcore.perception.labels import Labels
@@ -31,21 +30,20 @@ UNKNOWN_LOOKS = 255
 
 def faded(
     points: PointTable,
-    cols: int,
-    box: Box,
+    held: Indices,
     frame: Frame,
     labels: Labels,
     config: FadingConfig,
     clearing: ClearingRules,
 ) -> Indices:
-    """Count one more look at the certain flat points in a box, and return the indices of those to
-    forget. A point is shown if any source of the labels shows its class at its pixel or beside."""
+    """Count one more look at the certain flat ones of (N,) `held` points; return those to forget.
+
+    A point is shown if any source of the labels shows its class at its pixel or beside.
+    """
     return _faded(
         points.records,
         points.changed,
-        points.first,
-        cols,
-        box,
+        held,
         np.ascontiguousarray(frame.rgb),
         frame.depth_m,
         invert(frame.T_map_camera),
@@ -60,9 +58,7 @@ def faded(
 def _faded(
     records: Records,
     changed: npt.NDArray[np.bool_],
-    first: Cells,
-    cols: int,
-    box: Box,
+    held: Indices,
     rgb: npt.NDArray[np.uint8],
     depth_m: FloatImage,
     t: Matrix,
@@ -73,31 +69,26 @@ def _faded(
 ) -> Indices:
     height, width = depth_m.shape
     forget = [np.int64(0) for _ in range(0)]
-    for row in range(box[0], box[2]):
-        for col in range(box[1], box[3]):
-            at = first[row * cols + col]
-            while at > 0:
-                index = at - 1
-                point = records[index]
-                at = point.next
-                if point.class_id == NOTHING or point.confidence < 1 or point.z >= clearing.flat_m:
-                    continue
-                i, j, depth = pixel_of(point, t, lens, clearing.nearest_m)
-                if depth > fading.near_m or i < 1 or i > height - 2 or j < 1 or j > width - 2:
-                    continue
-                tolerance = fading.tolerance_m + clearing.per_m2 * depth * depth
-                if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > tolerance:
-                    continue
-                looks = min(int(point.looks), fading.most)
-                if _is_shown(class_ids, i, j, point.class_id):
-                    looks = min(looks + 1, fading.most)
-                elif _is_another_colour(rgb, i, j, point, fading):
-                    looks -= 1
-                if looks != point.looks:
-                    records[index].looks = looks
-                    changed[index] = True
-                if looks <= 0:
-                    forget.append(np.int64(index))
+    for index in held:
+        point = records[index]
+        if point.class_id == NOTHING or point.confidence < 1 or point.z >= clearing.flat_m:
+            continue
+        i, j, depth = pixel_of(point, t, lens, clearing.nearest_m)
+        if depth > fading.near_m or i < 1 or i > height - 2 or j < 1 or j > width - 2:
+            continue
+        tolerance = fading.tolerance_m + clearing.per_m2 * depth * depth
+        if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > tolerance:
+            continue
+        looks = min(int(point.looks), fading.most)
+        if _is_shown(class_ids, i, j, point.class_id):
+            looks = min(looks + 1, fading.most)
+        elif _is_another_colour(rgb, i, j, point, fading):
+            looks -= 1
+        if looks != point.looks:
+            records[index].looks = looks
+            changed[index] = True
+        if looks <= 0:
+            forget.append(index)
     return np.array(forget, dtype=np.int64)
 
 

@@ -7,7 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled
+from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import ONE, PAD, BitPlanes
+from navcore.grid.grid import Box
 from navcore.mapping.points.cell_set import distinct
 from navcore.mapping.points.point_links import Cells, Records
 
@@ -50,6 +52,25 @@ def refresh_planes(
                 changed_class[count], changed_cell[count] = class_ids[plane], cell
                 count += 1
     return changed_class[:count], changed_cell[:count]
+
+
+@compiled
+def points_in_box(records: Records, count: int, first: Cells, cols: int, box: Box) -> Indices:
+    """Return the indices of the points in a box of cells, the first ones of all cells before their
+    second ones: link by link, each would wait for the memory of the one before."""
+    held, begin, end = np.empty(count, dtype=np.int64), 0, 0
+    for row in range(box[0], box[2]):
+        for col in range(box[1], box[3]):
+            if first[row * cols + col] > 0:
+                held[end] = first[row * cols + col] - 1
+                end += 1
+    while begin < end:
+        begin, level = end, range(begin, end)
+        for at in level:
+            if records[held[at]].next > 0:
+                held[end] = records[held[at]].next - 1
+                end += 1
+    return held[:end]
 
 
 @compiled

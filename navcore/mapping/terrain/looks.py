@@ -44,7 +44,7 @@ def terrain_looks(
 ) -> TerrainLooks:
     """Return what a frame, placed in the map, says of the ground in cells of side `cell_m`.
 
-    `ground_m`: (H, W) of `ground.ground_heights`; a cell with a measurement farther than
+    `ground_m`: that of `ground.ground_heights`; a cell with a measurement farther than
     `object_height_m` above or below it holds an object or a drop and no ground.
     """
     affine, reach = frame.T_map_camera[:3], math.ceil(rules.max_range_m / cell_m) + 1
@@ -97,16 +97,24 @@ def _cell_heights(
         across[j] = column_slope(j, lens)
     for i in range(depth_m.shape[0]):
         b = np.float32(row_slope(i, lens))
-        _row(depth_m[i], ground_m[i], across, b, affine, side, limits, codes, heights)
-        for j in range(width):
-            cell = codes[j] >> 1
-            if cell < 0:
-                continue
-            if codes[j] & 1:
+        ground = ground_m[i if len(ground_m) > 1 else 0]
+        _row(depth_m[i], ground, across, b, affine, side, limits, codes, heights)
+        j = 0
+        while j < width:  # consecutive pixels of one cell are added up before they are written
+            code, first = codes[j], j
+            cell = code >> 1
+            if code < 0:
+                j += 1
+            elif code & 1:
                 count[cell] = -(1 << 30)  # no ground, however many pixels follow
+                j += 1
             else:
-                total[cell] += heights[j]
-                count[cell] += 1
+                height = total[cell]
+                while j < width and codes[j] == code:
+                    height += heights[j]
+                    j += 1
+                total[cell] = height
+                count[cell] += j - first
     means = np.where(count >= min_pixels, total / np.maximum(count, 1), np.nan)
     return means.reshape(side, side)
 

@@ -96,7 +96,7 @@ class TerrainMap:
         self._reserve(len(looks.cells))
         pose, tile_of = self._pose_ids[pose_id], looks.cells // TILE
         changed = [np.empty(0, dtype=np.int64)]
-        for key in _tiles_between(tile_of):
+        for key in _tiles_between(looks.cells):
             if not (tile_of == key).all(axis=1).any():
                 continue
             tile = self._tiles.setdefault(key, _Tile())
@@ -127,11 +127,11 @@ class TerrainMap:
         which the robot stands; NaN where the ground is not known, not smooth, or beyond the robot's
         limits. None where all of it is that plane."""
         tilt, rules = tilt_slope(frame), self._rules
-        cells = np.floor(frame.pose.to_parent(points_base)[:, ::-1] / self._cell_m)
-        tile_of, inside = np.divmod(cells.astype(np.int64), TILE)
-        tiles = {key: self._tiles[key] for key in _tiles_between(tile_of) if key in self._tiles}
-        if np.hypot(*tilt) <= rules.uneven_slope and not any(t.is_uneven for t in tiles.values()):
+        cells = np.floor(frame.pose.to_parent(points_base)[:, ::-1] / self._cell_m).astype(np.int64)
+        tiles = {key: self._tiles[key] for key in _tiles_between(cells) if key in self._tiles}
+        if math.hypot(*tilt) <= rules.uneven_slope and not any(t.is_uneven for t in tiles.values()):
             return None
+        tile_of, inside = np.divmod(cells, TILE)
         sums = np.zeros((len(cells), VALUES), dtype=np.float32)
         for key, tile in tiles.items():
             own = (tile_of == key).all(axis=1)
@@ -235,11 +235,13 @@ class TerrainMap:
         return np.asarray(rows * spec.cols + cols)
 
 
-def _tiles_between(tile_of: Indices) -> Iterator[tuple[int, int]]:
-    """Yield the tiles of the smallest rectangle around (N, 2) tiles, row and column."""
-    if len(tile_of):
-        (top, left), (bottom, right) = tile_of.min(axis=0).tolist(), tile_of.max(axis=0).tolist()
-        yield from itertools.product(range(top, bottom + 1), range(left, right + 1))
+def _tiles_between(cells: Indices) -> Iterator[tuple[int, int]]:
+    """Yield the tiles, row and column, of the smallest rectangle around (N, 2) cells."""
+    if len(cells):
+        (top, left), (bottom, right) = cells.min(axis=0).tolist(), cells.max(axis=0).tolist()
+        yield from itertools.product(
+            range(top // TILE, bottom // TILE + 1), range(left // TILE, right // TILE + 1)
+        )
 
 
 def _turned(values: Floats | npt.NDArray[np.float32], yaw_rad: Floats) -> Floats:

@@ -55,7 +55,7 @@ def observe(
     """Return the frame's points: geometric ones by height, beware ones by label at any height that
     their rule allows.
 
-    Heights are above the ground, `ground_m` (H, W) of `ground.ground_heights`, by default the plane
+    Heights are above the ground, `ground_m` of `ground.ground_heights`, by default the plane
     on which the robot stands; the points keep their position in space. A point of a beware class
     that is higher than the obstacle height counts as both: it stays an obstacle when its class is
     disabled. Raises `ValueError` for labels of a wrong shape or class, or a confidence that is not
@@ -75,6 +75,7 @@ def observe(
     geometric, seen = measured_voxels(
         view, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support
     )
+    measured = np.flatnonzero(seen != 0)  # of truth values: those of words take five times as long
     geometric = np.concatenate([geometric, drop_edges(view, spec.resolution_m, rules)])
     heights_m, named = _max_heights(beware), []
     for hypothesis in labels.all_hypotheses:
@@ -100,13 +101,13 @@ def observe(
         points_map=(optical @ camera[:3, :3].T + camera[:3, 3]).astype(np.float32),
         class_ids=class_ids,
         confidence=confidence,
-        rgb=frame.rgb.reshape(-1, 3)[pixels],
+        rgb=frame.rgb.reshape(-1, 3).take(pixels, axis=0),
         range_m=depth,
         max_range_m=rules.max_range_m,
         spec=spec,
         box=view.box,
-        cells_seen=_grid_cells(np.flatnonzero(seen), view, spec),
-        heights_seen=seen[seen != 0],
+        cells_seen=_grid_cells(measured, view, spec),
+        heights_seen=seen[measured],
     )
 
 

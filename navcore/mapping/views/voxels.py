@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined
-from navcore.geometry.arrays import FloatImage
+from navcore.geometry.arrays import FloatImage, Points
+from navcore.geometry.camera import Intrinsics
 from navcore.grid.bitplane import ONE, lowest
 from navcore.grid.grid import Box, GridSpec
+from navcore.perception.ground import flat_ground
 from navcore.robot.frame import Frame
 
 HEIGHT_BINS = 64
@@ -68,17 +71,31 @@ def frustum_box(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
 
 def frustum_cells(frame: Frame, spec: GridSpec, max_range_m: float) -> Box:
     """Return the cells that the camera can measure, on the grid or not."""
-    lens = frame.intrinsics
+    camera = frame.T_map_camera
+    points = _frustum_corners(frame.intrinsics, max_range_m) @ camera[:3, :3].T + camera[:3, 3]
+    (left_m, low_m), (right_m, high_m) = (
+        points[:, :2].min(axis=0).tolist(),
+        points[:, :2].max(axis=0).tolist(),
+    )
+    (top, left), (bottom, right) = spec.cell(left_m, low_m), spec.cell(right_m, high_m)
+    return top, left, bottom + 1, right + 1
+
+
+@lru_cache(maxsize=4)
+def _frustum_corners(lens: Intrinsics, max_range_m: float) -> Points:
+    """Return the (5, 3) camera, and the corners of the image at a depth, in the optical frame."""
     a = np.array([-lens.cx, lens.width - 1 - lens.cx]) / lens.fx
     b = np.array([-lens.cy, lens.height - 1 - lens.cy]) / lens.fy
-    corners = max_range_m * np.array([[0, 0, 0], *([x, y, 1] for x in a for y in b)])
-    camera = frame.T_map_camera
-    points = corners @ camera[:3, :3].T + camera[:3, 3]
-    (top, left), (bottom, right) = (
-        spec.cell(*points[:, :2].min(axis=0)),
-        spec.cell(*points[:, :2].max(axis=0)),
-    )
-    return top, left, bottom + 1, right + 1
+    return max_range_m * np.array([[0, 0, 0], *([x, y, 1] for x in a for y in b)])
+
+
+@lru_cache(maxsize=4)
+def _slopes(lens: Intrinsics) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Return the slopes x/z of the (W,) columns and y/z of the (H,) rows, read-only."""
+    across = ((np.arange(lens.width) - lens.cx) / lens.fx).astype(np.float32)
+    down = ((np.arange(lens.height) - lens.cy) / lens.fy).astype(np.float32)
+    across.flags.writeable = down.flags.writeable = False
+    return across, down
 
 
 def depth_view(
@@ -94,12 +111,13 @@ def depth_view(
         spec.origin_y_m + box[0] * spec.resolution_m,
     )
     affine[:2] *= cells
+    across, down = _slopes(lens)
     return DepthView(
         depth_m=frame.depth_m,
-        ground_m=np.zeros((1, lens.width), dtype=np.float32) if ground_m is None else ground_m,
+        ground_m=flat_ground(lens.width) if ground_m is None else ground_m,
         affine=affine.astype(np.float32),
-        across=((np.arange(lens.width) - lens.cx) / lens.fx).astype(np.float32),
-        down=((np.arange(lens.height) - lens.cy) / lens.fy).astype(np.float32),
+        across=across,
+        down=down,
         box=box,
         max_range_m=max_range_m,
     )

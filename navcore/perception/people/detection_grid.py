@@ -74,9 +74,9 @@ def bin_pixels(
     for first in range(0, width, 2 * _TOGETHER):
         columns = min(_TOGETHER, (width - first + 1) // 2)
         for i in range(height):
+            ground = ground_m[i if len(ground_m) > 1 else 0]
             for n in range(columns):
-                depths[n, i] = depth_m[i, first + 2 * n]
-                grounds[n, i] = ground_m[i, first + 2 * n]
+                depths[n, i], grounds[n, i] = depth_m[i, first + 2 * n], ground[first + 2 * n]
         for n in range(columns):
             j = first + 2 * n
             a = column_slope(j, lens)
@@ -183,8 +183,6 @@ def _continue_floor(
 @compiled
 def recall_cells(
     counts: Counts,
-    floor: Mask,
-    inner: Mask,
     origin: Indices,
     now_s: float,
     limits: tuple[int, float, float],
@@ -193,9 +191,9 @@ def recall_cells(
 ) -> None:
     """Remember what each cell shows now, and classify it.
 
-    `floor` and `inner` are the cells that show floor and those surrounded by floor; `limits` are
-    the fewest pixels of an occupied cell, and the times in seconds after which it counts as fixed
-    and up to which as newly occupied.
+    Floor beside an object may be its foot, scattered: only what is surrounded by floor is certainly
+    free. `limits` are the fewest pixels of an occupied cell, and the times in seconds after which
+    it counts as fixed and up to which as newly occupied.
     """
     min_pixels, fixed_s, fresh_s = limits
     owner, free_s, occupied_s = memory.owner, memory.free_s, memory.occupied_s
@@ -212,10 +210,19 @@ def recall_cells(
                 else:
                     is_new = occupied_s[at, on] - free_s[at, on] < fresh_s
                     kinds[r, c] = NEW if is_new else MOVABLE
-            elif floor[r, c]:
+            elif _shows_floor(counts, r, c):
                 occupied_s[at, on] = np.inf
-                if inner[r, c]:
+                is_free = True
+                for i in range(max(r - 1, 0), min(r + 2, SIDE)):
+                    for j in range(max(c - 1, 0), min(c + 2, SIDE)):
+                        is_free &= _shows_floor(counts, i, j)
+                if is_free:
                     free_s[at, on] = now_s
+
+
+@inlined
+def _shows_floor(counts: Counts, row: int, col: int) -> bool:
+    return bool(counts[row, col, 2] > 0 and counts[row, col, 0] == 0)
 
 
 @compiled

@@ -8,7 +8,6 @@ has come there by itself.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -16,7 +15,7 @@ import cv2
 import numpy as np
 
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, PersonDetectorConfig
-from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
+from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, distinct
 from navcore.perception.ground import flat_ground
 from navcore.perception.people.detection_grid import (
     MOVABLE,
@@ -39,6 +38,8 @@ _MIN_RANGE_M = 0.2
 """Least distance in metres from the camera that is divided by."""
 _KEY = 1 << 32
 """Factor of the row in a number that stands for a cell."""
+_NEIGHBOURS = np.argwhere(np.ones((3, 3))) - 1
+"""(9, 2) rows and columns of a cell and its neighbours, relative to it."""
 _MIN_CELLS = 3
 """Number of cells from which a component is evaluated."""
 
@@ -87,10 +88,10 @@ class PersonDetector:
         """Return the clusters of a frame; `is_person` (H, W) are the pixels that the segmenter
         labels as a person.
 
-        `ground_m` (H, W) is the height of the ground in metres, 0 by default.
+        `ground_m` is that of `ground_heights`, 0 by default.
         """
         config, now_s = self._config, frame.stamp_ns / 1e9
-        ground_m = flat_ground(frame.depth_m.shape) if ground_m is None else ground_m
+        ground_m = flat_ground(frame.intrinsics.width) if ground_m is None else ground_m
         t, lens = frame.T_map_camera, frame.intrinsics
         origin = np.floor(t[:2, 3] / config.cell_m).astype(np.int64) - SIDE // 2  # column, row
         counts, sums = np.zeros((SIDE, SIDE, 3), dtype=np.int32), np.zeros((SIDE, SIDE, 3))
@@ -99,15 +100,9 @@ class PersonDetector:
             frame.depth_m, ground_m, is_person, t, lens.pinhole, limits, origin, counts, sums
         )
         kinds = np.zeros((SIDE, SIDE), dtype=np.uint8)
-        # Floor beside an object may be its foot, scattered: only what is surrounded by floor is
-        # certainly free.
-        floor = ((counts[..., 2] > 0) & (counts[..., 0] == 0)).view(np.uint8)
-        inner = np.asarray(cv2.erode(floor, np.ones((3, 3), dtype=np.uint8)), dtype=np.uint8)
         self._now_s = now_s
         recall_cells(
             counts,
-            floor,
-            inner,
             origin,
             now_s,
             (lens.area_px(config.min_pixels), config.fixed_s, config.fresh_s),
@@ -116,17 +111,12 @@ class PersonDetector:
         )
         grid = _Grid(kinds=kinds, counts=counts, sums=sums, origin=origin, eye=t[:2, 3])
         area_px = lens.fx * lens.fy / 2
-        movable = ((kinds == MOVABLE) | (kinds == NEW)).view(np.uint8)
-        found, crowded = _clusters(movable, grid, area_px, config)
-        parts = list[Cluster]()
-        if crowded.any():
-            parts, _ = _clusters((crowded & (kinds == NEW)).view(np.uint8), grid, area_px, config)
-        return [
-            dataclasses.replace(
-                one, is_cut=not self.looks_at(frame, one.x_m, one.y_m, self._half_width_m(one))
-            )
-            for one in found + parts
-        ]
+        movable = (kinds >= MOVABLE).view(np.uint8)
+        found, crowded = self._clusters(movable, grid, area_px, frame)
+        if not crowded.any():
+            return found
+        parts, _ = self._clusters((crowded & (kinds == NEW)).view(np.uint8), grid, area_px, frame)
+        return found + parts
 
     def keep_movable(self, cells: Cells, now_s: float) -> None:
         """Keep what occupies these (K, 2) cells from counting as fixed, however long it stays."""
@@ -141,10 +131,9 @@ class PersonDetector:
 
     def movable_around(self, cells: Cells, now_s: float) -> Cells:
         """Return the (N, 2) cells and their neighbours, without those that are fixed."""
-        neighbours = np.argwhere(np.ones((3, 3))) - 1
-        rows, cols = (cells[:, None] + neighbours[None]).reshape(-1, 2).T
+        rows, cols = (cells[:, None] + _NEIGHBOURS[None]).reshape(-1, 2).T
         # Rows and columns as one number are sorted much faster than as rows of an array.
-        keys = np.unique(rows * _KEY + cols)
+        keys = distinct(rows * _KEY + cols)
         rows = (keys + _KEY // 2) // _KEY
         wide = np.column_stack([rows, keys - rows * _KEY])
         return np.asarray(wide[self._occupied_for_s(wide, now_s) < self._config.fixed_s])
@@ -169,9 +158,10 @@ class PersonDetector:
         cell_m = self._config.cell_m
         reach = math.ceil(radius_m / cell_m)
         row, col = math.floor(y_m / cell_m), math.floor(x_m / cell_m)
-        rows, cols = np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1]
-        within = np.hypot((rows + 0.5) * cell_m - y_m, (cols + 0.5) * cell_m - x_m) < radius_m
-        return np.column_stack([rows[within], cols[within]])
+        rows, cols = (np.arange(at - reach, at + reach + 1) for at in (row, col))
+        y, x = (rows + 0.5) * cell_m - y_m, (cols + 0.5) * cell_m - x_m
+        within = np.argwhere(np.hypot(y[:, None], x) < radius_m)
+        return np.asarray(within + np.array([row - reach, col - reach]))
 
     def looks_at(self, frame: Frame, x_m: float, y_m: float, half_width_m: float) -> bool:
         """Return whether a person at a position of the map frame would be in view and in range, in
@@ -189,9 +179,50 @@ class PersonDetector:
         """Return (K,) how long cells have been occupied in seconds; −∞ when they are not."""
         return np.asarray(now_s - self._memory.occupied_s[cells[:, 0] % SIDE, cells[:, 1] % SIDE])
 
-    def _half_width_m(self, cluster: Cluster) -> float:
-        """Return half of the longer side of the bounding box, and half a cell for its rim."""
-        return float(np.ptp(cluster.cells, axis=0).max() + 2) * self._config.cell_m / 2
+    def _clusters(
+        self, mask: Mask, grid: _Grid, area_px: float, frame: Frame
+    ) -> tuple[list[Cluster], Bools]:
+        """Return the person-sized components of a mask, and the (SIDE, SIDE) cells of those that
+        are too large; `area_px` is the number of evaluated pixels of 1 m × 1 m at 1 m."""
+        config = self._config
+        total, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        found, crowded = [], np.zeros(mask.shape, dtype=np.bool_)
+        totals = component_totals(
+            np.asarray(names, dtype=np.int32), total, grid.kinds, grid.counts, grid.sums
+        )
+        for name, (left, top, width, height, size) in enumerate(boxes.tolist()):
+            if name == 0 or size < _MIN_CELLS:
+                continue
+            window = np.s_[top : top + height, left : left + width]
+            if max(width, height) * config.cell_m > config.max_width_m + config.cell_m:
+                crowded[window] |= names[window] == name
+                continue
+            pixels, labelled, new, x_sum, y_sum, top_m = totals[name].tolist()
+            x_m, y_m = x_sum / pixels, y_sum / pixels
+            dx_m, dy_m = x_m - grid.eye[0], y_m - grid.eye[1]
+            range_m = max(math.hypot(dx_m, dy_m), _MIN_RANGE_M)
+            if top_m < config.min_height_m or pixels * range_m**2 < config.min_area_share * area_px:
+                continue
+            part = names[window] == name
+            cells = np.argwhere(part) + np.array([top + grid.origin[1], left + grid.origin[0]])
+            radius_m = _radius_m(cells, dx_m / range_m, dy_m / range_m, config)
+            depth_share = _middle_offset_m(radius_m, config) / range_m
+            middle_x_m, middle_y_m = x_m + depth_share * dx_m, y_m + depth_share * dy_m
+            # Half of the longer side of the bounding box, and half a cell for its rim.
+            half_width_m = (max(width, height) + 1) * config.cell_m / 2
+            found.append(
+                Cluster(
+                    x_m=float(middle_x_m),
+                    y_m=float(middle_y_m),
+                    range_m=range_m,
+                    on_new_floor=new / size,
+                    labelled=labelled / pixels,
+                    radius_m=radius_m,
+                    cells=cells,
+                    is_cut=not self.looks_at(frame, middle_x_m, middle_y_m, half_width_m),
+                )
+            )
+        return found, crowded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -220,48 +251,6 @@ def _limits(config: PersonDetectorConfig) -> GridLimits:
         floor_m=config.floor_m,
         fill_m=config.fill_m,
     )
-
-
-def _clusters(
-    mask: Mask, grid: _Grid, area_px: float, config: PersonDetectorConfig
-) -> tuple[list[Cluster], Bools]:
-    """Return the person-sized components of a mask, and the (SIDE, SIDE) cells of those that are
-    too large; `area_px` is the number of evaluated pixels of 1 m × 1 m at 1 m."""
-    total, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    found, crowded = [], np.zeros(mask.shape, dtype=np.bool_)
-    totals = component_totals(
-        np.asarray(names, dtype=np.int32), total, grid.kinds, grid.counts, grid.sums
-    )
-    for name in range(1, total):
-        left, top, width, height, size = boxes[name]
-        if size < _MIN_CELLS:
-            continue
-        window = np.s_[top : top + height, left : left + width]
-        if max(width, height) * config.cell_m > config.max_width_m + config.cell_m:
-            crowded[window] |= names[window] == name
-            continue
-        pixels, labelled, new, x_sum, y_sum, top_m = totals[name].tolist()
-        x_m, y_m = x_sum / pixels, y_sum / pixels
-        dx_m, dy_m = x_m - grid.eye[0], y_m - grid.eye[1]
-        range_m = max(math.hypot(dx_m, dy_m), _MIN_RANGE_M)
-        if top_m < config.min_height_m or pixels * range_m**2 < config.min_area_share * area_px:
-            continue
-        part = names[window] == name
-        cells = np.argwhere(part) + np.array([top + grid.origin[1], left + grid.origin[0]])
-        radius_m = _radius_m(cells, dx_m / range_m, dy_m / range_m, config)
-        depth_share = _middle_offset_m(radius_m, config) / range_m
-        found.append(
-            Cluster(
-                x_m=float(x_m + depth_share * dx_m),
-                y_m=float(y_m + depth_share * dy_m),
-                range_m=range_m,
-                on_new_floor=new / int(size),
-                labelled=labelled / pixels,
-                radius_m=radius_m,
-                cells=cells,
-            )
-        )
-    return found, crowded
 
 
 def _middle_offset_m(radius_m: float, config: PersonDetectorConfig) -> float:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
-from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
+from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, distinct
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
@@ -42,7 +42,7 @@ class PeopleTracker:
     ) -> tuple[Track, ...]:
         """Return all people after one more frame, those out of sight at their predicted positions.
 
-        `ground_m` (H, W) is the height of the ground in metres (`ground_heights`), 0 by default.
+        `ground_m` is that of `ground_heights`, 0 by default.
         """
         step_s = (frame.stamp_ns - self._now_ns) / 1e9
         if not 0 <= step_s <= self._config.max_gap_s:
@@ -76,7 +76,7 @@ class PeopleTracker:
         rows = np.floor((y - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
         cols = np.floor((x - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
         inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
-        return np.unique((rows * spec.cols + cols)[inside])
+        return distinct((rows * spec.cols + cols)[inside])
 
     def is_free_floor(self, positions: Floats) -> Bools:
         """Return (N,) at which of (N, 2) positions in metres of odometry's frame no person stands:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from navcore.config.localisation.localisation import OdometryConfig
 from navcore.config.safety import KeepOutMonitorConfig
 from navcore.geometry.transform import Pose2
-from navcore.localisation.cell_margins import CellMargins
+from navcore.localisation.cell_margins import CellMargins, _index_of
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.tracking.odometry_model import travel_variance
 from navcore.robot.frame import Frame
@@ -101,3 +103,15 @@ def test_a_robot_that_was_moved_by_other_means_has_seen_nothing(margins: CellMar
     assert margins.follow(AHEAD, turned(3.0), place(0.3)).growth_m == pytest.approx([0.0])
     margins.forget()
     assert margins.follow(AHEAD, turned(3.0), place(0.3)).growth_m == pytest.approx([0.6])
+
+
+@given(
+    st.lists(st.tuples(st.integers(-4, 4), st.integers(-4, 4)), unique=True),
+    st.lists(st.tuples(st.integers(-4, 4), st.integers(-4, 4)), unique=True),
+)
+def test_each_cell_is_found_among_others_if_it_is_one_of_them(
+    cells: list[tuple[int, int]], among: list[tuple[int, int]]
+) -> None:
+    xy, others = (0.05 * np.array(some, dtype=np.float64).reshape(-1, 2) for some in (cells, among))
+    found = [among.index(cell) if cell in among else len(among) for cell in cells]
+    assert _index_of(xy, others).tolist() == found

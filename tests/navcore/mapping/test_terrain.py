@@ -190,7 +190,7 @@ def test_the_costmap_follows_the_terrain_as_it_grows_and_is_corrected() -> None:
 
 
 def test_a_robot_that_stands_adds_no_looks(flat: Frame) -> None:
-    terrain, ground_m = new_map().terrain, flat_ground(flat.depth_m.shape)
+    terrain, ground_m = new_map().terrain, flat_ground(flat.intrinsics.width)
     terrain.observe(flat, ground_m, OBJECT_M)
     held = terrain.memory_mb, at_many_places(terrain)
     terrain.observe(flat, ground_m, OBJECT_M)
