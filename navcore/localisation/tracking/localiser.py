@@ -43,6 +43,9 @@ _PLACED = np.diag([0.3, 0.3, math.radians(8.0)]) ** 2
 """Covariance of a pose that was given without one."""
 _DISPLACED = np.diag([_WIDE_M, _WIDE_M, _WIDE_RAD]) ** 2
 """Covariance of a motion without the wheels, or of an error of the saved map."""
+_DOUBTED_S = 0.5
+"""Time in seconds of contradicting frames from which the place is looked for beside the estimate:
+a person who passes contradicts the map for less, and the search takes longer than the rest."""
 _UNKNOWN = 1e-6 * np.eye(3)
 """Information about a direction that a scan tells nothing of."""
 
@@ -375,7 +378,8 @@ class Localiser:
 
     def _look_beside(self, scan: Scan, stamp_ns: int) -> None:
         """Correct the estimate if scans that contradict it fit the saved map beside it."""
-        if not (len(self._saved) and self.is_confirmed) or self._state is LocalisationState.LOST:
+        is_tracked = len(self._saved) and self._state is not LocalisationState.LOST
+        if not (is_tracked and self.is_confirmed and self._doubt_s >= _DOUBTED_S):
             return
         found = self._displacement.find(scan, self._saved, self._pose, self._odometry[0], stamp_ns)
         if found is None:
