@@ -371,9 +371,11 @@ def _tracking_row(result: Result) -> Sequence[str]:
         shown(saved, "yaw_p95_deg", unit="°"),
         shown(saved, "nees", unit=""),
         f"{loops['right']} right, {loops['wrong']} wrong",
-        f"{carried['noticed']} of {carried['carried']} noticed, {carried['in_time']} in time; "
+        f"{carried['noticed']} of {carried['carried']} noticed, {carried['in_time']} in time, "
+        f"{carried['right_again']} more corrected; "
         f"{carried['false_alarms']} false alarms in {carried['not_carried']}",
-        f"{sum(end['wrong'] for end in ends)} wrong of {sum(end['runs'] for end in ends)}",
+        f"{sum(end['right'] for end in ends)} right, {sum(end['wrong'] for end in ends)} wrong of "
+        f"{sum(end['runs'] for end in ends)}",
         shown(saved, "p99_ms", unit="ms"),
     )
 

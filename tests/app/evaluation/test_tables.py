@@ -178,7 +178,8 @@ def located(wrong: int) -> dict[str, Any]:
     run = {"runs": 2, "median": figures, "worst": figures, "by_run": loops}
     search: dict[str, Any] = {"starts": 10, "right": 8, "refused": 2 - wrong, "wrong": wrong}
     search |= {"misled": 1, "misled_m": 0.9}
-    carried = {"carried": 9, "noticed": 8, "in_time": 7, "false_alarms": 0, "not_carried": 3}
+    carried = {"carried": 9, "noticed": 8, "in_time": 7, "right_again": 1}
+    carried |= {"false_alarms": 0, "not_carried": 3}
     return {
         "scenario": "office",
         "odometry": "typical",
@@ -192,7 +193,7 @@ def located(wrong: int) -> dict[str, Any]:
         "wrong_map": {},
         "started_in": {"mirrored": search},
         "carried_away": {"saved_map": carried},
-        "disturbed": {"jump": {"wrong": 0, "runs": 2}},
+        "disturbed": {"jump": {"right": 1, "wrong": 0, "runs": 2}},
     }
 
 
