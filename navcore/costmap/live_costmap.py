@@ -14,7 +14,7 @@ import numpy as np
 
 from navcore.costmap.beyond import closed_from_beyond
 from navcore.costmap.costmap import Costmap, are_set
-from navcore.geometry.arrays import Floats, Indices, Points, distinct
+from navcore.geometry.arrays import Floats, Indices, Points, sorted_distinct
 from navcore.grid.bitplane import PAD, BitPlane, empty_plane
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE, FreeSpace
@@ -171,7 +171,7 @@ class LiveCostmap:
             radius_of[class_id] = radius
         radii = radius_of[changes.class_ids]
         for radius in np.unique(radii[radii >= 0]):
-            self._inflate(int(radius), distinct(changes.cells[radii == radius]))
+            self._inflate(int(radius), sorted_distinct(changes.cells[radii == radius]))
 
     def _inflate(self, radius: int, numbers: Indices) -> None:
         """Inflate changed cells, by their (N,) numbers, as the planes of a radius have them."""

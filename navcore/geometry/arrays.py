@@ -19,7 +19,7 @@ Words = npt.NDArray[np.uint64]
 """Words of 64 bits in any shape."""
 
 
-def distinct(numbers: Indices) -> Indices:
+def sorted_distinct(numbers: Indices) -> Indices:
     """Return each of (N,) whole numbers once, in rising order: by sorting, which for the thousands
     of a frame is several times as fast as the hashing of `np.unique`."""
     ordered = np.sort(numbers)

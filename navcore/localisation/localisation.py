@@ -94,7 +94,7 @@ class Localisation:
         self.tracker.is_confirmed = self._start is None
         estimate = self.tracker.follow(frame, scan)
         self._loops.note(self.tracker.take_edges())
-        if self.tracker.place_correction is not None:
+        if self.tracker.place_correction is not None:  # by scans: rooms are alike
             self._prove()
         is_believed = self._probation is None and self._start is None
         estimate = self._confirmed(self._fixed(frame, estimate), frame)

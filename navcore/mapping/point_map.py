@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration
-from navcore.geometry.arrays import Bools, Floats, Indices, Points, distinct
+from navcore.geometry.arrays import Bools, Floats, Indices, Points, sorted_distinct
 from navcore.geometry.transform import Pose2, invert
 from navcore.grid.bitplane import MOST_CELLS
 from navcore.grid.cell_mask import CellMask, window
@@ -188,7 +188,7 @@ class PointMap:
         gone = ~np.isin(held["cell"], outside)
         self._points.remove(indices[gone])
         self.version += self.layers.refresh(
-            self._points, distinct(held["cell"][gone]).astype(np.int64)
+            self._points, sorted_distinct(held["cell"][gone]).astype(np.int64)
         )
 
     def erase(self, cells: Indices, class_ids: Iterable[int]) -> Erased:
@@ -472,7 +472,7 @@ class PointMap:
         )
         self._points.remove(forgotten)
         if len(cells):
-            self.layers.refresh(self._points, distinct(cells))
+            self.layers.refresh(self._points, sorted_distinct(cells))
             self.version += 1
         return len(forgotten) > 0
 
@@ -490,7 +490,7 @@ class PointMap:
             self._rules.clearing,
         )
         if len(gone):
-            cells = distinct(self._points.live["cell"][gone]).astype(np.int64)
+            cells = sorted_distinct(self._points.live["cell"][gone]).astype(np.int64)
             self._points.remove(gone)
             self.layers.refresh(self._points, cells)
             self.version += 1

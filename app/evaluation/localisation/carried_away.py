@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.evaluation.localisation.drives import Drive
+from app.evaluation.localisation.drives import FRAME_NS, Drive
 from app.evaluation.localisation.recording import Recording
 from app.evaluation.localisation.replay import RIGHT_M, Replay
 from app.evaluation.localisation.trials import SavedMap
@@ -19,7 +19,6 @@ FOLLOWED_M = 10.0
 """Way in metres for which a robot that was carried away is followed."""
 CARRIED_M = (1.0, 5.0, 20.0)
 """Distances in metres by which the robot is carried away."""
-_FRAME_NS = 200_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +99,7 @@ def _follow_over(
     odometry = run.odometry(number, run.drive.true_poses[0])
     jump = odometry[at] @ odometry[to].inverse()
     frames = [*range(at), *range(to, len(run.drive))]
-    stamps = tuple(_FRAME_NS * (1 + index) for index in range(len(frames)))
+    stamps = tuple(FRAME_NS * (1 + index) for index in range(len(frames)))
     poses = [*odometry[:at], *(jump @ odometry[k] for k in frames[at:])]
     drive = _spliced(run.drive, frames, stamps)
     replay = Replay(config) if saved is None else Replay(config, saved.keyframes, saved.poses)

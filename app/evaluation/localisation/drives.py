@@ -31,7 +31,9 @@ from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.schema import Scenario
 
 EVERY = 2
-"""Every how many frames of a drive is kept: 5 a second."""
+"""Every how many frames of a drive is kept."""
+FRAME_NS = 200_000_000
+"""Time between two frames that are kept, nanoseconds."""
 _LOOK_FIRST_S = 1.0
 _MOST_BYTES = 500_000_000
 _LENS = Intrinsics(width=1, height=1, fx=1.0, fy=1.0, cx=0.0, cy=0.0)

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from app.evaluation.localisation.drives import FRAME_NS
 from app.evaluation.localisation.replay import Run
 from navcore.geometry.arrays import Bools
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationState
 
-OVERCONFIDENT, FRAME_S = 30.0, 0.2
-"""NEES that must not last, and the time between two frames in seconds."""
+OVERCONFIDENT = 30.0
+"""NEES that must not last."""
 RPE_M = 10.0
 """Distance in metres over which the relative error is measured."""
 
@@ -50,7 +51,7 @@ def figures(run: Run) -> dict[str, float]:
 def longest_s(frames: Bools) -> float:
     """Return the longest time without a break for which (N,) frames are true, in seconds."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], frames.astype(np.int8), [0]])))
-    return float(np.max(edges[1::2] - edges[::2], initial=0)) * FRAME_S
+    return float(np.max(edges[1::2] - edges[::2], initial=0)) * FRAME_NS / 1e9
 
 
 def relative_error_m(run: Run) -> float:

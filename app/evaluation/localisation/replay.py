@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from app.evaluation.localisation.drives import Drive
+from app.evaluation.localisation.drives import FRAME_NS, Drive
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import Floats
@@ -35,8 +35,8 @@ RIGHT_M, RIGHT_RAD = 0.15, math.radians(2.0)
 TRACK_M = 0.55
 """Distance between the wheels of the two sides in metres, for their slip in turns."""
 _GRID = GridSpec.centred(size_m=(1.0, 1.0), resolution_m=0.1)
-_FRAME_NS, _STANDING_FRAMES = 200_000_000, 3
-"""Time between frames in nanoseconds, and number of them for which the robot stands."""
+_STANDING_FRAMES = 3
+"""Number of frames for which the robot stands."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,7 +122,7 @@ class Replay:
         for _ in range(_STANDING_FRAMES):
             if not self._correction.waits_for_standstill:
                 break
-            self._stood_ns += _FRAME_NS
+            self._stood_ns += FRAME_NS
             estimate = self._tick(drive, k, T_odom_base)
         return estimate
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from app.evaluation.localisation.drives import Drive
+from app.evaluation.localisation.drives import FRAME_NS, Drive
 from app.evaluation.localisation.recording import Recording
 from app.evaluation.localisation.replay import RIGHT_M, RIGHT_RAD, Replay, follow
 from navcore.config.navigator import NavigatorConfig
@@ -28,7 +28,7 @@ SPIN_M, SPIN_S = 0.5, 2.0
 """Distance that spinning wheels measure while the robot stands where it is, and for how long."""
 COVERED_S = 10.0
 """Time in seconds for which the lens is covered."""
-_FRAME_S = 0.2
+_FRAME_S = FRAME_NS / 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from navcore.config.localisation.localisation import MatchConfig
-from navcore.geometry.arrays import Floats, Indices, distinct
+from navcore.geometry.arrays import Floats, Indices, sorted_distinct
 from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.surface_grid import (
@@ -161,7 +161,7 @@ class ScanMap:
             i, j = np.array(self._origin) - low if self._directory.size else (0, 0)
             larger[i : i + rows, j : j + cols] = self._directory
             self._directory, self._origin = larger, (int(low[0]), int(low[1]))
-        new_tiles = len(distinct(tiles @ (self._directory.shape[1], 1)))
+        new_tiles = len(sorted_distinct(tiles @ (self._directory.shape[1], 1)))
         while self._used[0] + new_tiles > len(self._heads):
             self._heads = np.concatenate([self._heads, np.full_like(self._heads, -1)])
         while self._used[1] + len(points) > len(self._sums):

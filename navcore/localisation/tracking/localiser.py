@@ -164,7 +164,6 @@ class Localiser:
         self._flow.jump(T_map_base, self._odometry[0])
         self._chain.restart()
         self._begin_again()
-        self._doubt_s = self._doubt_m = 0.0
         self._unmatched = (math.inf, math.inf)
         self._since_m = 0.0
         self._enter(LocalisationState.DEAD_RECKONING, self._odometry[1])
@@ -223,6 +222,7 @@ class Localiser:
         self._refused.clear()
         self._displacement.clear()
         self._continues = True
+        self._doubt_s = self._doubt_m = 0.0
 
     @property
     def _pose(self) -> Pose2:
@@ -387,7 +387,6 @@ class Localiser:
         information = self._scale(found.points, absolute=True) * found.information
         spread = np.linalg.inv(information + np.linalg.inv(_DISPLACED)) + self._floor
         self._shift(found.pose, spread, None)
-        self._doubt_s = self._doubt_m = 0.0
 
     def _doubt(self, step: OdometryStep, stamp_ns: int) -> None:
         """Count frames that contradict the map; after too many the robot is lost."""

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, PersonDetectorConfig
-from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, distinct
+from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, sorted_distinct
 from navcore.perception.ground import flat_ground
 from navcore.perception.people.detection_grid import (
     MOVABLE,
@@ -133,7 +133,7 @@ class PersonDetector:
         """Return the (N, 2) cells and their neighbours, without those that are fixed."""
         rows, cols = (cells[:, None] + _NEIGHBOURS[None]).reshape(-1, 2).T
         # Rows and columns as one number are sorted much faster than as rows of an array.
-        keys = distinct(rows * _KEY + cols)
+        keys = sorted_distinct(rows * _KEY + cols)
         rows = (keys + _KEY // 2) // _KEY
         wide = np.column_stack([rows, keys - rows * _KEY])
         return np.asarray(wide[self._occupied_for_s(wide, now_s) < self._config.fixed_s])
