@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 PUSH_LIMIT_M = 0.1
-"""Distance driven in contact after which a robot that was struck while standing has collided after
-all."""
+"""Distance driven against an object in contact after which a robot that was struck while standing
+has collided after all."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -19,10 +19,10 @@ class Contact:
     """Time at which the contact began."""
     what: str
     """Kind of the object, e.g. `wall`, `chair`, `person`."""
-    driven_m: float
-    """Distance that the robot had driven by then."""
     collided: bool
-    """Whether the robot drove into the object, or on with it; else it was struck or pushed."""
+    """Whether the robot drove into the object, or on against it; else it was struck or pushed."""
+    pressed_m: float = 0.0
+    """Distance that the robot has driven against the object since."""
 
 
 class Contacts:
@@ -42,20 +42,19 @@ class Contacts:
         """Number of contacts that began, or went on, while the robot drove."""
         return sum(contact.collided for contact in self._all)
 
-    def judge(self, touched: set[int], *, driving: bool, t_s: float, driven_m: float) -> None:
-        """Judge one step by the numbers of the objects in contact, and whether the wheels drive the
-        robot."""
-        for number in touched:
+    def judge(self, touched: Mapping[int, float], *, driving: bool, t_s: float) -> None:
+        """Judge one step by the objects in contact, each with the distance in metres by which the
+        robot moved against it, and whether the wheels drive the robot."""
+        for number, advance_m in touched.items():
             contact = self._open.get(number)
             if contact is None:
-                contact = Contact(
-                    t_s=t_s, what=self._name_of(number), driven_m=driven_m, collided=driving
-                )
+                contact = Contact(t_s=t_s, what=self._name_of(number), collided=driving)
                 self._open[number] = contact
                 self._all.append(contact)
                 self.struck_while_standing += not driving and self._walks(number)
-            elif driving and driven_m - contact.driven_m > PUSH_LIMIT_M:
-                contact.collided = True
+            elif driving:
+                contact.pressed_m += advance_m
+                contact.collided = contact.collided or contact.pressed_m > PUSH_LIMIT_M
         self._open = {
             number: contact for number, contact in self._open.items() if number in touched
         }

@@ -93,15 +93,15 @@ class Referee:
         """
         self._began_s = t_s - period_s if self._began_s is None else self._began_s
         self._t_s = t_s - self._began_s
-        if self._pose is not None:
-            self.distance_m += self._pose.distance_to(pose.x_m, pose.y_m)
+        before = self._pose or pose
+        self.distance_m += before.distance_to(pose.x_m, pose.y_m)
         self._pose = pose
         body = pose.to_parent(self._footprint)
         driving = (
             abs(rolling.v_mps) + abs(rolling.w_radps) * self._robot.circumscribed_radius_m
             > STANDING_MPS
         )
-        self._judge_contacts(body, people, driving)
+        self._judge_contacts(body, people, driving, before)
         believed = body if odometry is None else odometry.to_parent(self._footprint)
         self._beware.judge(
             body, believed, t_s=self._t_s, period_s=period_s, displaced=self._displaced(items)
@@ -251,16 +251,33 @@ class Referee:
             if item.pose.distance_to(pose.x_m, pose.y_m) > DISPLACED_M
         }
 
-    def _judge_contacts(self, body: Polygon, people: Sequence[Pose2], driving: bool) -> None:
+    def _judge_contacts(
+        self, body: Polygon, people: Sequence[Pose2], driving: bool, before: Pose2
+    ) -> None:
+        """Judge what the body touches. Fixed things are driven against by all of a step, since the
+        body scrapes along them; people and movers only where it moves towards them, since they may
+        follow a robot that makes way."""
+        assert self._pose is not None
         touched, self.min_clearance_m = self._fixed.proximity(body, CONTACT_M, self.min_clearance_m)
-        now = {int(k) for k in np.flatnonzero(touched)} if touched.any() else set()
+        step_m = before.distance_to(self._pose.x_m, self._pose.y_m)
+        now = {int(k): step_m for k in np.flatnonzero(touched)} if touched.any() else {}
         shapes = [self._person] * (len(people) - len(self._movers)) + self._movers
         for i, (person, shape) in enumerate(zip(people, shapes, strict=True)):
             gap_m = self._gap_to(person, *shape, body)
             self.min_clearance_m = min(self.min_clearance_m, gap_m)
             if gap_m <= CONTACT_M:
-                now.add(self._fixed.count + i)
-        self._contacts.judge(now, driving=driving, t_s=self._t_s, driven_m=self.distance_m)
+                now[self._fixed.count + i] = self._advance_m(before, person)
+        self._contacts.judge(now, driving=driving, t_s=self._t_s)
+
+    def _advance_m(self, before: Pose2, person: Pose2) -> float:
+        """Return by how much the point of the body that is nearest to the middle of a person has
+        moved towards it since `before`, in metres; 0 where it has moved away."""
+        assert self._pose is not None
+        centre = np.array([person.x_m, person.y_m])
+        half = np.array([self._robot.length_m, self._robot.width_m]) / 2
+        nearest = np.clip(self._pose.from_parent(centre), -half, half)
+        here, there = self._pose.to_parent(nearest), before.to_parent(nearest)
+        return max(0.0, math.dist(there, centre) - math.dist(here, centre))
 
     def _gap_to(self, person: Pose2, outline: Polygon, reach_m: float, body: Polygon) -> float:
         """Return the distance to a person, infinite for one who is neither in contact nor nearer

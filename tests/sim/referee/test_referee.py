@@ -241,6 +241,25 @@ def test_a_person_who_yields_does_not_strike_the_robot() -> None:
         assert simulator.referee.struck_while_standing == 0
 
 
+@pytest.mark.parametrize(("speed_mps", "collisions"), [(-0.2, 0), (0.2, 1)])
+def test_a_robot_that_was_struck_collides_if_it_drives_on_against_the_person_but_not_away(
+    speed_mps: float, collisions: int
+) -> None:
+    referee = Referee(open_floor())
+    for step in range(241):  # the person stays in touch with the front, as one who follows
+        x_m = 0.0 if step == 0 else step * speed_mps * PERIOD_S
+        front_m = x_m + HUSKY.length_m / 2
+        referee.observe(
+            t_s=step * PERIOD_S,
+            pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0),
+            rolling=Twist(v_mps=speed_mps if step else 0.0, w_radps=0.0),
+            people=(Pose2(x_m=front_m + 0.2, y_m=0.1, yaw_rad=0.0),),
+            period_s=PERIOD_S,
+        )
+    assert referee.struck_while_standing == 1
+    assert referee.collisions == collisions
+
+
 def test_driving_into_a_person_is_a_collision() -> None:
     with blind(open_floor(people=(Person(points=((1.5, 0.0),)),))) as simulator:
         drive(simulator, 0.5, 0.0, 2.5)
