@@ -87,16 +87,15 @@ def predict(
     state: Matrix, covariance: Matrix, step: OdometryStep, config: OdometryConfig = _DEFAULT
 ) -> tuple[Matrix, Matrix]:
     """Return the (N,) state and its (N, N) covariance after a step; elements beyond those of this
-    module stay as they are.
-
-    At standstill the turn that the gyro reports is its bias, and the pose stays.
+    module stay as they are. At standstill the pose stays.
     """
-    if step.is_standing(config):
-        return _at_standstill(state, covariance, step, config)
-    after, jacobian = _moved(state, step)
-    grown = jacobian @ covariance @ jacobian.T
-    grown[:3, :3] += _noise(step, _mean_heading(state, step), config)
+    grown = covariance.copy()
     grown[GYRO_BIAS, GYRO_BIAS] += _bias_growth(step, config)
+    if step.is_standing(config):
+        return state, grown
+    after, jacobian = _moved(state, step)
+    grown = jacobian @ grown @ jacobian.T
+    grown[:3, :3] += _noise(step, _mean_heading(state, step), config)
     return after, (grown + grown.T) / 2
 
 
@@ -189,19 +188,6 @@ def _moved(state: Matrix, step: OdometryStep) -> tuple[Matrix, Matrix]:
     jacobian[X, LENGTH_SCALE] = -(cos * step.along_m - sin * step.aside_m)
     jacobian[Y, LENGTH_SCALE] = -(sin * step.along_m + cos * step.aside_m)
     return after, jacobian
-
-
-def _at_standstill(
-    state: Matrix, covariance: Matrix, step: OdometryStep, config: OdometryConfig
-) -> tuple[Matrix, Matrix]:
-    grown = covariance.copy()
-    grown[GYRO_BIAS, GYRO_BIAS] += _bias_growth(step, config)
-    variance = math.radians(config.gyro_noise_deg) ** 2 / step.duration_s
-    gain = grown[:, GYRO_BIAS] / (grown[GYRO_BIAS, GYRO_BIAS] + variance + 1e-18)
-    after = state + gain * (step.turn_rad / step.duration_s - state[GYRO_BIAS])
-    after[YAW] = wrap_angle(after[YAW])
-    grown = grown - np.outer(gain, grown[GYRO_BIAS])
-    return after, (grown + grown.T) / 2
 
 
 def _noise(step: OdometryStep, heading_rad: float, config: OdometryConfig) -> Matrix:

@@ -11,6 +11,7 @@ from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.tracking.odometry_model import (
     ERRORS,
+    GYRO_BIAS,
     LEAST,
     SCAN_SCALE,
     STATES,
@@ -38,6 +39,11 @@ class PoseFilter:
     map errs as the robot did. A second covariance, of the pose within that map, weighs such a
     match. A motion that was measured by scans is true wherever the map lies, but for the error of
     scale that all scans have in common.
+
+    What a motion, or a standstill, tells of the constant errors of odometry says that the robot was
+    elsewhere all the way. The map that it has drawn does not move with that, so neither does the
+    reference, and the pose only by as much as the motion since then changes: else a robot that
+    stands would move away from the walls beside it.
     """
 
     def __init__(self, pose: Pose2, config: OdometryConfig = _DEFAULT) -> None:
@@ -90,10 +96,16 @@ class PoseFilter:
         self._within = copy @ self._within @ copy.T
 
     def predict(self, step: OdometryStep) -> None:
-        """Move by a step of odometry."""
+        """Move by a step of odometry. At standstill the turn that the gyro reports is its bias."""
         before = self._state
         self._state, self._covariance = predict(before, self._covariance, step, self._config)
         _, self._within = predict(before, self._within, step, self._config)
+        if step.is_standing(self._config):
+            bias = np.zeros((1, len(before)))
+            bias[0, GYRO_BIAS] = 1.0
+            known = step.duration_s / (math.radians(self._config.gyro_noise_deg) ** 2 + 1e-18)
+            residual = step.turn_rad / step.duration_s - before[GYRO_BIAS]
+            self._learn(np.array([known * residual]), bias, np.array([[known]]))
 
     def place(self, pose: Pose2, covariance: Matrix) -> None:
         """Set the pose, which is the reference as well; what was learnt about odometry stays."""
@@ -164,11 +176,31 @@ class PoseFilter:
         residual = np.linalg.pinv(information) @ pull
         if residual @ np.linalg.solve(np.eye(3) + information @ spread, pull) > gate:
             return False
-        self._state = self._state + _gain(self._covariance, rows, information) @ pull
-        self._state[YAW] = wrap_angle(self._state[YAW])
-        self._covariance = _informed(self._covariance, rows, information)
-        self._within = _informed(self._within, rows, information)
+        self._learn(pull, rows, information)
         return True
+
+    def _learn(self, pull: Matrix, rows: Matrix, information: Matrix) -> None:
+        """Update by a measurement that tells nothing of where the map lies: (M, M) `information`,
+        which may be singular, (M,) `pull`, the information times the residual, and (M, N) `rows`,
+        its derivative by the state."""
+        anchored = self._anchored()
+        gain = anchored @ _gain(self._covariance, rows, information)
+        self._state = self._state + gain @ pull
+        self._state[YAW] = wrap_angle(self._state[YAW])
+        self._covariance = _informed(self._covariance, gain, rows, information)
+        gain = anchored @ _gain(self._within, rows, information)
+        self._within = _informed(self._within, gain, rows, information)
+
+    def _anchored(self) -> Matrix:
+        """Return the (N, N) matrix by which a change of the state leaves the reference in place:
+        the pose changes by the motion since then alone."""
+        x, y = self._state[_REFERENCE][:2]
+        carried = np.eye(3)
+        carried[:2, YAW] = y - self._state[Y], self._state[X] - x
+        anchored = np.eye(len(self._state))
+        anchored[:3, _REFERENCE] = -carried
+        anchored[_REFERENCE, _REFERENCE] = 0.0
+        return anchored
 
     def fuse_position(self, residual: Matrix, rows: Matrix, covariance: Matrix) -> None:
         """Fuse a measurement of the pose: (M,) difference from the expected one, (M, 3) its
@@ -185,15 +217,17 @@ class PoseFilter:
 
 
 def _gain(covariance: Matrix, rows: Matrix, information: Matrix) -> Matrix:
-    """Return the gain on a residual that is multiplied by its (3, 3) information."""
+    """Return the best (N, M) gain on a residual that is multiplied by its (M, M) information."""
     spread = rows @ covariance @ rows.T
-    return np.asarray(covariance @ rows.T @ np.linalg.inv(np.eye(3) + information @ spread))
+    return np.asarray(
+        covariance @ rows.T @ np.linalg.inv(np.eye(len(rows)) + information @ spread)
+    )
 
 
-def _informed(covariance: Matrix, rows: Matrix, information: Matrix) -> Matrix:
-    """Return the covariance after a measurement of (3, 3) information."""
-    gain = _gain(covariance, rows, information)
-    after = covariance - gain @ information @ rows @ covariance
+def _informed(covariance: Matrix, gain: Matrix, rows: Matrix, information: Matrix) -> Matrix:
+    """Return the covariance after an update with any gain, in the form of Joseph."""
+    keep = np.eye(len(covariance)) - gain @ information @ rows
+    after = keep @ covariance @ keep.T + gain @ information @ gain.T
     return np.asarray((after + after.T) / 2)
 
 

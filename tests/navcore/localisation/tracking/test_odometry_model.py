@@ -123,6 +123,25 @@ def test_standing_still_the_gyro_bias_is_learnt_and_the_pose_stays() -> None:
     assert abs(math.degrees(own.pose.yaw_rad)) < 0.35
 
 
+def test_what_is_learnt_of_constant_errors_does_not_move_the_robot_away_from_its_new_map() -> None:
+    bias = 40 * DEGPH
+    own = PoseFilter(START)
+    for k in range(1, 801):  # 80 m
+        own.predict(OdometryStep(along_m=0.1, aside_m=0.0, turn_rad=0.2 * bias, duration_s=0.2))
+        if k % 5 == 0:
+            own.refer()
+    arrived, unknown = own.pose, own.constant_errors.covariance[0, 0]
+
+    for _ in range(50):
+        own.predict(OdometryStep(along_m=0.0, aside_m=0.0, turn_rad=0.2 * bias, duration_s=0.2))
+
+    assert own.constant_errors.covariance[0, 0] < 0.1 * unknown
+    assert np.abs(difference(own.pose, arrived)).max() < 1e-3
+    # The bias has turned the route by 1.8°: what is not corrected stays uncertain.
+    error = difference(own.pose, Pose2(x_m=80.0, y_m=0.0, yaw_rad=0.0))
+    assert 1.0 < abs(error[1]) < 3.0 * math.sqrt(own.covariance[1, 1])
+
+
 def test_wheels_on_a_slope_measure_more_than_the_map_shows() -> None:
     after = Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0)
 
