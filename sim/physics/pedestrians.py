@@ -85,16 +85,18 @@ class Walker:
         """Return whether the next step would be into the robot's body.
 
         Who does not look out walks until they touch the robot. They cannot push it: it weighs as
-        much as they do, or more, and its wheels are braked.
+        much as they do, or more, and its wheels are braked. Nor do they follow it at once: a person
+        who took up each millimetre by which the contact moves it would push it after all.
         """
         step_m = self._speed_mps * self._period_s
         x_m, y_m = self.pose.x_m, self.pose.y_m
         gap_m = _gap_m(self._robot, robot, x_m, y_m)
-        if gap_m > step_m:
+        waits = self._waited_s > 0
+        if gap_m > (SIDE_GAP_M if waits else step_m):
             return False
         heading = self._heading()
         x_m, y_m = x_m + step_m * math.cos(heading), y_m + step_m * math.sin(heading)
-        return _gap_m(self._robot, robot, x_m, y_m) < min(gap_m, 0.0)
+        return _gap_m(self._robot, robot, x_m, y_m) < (gap_m if waits else min(gap_m, 0.0))
 
     def _is_blocked(self, robot: Pose2) -> bool:
         reach = robot.distance_to(self.pose.x_m, self.pose.y_m)

@@ -229,6 +229,14 @@ def test_a_person_who_does_not_yield_strikes_the_standing_robot_without_a_collis
         assert simulator.true_pose().distance_to(0.0, 0.0) < 0.01  # it is not pushed
 
 
+def test_a_person_who_walks_against_the_robot_askew_does_not_push_it_aside() -> None:
+    person = Person(points=((1.5, 0.0), (-1.5, 0.0)), speed_mps=0.8, yields=False, begins_at=0.0)
+    with blind(open_floor(people=(person,), start=(0.0, -0.42, 0.46)), seed=2) as simulator:
+        wait(simulator, 4.0)
+        assert simulator.referee.struck_while_standing == 1
+        assert simulator.true_pose().distance_to(0.0, -0.42) < 0.02
+
+
 def test_a_person_who_yields_does_not_strike_the_robot() -> None:
     with blind(
         open_floor(people=(walker(yields=True),), start=(0.0, -1.0, 1.57)), seed=2
