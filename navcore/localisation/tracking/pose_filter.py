@@ -219,9 +219,7 @@ class PoseFilter:
 def _gain(covariance: Matrix, rows: Matrix, information: Matrix) -> Matrix:
     """Return the best (N, M) gain on a residual that is multiplied by its (M, M) information."""
     spread = rows @ covariance @ rows.T
-    return np.asarray(
-        covariance @ rows.T @ np.linalg.inv(np.eye(len(rows)) + information @ spread)
-    )
+    return np.asarray(covariance @ rows.T @ np.linalg.inv(np.eye(len(rows)) + information @ spread))
 
 
 def _informed(covariance: Matrix, gain: Matrix, rows: Matrix, information: Matrix) -> Matrix:
