@@ -81,33 +81,35 @@ def create_app(
         redoc_url=None,
         default_response_class=JsonResponse,
     )
-    for router in (
-        mission_router,
-        zones_router,
-        drawing_router,
-        beware_drafts_router,
-        beware_router,
-        maps_router,
-        poses_router,
-        map_edits_router,
-        path_settings_router,
-        sites_router,
-        events_router,
-        journal_router,
-        explain_router,
-        sightings_router,
-        localisation_router,
-        teach_frames_router,
-        teach_training_router,
-    ):
-        app.include_router(router(operations), prefix="/api/v1")
-    app.include_router(control_router(operations, access.control, auditor), prefix="/api/v1")
-    app.include_router(access_router(access.authenticator), prefix="/api/v1")
-    app.include_router(audit_router(access.audit_log), prefix="/api/v1")
-    app.include_router(viewer_link_router(viewer), prefix="/api/v1")
-    app.include_router(health_router(operations))
-    app.include_router(pages_router())
-    app.include_router(viewer_router(viewer))
+    routers = [
+        mission_router(operations),
+        zones_router(operations),
+        drawing_router(operations),
+        beware_drafts_router(operations),
+        beware_router(operations),
+        maps_router(operations),
+        poses_router(operations),
+        map_edits_router(operations),
+        path_settings_router(operations),
+        sites_router(operations),
+        events_router(operations),
+        journal_router(operations),
+        explain_router(operations),
+        sightings_router(operations),
+        localisation_router(operations),
+        teach_frames_router(operations),
+        teach_training_router(operations),
+        control_router(operations, access.control, auditor),
+        access_router(access.authenticator),
+        audit_router(access.audit_log),
+        viewer_link_router(viewer),
+        health_router(operations),
+        pages_router(),
+        viewer_router(viewer),
+    ]
+    for router in routers:
+        # Not included, which would build each route once more, at the first request.
+        app.router.routes.extend(router.routes)
     problems.install(app)
     app.add_middleware(UndoNumber)
     app.add_middleware(

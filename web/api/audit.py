@@ -7,16 +7,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from pydantic import AwareDatetime
 
+from web.api.router import api_router
 from web.auth.audit import AuditLog, is_deep
 from web.auth.audit_text import describe_entry
-from web.gateway.problems import JsonResponse
 
 LARGEST_ID = 2**53
 
 
 def audit_router(audit_log: AuditLog | None) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["access"], default_response_class=JsonResponse)
+    router = api_router("access")
 
     @router.get("/audit")
     def get_audit(

@@ -22,7 +22,7 @@ _STATE = TypeAdapter(State)
 
 def events_router(operations: RobotService) -> APIRouter:
     """Return the websocket below `/api/v1`."""
-    router = APIRouter()
+    router = APIRouter(prefix="/api/v1")
 
     @router.websocket("/events")
     async def events(socket: WebSocket) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from fastapi import APIRouter, Query
 
-from web.gateway.problems import JsonResponse, refusals
+from web.api.router import api_router
+from web.gateway.problems import refusals
 from web.interface.insight import Alternative, Explanation, Kind, Page
 from web.interface.operations import RobotService
 from web.interface.wire import rounded
@@ -24,7 +25,7 @@ MAX_LIMIT = 1000
 def explain_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`. They are plain functions, so that they run in the server's
     pool, beside everything that drives."""
-    router = APIRouter(tags=["understand"], default_response_class=JsonResponse)
+    router = api_router("understand")
 
     @router.get("/explain", response_model=Explanation, responses=refusals(409))
     def explain() -> Explanation:
@@ -61,7 +62,7 @@ def _arc(points: npt.NDArray[np.float64], free: int) -> ArcOut:
 
 def journal_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["understand"], default_response_class=JsonResponse)
+    router = api_router("understand")
 
     @router.get("/journal", response_model=Page, responses=refusals(422, 503))
     def get_journal(

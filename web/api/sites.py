@@ -10,7 +10,8 @@ from fastapi import APIRouter, Path, Query, Request, Response
 
 from navcore.errors import BadConfiguration, NotKnown
 from navcore.geometry.transform import Pose2
-from web.gateway.problems import JsonResponse, refusals
+from web.api.router import api_router
+from web.gateway.problems import refusals
 from web.interface.operations import RobotService
 from web.interface.sites import SITE_NAME, MapChanges, Nav2Files, SeenTag, Site
 from web.schemas.sites import AcceptIn, Nav2ImportIn, SiteChangesIn, SiteIn, SitesOut
@@ -21,7 +22,7 @@ _EDITS = refusals(404, 409, 422, 503)
 
 def sites_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["sites"], default_response_class=JsonResponse)
+    router = api_router("sites")
 
     def find(name: str) -> Site:
         for site in operations.sites.all():

@@ -7,10 +7,11 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path
 
 from navcore.errors import BadConfiguration, NotKnown, Refused
+from web.api.router import api_router
 from web.auth.authenticator import Authenticator, PasswordAuthenticator
 from web.auth.roles import CurrentVisitor, Role
 from web.auth.users import User, hash_password, is_password, new_token, new_user
-from web.gateway.problems import JsonResponse, refusals
+from web.gateway.problems import refusals
 from web.languages.catalog import CATALOGS
 from web.schemas.access import (
     LanguageIn,
@@ -29,7 +30,7 @@ UserName = Annotated[str, Path(max_length=40)]
 
 def access_router(authenticator: Authenticator) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["access"], default_response_class=JsonResponse)
+    router = api_router("access")
 
     def locked() -> PasswordAuthenticator:
         if not isinstance(authenticator, PasswordAuthenticator):

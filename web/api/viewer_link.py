@@ -21,7 +21,7 @@ from web.viewer.viewer import Viewer
 
 def viewer_link_router(viewer: Viewer | None) -> APIRouter:
     """Return the websocket below `/api/v1`."""
-    router = APIRouter()
+    router = APIRouter(prefix="/api/v1")
 
     @router.websocket("/viewer/{page_id}")
     async def link(socket: WebSocket, page_id: str) -> None:

@@ -17,7 +17,8 @@ from navcore.formats.nav2_map import description_of, map_from_cells, read, yaml_
 from navcore.mapping.storage.prior_map import prior_layer
 from navcore.perception.region_growing import region_at
 from navcore.planning.path import NoPath
-from web.gateway.problems import JsonResponse, refusals
+from web.api.router import api_router
+from web.gateway.problems import refusals
 from web.images.camera import beware_mask
 from web.interface.drafts import Preview, ZoneDraft
 from web.interface.operations import Existing, RobotService
@@ -45,7 +46,7 @@ ExistingQuery = Annotated[
 
 def drawing_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["zones"], default_response_class=JsonResponse)
+    router = api_router("zones")
 
     def newest() -> TickSnapshot:
         tick = operations.picture()

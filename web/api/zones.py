@@ -8,8 +8,9 @@ from fastapi import APIRouter, Path, Response
 
 from navcore.errors import NotKnown, Outdated
 from navcore.mission.zone import Zone
+from web.api.router import api_router
 from web.gateway.etag import ExpectedVersion, etag, outdated
-from web.gateway.problems import JsonResponse, refusals
+from web.gateway.problems import refusals
 from web.interface.operations import RobotService
 from web.schemas.fields import Name
 from web.schemas.zones import ZoneIn, ZoneOut, ZoneSetOut, ZonesOut
@@ -20,7 +21,7 @@ _EDITS = refusals(404, 409, 422, 503)
 
 def zones_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["zones"], default_response_class=JsonResponse)
+    router = api_router("zones")
 
     def all_zones() -> ZonesOut:
         return ZonesOut.of(operations.zones.stored, operations.zones.history)

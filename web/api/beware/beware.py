@@ -10,9 +10,10 @@ from pydantic import TypeAdapter
 
 from navcore.errors import BadConfiguration, Outdated
 from navcore.mission.beware_list import BewareList, as_toml
+from web.api.router import api_router
 from web.auth.roles import CurrentVisitor
 from web.gateway.etag import ExpectedVersion, etag, outdated
-from web.gateway.problems import JsonResponse, refusals
+from web.gateway.problems import refusals
 from web.interface.operations import RobotService
 from web.schemas.beware import BewareChanges, BewareListIn, BewareOut, NewEntry, OrderIn
 from web.schemas.fields import MAX_NAME
@@ -28,7 +29,7 @@ Force = Annotated[
 
 def beware_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["beware list"], default_response_class=JsonResponse)
+    router = api_router("beware list")
 
     def answer(beware: BewareList, response: Response) -> BewareOut:
         response.headers.update(etag(beware.version))

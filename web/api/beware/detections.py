@@ -6,7 +6,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
-from web.gateway.problems import JsonResponse, refusals
+from web.api.router import api_router
+from web.gateway.problems import refusals
 from web.interface.insight import LabellingState
 from web.interface.operations import RobotService
 from web.interface.wire import values_of
@@ -18,7 +19,7 @@ _REFUSALS = refusals(404, 409, 422, 503)
 
 def sightings_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["understand"], default_response_class=JsonResponse)
+    router = api_router("understand")
 
     @router.get("/sightings", response_model=SightingsOut)
     def get_sightings() -> SightingsOut:

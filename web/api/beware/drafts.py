@@ -12,9 +12,10 @@ from fastapi import APIRouter, Path, Response
 from navcore.errors import NotKnown
 from navcore.mission.beware_changes import changes_between
 from web.api.beware.beware import Force
+from web.api.router import api_router
 from web.auth.roles import CurrentVisitor
 from web.gateway.etag import etag
-from web.gateway.problems import JsonResponse, refusals
+from web.gateway.problems import refusals
 from web.images.camera import camera_jpg, mask_png, narrowed
 from web.interface.beware import BewareVersion, RecentLook
 from web.interface.operations import RobotService
@@ -46,7 +47,7 @@ Version = Annotated[int, Path(ge=0, le=1_000_000_000)]
 
 def beware_drafts_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["beware list"], default_response_class=JsonResponse)
+    router = api_router("beware list")
 
     @router.post("/beware/preview", response_model=ListPreviewOut, responses=refusals(409, 422))
     def preview(draft: BewareDraftIn) -> ListPreviewOut:

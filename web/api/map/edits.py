@@ -8,15 +8,16 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from web.api.beware.detections import SightingId
+from web.api.router import api_router
 from web.auth.roles import CurrentVisitor
-from web.gateway.problems import JsonResponse, refusals
+from web.gateway.problems import refusals
 from web.interface.operations import RobotService
 from web.schemas.map.edits import EditDone, EditsOut, EraseIn, MapEditsOut, RejectIn
 
 
 def map_edits_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
+    router = api_router("map and camera")
 
     def edits() -> MapEditsOut:
         return MapEditsOut.of(operations.map_edits)

@@ -7,7 +7,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from navcore.geometry.transform import Pose2
-from web.gateway.problems import JsonResponse, refusals
+from web.api.router import api_router
+from web.gateway.problems import refusals
 from web.interface.localisation import PlaceCheck, PlaceOut
 from web.interface.operations import RobotService
 from web.schemas.map.localisation import PoseIn
@@ -15,7 +16,7 @@ from web.schemas.map.localisation import PoseIn
 
 def localisation_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["localisation"], default_response_class=JsonResponse)
+    router = api_router("localisation")
 
     @router.get("/localisation", response_model=PlaceOut)
     def get_place() -> PlaceOut:

@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from navcore.geometry.transform import Pose2
+from web.api.router import api_router
 from web.gateway.etag import unless_known
-from web.gateway.problems import JsonResponse, refusals
+from web.gateway.problems import refusals
 from web.images.camera import camera_jpg, labels_of, with_overlay
 from web.images.encode import (
     LatestOnly,
@@ -44,7 +45,7 @@ RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
 
 def maps_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
+    router = api_router("map and camera")
     png, camera, tinted, labelled, ply = (
         LatestOnly[bytes](),
         LatestOnly[bytes](),
@@ -205,7 +206,7 @@ def _tagged(
 
 def poses_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
+    router = api_router("map and camera")
 
     @router.get("/map/poses", response_model=PosesOut)
     def get_poses() -> PosesOut:

@@ -18,10 +18,11 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from navcore.errors import BewareNavError
 from navcore.geometry.transform import Twist
+from web.api.router import api_router
 from web.auth.audit import Auditor
 from web.auth.control_lease import ControlLeases, NotInControl
 from web.auth.roles import CurrentVisitor, Role, Visitor
-from web.gateway.problems import JsonResponse, refusals
+from web.gateway.problems import refusals
 from web.gateway.websockets import BAD_MESSAGE, until_one_ends
 from web.interface.operations import RobotService
 from web.schemas.access import ControlOut, VisitorOut
@@ -44,7 +45,7 @@ LiveMessage: TypeAdapter[HeartbeatMessage | StopMessage | DriveMessage] = TypeAd
 
 def control_router(operations: RobotService, control: ControlLeases, auditor: Auditor) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["control"], default_response_class=JsonResponse)
+    router = api_router("control")
 
     @router.get("/control", response_model=ControlOut)
     async def get_control(visitor: CurrentVisitor) -> ControlOut:

@@ -13,8 +13,9 @@ from fastapi import APIRouter, Path, Query, Response
 
 from navcore.mission.mission import Goal
 from web.api.mission.control import stop_source
+from web.api.router import api_router
 from web.auth.roles import CurrentVisitor
-from web.gateway.problems import JsonResponse, refusals
+from web.gateway.problems import refusals
 from web.interface.operations import MissionAction, RobotService
 from web.interface.snapshots import State
 from web.schemas.fields import MAX_NAME, Name
@@ -30,7 +31,7 @@ from web.schemas.mission.mission import (
 
 def mission_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["mission"], default_response_class=JsonResponse)
+    router = api_router("mission")
 
     def mission() -> MissionOut:
         state = operations.state()

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from web.gateway.problems import JsonResponse, refusals
+from web.api.router import api_router
+from web.gateway.problems import refusals
 from web.interface.operations import RobotService
 from web.schemas.mission.path_settings import PathSettingsIn, PathSettingsOut
 
 
 def path_settings_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["map and camera"], default_response_class=JsonResponse)
+    router = api_router("map and camera")
 
     def settings() -> PathSettingsOut:
         return PathSettingsOut(unknown_price=operations.path_settings.unknown_price)

@@ -9,7 +9,8 @@ import numpy as np
 from fastapi import APIRouter, Path, Request, Response
 
 from navcore.errors import NotKnown
-from web.gateway.problems import JsonResponse, refusals
+from web.api.router import api_router
+from web.gateway.problems import refusals
 from web.interface.operations import RobotService
 from web.interface.teaching import Annotation, CapturedFrame
 from web.schemas.teaching import (
@@ -31,7 +32,7 @@ REGION = "region"
 
 def teach_frames_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["teach"], default_response_class=JsonResponse)
+    router = api_router("teach")
 
     def find(frame_id: str) -> CapturedFrame:
         for frame in operations.teaching.frames.all():

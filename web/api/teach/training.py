@@ -7,7 +7,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
-from web.gateway.problems import JsonResponse, refusals
+from web.api.router import api_router
+from web.gateway.problems import refusals
 from web.interface.operations import RobotService
 from web.interface.teaching import VERSION_NAME, NetworkVersion, TrainingRun
 from web.schemas.teaching import NetworksOut, TrainingIn, TrainingOut
@@ -21,7 +22,7 @@ _REFUSALS = refusals(404, 409, 422, 503)
 
 def teach_training_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
-    router = APIRouter(tags=["teach"], default_response_class=JsonResponse)
+    router = api_router("teach")
 
     def networks() -> NetworksOut:
         shown = operations.teaching.networks
