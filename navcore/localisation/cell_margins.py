@@ -68,6 +68,17 @@ class _Seen:
             _, nearest[others] = tree.query(cells[others], distance_upper_bound=within_m)
         return _Seen(cells, known[nearest], travels[nearest])
 
+    def beside(self, others: _Seen, within_m: float) -> _Seen:
+        """Return the same cells; those that were never in view as when the nearest one of others
+        was that was, within a distance."""
+        never, known = np.isnan(self.travels[:, 0]), others.only(~np.isnan(others.travels[:, 0]))
+        if not never.any() or not len(known.cells):
+            return self
+        found = known.of(self.cells[never], within_m)
+        covariances, travels = self.covariances.copy(), self.travels.copy()
+        covariances[never], travels[never] = found.covariances, found.travels
+        return _Seen(self.cells, covariances, travels)
+
     def joined(self, other: _Seen) -> _Seen:
         """Return the cells of both."""
         return _Seen(
@@ -95,8 +106,9 @@ class CellMargins:
         """Return those of (N, 2) centres of beware cells, map frame, that are near the robot, and
         their growth; of what the camera may see all have to be given.
 
-        The frame is placed in the map. Cells that are no longer there are forgotten; one that was
-        never in view, nor any beside it, is as uncertain as the robot's place in the map.
+        The frame is placed in the map. Cells that are no longer there are forgotten. One that was
+        never in view counts as seen with the nearest that was, since both are where the map has
+        them; without one it is as uncertain as the robot's place in the map.
         """
         rules = self._keep_out
         self._advance(place.T_map_odom.inverse() @ frame.pose, frame.stamp_ns)
@@ -109,6 +121,7 @@ class CellMargins:
         seen.covariances[in_view], seen.travels[in_view] = place.covariance[:2, :2], self._travel
         self._seen = self._seen.only(far).joined(seen)
         near = seen.only(_away_m(cells, frame) <= rules.cells_within_m)
+        near = near.beside(seen, rules.neighbour_m)
         variance = self._variance(near, place, _away_m(near.cells, frame))
         return GrownCells(near.cells, rules.sigmas * np.sqrt(variance))
 

@@ -70,6 +70,17 @@ def test_a_cell_that_a_correction_moves_has_the_history_of_its_neighbour(
     assert alone == pytest.approx(1.0)
 
 
+def test_a_hidden_cell_is_as_certain_as_the_one_beside_it_that_was_in_view(
+    margins: CellMargins,
+) -> None:
+    wall = Box(x=(1.2, 1.3), y=(-1.0, 1.0), z=(0.0, 1.5))
+    cells = np.array([[1.4, 0.0], [1.6, 0.0], [2.4, 0.0]])
+    for _ in range(2):
+        shown, beside, alone = margins.follow(cells, picture(wall), place(0.5)).growth_m
+        assert shown == beside == pytest.approx(0.0)
+        assert alone == pytest.approx(1.0)  # control: nothing near it was in view
+
+
 def test_a_cell_that_the_robot_comes_back_to_was_seen_before(margins: CellMargins) -> None:
     margins.follow(AHEAD, turned(0.0), place(0.300))
     away = picture(pose=Pose2(x_m=-8.0, y_m=0.0, yaw_rad=3.0), stamp_ns=int(2e9))
