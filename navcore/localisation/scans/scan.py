@@ -168,13 +168,15 @@ def _surfaces(
                     continue
                 d, depth, height = direction[j], float(depth_m[i, j]), heights[j]
                 # The steeper the line of sight, the less of an error of depth is horizontal.
-                error = max(error_1pm * depth * depth, 1e-4)
+                error = error_1pm * depth * depth
                 if abs(depth * weight[d] - z[d]) > (3.0 * error + 0.02) * weight[d]:
-                    _close(d, weight, x, y, pixels, low, high, rules, closed, found)
+                    _close(d, weight, x, y, pixels, low, high, error_1pm, rules, closed, found)
                     weight[d], x[d], y[d], z[d], pixels[d] = 0.0, 0.0, 0.0, 0.0, 0
                     low[d], high[d] = np.inf, -np.inf
                 px, py, _ = point_on_ray(level, across[j], b, depth)
-                share = 1.0 / (error * error)
+                # So the inverse depths are averaged, whose errors are symmetric. Weights by the
+                # variance of each measured depth would prefer the pixels that err towards near.
+                share = 1.0 / depth
                 weight[d] += share
                 x[d] += share * px
                 y[d] += share * py
@@ -185,7 +187,7 @@ def _surfaces(
     most = directions * _MOST_SURFACES
     points, variance, count = np.empty((most, 2)), np.empty(most), 0
     for d in range(directions):
-        _close(d, weight, x, y, pixels, low, high, rules, closed, found)
+        _close(d, weight, x, y, pixels, low, high, error_1pm, rules, closed, found)
         for n in range(found[d]):
             points[count, 0], points[count, 1] = closed[d, n, 0], closed[d, n, 1]
             variance[count] = closed[d, n, 2]
@@ -229,6 +231,7 @@ def _close(
     pixels: npt.NDArray[np.int32],
     low: FloatImage,
     high: FloatImage,
+    error_1pm: float,
     rules: ScanRules,
     closed: Floats,
     found: npt.NDArray[np.int32],
@@ -238,9 +241,9 @@ def _close(
     if is_surface and found[d] < _MOST_SURFACES:
         n = found[d]
         closed[d, n, 0], closed[d, n, 1] = x[d] / weight[d], y[d] / weight[d]
-        closed[d, n, 2] = max(
-            min(rules.correlated_px, float(pixels[d])) / weight[d], rules.floor_m**2
-        )
+        depth = pixels[d] / weight[d]
+        correlated = min(rules.correlated_px / pixels[d], 1.0)
+        closed[d, n, 2] = max(correlated * (error_1pm * depth * depth) ** 2, rules.floor_m**2)
         found[d] += 1
 
 

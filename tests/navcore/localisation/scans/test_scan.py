@@ -13,6 +13,7 @@ from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2, camera_mount, tilt_matrix
 from navcore.localisation.scans.scan import scan_of
 from navcore.robot.frame import Frame
+from sim.sensors.stereo_noise import StereoErrors
 
 LENS = Intrinsics(width=212, height=120, fx=112.0, fy=112.0, cx=105.5, cy=59.5)
 MOUNT = camera_mount(x_m=0.35, y_m=0.0, z_m=0.65, pitch_down_rad=math.radians(12.0))
@@ -54,6 +55,18 @@ def test_a_wall_is_a_line_of_points_and_the_floor_is_none() -> None:
     assert np.allclose(scan.points_base[:, 0], 2.5, atol=0.01)
     assert np.allclose(scan.normals[np.any(scan.normals != 0, axis=1)], (-1.0, 0.0), atol=0.02)
     assert len(scan_of(frame_of(room(50.0)))) == 0
+
+
+def test_noise_of_the_disparity_brings_a_wall_neither_nearer_nor_farther() -> None:
+    rng, found = np.random.default_rng(4), []
+    true_m = room(5.0)
+    strength = LENS.fx * StereoErrors().baseline_m
+    for _ in range(30):
+        disparity = strength / np.maximum(true_m, 0.1) + 0.04 * rng.standard_normal(true_m.shape)
+        noisy = np.where(true_m > 0.0, strength / np.maximum(disparity, 0.1), 0.0)
+        found.append(np.median(scan_of(frame_of(noisy)).points_base[:, 0]))
+
+    assert abs(np.mean(found) - 5.0) < 0.004
 
 
 def test_excluded_pixels_are_left_out() -> None:
