@@ -69,8 +69,8 @@ class _Seen:
         return _Seen(cells, known[nearest], travels[nearest])
 
     def beside(self, others: _Seen, within_m: float) -> _Seen:
-        """Return the same cells; those that were never in view as when the nearest one of others
-        was that was, within a distance."""
+        """Return the same cells; one that was never in view has the view of the nearest of `others`
+        that was, if it is within a distance in metres."""
         never, known = np.isnan(self.travels[:, 0]), others.only(~np.isnan(others.travels[:, 0]))
         if not never.any() or not len(known.cells):
             return self

@@ -133,7 +133,7 @@ MORE = (
 """Sentences that the scan of those modules does not find."""
 _NUMBER = re.compile(r"[.\d,+]*[fgd%]")
 _SILENT = re.compile(
-    r"log\..*|.*(?:\bdatabase|\bconnection|query)\.\w+|Field|Query|Header|Path|Response|APIRouter"
+    r"log\..*|.*(?:\bdatabase|\bconnection|query)\.\w+|Field|Query|Header|Path|Response|api_router"
     r"|PeriodicThread|threading\.Thread|typer\..*|.*\.(?:encode|removeprefix|replace|join)"
     r"|(?:error|context|scope)\.get"
 )

@@ -9,6 +9,7 @@ from typing import Any
 from fastapi import APIRouter, WebSocket
 from pydantic import TypeAdapter
 
+from web.api.router import api_router
 from web.gateway.websockets import until_gone, until_one_ends
 from web.interface.operations import RobotService
 from web.interface.snapshots import State
@@ -22,7 +23,7 @@ _STATE = TypeAdapter(State)
 
 def events_router(operations: RobotService) -> APIRouter:
     """Return the websocket below `/api/v1`."""
-    router = APIRouter(prefix="/api/v1")
+    router = api_router()
 
     @router.websocket("/events")
     async def events(socket: WebSocket) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 from fastapi import APIRouter, WebSocket
 from pydantic import ValidationError
 
+from web.api.router import api_router
 from web.gateway.websockets import BAD_MESSAGE, POLICY_VIOLATION, until_one_ends
 from web.viewer.messages import PageMessage
 from web.viewer.page_link import PAGE_ID, PageLink
@@ -21,7 +22,7 @@ from web.viewer.viewer import Viewer
 
 def viewer_link_router(viewer: Viewer | None) -> APIRouter:
     """Return the websocket below `/api/v1`."""
-    router = APIRouter(prefix="/api/v1")
+    router = api_router()
 
     @router.websocket("/viewer/{page_id}")
     async def link(socket: WebSocket, page_id: str) -> None:

@@ -92,7 +92,11 @@ def test_from_picture_to_logits_the_numbers_are_the_official_ones(data_set: str)
 
     found = logits(statistics)
     assert np.abs(found[batch, :, row, col] - expected).max() <= 1e-4 * found.std()
-    np.testing.assert_array_equal(found[0].argmax(axis=0), golden[f"{data_set}/raw/e2e_argmax"])
+    # Processors round differently: the label may be another where two classes tie, and only there.
+    official = golden[f"{data_set}/raw/e2e_argmax"]
+    of_official = np.take_along_axis(found[0], official[None].astype(np.int64), axis=0)[0]
+    assert (found[0].max(axis=0) - of_official).max() <= 2e-4 * found.std()
+    assert np.mean(found[0].argmax(axis=0) != official) < 1e-4
     if data_set == "nyuv2":  # the control: without the rule for missing depth the comparison fails
         wrong = logits(dataclasses.replace(statistics, raw=False))
         assert np.abs(wrong[batch, :, row, col] - expected).max() > 100 * 1e-4 * found.std()
