@@ -10,7 +10,7 @@ from playwright.sync_api import BrowserContext, Locator, Page, expect
 
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, eventually, middle_of
+from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, eventually
 from tests.web.page.eye import AXE, SMALL_TARGETS, SMALL_TEXT, serious_findings
 from web.pages import FOLDER
 from web.server import ConsoleServer
@@ -60,13 +60,10 @@ def open_page(
 def press(button: Locator) -> None:
     """Click the middle of a button by mouse; fails where another element goes on covering it."""
     button.scroll_into_view_if_needed()
-    # A note of what was done before may lie over it for a moment.
-    eventually(
-        button.page,
-        lambda: button.evaluate(IS_WITHIN_VIEWPORT) and button.evaluate(IS_TOPMOST),
-        patience_s=5.0,
-    )
-    button.page.mouse.click(*middle_of(button))
+    eventually(button.page, lambda: button.evaluate(IS_WITHIN_VIEWPORT), patience_s=5.0)
+    # A note of what was done before may lie over it for a moment, also between a look and a click:
+    # the browser is asked at the click itself what it hits.
+    button.click(timeout=5000)
 
 
 def show(button: Locator) -> None:
