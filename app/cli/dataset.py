@@ -65,6 +65,8 @@ class Job:
     """Columns and rows of the images."""
     disturbed: bool = False
     """Whether each world has a random light."""
+    furnished: bool = False
+    """Whether furniture has materials and tables have things on them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,6 +105,14 @@ class RenderSettings:
             "and motion blur, each in about half of the worlds; the same worlds without.",
         ),
     ] = "daylight"
+    interiors: Annotated[
+        Literal["plain", "furnished"],
+        typer.Option(
+            help="`furnished`: furniture of wood, fabric, metal and stone, tables and chairs on "
+            "legs with things on them, and some images from a camera in a hand; all else of the "
+            "worlds is the same without.",
+        ),
+    ] = "plain"
     where: EngineOptions = field(default_factory=EngineOptions)
 
 
@@ -120,12 +130,15 @@ def render(settings: RenderSettings) -> None:
     }
     sizes = [_size(text) for text in settings.size or ["424x240"]]
     disturbed = settings.light == "random"
-    jobs = _jobs(counts, settings.seed, sizes, disturbed=disturbed)
+    furnished = settings.interiors == "furnished"
+    jobs = _jobs(counts, settings.seed, sizes, disturbed=disturbed, furnished=furnished)
     source = {
         "made_by": "bewarenav dataset render",
         "seed": settings.seed,
         "poses_per_world": POSES_PER_WORLD,
-    } | ({"light": settings.light} if disturbed else {})
+    }
+    source |= {"light": settings.light} if disturbed else {}
+    source |= {"interiors": settings.interiors} if furnished else {}
     writer = DatasetWriter(
         settings.out, class_names=BEWARE_CLASSES, units_per_m=1000.0, source=source
     )
@@ -268,6 +281,7 @@ def _jobs(
     sizes: Sequence[tuple[int, int]],
     *,
     disturbed: bool = False,
+    furnished: bool = False,
 ) -> list[Job]:
     """Return the shards of every split; several sizes take turns over the shards, so that every
     split has a share of each."""
@@ -285,6 +299,7 @@ def _jobs(
             count=min(most, count - shard * most),
             size=sizes[shard % len(sizes)],
             disturbed=disturbed,
+            furnished=furnished,
         )
         for split, count in counts.items()
         for shard in range(-(-count // most))
@@ -319,6 +334,7 @@ def _render(job: Job) -> tuple[Split, list[LabelledImage]]:
         poses_per_world=POSES_PER_WORLD,
         size=job.size,
         disturbed=job.disturbed,
+        furnished=job.furnished,
     )
     return job.split, list(images)[: job.count]
 

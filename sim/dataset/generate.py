@@ -18,7 +18,8 @@ import numpy.typing as npt
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Matrix, Pose2, camera_mount
 from sim.dataset.camera_effects import apply_camera_effects
-from sim.dataset.renderer import PATTERNS, Labels, SceneRenderer
+from sim.dataset.interiors import hand_held_view, lived_in
+from sim.dataset.renderer import MATERIALS, PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import Scene
 from sim.rendering.lighting import PLAIN, random_lighting
@@ -65,12 +66,15 @@ def render_images(
     poses_per_world: int,
     size: tuple[int, int] = (424, 240),
     disturbed: bool = False,
+    furnished: bool = False,
 ) -> Iterator[LabelledImage]:
     """Yield images of random worlds, from `poses_per_world` poses each; the same seed
     gives the same bits. Raises `BadConfiguration`.
 
     `disturbed`: each world has a random light and each pose a random turn, drawn beside everything
-    else, so that worlds, poses and labels are the same without.
+    else, so that worlds, poses and labels are the same without. `furnished`: furniture has
+    materials, there are tables and chairs on legs with things on them, and some images are from a
+    camera in a hand (`sim.dataset.interiors`); all else of the worlds is the same without.
     """
     if seed < 0 or not 0 <= worlds <= WORLDS_PER_SHARD or poses_per_world < 1:
         raise BadConfiguration(
@@ -80,20 +84,32 @@ def render_images(
     scene_renderer = SceneRenderer(seed=seed, size=size)
     for i in range(worlds):
         world_seed = WORLDS_PER_SHARD * seed + i
-        yield from _render_world(scene_renderer, world_seed, poses_per_world, disturbed=disturbed)
+        yield from _render_world(
+            scene_renderer, world_seed, poses_per_world, disturbed=disturbed, furnished=furnished
+        )
 
 
 def _render_world(
-    scene_renderer: SceneRenderer, world_seed: int, poses: int, *, disturbed: bool
+    scene_renderer: SceneRenderer,
+    world_seed: int,
+    poses: int,
+    *,
+    disturbed: bool,
+    furnished: bool,
 ) -> Iterator[LabelledImage]:
     rng = np.random.default_rng((world_seed, 2))
     scene = random_scene(rng, patterns=PATTERNS, prints=scene_renderer.prints)
+    furniture_rng = np.random.default_rng((world_seed, 4))
+    if furnished:
+        scene = lived_in(scene, furniture_rng, materials=MATERIALS)
     scene_renderer.build(scene)
     light_rng = np.random.default_rng((world_seed, 3))
     lighting = random_lighting(light_rng) if disturbed else PLAIN
     turns_radps = light_rng.uniform(-FASTEST_TURN_RADPS, FASTEST_TURN_RADPS, poses)
     for k in range(poses):
         viewpoint = _viewpoint(scene, rng, k)
+        in_hand = hand_held_view(scene, furniture_rng) if furnished else None
+        viewpoint = viewpoint if in_hand is None else in_hand
         rgb, depth_m, labels = scene_renderer.render(viewpoint, scene, lighting)
         rgb, depth_m = apply_camera_effects(
             rgb,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -11,16 +12,18 @@ import numpy.typing as npt
 from navcore.geometry.transform import Matrix, Pose2, camera_mount
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from sim.dataset import palette
+from sim.dataset.materials import material_texture
 from sim.dataset.patterns import pattern
-from sim.dataset.scene import UNSEEN, Decal, Scene
+from sim.dataset.scene import UNSEEN, Decal, Scene, SolidObject
 from sim.models.items import ITEM_SIZES, item_shapes, item_solids
+from sim.models.mesh import merge_solids
 from sim.models.person import Appearance, person_solids
 from sim.models.textures import GLOSS, PRINT_PX, Texture, print_texture, spill_texture
 from sim.physics.bodies import pose_matrix
 from sim.rendering.lamps import LampLight
 from sim.rendering.lighting import PLAIN, Lighting
 from sim.rendering.visible_world import FAR_M, VisibleWorld
-from sim.rendering.visual import flat_polygon, rectangle, solid_visuals
+from sim.rendering.visual import Visual, flat_polygon, patterned, rectangle, solid_visuals
 from sim.sensors.camera import d455_intrinsics
 from sim.sensors.stereo_noise import Depth, Rgb
 
@@ -28,6 +31,8 @@ PATTERNS = (24, 8)
 """Number of patterns of indoor floors and of the ground outside."""
 GLOSSES = tuple(GLOSS.values())
 """Gloss of water, mud and chemicals; each has four textures."""
+MATERIALS = 40
+"""Number of materials of furniture."""
 PRINTS_OF_EACH = 5
 """Number of rendered prints of each kind of item."""
 FIRST_DECAL_M = 0.003
@@ -45,7 +50,7 @@ class SceneRenderer:
     """Floor patterns and prints, made from `seed`, and one world at a time."""
 
     def __init__(self, *, seed: int, size: tuple[int, int]) -> None:
-        rng = np.random.default_rng((seed, 1))
+        self._seed, rng = seed, np.random.default_rng((seed, 1))
         self.intrinsics = d455_intrinsics(size)
         self._world = VisibleWorld()
         self._lamps: LampLight | None = None
@@ -81,7 +86,7 @@ class SceneRenderer:
             )
             labels.append("background")
         for solid_object in scene.objects:
-            world.add(solid_visuals(solid_object.solids), solid_object.pose.matrix())
+            world.add(self._visuals(solid_object), solid_object.pose.matrix())
             labels.append(solid_object.label)
         # The last entry belongs to `NO_OBJECT`.
         self._labels = np.array([LABELS[name] for name in (*labels, "background")], dtype=np.uint8)
@@ -99,6 +104,28 @@ class SceneRenderer:
         if scene.sky is not None:
             rgb[seen.depth_m > 0.98 * FAR_M] = scene.sky
         return rgb, seen.depth_m, self._labels[seen.objects]
+
+    def _visuals(self, solid_object: SolidObject) -> tuple[Visual, ...]:
+        """Return the solids of an object, of its material where they have one."""
+        material, solids = solid_object.material, solid_object.solids
+        if material is None:
+            return solid_visuals(solids)
+        covered = [solid for solid in solids if solid.colour == material.covers]
+        others = [solid for solid in solids if solid.colour != material.covers]
+        return (
+            patterned(
+                merge_solids(covered),
+                material.tint,
+                self._materials[material.texture],
+                material.side_m,
+            ),
+            *solid_visuals(others),
+        )
+
+    @cached_property
+    def _materials(self) -> list[Texture]:
+        rng = np.random.default_rng((self._seed, 4))
+        return [material_texture(rng) for _ in range(MATERIALS)]
 
     def _put_decal(self, world: VisibleWorld, decal: Decal, height_m: float) -> None:
         texture = None if decal.texture is None else self._patterns[decal.texture]

@@ -19,6 +19,20 @@ UNSEEN = "unseen"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Material:
+    """What the solids of one colour are made of."""
+
+    texture: int
+    """Number of a material of the renderer."""
+    side_m: float
+    """Length after which the texture repeats."""
+    covers: Colour
+    """Colour of the solids that are of this material; the others keep their own."""
+    tint: Colour
+    """Colour that multiplies that of the texture."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SolidObject:
     """An object made of solids on the floor."""
 
@@ -28,6 +42,8 @@ class SolidObject:
     """Solids in the frame of the object."""
     pose: Pose2
     """T_map_object."""
+    material: Material | None = None
+    """Material of some of its solids; None for plain colours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +90,20 @@ class Spot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Top:
+    """The top of a table, on which things stand."""
+
+    x_m: float
+    """Centre along x of the map."""
+    y_m: float
+    """Centre along y of the map."""
+    radius_m: float
+    """Radius of a disc within the top."""
+    height_m: float
+    """Height above the floor."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
     """One random world."""
 
@@ -95,6 +125,8 @@ class Scene:
     """Colour of the sky; None for that of the renderer."""
     like_simulator: bool = False
     """Whether the world is coloured, lit and rendered exactly like scenarios."""
+    tops: tuple[Top, ...] = ()
+    """Tables that a camera in a hand looks at."""
 
 
 @dataclass(slots=True, kw_only=True)
