@@ -88,7 +88,8 @@ def test_a_hand_stays_in_the_room_and_looks_at_a_table_or_an_object() -> None:
         assert abs(eye[1]) < furnished.reach_m[1]
         assert eye[2] <= HIGHEST_M
         assert axis[2] < 0.3, "it looks down or ahead"
-        aims = [np.array([spot.x_m, spot.y_m]) for spot in (*furnished.tops, *furnished.targets)]
+        aims = [np.array([top.x_m, top.y_m]) for top in furnished.tops]
+        aims += [np.array([spot.x_m, spot.y_m]) for spot in furnished.targets]
         away = [aim - eye[:2] for aim in aims]
         ahead = axis[:2] / np.linalg.norm(axis[:2])
         beside = [abs(ahead[0] * a[1] - ahead[1] * a[0]) for a in away if a @ ahead > 0]
