@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -18,13 +19,15 @@ from navcore.errors import BadConfiguration
 
 if TYPE_CHECKING:  # at run time these would make every command wait for torch and the simulator
     from navcore.learning.data.importers import ImportedSample
-    from sim.dataset.generate import LabelledImage, Split
+    from navcore.learning.data.writer import EncodedSample
+    from sim.dataset.generate import Split
 
 POSES_PER_WORLD = 8
 WORLDS_PER_JOB = 25
 """Number of worlds of a job."""
 AHEAD = 32
-"""Number of jobs that may be ahead of the first one that is not written yet, about 120 MB each."""
+"""Number of jobs that may be ahead of the first one that is not written yet, 60 MB each at
+424 × 240."""
 
 OutArgument = Annotated[
     Path, typer.Argument(metavar="OUT", help="Folder to create; it must be empty if it exists.")
@@ -67,6 +70,16 @@ class Job:
     """Whether each world has a random light."""
     furnished: bool = False
     """Whether furniture has materials and tables have things on them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderedImage:
+    """An image, encoded by the process that rendered it: that takes as long as rendering it."""
+
+    name: str
+    """Name of the image."""
+    sample: EncodedSample
+    """The content of its files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +168,7 @@ def render(settings: RenderSettings) -> None:
         task = bar.add_task("rendering", total=sum(counts.values()))
         for split, images in results:
             for image in images:
-                writer.add(split, image.name, image.rgb, image.depth_mm, image.labels)
+                writer.add_encoded(split, image.name, image.sample)
                 bar.advance(task)
     writer.finish()
     typer.echo(_summary(settings.out, settings.train, settings.valid, settings.test))
@@ -308,7 +321,7 @@ def _jobs(
 
 def _rendered(
     jobs: list[Job], where: EngineOptions
-) -> Generator[tuple[Split, list[LabelledImage]]]:
+) -> Generator[tuple[Split, list[RenderedImage]]]:
     """Yield the images of each job, in the order of the jobs."""
     from app.fleet.engine import TRIES, Lost, in_order
 
@@ -322,9 +335,11 @@ def _rendered(
             yield rendered
 
 
-def _render(job: Job) -> tuple[Split, list[LabelledImage]]:
+def _render(job: Job) -> tuple[Split, list[RenderedImage]]:
     import cv2
 
+    from navcore.learning.data.class_names import BEWARE_CLASSES
+    from navcore.learning.data.writer import encode_sample
     from sim.dataset.generate import render_images
 
     cv2.setNumThreads(1)
@@ -336,7 +351,19 @@ def _render(job: Job) -> tuple[Split, list[LabelledImage]]:
         disturbed=job.disturbed,
         furnished=job.furnished,
     )
-    return job.split, list(images)[: job.count]
+    return job.split, [
+        RenderedImage(
+            name=image.name,
+            sample=encode_sample(
+                image.rgb,
+                image.depth_mm,
+                image.labels,
+                num_classes=len(BEWARE_CLASSES),
+                where=f"{job.split}/{image.name}",
+            ),
+        )
+        for image in islice(images, job.count)
+    ]
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -95,6 +95,12 @@ class DepthSums:
         self.total += int(measured.sum())
         self.squares += int((measured**2).sum())
 
+    def include(self, other: DepthSums) -> None:
+        """Add the sums of other images."""
+        self.pixels += other.pixels
+        self.total += other.total
+        self.squares += other.squares
+
     def statistics(self, *, units_per_m: float, raw: bool = True) -> DepthStatistics:
         """Return the statistics; raises `BadConfiguration` if there is no variance."""
         variance = (self.squares * self.pixels - self.total**2) / max(1, self.pixels) ** 2

@@ -85,20 +85,38 @@ def read_labels(path: Path) -> LabelArray:
     return np.ascontiguousarray(labels, dtype=np.uint8)
 
 
-def write_rgb(path: Path, rgb: RgbArray, *, jpeg_quality: int | None = None) -> None:
-    """Write (H, W, 3) RGB as PNG, or as JPEG of a quality with full colour resolution; raises
-    `StorageFailed`."""
+def encode_rgb(rgb: RgbArray, *, jpeg_quality: int | None = None) -> bytes:
+    """Return (H, W, 3) RGB as PNG, or as JPEG of a quality with full colour resolution."""
     bgr = np.ascontiguousarray(rgb[..., ::-1])
     if jpeg_quality is None:
-        _write(path, ".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 3])
-        return
+        return _encoded(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 3])
     sampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
-    _write(path, ".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality, *sampling])
+    return _encoded(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality, *sampling])
+
+
+def encode_grey(image: DepthArray | LabelArray) -> bytes:
+    """Return (H, W) as an 8-bit or 16-bit PNG."""
+    return _encoded(".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+
+
+def write_rgb(path: Path, rgb: RgbArray, *, jpeg_quality: int | None = None) -> None:
+    """Write what `encode_rgb` returns; raises `StorageFailed`."""
+    write_bytes(path, encode_rgb(rgb, jpeg_quality=jpeg_quality))
 
 
 def write_grey(path: Path, image: DepthArray | LabelArray) -> None:
-    """Write (H, W) as an 8-bit or 16-bit PNG; raises `StorageFailed`."""
-    _write(path, ".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    """Write what `encode_grey` returns; raises `StorageFailed`."""
+    write_bytes(path, encode_grey(image))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write the content of an image file; raises `StorageFailed`."""
+    try:
+        path.write_bytes(content)
+    except OSError as error:
+        raise StorageFailed(
+            f"{path}: the image cannot be written: {error.strerror or error}"
+        ) from error
 
 
 def read_bytes(path: Path) -> bytes:
@@ -168,11 +186,6 @@ def _npy_header(file: BinaryIO, path: Path) -> tuple[tuple[int, ...], np.dtype[n
     return tuple(shape), dtype
 
 
-def _write(path: Path, suffix: str, image: npt.NDArray[np.integer], options: list[int]) -> None:
+def _encoded(suffix: str, image: npt.NDArray[np.integer], options: list[int]) -> bytes:
     _, content = cv2.imencode(suffix, image, options)
-    try:
-        path.write_bytes(content.tobytes())
-    except OSError as error:
-        raise StorageFailed(
-            f"{path}: the image cannot be written: {error.strerror or error}"
-        ) from error
+    return content.tobytes()

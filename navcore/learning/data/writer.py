@@ -4,10 +4,12 @@ an incomplete data set is recognised."""
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,10 +26,64 @@ from navcore.learning.data.card import (
     Split,
     check_sample,
 )
-from navcore.learning.data.images import DepthArray, LabelArray, RgbArray, write_grey, write_rgb
+from navcore.learning.data.images import (
+    DepthArray,
+    LabelArray,
+    RgbArray,
+    encode_grey,
+    encode_rgb,
+    write_bytes,
+)
 from navcore.perception.esanet.network.preprocess import DepthStatistics
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncodedSample:
+    """A sample as the content of its files, so that several processes can encode for one writer."""
+
+    rgb: bytes
+    """Colours, PNG or JPEG."""
+    rgb_ending: str
+    """Ending of the file of the colours."""
+    depth: bytes
+    """Depth, 16-bit PNG."""
+    labels: bytes
+    """Labels, as `numpy.save` writes them."""
+    size: tuple[int, int]
+    """Height and width, pixels."""
+    depth_sums: DepthSums
+    """Sums of its depth."""
+
+
+def encode_sample(
+    rgb: RgbArray,
+    depth: DepthArray,
+    labels: LabelArray,
+    *,
+    num_classes: int,
+    where: str,
+    jpeg_quality: int | None = None,
+) -> EncodedSample:
+    """Encode (H, W, 3) uint8 colours, (H, W) uint16 depth in the data set's unit with 0 = not
+    measured, and (H, W) uint8 labels with 0 = void, else class + 1.
+
+    Colours are PNG unless `jpeg_quality` is given. Raises `BadConfiguration` naming `where` for a
+    wrong shape or label.
+    """
+    check_sample(rgb, depth, labels, num_classes, where)
+    sums, array = DepthSums(), io.BytesIO()
+    sums.add(depth)
+    np.save(array, np.ascontiguousarray(labels), allow_pickle=False)
+    return EncodedSample(
+        rgb=encode_rgb(rgb, jpeg_quality=jpeg_quality),
+        rgb_ending="png" if jpeg_quality is None else "jpg",
+        depth=encode_grey(depth),
+        labels=array.getvalue(),
+        size=(labels.shape[0], labels.shape[1]),
+        depth_sums=sums,
+    )
 
 
 class DatasetWriter:
@@ -60,28 +116,35 @@ class DatasetWriter:
         _make_empty(folder)
 
     def add(
-        self, split: Split, name: str, rgb: RgbArray, depth_mm: DepthArray, labels: LabelArray
+        self, split: Split, name: str, rgb: RgbArray, depth: DepthArray, labels: LabelArray
     ) -> None:
-        """Write a sample: (H, W, 3) uint8, (H, W) uint16 in the data set's unit with 0 = not
-        measured, (H, W) uint8 labels with 0 = void, else class + 1.
-
-        Raises `BadConfiguration` for a wrong name, shape or label.
-        """
+        """Encode and write a sample, see `encode_sample`; raises `BadConfiguration` for a wrong
+        name, shape or label."""
         self._check(split, name)
-        check_sample(rgb, depth_mm, labels, len(self._card.class_names), f"{split}/{name}")
-        ending = "png" if self._jpeg_quality is None else "jpg"
+        sample = encode_sample(
+            rgb,
+            depth,
+            labels,
+            num_classes=len(self._card.class_names),
+            where=f"{split}/{name}",
+            jpeg_quality=self._jpeg_quality,
+        )
+        self.add_encoded(split, name, sample)
+
+    def add_encoded(self, split: Split, name: str, sample: EncodedSample) -> None:
+        """Write a sample; raises `BadConfiguration` for a wrong name."""
+        self._check(split, name)
         files = (
-            f"{split}/rgb/{name}.{ending}",
+            f"{split}/rgb/{name}.{sample.rgb_ending}",
             f"{split}/depth/{name}.png",
             f"{split}/label/{name}.npy",
         )
-        write_rgb(self._folder / files[0], rgb, jpeg_quality=self._jpeg_quality)
-        write_grey(self._folder / files[1], depth_mm)
-        _write_labels(self._folder / files[2], labels)
+        for file, content in zip(files, (sample.rgb, sample.depth, sample.labels), strict=True):
+            write_bytes(self._folder / file, content)
         self._names.add((split, name.casefold()))
         self._files[split].append(files)
-        self._sums[split].add(depth_mm)
-        self._sizes.add((labels.shape[0], labels.shape[1]))
+        self._sums[split].include(sample.depth_sums)
+        self._sizes.add(sample.size)
 
     def finish(self) -> DatasetCard:
         """Write the lists and then the card, after which `load_dataset` accepts the folder."""
@@ -160,12 +223,3 @@ def _make_empty(folder: Path) -> None:
                 (folder / split / kind).mkdir(parents=True)
     except OSError as error:
         raise StorageFailed(f"{folder}: cannot be written: {error.strerror or error}") from error
-
-
-def _write_labels(path: Path, labels: LabelArray) -> None:
-    try:
-        np.save(path, np.ascontiguousarray(labels), allow_pickle=False)
-    except OSError as error:
-        raise StorageFailed(
-            f"{path}: the labels cannot be written: {error.strerror or error}"
-        ) from error

@@ -169,6 +169,24 @@ def test_a_rendered_data_set_may_have_images_of_several_sizes(
     assert shapes == [(48, 64)] * 8 + [(64, 96)] * 8
 
 
+def test_rendering_with_interiors_is_told_in_the_card_and_changes_some_worlds(
+    tmp_path: Path,
+) -> None:
+    counts = ("--train", "32", "--valid", "0", "--test", "0", "--size", "64x48")
+    run("dataset", "render", tmp_path / "plain", *counts)
+    run("dataset", "render", tmp_path / "furnished", *counts, "--interiors", "furnished")
+    plain, furnished = (load_dataset(tmp_path / name) for name in ("plain", "furnished"))
+    assert furnished.card.source == {**plain.card.source, "interiors": "furnished"}
+    assert [plain.name("train", i) for i in range(32)] == [
+        furnished.name("train", i) for i in range(32)
+    ]
+    same = [
+        bool((plain.read("train", i).rgb == furnished.read("train", i).rgb).all())
+        for i in range(32)
+    ]
+    assert 0 < sum(same) < len(same)
+
+
 def test_a_killed_worker_ends_the_rendering_with_a_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
