@@ -1,6 +1,7 @@
 """The tables of results in the pages, made from the kept files in `results/`.
 
-A file is the `summary.json` of a campaign, named after its world or suite (`file_name`), or the
+A file is the `summary.json` of a campaign, named after its world or suite (`file_name`) and images
+of another size than the camera's usual one, or the
 `replay.json` of a recording with annotated objects, named after its folder.
 `python -m app.evaluation.tables` rewrites the tables; a test compares them.
 """
@@ -17,6 +18,7 @@ from typing import Any
 from app.evaluation.perception.light_figures import row_of
 from app.evaluation.summary import RATES, rate_interval
 from navcore.errors import BadConfiguration
+from navcore.robot.camera_stream import CameraStream
 
 ROOT = Path(__file__).parents[2]
 RESULTS = Path(__file__).with_name("results")
@@ -74,10 +76,12 @@ def is_second_day(result: Result) -> bool:
 
 def file_name(result: Result) -> str:
     """Return the name of the file of a result, without its suffix."""
+    is_finer = is_walked(result) and tuple(result["images"]) != CameraStream().size
     kinds = (
         "paper" if is_paper(result) else "",
         "second-day" if is_second_day(result) else "",
         f"localisation-{result['odometry']}" if is_localisation(result) else "",
+        "{}x{}".format(*result["images"]) if is_finer else "",
     )
     return "-".join(filter(None, (result["scenario"], *kinds)))
 
@@ -143,8 +147,8 @@ def full_table(results: Sequence[Result]) -> str:
     walked = [_walks_row(result) for result in results if is_walked(result)]
     walks = _table(
         (
-            *("suite", "seeds", "found in time", "by class", "of thin ones"),
-            *("false per 10 m", "false by class", "walked"),
+            *("suite", "images", "seeds", "found in time", "by class", "of thin ones"),
+            *("by their names", "false per 10 m", "false by class", "walked"),
         ),
         walked,
     )
@@ -288,10 +292,12 @@ def _walks_row(result: Result) -> Sequence[str]:
     share = f"{result['found_in_time']:.0%}, {low:.0%} to {high:.0%}".replace("%", " %")
     return (
         f"`{result['scenario']}`",
+        "{} × {}".format(*result["images"]),
         f"{min(result['seeds'])} to {max(result['seeds'])}",
         f"{result['found']} of {result['things_in_view']} ({share})",
         _listed(result["found_by_class"]),
         result.get("found_of_thin", "–"),
+        f"{result['named_rightly']:.0%}".replace("%", " %"),
         f"{result['false_items_per_10_m']:.2f} ({few:.2f} to {many:.2f})",
         _listed(result["false_items_by_class"]),
         f"{result['walked_m']:.0f} m",

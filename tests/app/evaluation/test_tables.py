@@ -85,6 +85,7 @@ def test_a_suite_of_walks_has_a_table_of_its_own_on_the_page_about_evaluation() 
     result = {
         "command": "bewarenav evaluate finding",
         "scenario": "finding",
+        "images": [424, 240],
         "segmenter": "network sha256 abc",
         "versions": ["1"],
         "machines": ["one"],
@@ -99,10 +100,12 @@ def test_a_suite_of_walks_has_a_table_of_its_own_on_the_page_about_evaluation() 
         BEWARE_CLASSES[1:],
     )
     shown = full_table([result])
-    assert "| `finding` | 2000 to 2002 | 2 of 3 (67 %, 21 % to 94 %) |" in shown
-    assert "cable 1/2" in shown and "| 1/2 | 1.00 (0.00 to 2.00) | cup 2 | 20 m |" in shown
+    assert "| `finding` | 424 × 240 | 2000 to 2002 | 2 of 3 (67 %, 21 % to 94 %) |" in shown
+    assert "cable 1/2" in shown and "| 1/2 | 0 % | 1.00 (0.00 to 2.00) | cup 2 | 20 m |" in shown
     assert short_table([result]).count("\n") == 2
     assert full_table([{**result, "false_items_per_10_m": 3.0}]) != shown
+    assert file_name(result) == "finding"
+    assert file_name({**result, "images": [848, 480]}) == "finding-848x480"
 
 
 def test_doors_have_a_table_of_their_own_on_the_page_about_evaluation() -> None:
