@@ -305,6 +305,13 @@ def test_a_robot_that_is_lost_says_so_and_looks_round_when_told(
     expect(page.get_by_test_id("place-unknown")).to_be_hidden()
     operations.place.now = PlaceOut(state=LocalisationState.LOST, text="Lost: look round.")
     expect(page.get_by_test_id("place-unknown")).to_contain_text("Lost: look round.")
+    operations.stop("a test")
+    look_round = page.get_by_test_id("place-search")
+    expect(look_round).to_be_disabled()
+    expect(look_round).to_have_attribute("title", "The stop is latched: reset it first")
+    operations.reset_stop()
+    expect(look_round).to_be_enabled()
+    expect(look_round).to_have_attribute("title", re.compile("^Turn round once"))
     page.get_by_test_id("place-search").click()
     expect(page.get_by_test_id("place-search")).to_have_text("Looking round …")
     assert operations.place.now.searching

@@ -14,13 +14,22 @@ const listeners = [];
 
 export const onProposal = (listener) => listeners.push(listener);
 
+// Reason why the robot may not look round now, or "" where it may.
+function refusalOf(phase, isStopped) {
+  if (isStopped) return t("The stop is latched: reset it first");
+  return phase === "driving" || phase === "leaving" ? t("Pause the mission first") : "";
+}
+
 export function showPlace({ place, phase, stop_latched: isStopped }) {
   const isUnknown = UNKNOWN.has(place.state);
   set(element("place-unknown"), { hidden: !isUnknown });
   if (!isUnknown) return;
   setText(element("place-text"), `◎ ${sentence(place.text)}`);
-  const isDriving = phase === "driving" || phase === "leaving";
-  set(element("place-search"), { disabled: place.searching || isDriving || isStopped });
+  const refusal = refusalOf(phase, isStopped);
+  set(element("place-search"), {
+    disabled: place.searching || refusal !== "",
+    title: refusal || t("Turn round once and look for the place in the whole map"),
+  });
   setText(element("place-search"), place.searching ? t("Looking round …") : t("Look round"));
 }
 
