@@ -63,7 +63,7 @@ def press(button: Locator) -> None:
     eventually(button.page, lambda: button.evaluate(IS_WITHIN_VIEWPORT), patience_s=5.0)
     # A note of what was done before may lie over it for a moment, also between a look and a click:
     # the browser is asked at the click itself what it hits.
-    button.click(timeout=5000)
+    button.click(timeout=30_000)  # a frame of the 3D view may take seconds on a busy processor
 
 
 def show(button: Locator) -> None:
