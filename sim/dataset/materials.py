@@ -1,5 +1,5 @@
 """Random materials of surfaces: wood, fabric, metal, stone, paint and print, each as a coloured
-texture that is periodic at its edges."""
+texture that repeats over the surface."""
 
 from __future__ import annotations
 
