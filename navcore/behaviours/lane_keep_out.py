@@ -12,6 +12,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
+import numpy as np
 from shapely import LineString, MultiPolygon, Point, Polygon
 from shapely.ops import unary_union
 
@@ -19,6 +20,7 @@ from navcore.behaviours.waiting import elapsed_s
 from navcore.config.behaviours import BehavioursConfig, LaneConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
 from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.perception.people.track import Track
@@ -47,6 +49,11 @@ class LaneKeepOut:
     """Stamp in nanoseconds at which the closed lanes were last updated."""
     before_m: float = 0.0
     """Length of the route in metres when the lanes were closed."""
+
+    @property
+    def walked_positions(self) -> Points:
+        """(N, 2) recent positions of people who walk, map frame."""
+        return np.array([note[2:] for note in self.walked]).reshape(-1, 2)
 
     def after(
         self,

@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from navcore.behaviours.lane_keep_out import LaneKeepOut
+from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
 from navcore.behaviours.waiting import WaitingTimer
 from navcore.config.navigator import NavigatorConfig
@@ -31,6 +32,8 @@ class Behaviour:
     """How long the robot has waited for people."""
     lanes: LaneKeepOut = dataclasses.field(default_factory=LaneKeepOut)
     """Lanes of people who walk to and fro."""
+    lane_retreat: LaneRetreat = dataclasses.field(default_factory=LaneRetreat)
+    """Retreat from such a lane."""
     closed: tuple[Zone, ...] = ()
     """Passages that turned out to be blocked on the way to the present goal."""
     trail: Points = dataclasses.field(default_factory=lambda: NO_POINTS)
@@ -45,8 +48,10 @@ class Behaviour:
 
     @property
     def retreat(self) -> Points | None:
-        """(N, 2) driven path to back off along, map frame; None unless the recovery backs off."""
-        return self.trail if self.recovery.action is RecoveryAction.BACK_UP else None
+        """(N, 2) driven path to back off along, map frame; None unless the recovery backs off or
+        the robot leaves a lane."""
+        backs = self.lane_retreat.active or self.recovery.action is RecoveryAction.BACK_UP
+        return self.trail if backs else None
 
     @property
     def spins(self) -> bool:
@@ -63,7 +68,11 @@ class Behaviour:
     def after_reset(self) -> Behaviour:
         """Forget what led to the present pose: the robot was moved by other means."""
         return dataclasses.replace(
-            self, trail=NO_POINTS, recovery=Recovery(), waiting=WaitingTimer()
+            self,
+            trail=NO_POINTS,
+            recovery=Recovery(),
+            waiting=WaitingTimer(),
+            lane_retreat=LaneRetreat(),
         )
 
     def after(
@@ -133,7 +142,18 @@ class Behaviour:
             config=config.behaviours,
         )
         waiting = self.waiting.after(motion, pose, stamp_ns, config.behaviours.waiting)
-        return dataclasses.replace(self, waiting=waiting, lanes=lanes)
+        lane_retreat = self.lane_retreat.after(
+            motion,
+            pose,
+            stamp_ns,
+            walked=lanes.walked_positions,
+            trail=self.trail,
+            waited_s=waiting.waited_s,
+            profile=profile,
+            people_config=config.people,
+            config=config.behaviours.lane_retreat,
+        )
+        return dataclasses.replace(self, waiting=waiting, lanes=lanes, lane_retreat=lane_retreat)
 
     def _without_path(self, frame: Frame, request: NavigationRequest) -> Behaviour:
         if self.closed and request.goal is not None:

@@ -71,6 +71,22 @@ class LaneConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LaneRetreatConfig:
+    """Tuning of the retreat from the lane of a person who walks to and fro."""
+
+    person_radius_m: float = ranged(0.05, 1.0, default=0.3)
+    """Half the width in metres of a person."""
+    margin_m: float = ranged(0.0, 2.0, default=0.15)
+    """Distance in metres kept from the lane beyond the personal distance."""
+    longest_m: float = ranged(0.1, 5.0, default=2.5)
+    """Length in metres of the driven path within which it must lead out of the lane."""
+    longest_s: float = ranged(1.0, 600.0, default=60.0)
+    """Time in seconds after which a retreat counts as failed: people may hold it up for long."""
+    retry_m: float = ranged(0.05, 5.0, default=0.5)
+    """Distance in metres from where a retreat failed within which no other begins."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TeleopConfig:
     """Tuning of the check of velocities that are given by hand."""
 
@@ -88,5 +104,7 @@ class BehavioursConfig:
     """What counts as waiting."""
     lanes: LaneConfig = field(default_factory=LaneConfig)
     """Lanes of people who walk to and fro."""
+    lane_retreat: LaneRetreatConfig = field(default_factory=LaneRetreatConfig)
+    """Retreat from such a lane."""
     teleop: TeleopConfig = field(default_factory=TeleopConfig)
     """Driving by hand."""

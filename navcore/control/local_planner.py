@@ -29,6 +29,7 @@ from navcore.control.social import (
     PEOPLE_CONFIG,
     PeopleState,
     clear_of_people,
+    recedes,
     speed_limit_near_people,
 )
 from navcore.costmap.local_costmap import footprint_overlaps, outside
@@ -115,7 +116,8 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         walked = len(inputs.people.walking) > 0
         collides = walked and will_collide(checker, motion.twist, inputs.twist)
         return avoid(checker, path, inputs.twist) if collides else motion
-    motion = _slow_beside_people(checker, motion)
+    if inputs.retreat is None:
+        motion = _slow_beside_people(checker, motion)
     waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
     return _face_person(checker, motion) if waits else motion
 
@@ -157,8 +159,10 @@ def _select(
     inputs: LocalPlannerInput, checker: CollisionChecker, path: Points, goal: _Goal
 ) -> Motion:
     """Retreat, spin, align with the goal or drive: what the inputs ask for."""
+    alone = inputs.people_config.non_cooperative
     if inputs.retreat is not None:
-        return _retreat(checker, path_from(inputs.retreat, inputs.pose)) or BLOCKED
+        surroundings = checker.without_people() if alone else checker
+        return _retreat(surroundings, path_from(inputs.retreat, inputs.pose))
     if inputs.spin:
         return _spin(checker) or BLOCKED
     if inputs.around:
@@ -166,7 +170,6 @@ def _select(
     if goal.reached:
         motion = _align(inputs, checker, goal)
     else:
-        alone = inputs.people_config.non_cooperative
         motion = _drive(inputs, checker.without_people() if alone else checker, path)
     near = goal.distance_m <= inputs.local.nearly_m and inputs.previous.began is None
     if near and motion.outcome in _STRUGGLES:
@@ -378,19 +381,40 @@ def _back_off(checker: CollisionChecker, began: Pose2) -> Motion:
     return Motion(twist=twist, outcome=ControllerState.BACK, began=began)
 
 
-def _retreat(checker: CollisionChecker, driven: Points) -> Motion | None:
-    """Reverse along the driven path, (N, 2) in the base frame; None when that is blocked.
+def _retreat(checker: CollisionChecker, driven: Points) -> Motion:
+    """Reverse along the driven path, (N, 2) in the base frame; stand where that is blocked or may
+    bring the body nearer to a person.
 
     Seen from a robot that faces the other way it is a path like any other: the footprint is the
     same from both ends.
     """
-    if len(driven) <= 1:
-        return None
-    motion = follow(checker.reversed(), -driven, arcs(checker.control.arcs))
+    behind, primitives = checker.reversed(), arcs(checker.control.arcs)
+    speed_mps = checker.control.reverse.speed_mps
+    alone = follow(behind.without_people(), -driven, primitives) if len(driven) > 1 else None
+    if alone is None or alone.arc is None:
+        return BLOCKED
+    if len(checker.people.walking) == 0:
+        return _slow_beside_people(checker, _backwards(alone, speed_mps))
+    receding = recedes(
+        behind.people,
+        primitives.poses[alone.arc],
+        primitives.distances_m / speed_mps,
+        checker.profile,
+        checker.people_config,
+        checker.control.social,
+    )
+    if receding:
+        return _backwards(alone, speed_mps)
+    motion = follow(behind, -driven, primitives)
     if motion is None:
-        return None
-    twist, speed = motion.twist, checker.control.reverse.speed_mps
-    share = min(1.0, speed / max(twist.v_mps, speed))
+        return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
+    return _slow_beside_people(checker, _backwards(motion, speed_mps))
+
+
+def _backwards(motion: Motion, speed_mps: float) -> Motion:
+    """The motion of a robot that faces the other way, no faster than a speed."""
+    twist = motion.twist
+    share = min(1.0, speed_mps / max(twist.v_mps, speed_mps))
     return Motion(
         twist=Twist(v_mps=-share * twist.v_mps, w_radps=share * twist.w_radps),
         outcome=ControllerState.BACK,

@@ -30,6 +30,8 @@ PEOPLE_CONFIG = PeopleConfig()
 """The default rules."""
 SOCIAL_CONFIG = CONTROL_CONFIG.social
 """The default tolerances."""
+_ROUNDING_M = 1e-6
+"""Distance in metres far above the rounding error of a gap."""
 _ANGLES = np.linspace(0.0, 2 * math.pi, 20, endpoint=False)
 _OUTLINE = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 """(20, 2) points on the outline of a person with a radius of 1 m."""
@@ -212,6 +214,39 @@ def waiting_index(
     if waiting < 0 and here <= enough:
         waiting = np.flatnonzero(np.array(later_m) >= here).max(initial=-1)
     return int(waiting)
+
+
+def recedes(
+    people: PeopleState,
+    poses: Floats,
+    times_s: Floats,
+    profile: RobotProfile,
+    rules: PeopleConfig,
+    config: SocialConfig = SOCIAL_CONFIG,
+) -> bool:
+    """Return whether a motion through (S, 3) poses, base frame, reached at (S,) times in seconds,
+    comes no nearer to anyone than standing still would, wherever they walk or have stopped out of
+    sight, or stays a personal distance away; and whether no one is about to touch the body.
+
+    To a robot that stands in the way of people such a motion only gains distance, even where they
+    could reach it before it stops.
+    """
+    half = profile.length_m / 2, profile.width_m / 2
+    lost = np.zeros((len(people.reachable_discs), 5))
+    lost[:, :2], lost[:, 4] = people.reachable_discs[:, :2], people.expected_discs[:, 3]
+    motions, moments = np.stack([poses, np.zeros_like(poses)]), np.stack([times_s, times_s])
+    enough_m = rules.personal_m + rules.personal_per_s * times_s
+    soon = times_s <= rules.headway_s
+    for index, person in enumerate(np.vstack([people.walking, lost])):
+        moved_m, stood_m = gaps(person[None], motions, moments, half, np.zeros(1))
+        # Who has come up to a robot that stood does not walk on through it.
+        until = np.logical_and.accumulate(stood_m > config.stopped_gap_m)
+        if (moved_m < np.minimum(stood_m, enough_m) - _ROUNDING_M)[until].any():
+            return False
+        walks = index < len(people.walking)
+        if walks and (moved_m[soon] < config.stopped_gap_m).any():
+            return False
+    return True
 
 
 def speed_limit_near_people(

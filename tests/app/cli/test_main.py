@@ -22,6 +22,16 @@ COLUMNS = {"COLUMNS": "200"}
 """Width of the terminal: no message is broken into lines."""
 
 
+def free_port() -> str:
+    """A port that no console of this machine listens on."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return str(free.getsockname()[1])
+
+
+CONSOLE = ("console", "--port", free_port())
+
+
 def bewarenav(*arguments: str) -> subprocess.CompletedProcess[str]:
     """Run the command line in this process, which spares the imports of every new one."""
     out, err = io.StringIO(), io.StringIO()
@@ -92,7 +102,7 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "light", "--workers", "2"), "runs as a whole"),
         (("evaluate", "localisation", "--camera", "848x480"), "--camera"),
         (("drive", "--camera", "848x480@25"), "one of 10, 15, 30, 60"),
-        (("console", "--camera", "large"), "camera 'large'"),
+        ((*CONSOLE, "--camera", "large"), "camera 'large'"),
         (("bench", "tick", "--camera", "12x12"), "camera '12x12'"),
         (("evaluate", "office", "--latency", "-5"), "--latency '-5'"),
         (("drive", "--latency", "fast"), "--latency 'fast'"),
@@ -109,7 +119,7 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         # Refused before the weights are opened, and before an engine is tried.
         (("drive", "--goal", "99,99", "--weights", "/no/such.onnx"), "outside the world"),
         (("drive", "--scenario", "moon", "--weights", "/no/such.onnx"), "forest, indoor, office"),
-        (("console", "--scenario", "moon", "--weights", "/no/such.onnx"), "forest, indoor, office"),
+        ((*CONSOLE, "--scenario", "moon", "--weights", "/no/such.onnx"), "forest, indoor, office"),
         (("evaluate", "office", "--robot", "unicycle", "--segmenter", "colour"), "unicycle"),
         (
             ("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"),

@@ -16,6 +16,7 @@ from navcore.control.social import (
     SOCIAL_CONFIG,
     PeopleState,
     clear_of_people,
+    recedes,
     waiting_index,
 )
 from navcore.geometry.transform import Pose2
@@ -116,3 +117,73 @@ def test_a_motion_is_clear_of_people_exactly_up_to_the_first_pose_that_is_not(se
     )
     people = dataclasses.replace(NO_PEOPLE, walking=walking)
     assert np.array_equal(clear_of_people(people, poses, times_s, HUSKY, rules), expected)
+
+
+def backs_off(people: PeopleState, bearing_rad: float, metres: float = 0.6) -> bool:
+    """Whether a robot that faces along x may drive slowly in a direction without turning."""
+    poses, _ = along(bearing_rad, metres)
+    poses[:, 2] = 0.0
+    times_s = np.hypot(poses[:, 0], poses[:, 1]) / 0.2
+    return recedes(people, poses, times_s, HUSKY, PEOPLE_CONFIG)
+
+
+def test_away_from_a_person_the_robot_recedes_and_towards_them_it_does_not() -> None:
+    leaves = walker(1.6, 0.0, 0.8, 0.0)
+    assert backs_off(leaves, math.pi)
+    assert not backs_off(leaves, 0.0)
+
+
+def test_it_stands_while_a_person_is_about_to_touch_it() -> None:
+    assert not backs_off(walker(0.95, 0.0, -0.8, 0.0), math.pi)
+    assert backs_off(walker(2.5, 0.0, -0.8, 0.0), math.pi)
+
+
+def test_who_stopped_out_of_sight_is_not_approached() -> None:
+    lost = Track(
+        id=1,
+        x_m=-1.3,
+        y_m=4.0,
+        vx_mps=0.0,
+        vy_mps=1.0,
+        radius_m=0.3,
+        age_s=5.0,
+        last_seen_ns=0,
+        unseen_s=4.0,
+        walking_speed_mps=1.0,
+        course_rad=math.pi / 2,
+    )
+    people = PeopleState.of((lost,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    assert not backs_off(people, math.pi)
+    assert backs_off(people, 0.0)
+
+
+@law(150)
+@given(st.integers(0, 2**32 - 1))
+def test_a_receding_robot_is_nearer_to_nobody_than_a_standing_one_or_keeps_its_distance(
+    seed: int,
+) -> None:
+    rng = np.random.default_rng(seed)
+    x, y, vx, vy = rng.uniform(-2.5, 2.5, 2).tolist() + rng.uniform(-1.2, 1.2, 2).tolist()
+    if math.hypot(vx, vy) < 0.3:
+        return
+    people, bearing_rad = walker(x, y, vx, vy), rng.uniform(-math.pi, math.pi)
+    if not backs_off(people, bearing_rad):
+        return
+    for walks in people.walking.tolist():
+        for t_s in np.arange(0.5, 3.1, 0.5):
+            away_m = 0.2 * t_s
+            moved = away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)
+            there = walks[0] + t_s * walks[2], walks[1] + t_s * walks[3]
+            gap_m, stood_m = (
+                math.hypot(
+                    max(abs(there[0] - at[0]) - HUSKY.length_m / 2, 0.0),
+                    max(abs(there[1] - at[1]) - HUSKY.width_m / 2, 0.0),
+                )
+                - walks[4]
+                for at in (moved, (0.0, 0.0))
+            )
+            if stood_m < SOCIAL_CONFIG.stopped_gap_m:
+                break  # that person has come up to the standing robot
+            assert gap_m >= min(stood_m, PEOPLE_CONFIG.personal_m) - 1e-6
+            if t_s <= PEOPLE_CONFIG.headway_s:
+                assert gap_m > 0

@@ -1,0 +1,84 @@
+"""Retreat from the lane of a person who walks to and fro.
+
+A robot that came up to such a lane and has to wait may stand in it, or so near that it cannot turn
+to look after the person: they come up to it again and again, and between two visits it has no time
+to pass. So after a while it backs off along the path it has driven, to where its turning circle is
+clear of the lane, and looks from there for a moment to cross.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from navcore.config.behaviours import LaneRetreatConfig
+from navcore.config.people import PeopleConfig
+from navcore.control.motion import ControllerState, Motion
+from navcore.geometry.arrays import Bools, Points
+from navcore.geometry.transform import Pose2
+from navcore.robot.profile import RobotProfile
+
+_DEFAULT = LaneRetreatConfig()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneRetreat:
+    """A value with its transition, one for each tick."""
+
+    active: bool = False
+    """Whether the robot backs off along the driven path."""
+    since_ns: int = 0
+    """Stamp in nanoseconds at which it began."""
+    failed_at: Pose2 | None = None
+    """Pose, map frame, where the last retreat took too long; no other begins there."""
+
+    def after(
+        self,
+        motion: Motion,
+        pose: Pose2,
+        stamp_ns: int,
+        *,
+        walked: Points,
+        trail: Points,
+        waited_s: float,
+        profile: RobotProfile,
+        people_config: PeopleConfig,
+        config: LaneRetreatConfig = _DEFAULT,
+    ) -> LaneRetreat:
+        """Return the state after one more tick; `pose`, the (N, 2) recent positions of people who
+        `walked` and the (M, 2) driven `trail`, newest first, are in the map frame. `waited_s` is
+        the time in seconds for which the robot has waited at this position."""
+        clear_m = (
+            profile.circumscribed_radius_m
+            + config.person_radius_m
+            + people_config.personal_m
+            + config.margin_m
+        )
+        here = np.array([[pose.x_m, pose.y_m]])
+        in_lane = not _is_clear(here, walked, clear_m)[0]
+        possible = in_lane and _leads_out(trail, walked, clear_m, config.longest_m)
+        if self.active:
+            if possible and (stamp_ns - self.since_ns) / 1e9 < config.longest_s:
+                return self
+            return LaneRetreat(failed_at=pose if in_lane else None)
+        failed = self.failed_at
+        if failed is not None and failed.distance_to(pose.x_m, pose.y_m) < config.retry_m:
+            return self
+        waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
+        if waits and possible and waited_s >= people_config.lane_s:
+            return replace(self, active=True, since_ns=stamp_ns, failed_at=None)
+        return replace(self, failed_at=None)
+
+
+def _leads_out(trail: Points, walked: Points, clear_m: float, longest_m: float) -> bool:
+    """Return whether the driven path leads out of the lane within a distance."""
+    steps_m = np.hypot(*np.diff(trail, axis=0).T)
+    within = trail[1:][np.cumsum(steps_m) <= longest_m]
+    return bool(_is_clear(within, walked, clear_m).any())
+
+
+def _is_clear(points: Points, walked: Points, clear_m: float) -> Bools:
+    """(N,) whether each point is farther than a distance from everywhere that people walked."""
+    apart = points[:, None] - walked
+    return np.asarray((np.hypot(apart[..., 0], apart[..., 1]) > clear_m).all(axis=1))

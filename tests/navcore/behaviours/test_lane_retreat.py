@@ -1,0 +1,82 @@
+"""A robot that waits in the lane of a person backs off to where it can turn beside the lane."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from navcore.behaviours.lane_retreat import LaneRetreat
+from navcore.config.behaviours import LaneRetreatConfig
+from navcore.control.motion import ControllerState, Motion
+from navcore.control.social import PEOPLE_CONFIG
+from navcore.geometry.arrays import Points
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.robot.profile import HUSKY
+
+WAITS = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
+BACKS = Motion(twist=Twist(v_mps=-0.2, w_radps=0.0), outcome=ControllerState.BACK)
+RULES = LaneRetreatConfig()
+LANE = np.column_stack([np.linspace(-3.0, 3.0, 31), np.zeros(31)])
+"""Where a person walked: along x."""
+CLEAR_M = HUSKY.circumscribed_radius_m + PEOPLE_CONFIG.personal_m + RULES.person_radius_m
+
+
+def came_from(y_m: float, *, length_m: float = 4.0, along: bool = False) -> Points:
+    """(N, 2) path driven to (0, y), newest first: from the side, or along the lane."""
+    steps = np.arange(0.0, length_m, 0.1)
+    x, y = (steps, np.zeros_like(steps)) if along else (np.zeros_like(steps), steps)
+    return np.column_stack([x, y + y_m])
+
+
+def after(
+    retreat: LaneRetreat,
+    *,
+    y_m: float = 0.8,
+    t_s: float = 10.0,
+    waited_s: float = PEOPLE_CONFIG.lane_s,
+    motion: Motion = WAITS,
+    trail: Points | None = None,
+    walked: Points = LANE,
+) -> LaneRetreat:
+    return retreat.after(
+        motion,
+        Pose2(x_m=0.0, y_m=y_m, yaw_rad=-1.5),
+        round(t_s * 1e9),
+        walked=walked,
+        trail=came_from(y_m) if trail is None else trail,
+        waited_s=waited_s,
+        profile=HUSKY,
+        people_config=PEOPLE_CONFIG,
+    )
+
+
+def test_a_robot_that_has_waited_in_a_lane_backs_off_until_it_can_turn_beside_it() -> None:
+    retreat = after(LaneRetreat())
+    assert retreat.active
+    assert after(retreat, y_m=CLEAR_M, motion=BACKS).active
+    assert after(retreat, y_m=CLEAR_M + RULES.margin_m + 0.05, motion=BACKS) == LaneRetreat()
+
+
+@pytest.mark.parametrize(
+    "stays",
+    [
+        {"waited_s": PEOPLE_CONFIG.lane_s - 0.1},
+        {"motion": BACKS},
+        {"y_m": CLEAR_M + RULES.margin_m + 0.05},
+        {"walked": np.empty((0, 2))},
+        {"trail": came_from(0.8, along=True)},
+        {"trail": came_from(0.8, length_m=0.3)},
+        {"trail": np.empty((0, 2))},
+    ],
+)
+def test_no_other_robot_does(stays: dict[str, object]) -> None:
+    assert not after(LaneRetreat(), **stays).active  # type: ignore[arg-type]
+
+
+def test_a_retreat_that_takes_too_long_is_not_tried_again_at_that_position() -> None:
+    retreat = after(LaneRetreat())
+    held_up = after(retreat, t_s=10.0 + RULES.longest_s, motion=WAITS)
+    assert not held_up.active
+    assert not after(held_up, t_s=200.0).active
+    elsewhere = after(held_up, y_m=0.8 - RULES.retry_m - 0.05, t_s=200.0)
+    assert elsewhere.active
