@@ -401,6 +401,7 @@ class Navigator:
             track=route.track if route is not None and has_route else NO_POINTS,
             reaches_goal=route is not None and isinstance(route.outcome, Path),
             people=people,
+            walked=behaviour.lanes.walked_positions,
             goal_yaw_rad=request.goal_yaw_rad,
             leaving=zones if request.leave or around else None,
             retreat=behaviour.retreat,

@@ -44,6 +44,8 @@ class ControlTask:
     """Whether the track ends at the goal, and not at a viewpoint on the way to it."""
     people: tuple[Track, ...]
     """Tracked people."""
+    walked: Points
+    """(W, 2) recent positions of people who walked, map frame."""
     goal_yaw_rad: float | None = None
     """Heading in the map frame to take at the goal; None for any."""
     leaving: tuple[Zone, ...] | None = None
@@ -104,7 +106,7 @@ class Controller:
                 profile=self._profile,
                 local=local,
                 control=control,
-                people=PeopleState.of(task.people, pose, people, control.social),
+                people=PeopleState.of(task.people, pose, people, control.social, task.walked),
                 people_config=people,
                 goal_yaw_rad=task.goal_yaw_rad,
                 around=task.around,

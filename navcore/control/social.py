@@ -52,6 +52,8 @@ class PeopleState:
 
     expected_discs: Floats = field(default_factory=lambda: np.empty((0, 4)))
     """(R, 4) the same columns for the disc in which each of these people is if they walked on."""
+    walked: Points = field(default_factory=lambda: np.empty((0, 2)))
+    """(W, 2) recent positions of people who walked."""
 
     @staticmethod
     def of(
@@ -59,8 +61,10 @@ class PeopleState:
         pose: Pose2,
         rules: PeopleConfig = PEOPLE_CONFIG,
         config: SocialConfig = SOCIAL_CONFIG,
+        walked: Points | None = None,
     ) -> PeopleState:
-        """Return the tracked people as seen from a pose of the robot in the map frame."""
+        """Return the tracked people, and the (W, 2) positions where people recently walked, as seen
+        from a pose of the robot in the map frame."""
         moving = [person for person in people if _may_walk(person, rules)]
         standing = [person for person in people if person not in moving]
         motions = [
@@ -81,6 +85,7 @@ class PeopleState:
                 [(p.x_m, p.y_m, _walking_speed(p, config), p.radius_m) for p in moving],
                 columns=4,
             ),
+            walked=np.empty((0, 2)) if walked is None else pose.from_parent(walked),
         )
 
     def reversed(self) -> PeopleState:
@@ -91,6 +96,7 @@ class PeopleState:
             standing=self.standing * sign,
             reachable_discs=self.reachable_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
             expected_discs=self.expected_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
+            walked=-self.walked,
         )
 
     def standing_still(self) -> PeopleState:
@@ -103,11 +109,18 @@ class PeopleState:
             standing=np.vstack([self.standing, stopped]),
             reachable_discs=self.reachable_discs,
             expected_discs=self.expected_discs,
+            walked=self.walked,
         )
 
     def as_expected(self, around_m: float) -> PeopleState:
         """Return the same people as if those out of sight had walked on, but for those whose way
-        led within `around_m` metres of the robot's middle: they may have stopped before it."""
+        led within `around_m` metres of the robot's middle: they may have stopped before it.
+
+        Where people have walked as near recently, all of them may: they walk to and fro.
+        """
+        body_m = self.expected_discs[:, 3].max(initial=0.0)
+        if (np.hypot(*self.walked.T) - body_m <= around_m).any():
+            return self
         lost, expected = self.reachable_discs[:, :2], self.expected_discs[:, :2]
         way = expected - lost
         squared = np.maximum((way**2).sum(axis=1), 1e-9)

@@ -322,6 +322,9 @@ class PeopleTrackerConfig:
     """Kalman filter of one object."""
     gate_m: float = ranged(0.05, 5.0, default=0.45)
     """Gating distance in metres between prediction and detection."""
+    doubtful_s: float = ranged(0.0, 60.0, default=0.5)
+    """Time in seconds out of sight after which a walking person is found again only by an object
+    that has come where floor was, or that the segmenter labels as a person."""
     unseen_s: float = ranged(0.0, 60.0, default=1.0)
     """Time in seconds after which a person is given up where the camera looks and does not see
     the person: both at the predicted position and where the person was seen last."""

@@ -94,6 +94,7 @@ class PeopleTracker:
             )
             for one in self._tracks
             for index, cluster in enumerate(clusters)
+            if self._may_be(one, cluster, now_ns)
         )
         by_id, taken = {one.id: one for one in self._tracks}, set[int]()
         for _, distance_m, track_id, index in pairs:
@@ -112,6 +113,18 @@ class PeopleTracker:
                     )
                 )
                 self._next_id += 1
+
+    def _may_be(self, one: KalmanTrack, cluster: Cluster, now_ns: int) -> bool:
+        """Return whether a cluster may be the object of a track.
+
+        Where a person who walked out of sight is expected, a chair that comes into view is not the
+        person: the person would be followed no longer, wherever they are.
+        """
+        unseen_s = (now_ns - one.seen_ns) / 1e9
+        if not one.walks or unseen_s <= self._config.doubtful_s:
+            return True
+        came = cluster.on_new_floor > self._config.track.min_new_floor
+        return came or cluster.labelled > self._config.track.min_labelled
 
     def _note_cells(self, one: KalmanTrack) -> None:
         """Keep the cells of a person movable, and add those of a walking one to the trail."""

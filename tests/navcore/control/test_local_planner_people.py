@@ -156,6 +156,12 @@ def test_a_waiting_robot_looks_after_a_person_who_walked_out_of_view() -> None:
     assert looking.twist.v_mps == 0.0 and looking.twist.w_radps > 0.2
     anywhere = dataclasses.replace(left, expected_discs=left.reachable_discs)
     assert stands(decide(people=anywhere), ControllerState.WAIT_FOR_PEOPLE)  # the control
+    # Who walks to and fro as near as that comes back while the robot turns.
+    lane = np.column_stack([np.linspace(-2.0, 2.0, 21), np.full(21, 1.1)])
+    beside = dataclasses.replace(left, walked=lane)
+    assert stands(decide(people=beside), ControllerState.WAIT_FOR_PEOPLE)
+    farther = dataclasses.replace(left, walked=lane + np.array([0.0, 0.3]))
+    assert decide(people=farther).twist.w_radps > 0.2
     stopped_by_it = PeopleState.of((walking_on(1.2, -0.2, 0.9, 3.0, 2.5),), ORIGIN)
     assert stands(decide(people=stopped_by_it), ControllerState.WAIT_FOR_PEOPLE)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.perception.perception import PeopleTrackerConfig, PerceptionConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.camera import pixel_rays
 from navcore.geometry.transform import Pose2
@@ -265,6 +266,32 @@ def test_a_walking_person_out_of_sight_is_predicted_with_a_growing_disc_until_gi
     for k in range(22, 100):
         tracks = follow(tracker, picture(pose=away, stamp_ns=k * TENTH_NS))
     assert tracks == ()
+
+
+def found_again(tracker: PeopleTracker, labels: Labels | None = None) -> bool:
+    """Whether something of a person's size that comes into view where a person who walked out of
+    sight is expected is taken for the person at once."""
+    (last,) = walk(tracker, (2.0, -0.8), (0.0, 1.0), 12)[-1]
+    away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
+    for k in range(12, 34):
+        (expected,) = follow(tracker, picture(pose=away, stamp_ns=k * TENTH_NS))
+    there = person_at(expected.x_m, expected.y_m + 0.1)
+    back = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.radians(50))
+    frame = picture(there, pose=back, stamp_ns=34 * TENTH_NS)
+    tracks = tracker.follow(frame, labels or unlabelled(frame), WITH_PEOPLE)
+    return any(one.id == last.id and one.unseen_s == 0 for one in tracks)
+
+
+def test_a_chair_where_a_person_is_expected_is_not_the_person_and_one_labelled_so_is() -> None:
+    assert not found_again(PeopleTracker())
+    shape = picture().depth_m.shape
+    people = Labels(
+        class_ids=np.full(shape, np.uint8(11)), confidence=np.full(shape, 0.95, np.float32)
+    )
+    assert found_again(PeopleTracker(), people)
+    # The control: a track that anything continues takes the chair.
+    anything = PeopleTrackerConfig(doubtful_s=60.0)
+    assert found_again(PeopleTracker(config=PerceptionConfig(people=anything)))
 
 
 def test_a_person_is_given_up_after_a_second_of_floor_where_they_may_be() -> None:
