@@ -14,18 +14,18 @@ import typer
 
 from app.bench.parts import BenchPart
 from app.cli.console import console
-from app.cli.dataset import dataset_cli
 from app.cli.drive import drive
 from app.cli.evaluate import evaluate
+from app.cli.learning.dataset import dataset_cli
+from app.cli.learning.segment import segment
+from app.cli.learning.train import train
+from app.cli.learning.weights import weights_cli
 from app.cli.options import CameraOption, ScenarioOption, camera_stream, takes_options
 from app.cli.plan import plan
 from app.cli.replay import replay
 from app.cli.results import compare, merge
-from app.cli.segment import segment
 from app.cli.sites import site_cli
-from app.cli.train import train
 from app.cli.users import users_cli
-from app.cli.weights import weights_cli
 from app.runtime.start.segmenter_choice import Kind
 from navcore.errors import BewareNavError
 

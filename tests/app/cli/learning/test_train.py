@@ -149,7 +149,7 @@ def test_a_killed_run_is_resumed_to_the_same_weights(tmp_path: Path) -> None:
 def test_a_rendered_data_set_may_have_images_of_several_sizes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.cli.dataset.WORLDS_PER_JOB", 1)
+    monkeypatch.setattr("app.cli.learning.dataset.WORLDS_PER_JOB", 1)
     sizes = ("--size", "64x48", "--size", "96x64")
     run(
         "dataset",
@@ -190,7 +190,7 @@ def test_rendering_with_interiors_is_told_in_the_card_and_changes_some_worlds(
 def test_a_killed_worker_ends_the_rendering_with_a_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.cli.dataset._render", killed)
+    monkeypatch.setattr("app.cli.learning.dataset._render", killed)
     with pytest.raises(BadConfiguration, match="ended with exit code -9; if memory is short"):
         run(
             "dataset",
