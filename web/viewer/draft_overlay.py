@@ -39,6 +39,7 @@ class DraftOverlay:
         self._count = 0
         self._draggable = False
         self._nodes: dict[str, Any] = {}
+        self._note: tuple[str, Any] = ("", None)
         # Clicks are received in every mode: asking the browser for them would lose the first click
         # of a mode. A coroutine keeps the order of quick clicks; viser awaits it, though its
         # signature does not say so.
@@ -56,6 +57,7 @@ class DraftOverlay:
             self._line(
                 "path", np.array(draft.path, dtype=np.float64).reshape(-1, 2), palette.DRAFT, 0.04
             )
+            self._show_note(draft.note if len(shape) else "", shape)
             self._show_handles(corners, draggable=draft.mode == "edit")
 
     def highlight(self, highlight: Highlight) -> None:
@@ -91,6 +93,20 @@ class DraftOverlay:
             self._nodes[name] = self._client.scene.add_line_segments(
                 f"/draft/{name}", polyline_segments(points, DRAFT_Z), colour, thickness=thickness
             )
+
+    def _show_note(self, text: str, shape: Any) -> None:
+        shown, label = self._note
+        if text != shown:
+            if label is not None:
+                label.remove()
+            label = (
+                self._client.scene.add_label("/draft/note", text, anchor="top-left")
+                if text
+                else None
+            )
+            self._note = text, label
+        if label is not None:
+            label.position = (*shape.mean(axis=0).tolist(), DRAFT_Z)
 
     def _show_handles(self, corners: Any, *, draggable: bool) -> None:
         positions = np.column_stack([corners, np.full(len(corners), DRAFT_Z)]).astype(np.float32)

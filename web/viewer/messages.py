@@ -26,6 +26,8 @@ LAYERS: tuple[Layer, ...] = get_args(Layer)
 CloudColour = Literal["camera", "height", "class"]
 CLOUD_COLOURS: tuple[CloudColour, ...] = get_args(CloudColour)
 Mode = Literal["navigate", "goal", "draw", "edit"]
+MAX_NOTE = 200
+"""Largest number of characters of a draft's note."""
 
 
 class Draft(Closed):
@@ -36,6 +38,8 @@ class Draft(Closed):
     corners: Annotated[tuple[Corner, ...], Field(max_length=MAX_CORNERS)] = ()
     outline: Annotated[tuple[Corner, ...], Field(max_length=2 * MAX_CORNERS)] = ()
     path: Annotated[tuple[Corner, ...], Field(max_length=4000)] = ()
+    note: Annotated[str, Field(max_length=MAX_NOTE)] = ""
+    """Text beside the outline, as the length and duration of the path to a goal."""
 
 
 class CameraMove(Closed):

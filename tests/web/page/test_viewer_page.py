@@ -34,6 +34,17 @@ PLACES = """() => {
 }"""
 """JavaScript: whether each node of viser's page is drawn where the console has placed it."""
 
+NOTE_SENT = """() => {
+  const send = WebSocket.prototype.send;
+  window.noteSent = "";
+  WebSocket.prototype.send = function (data) {
+    const message = typeof data === "string" ? JSON.parse(data) : {};
+    if (message.type === "draft") window.noteSent = message.note;
+    return send.call(this, data);
+  };
+}"""
+"""JavaScript: keep the note of the newest draft that the page sends to the 3D view."""
+
 
 def open_3d(page: Page) -> tuple[float, float]:
     """Show the 3D view from above; returns the pixel in its middle."""
@@ -60,16 +71,20 @@ def test_a_goal_gets_its_heading_by_drag_in_the_3d_view(
 ) -> None:
     x, y = open_3d(page)
     x, y = x - 80, y + 110  # free floor
+    page.evaluate(NOTE_SENT)
     page.get_by_test_id("mode-goal").click()
     sent: list[str] = []
     page.on("request", lambda request: sent.append(request.url))
     page.mouse.move(x, y)
     eventually(page, lambda: any(url.endswith("/preview") for url in sent))
+    # Beside the goal the view says how long the path is, and forgets it with the goal.
+    eventually(page, lambda: " m" in page.evaluate("noteSent"))
     page.mouse.down()
     page.mouse.move(x + 10, y - 40, steps=4)
     page.mouse.move(x + 2, y - 90, steps=4)
     page.mouse.up()
     expect(page.get_by_test_id("goal")).to_have_count(1)
+    eventually(page, lambda: page.evaluate("noteSent") == "")
     (goal,) = operations.state().queue
     assert goal.yaw_rad is not None and abs(goal.yaw_rad - math.pi / 2) < 0.2
     # A click without a drag has no heading.

@@ -7,6 +7,7 @@ import { address, drawViewerNow, setConnected } from "./viewer.js";
 import { goalMark, sketch } from "../map/world.js";
 
 const MAX_PREVIEW_POINTS = 4000;
+const MAX_NOTE = 200;
 // Modes that the 3D view knows; the others are of the map alone.
 const VIEW_MODES = new Set(["goal", "draw", "edit"]);
 let onOpen = () => {};
@@ -66,6 +67,7 @@ export function sendDraft() {
     corners: draft.corners,
     outline: isGoal ? goalMark() : isDrawing() ? outline() : [],
     path: path.slice(0, MAX_PREVIEW_POINTS),
+    note: isGoal ? sketch.verdict.slice(0, MAX_NOTE) : "",
   });
   drawViewerNow();
 }
