@@ -124,7 +124,8 @@ def nearest_surface(
     """Return the number of the nearest surface that faces the viewer, −1 if there is none.
 
     `view` is the unit vector from the point to the camera, `normal` that of the scan's line or
-    (0, 0): a surface with a line must then face alike.
+    (0, 0): a surface with a line must then face alike, and any other have been seen from the same
+    side of that line, or the far end of the other side of a wall would count as near.
     """
     row, col = math.floor(y / grid.cell_m), math.floor(x / grid.cell_m)
     best, best_d2 = -1, radius_m * radius_m
@@ -153,11 +154,8 @@ def nearest_surface(
                     if facing < 0.05 * length:
                         continue
                     alike = sums[FACING_X] * normal[0] + sums[FACING_Y] * normal[1]
-                    if (
-                        (normal[0] != 0.0 or normal[1] != 0.0)
-                        and forms_line(sums)
-                        and alike < 0.5 * length
-                    ):
+                    least = 0.5 * length if forms_line(sums) else 0.0
+                    if (normal[0] != 0.0 or normal[1] != 0.0) and alike < least:
                         continue
                     dx, dy = sums[X] / sums[WEIGHT] - x, sums[Y] / sums[WEIGHT] - y
                     d2 = dx * dx + dy * dy

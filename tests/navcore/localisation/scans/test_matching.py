@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.localisation.scans.matching import lines_blocked_share, match, search
-from navcore.localisation.scans.scan import Keyframe
+from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from tests.navcore.laws import law
 from tests.navcore.localisation.plan_worlds import PlanWorld, drive, office
@@ -99,6 +100,28 @@ def test_a_wall_seen_from_the_other_side_is_not_matched() -> None:
     front = Pose2(x_m=0.1, y_m=0.1, yaw_rad=0.0)
     again = world.scan(front, np.random.default_rng(3))
     assert match(again, scan_map, front, LOOSE).share > 0.95
+
+
+def test_nor_is_what_forms_no_line_on_the_other_side_of_a_wall_near_it() -> None:
+    world, rng = PlanWorld(), np.random.default_rng(3)
+    world.wall((2.0, -3.0), (2.0, 3.0))
+    mapped_from = Pose2(x_m=0.5, y_m=-2.5, yaw_rad=1.1)
+    blurred = without_lines(world.scan(mapped_from, rng))
+    scan_map = ScanMap()
+    scan_map.put(Keyframe(pose_id=0, T_map_base=mapped_from, scan=blurred))
+    behind = Pose2(x_m=3.0, y_m=-2.5, yaw_rad=1.9)
+    scan = world.scan(behind, rng)
+    scan = scan.part(scan.normals.any(axis=1))
+    assert len(scan) > 50
+
+    assert match(scan, scan_map, behind, LOOSE).near == 0
+    # The control: points that form no line either have no other side.
+    assert match(without_lines(scan), scan_map, behind, LOOSE).near > 50
+
+
+def without_lines(scan: Scan) -> Scan:
+    """The points of a scan as if they were legs and posts."""
+    return dataclasses.replace(scan, normals=np.zeros_like(scan.normals))
 
 
 def test_along_an_empty_corridor_the_expectation_stays() -> None:
