@@ -82,12 +82,14 @@ class EngineMemory:
             new.write_text(json.dumps(entries, indent=1), encoding="utf-8")
             new.replace(self._file)
 
-    def network(self, key: str, *, title: str, sha256: str) -> NetworkFile | None:
-        """Return the exported network that was kept under a key, with the title and the hash of the
-        weights; None without one, and for a damaged one."""
+    def network(self, key: str, *, known: ChosenEngine, sha256: str) -> NetworkFile | None:
+        """Return the exported network that was kept under a key for the engine that is known, with
+        the hash of the weights; None without one, and for a damaged one."""
         with suppress(BadConfiguration, OSError):
             file = open_network(self._network_path(key), camera=Size(height=1, width=1))
-            return dataclasses.replace(file, title=title, sha256=sha256)
+            # One in eight bits holds the ranges of the convolutions in its layers.
+            ranges = () if known.name.endswith("int8") else None
+            return dataclasses.replace(file, title=known.title, sha256=sha256, ranges=ranges)
         return None
 
     def keep_network(self, key: str, onnx: bytes) -> None:

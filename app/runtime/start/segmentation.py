@@ -199,7 +199,7 @@ def _prepared_apart(
         sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
         key = key_of(sha256, live=choice.live, threads=choice.threads, camera=choice.camera)
         known = memory.recall(key)
-        kept = memory.network(key, title=known.title, sha256=sha256) if known else None
+        kept = memory.network(key, known=known, sha256=sha256) if known else None
         opened = _remembered(known, choice, kept, watch) if kept else None
         if opened is not None:
             return opened

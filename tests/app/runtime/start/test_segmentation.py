@@ -23,7 +23,7 @@ from navcore.mission.beware_list import default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.esanet import build
 from navcore.perception.esanet.inference import selection
-from navcore.perception.esanet.inference.network_file import open_network
+from navcore.perception.esanet.inference.network_file import SHIPPED, open_network
 from navcore.perception.esanet.inference.selection import EngineBenchmark, TrialStep, open_inference
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
 from navcore.perception.esanet.weights.weights_file import WeightsCard, save
@@ -301,6 +301,27 @@ def test_a_memory_that_cannot_be_read_or_written_is_an_empty_one(
     nowhere = EngineMemory(file / "below a file" / "engines.json")
     nowhere.remember("k", engine)
     assert nowhere.recall("k") is None
+
+
+def test_a_later_start_opens_the_network_that_was_exported_in_eight_bits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("openvino")
+    pytest.importorskip("onnx")
+    memory = EngineMemory(tmp_path / "engines.json")
+    choice = SegmenterChoice(weights=SHIPPED, threads=1)
+    sha256 = hashlib.sha256(SHIPPED.read_bytes()).hexdigest()
+    key = key_of(sha256, live=False, threads=1, camera=(424, 240))
+    engine = ChosenEngine(name="openvino int8", p99_ms=1e6, smaller=False, title="shipped")
+    memory.remember(key, engine)
+    compose(choice, memory=memory, apart=True)
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("a process was started")
+
+    monkeypatch.setattr("app.runtime.start.segmentation.multiprocessing.get_context", refuse)
+    later = compose(choice, memory=memory, apart=True)
+    assert later.choice.engine == "openvino int8"
 
 
 def test_a_later_start_opens_the_exported_network_without_torch_and_labels_alike(
