@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navcore.config.behaviours import LaneRetreatConfig
+from navcore.config.behaviours import BehavioursConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.arrays import Bools, Points
 from navcore.geometry.transform import Pose2
 from navcore.robot.profile import RobotProfile
 
-_DEFAULT = LaneRetreatConfig()
+_DEFAULT = BehavioursConfig()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,26 +44,27 @@ class LaneRetreat:
         waited_s: float,
         profile: RobotProfile,
         people_config: PeopleConfig,
-        config: LaneRetreatConfig = _DEFAULT,
+        config: BehavioursConfig = _DEFAULT,
     ) -> LaneRetreat:
         """Return the state after one more tick; `pose`, the (N, 2) recent positions of people who
         `walked` and the (M, 2) driven `trail`, newest first, are in the map frame. `waited_s` is
         the time in seconds for which the robot has waited at this position."""
+        rules = config.lane_retreat
         clear_m = (
             profile.circumscribed_radius_m
-            + config.person_radius_m
+            + config.lanes.person_radius_m
             + people_config.personal_m
-            + config.margin_m
+            + rules.margin_m
         )
         here = np.array([[pose.x_m, pose.y_m]])
         in_lane = not _is_clear(here, walked, clear_m)[0]
-        possible = in_lane and _leads_out(trail, walked, clear_m, config.longest_m)
+        possible = in_lane and _leads_out(trail, walked, clear_m, rules.longest_m)
         if self.active:
-            if possible and (stamp_ns - self.since_ns) / 1e9 < config.longest_s:
+            if possible and (stamp_ns - self.since_ns) / 1e9 < rules.longest_s:
                 return self
             return LaneRetreat(failed_at=pose if in_lane else None)
         failed = self.failed_at
-        if failed is not None and failed.distance_to(pose.x_m, pose.y_m) < config.retry_m:
+        if failed is not None and failed.distance_to(pose.x_m, pose.y_m) < rules.retry_m:
             return self
         waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
         if waits and possible and waited_s >= people_config.lane_s:

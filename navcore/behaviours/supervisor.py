@@ -151,7 +151,7 @@ class Behaviour:
             waited_s=waiting.waited_s,
             profile=profile,
             people_config=config.people,
-            config=config.behaviours.lane_retreat,
+            config=config.behaviours,
         )
         return dataclasses.replace(self, waiting=waiting, lanes=lanes, lane_retreat=lane_retreat)
 

@@ -74,8 +74,6 @@ class LaneConfig:
 class LaneRetreatConfig:
     """Tuning of the retreat from the lane of a person who walks to and fro."""
 
-    person_radius_m: float = ranged(0.05, 1.0, default=0.3)
-    """Half the width in metres of a person."""
     margin_m: float = ranged(0.0, 2.0, default=0.15)
     """Distance in metres kept from the lane beyond the personal distance."""
     longest_m: float = ranged(0.1, 5.0, default=2.5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from navcore.behaviours.lane_retreat import LaneRetreat
-from navcore.config.behaviours import LaneRetreatConfig
+from navcore.config.behaviours import LaneConfig, LaneRetreatConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.control.social import PEOPLE_CONFIG
 from navcore.geometry.arrays import Points
@@ -18,7 +18,7 @@ BACKS = Motion(twist=Twist(v_mps=-0.2, w_radps=0.0), outcome=ControllerState.BAC
 RULES = LaneRetreatConfig()
 LANE = np.column_stack([np.linspace(-3.0, 3.0, 31), np.zeros(31)])
 """Where a person walked: along x."""
-CLEAR_M = HUSKY.circumscribed_radius_m + PEOPLE_CONFIG.personal_m + RULES.person_radius_m
+CLEAR_M = HUSKY.circumscribed_radius_m + PEOPLE_CONFIG.personal_m + LaneConfig().person_radius_m
 
 
 def came_from(y_m: float, *, length_m: float = 4.0, along: bool = False) -> Points:
