@@ -308,17 +308,23 @@ def _is_clear_of_people(checker: CollisionChecker, rest: Manoeuvre, pose: Pose2)
 
 def _slow_beside_people(checker: CollisionChecker, motion: Motion) -> Motion:
     """The same motion, no faster than the people near allow."""
-    twist, profile = motion.twist, checker.profile
-    limit = speed_limit_near_people(
-        checker.people, twist, profile, checker.people_config, checker.control.social
+    limit_mps = speed_limit_near_people(
+        checker.people, motion.twist, checker.profile, checker.people_config, checker.control.social
     )
-    fastest = abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
-    if fastest <= limit:
-        return motion
-    if limit == 0.0:
+    if limit_mps == 0.0 and motion.twist != STANDSTILL:
         yields = ControllerState.WAIT_FOR_PEOPLE
         return dataclasses.replace(motion, twist=STANDSTILL, outcome=yields, arc=None)
-    slower = Twist(v_mps=twist.v_mps * limit / fastest, w_radps=twist.w_radps * limit / fastest)
+    return _no_faster(motion, limit_mps, checker.profile)
+
+
+def _no_faster(motion: Motion, limit_mps: float, profile: RobotProfile) -> Motion:
+    """The same motion with no point of the body faster than a limit."""
+    twist = motion.twist
+    fastest_mps = abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
+    if fastest_mps <= limit_mps:
+        return motion
+    share = limit_mps / fastest_mps
+    slower = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
     return dataclasses.replace(motion, twist=slower)
 
 
@@ -413,7 +419,8 @@ def _retreat(checker: CollisionChecker, driven: Points) -> Motion:
         checker.control.social,
     )
     if receding:
-        return _backwards(alone, speed_mps)
+        slowly = _backwards(alone, speed_mps)
+        return _no_faster(slowly, checker.people_config.near_mps, checker.profile)
     motion = follow(behind, -driven, primitives)
     if motion is None:
         return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)

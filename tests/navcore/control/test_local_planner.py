@@ -50,6 +50,7 @@ def decide(
     ignore_predictions: bool = False,
     pose: Pose2 = ORIGIN,
     twist: Twist = STANDSTILL,
+    retreat: Points | None = None,
 ) -> Motion:
     """A decision, by default at the map's origin, where the base frame is the map frame."""
     return compute_velocity(
@@ -67,6 +68,7 @@ def decide(
             people=people,
             goal_yaw_rad=goal_yaw_rad,
             ignore_predictions=ignore_predictions,
+            retreat=retreat,
         )
     )
 

@@ -204,6 +204,20 @@ def test_so_near_to_the_lane_that_it_would_turn_into_it_it_stands() -> None:
     assert stands(decide(people=beside), ControllerState.WAIT_FOR_PEOPLE)
 
 
+def test_a_robot_that_backs_off_from_a_person_in_a_bend_moves_no_corner_fast() -> None:
+    angles = np.linspace(0.0, 1.5, 30)
+    driven_along = 0.3 * np.column_stack([-np.sin(angles), np.cos(angles) - 1.0])
+
+    def fastest_mps(people: PeopleState) -> float:
+        motion = decide(people=people, retreat=driven_along)
+        assert motion.outcome is ControllerState.BACK
+        turning_mps = abs(motion.twist.w_radps) * HUSKY.circumscribed_radius_m
+        return abs(motion.twist.v_mps) + turning_mps
+
+    assert fastest_mps(NO_PEOPLE) > PEOPLE_CONFIG.near_mps  # the control
+    assert 0.2 < fastest_mps(crossing(1.5, 0.2, -0.3, 0.0)) <= PEOPLE_CONFIG.near_mps + 1e-9
+
+
 def walking_on(x: float, y: float, speed: float, heading: float, unseen_s: float) -> Track:
     """A person who was lost from sight at (x, y), as if they had walked on."""
     vx, vy = speed * math.cos(heading), speed * math.sin(heading)
