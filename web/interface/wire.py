@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+import ast
+import inspect
+import itertools
+import sys
+from dataclasses import fields
+from functools import cache
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import ConfigDict, InstanceOf, PlainSerializer, TypeAdapter
 
+from navcore.geometry.transform import Pose2, Twist
+from navcore.grid.grid import GridSpec
+from navcore.mission.beware_list import BewareClass, ColourPattern, ColourRule
+from navcore.mission.mission import Goal
+from navcore.mission.prototype import Prototype
+from navcore.planning.explanation.constraint_removal import Removal
+from navcore.planning.explanation.path_explanation import Stretch
+from navcore.safety.gate import StopReason
+
 MAX_POLYLINE = 2000
 """Largest number of points of a polyline in an answer; longer ones are thinned."""
-DOCUMENTED = ConfigDict(use_attribute_docstrings=True)
-"""Configuration of a served dataclass: the docstrings of its fields are the descriptions in
-OpenAPI."""
-
 Points = npt.NDArray[np.float64]
 Position = tuple[float, float]
 """(x, y) in metres of the map frame."""
@@ -37,21 +47,60 @@ def rounded(points: Points) -> list[Position]:
 
 
 def descriptions(kind: type) -> dict[str, str]:
-    """Return the docstrings of the fields of a dataclass."""
-    schema = TypeAdapter(list[kind], config=DOCUMENTED).json_schema()  # type: ignore[valid-type]
-    properties = schema["$defs"][kind.__name__]["properties"]
+    """Return the docstrings of the fields of a class and of those it extends."""
+    bases = [base for base in reversed(kind.__mro__) if "__annotations__" in vars(base)]
     return {
-        name: entry["description"] for name, entry in properties.items() if "description" in entry
+        name: text
+        for base in bases
+        for name, text in _texts(base.__module__).get(base.__name__, {}).items()
     }
 
 
+@cache
+def _texts(module: str) -> dict[str, dict[str, str]]:
+    """Return the docstrings of the fields of each class of a module."""
+    tree = ast.parse(inspect.getsource(sys.modules[module]))
+    return {node.name: _texts_of(node) for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
+
+
+def _texts_of(node: ast.ClassDef) -> dict[str, str]:
+    found = {}
+    for field, text in itertools.pairwise(node.body):
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+            match text:
+                case ast.Expr(value=ast.Constant(value=str(words))):
+                    found[field.target.id] = inspect.cleandoc(words)
+    return found
+
+
+def _describe(schema: dict[str, Any], kind: type) -> None:
+    for name, text in descriptions(kind).items():
+        if name in schema.get("properties", {}):
+            schema["properties"][name].setdefault("description", text)
+
+
+DOCUMENTED = ConfigDict(json_schema_extra=_describe)
+"""Configuration of a served class: the docstrings of its fields are the descriptions in OpenAPI.
+
+They are read when OpenAPI is asked for. Pydantic would read them when the class is made, and the
+whole file again for every class: a second of each start.
+"""
+
+
 def served(kind: type[_Kind]) -> type[_Kind]:
-    """Class decorator of a dataclass in answers: the docstrings of its fields, and of those of a
-    dataclass that it extends, are the descriptions in OpenAPI."""
-    base = next(filter(is_dataclass, kind.__mro__[1:]), None)
-    kind.__pydantic_config__ = DOCUMENTED if base is None else _documented_as(base)  # type: ignore[attr-defined]
+    """Class decorator of a dataclass in answers."""
+    kind.__pydantic_config__ = DOCUMENTED  # type: ignore[attr-defined]
     _served.append(kind)
     return kind
+
+
+CORE = (
+    *(BewareClass, ColourPattern, ColourRule, Goal, GridSpec, Pose2, Prototype, Removal),
+    *(StopReason, Stretch, Twist),
+)
+"""Values of the navigation core that answers hold."""
+for _core in CORE:
+    served(_core)
 
 
 def build_schemas() -> None:
@@ -60,17 +109,6 @@ def build_schemas() -> None:
     while _served:
         kind = _served.pop(0)
         kind.__pydantic_core_schema__ = TypeAdapter(kind).core_schema  # type: ignore[attr-defined]
-
-
-def _documented_as(base: type) -> ConfigDict:
-    """Return `DOCUMENTED` for a subclass of a dataclass: pydantic reads the docstrings of the
-    fields that the subclass itself defines."""
-
-    def add(schema: dict[str, Any]) -> None:
-        for name, text in descriptions(base).items():
-            schema["properties"][name].setdefault("description", text)
-
-    return ConfigDict(use_attribute_docstrings=True, json_schema_extra=add)
 
 
 def values_of(value: Any) -> dict[str, Any]:

@@ -75,7 +75,7 @@ class TokenOut(BaseModel):
 class VisitorOut(BaseModel):
     """Visitor of the console."""
 
-    model_config = ConfigDict(use_attribute_docstrings=True, from_attributes=True)
+    model_config = DOCUMENTED | ConfigDict(from_attributes=True)
 
     name: str
     """Name of the visitor."""

@@ -21,6 +21,7 @@ from pydantic import (
     StrictBool,
     StrictStr,
     create_model,
+    with_config,
 )
 from pydantic_core import CoreSchema, core_schema
 from typing_extensions import TypedDict
@@ -28,9 +29,10 @@ from typing_extensions import TypedDict
 from navcore.config.planning import PlanningConfig
 from navcore.mission.prototype import MAX_CHANNELS
 from navcore.toml_config import from_table
-from web.interface.wire import descriptions
+from web.interface.wire import DOCUMENTED, descriptions
 
 
+@with_config(DOCUMENTED)
 class Limits(TypedDict):
     """Range of a number, both ends included."""
 
@@ -81,7 +83,7 @@ Label = Annotated[
 class Closed(BaseModel):
     """Body whose unknown keys are refused by name."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = DOCUMENTED | ConfigDict(extra="forbid", frozen=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +118,12 @@ class Changes:
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Return a schema that validates a body and keeps the given fields."""
+        texts = descriptions(self.model)
         fields: dict[str, Any] = {
-            name: (field.rebuild_annotation() | None, Field(None, description=field.description))
+            name: (
+                field.rebuild_annotation() | None,
+                Field(None, description=field.description or texts.get(name)),
+            )
             for name, field in self.model.model_fields.items()
         }
         model = create_model(f"{self.model.__name__}Changes", __base__=Closed, **fields)

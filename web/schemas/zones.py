@@ -187,7 +187,7 @@ ZoneIn = Annotated[
 class _Open(BaseModel):
     """Body from another program; unknown keys are dropped."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, use_attribute_docstrings=True)
+    model_config = DOCUMENTED | ConfigDict(extra="ignore", frozen=True)
 
 
 class ImportedPropertiesIn(ZoneRulesIn):

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 import viser
-from viser.extras import ViserUrdf
 
 from web.images import palette
 from web.interface.operations import RobotService
@@ -69,7 +68,7 @@ class Viewer:
         self._wake, self._ending = threading.Event(), threading.Event()
         self._failed: set[str] = set()
         self._due: dict[str, float] = {}
-        self._camera_placed = False
+        self._camera_placed = self._has_body = False
         with Quiet():
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         accept_only_needed_messages(self._server)
@@ -190,6 +189,9 @@ class Viewer:
         if not self._clients:
             # Without a viewer, the processor time belongs to the navigation.
             return
+        if not self._has_body:
+            self._has_body = True
+            self._run_guarded("robot body", self._add_body)
         with self._lock:
             clients = list(self._clients.values())
             displays = {client.page_id: self._display_of(client.page_id) for client in clients}
@@ -233,12 +235,10 @@ class Viewer:
             self._failed.add(name)
 
     def _build_layers(self) -> tuple[Layer, ...]:
-        robot = RobotLayer(self._server)
-        self._run_guarded("robot body", self._add_body)
         server = self._server
         return (
             FloorLayer(server),
-            robot,
+            RobotLayer(server),
             CameraLayer(server),
             PathLayer(server),
             PrimitivesLayer(server),
@@ -250,6 +250,9 @@ class Viewer:
     def _add_body(self) -> None:
         urdf, profile = self._operations.robot_urdf, self._operations.profile
         if urdf is not None:
+            # A second of imports that the start does not wait for.
+            from viser.extras import ViserUrdf
+
             try:
                 body = ViserUrdf(self._server, urdf, root_node_name="/robot/base")
                 # Without a configuration, every link stays at the origin.

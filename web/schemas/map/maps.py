@@ -56,7 +56,7 @@ class CameraLabelsOut(BaseModel):
 class PersonOut(BaseModel):
     """Tracked person."""
 
-    model_config = ConfigDict(use_attribute_docstrings=True, from_attributes=True)
+    model_config = DOCUMENTED | ConfigDict(from_attributes=True)
 
     id: int
     """Number of the person, constant while the person is tracked."""
