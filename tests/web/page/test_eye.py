@@ -72,9 +72,10 @@ def test_every_main_state_can_be_read_named_and_hit(
         targets = page.evaluate(SMALL_TARGETS) if is_touch else []
         wide = page.evaluate("document.documentElement.scrollWidth > innerWidth")
         assert page.get_by_test_id("stop").evaluate(IS_TOPMOST), name
-        page.emulate_media(color_scheme="light" if theme == "dark" else "dark")
-        expect(page.locator("html")).not_to_have_attribute("data-theme", theme)
-        serious += pale_texts(page)
+        if size != "tablet":  # its colours are those of the other two
+            page.emulate_media(color_scheme="light" if theme == "dark" else "dark")
+            expect(page.locator("html")).not_to_have_attribute("data-theme", theme)
+            serious += pale_texts(page)
         if serious or small or targets or wide:
             found[name] = [serious, small, targets, wide]
         page.close()

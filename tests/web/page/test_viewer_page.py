@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import get_args
 
 import numpy as np
-import pytest
 from PIL import Image
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
@@ -109,24 +108,28 @@ def test_layers_and_following_are_remembered_by_the_browser(page: Page) -> None:
     expect(page.get_by_test_id("layer-3d-zones")).to_be_checked()
 
 
-@pytest.mark.parametrize("theme", ["dark", "light"])
-def test_the_background_is_that_of_the_theme(
-    theme: str, new_context: Callable[..., BrowserContext], server: ConsoleServer
+def test_the_background_is_that_of_the_theme_also_when_it_changes(
+    new_context: Callable[..., BrowserContext], server: ConsoleServer
 ) -> None:
-    context = new_context(viewport={"width": 1280, "height": 720}, color_scheme=theme)
+    context = new_context(viewport={"width": 1280, "height": 720}, color_scheme="dark")
     page = context.new_page()
     page.goto(f"{server.url}/#3d")
     expect(page.locator("body")).to_have_attribute("data-viewer", "live")
-    stage = page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--stage')")
-    wanted = np.frombuffer(bytes.fromhex(stage.strip()[1:]), dtype=np.uint8).astype(int)
 
     def is_behind() -> bool:
+        stage = page.evaluate(
+            "getComputedStyle(document.documentElement).getPropertyValue('--stage')"
+        )
+        wanted = np.frombuffer(bytes.fromhex(stage.strip()[1:]), dtype=np.uint8).astype(int)
         shot = page.locator(".stage").screenshot()
         pixels = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
         # From the south, the sky is in the upper corners.
         corners = [pixels[8, 8], pixels[8, -8]]
         return bool(np.abs(np.array(corners) - wanted).max() <= 3)
 
+    eventually(page, is_behind)
+    page.emulate_media(color_scheme="light")
+    expect(page.locator("html")).to_have_attribute("data-theme", "light")
     eventually(page, is_behind)
 
 

@@ -17,6 +17,7 @@ export const address = `/viewer/${pageId}`;
 // What draws WebGL here: "hardware", "software" or "none".
 export const webgl = findRenderer();
 let frame = null;
+let ownStyle = null; // the console's style sheet in viser's page, which adds others of its own
 let isShown = false;
 let strengths = {};
 let timer = 0;
@@ -101,7 +102,7 @@ function open() {
 
 function close() {
   frame?.remove();
-  frame = null;
+  frame = ownStyle = null;
   delete document.body.dataset.drawn;
   onDrawn();
 }
@@ -118,17 +119,16 @@ function prepare() {
   contentWindow?.addEventListener("keyup", onKeyUp, true);
   for (const listener of frameListeners) listener(contentWindow);
   // viser's own panel and notices would cover the scene; the console has all that an operator needs.
-  contentDocument?.head.append(contentDocument.createElement("style"));
+  ownStyle = contentDocument.head.appendChild(contentDocument.createElement("style"));
   showTheme();
   fadeViewer(strengths);
 }
 
 // The colour behind the scene is the one behind the map.
 function showTheme() {
-  const style = frame?.contentDocument?.head.lastElementChild;
-  if (style?.tagName !== "STYLE") return;
+  if (!ownStyle) return;
   const stage = getComputedStyle(document.documentElement).getPropertyValue("--stage");
-  style.textContent =
+  ownStyle.textContent =
     ".mantine-Paper-root, .mantine-Notifications-root { display: none !important; }" +
     `html, body, body div:has(> canvas) { background: ${stage} !important; }`;
   drawViewerNow();
