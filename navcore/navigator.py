@@ -383,9 +383,9 @@ class Navigator:
         )
 
     def _hidden(self) -> Floats:
-        """(H, 4) the columns of `PeopleTracker.hidden` in the map frame."""
+        """(H, 3) x, y, radius, map frame, of a person who may be there, out of sight."""
         hidden = self._tracker.hidden
-        return np.column_stack([self.place.T_map_odom.to_parent(hidden[:, :2]), hidden[:, 2:]])
+        return np.column_stack([self.place.T_map_odom.to_parent(hidden[:, :2]), hidden[:, 2]])
 
     def _control_task(
         self,

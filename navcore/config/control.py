@@ -293,10 +293,6 @@ class SocialConfig:
     walk quite straight."""
     min_speed_mps: float = ranged(0.0, 0.5, default=0.05)
     """Speed limit in m/s below which the robot stands."""
-    hidden_s: float = ranged(0.0, 30.0, default=2.0)
-    """Time in seconds for which a person out of sight may have been at a position of their lane
-    before the robot keeps clear of it, and turns to look there: for as long as this after a look
-    both ways it may cross."""
     sample_s: float = ranged(0.02, 2.0, default=0.25)
     """Largest time in seconds between the moments of the headway that are checked."""
 

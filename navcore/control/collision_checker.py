@@ -158,7 +158,7 @@ class CollisionChecker:
 
     def with_people_standing(self) -> CollisionChecker:
         """Return the surroundings as if everyone stood still, obstacles like any other."""
-        people = self.people.standing_still(self.control.social)
+        people = self.people.standing_still()
         outlines = people.outlines()
         outlines = outlines[outside(outlines, self.profile, 0.0)]
         return dataclasses.replace(

@@ -47,8 +47,7 @@ class ControlTask:
     walked: Points
     """(W, 2) recent positions of people who walked, map frame."""
     hidden: Floats
-    """(H, 4) x, y and radius in metres, map frame, of a person out of sight, and the time in
-    seconds from which they may be there."""
+    """(H, 3) x, y, radius in metres, map frame, of a person who may be there, out of sight."""
     goal_yaw_rad: float | None = None
     """Heading in the map frame to take at the goal; None for any."""
     leaving: tuple[Zone, ...] | None = None
@@ -108,14 +107,7 @@ class Controller:
                 profile=self._profile,
                 local=local,
                 control=self._config.control,
-                people=PeopleState.of(
-                    task.people,
-                    pose,
-                    self._config.people,
-                    self._config.control.social,
-                    walked=task.walked,
-                    hidden=task.hidden,
-                ),
+                people=self._people(task),
                 people_config=self._config.people,
                 goal_yaw_rad=task.goal_yaw_rad,
                 around=task.around,
@@ -128,6 +120,21 @@ class Controller:
         if at_end and not task.reaches_goal:
             self._motion = IDLE
         return self._motion
+
+    def _people(self, task: ControlTask) -> PeopleState:
+        """People near the robot. None is out of sight beside the body: it could not get out of a
+        lane, and the person would be about to touch it."""
+        rules, pose, hidden = self._config.people, task.pose, task.hidden
+        beside_m = hidden[:, 2] + rules.personal_m
+        apart_m = self._profile.distances_m(pose.from_parent(hidden[:, :2]))
+        return PeopleState.of(
+            task.people,
+            pose,
+            rules,
+            self._config.control.social,
+            walked=task.walked,
+            hidden=hidden[apart_m > beside_m],
+        )
 
     def limit(self, motion: Motion, zones: tuple[Zone, ...], pose: Pose2, twist: Twist) -> Motion:
         """Slow a motion down to the operator's speed limits; `twist` is the measured velocity."""

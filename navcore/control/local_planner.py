@@ -209,7 +209,7 @@ def _drive(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
     )
     if motion is not None:
         return motion
-    if checker.people.may_come and follow(checker.without_people(), path, primitives):
+    if len(checker.people.walking) and follow(checker.without_people(), path, primitives):
         return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     off_path = abs(bearing) > math.radians(inputs.local.turn_until_deg)
     if off_path and follow(checker.all_observed(), path, primitives):
@@ -293,7 +293,7 @@ def _manoeuvre(
 
 
 def _is_clear_of_people(checker: CollisionChecker, rest: Manoeuvre, pose: Pose2) -> bool:
-    if not checker.people.may_come:
+    if not len(checker.people.walking):
         return True
     clear = clear_of_people(
         checker.people,
@@ -339,16 +339,13 @@ def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
     """
     people, turns = checker.people, checker.control.turn
     in_view, radius_m = math.radians(turns.face_person_deg), checker.profile.circumscribed_radius_m
-    sought = people.expected_discs[:, :2]
-    if len(sought) == 0:
-        hidden = people.long_hidden(checker.control.social)
-        gap_m = np.hypot(*hidden[:, :2].T) - hidden[:, 2] - radius_m
-        if not (gap_m > checker.control.social.stopped_gap_m).all():
-            return motion
-        sought = hidden[:, :2]
+    sought = (people.expected_discs if len(people.expected_discs) else people.hidden)[:, :2]
     sought = sought - (checker.profile.camera.x_m, 0.0)
     bearings = np.arctan2(sought[:, 1], sought[:, 0])
     if len(people.expected_discs) == 0:
+        gap_m = np.hypot(*people.hidden[:, :2].T) - people.hidden[:, 4] - radius_m
+        if not (gap_m > checker.control.social.stopped_gap_m).all():
+            return motion
         sought, bearings = sought[abs(bearings) > in_view], bearings[abs(bearings) > in_view]
     if len(sought) == 0:
         return motion
@@ -411,7 +408,7 @@ def _retreat(checker: CollisionChecker, driven: Points) -> Motion:
     alone = follow(behind.without_people(), -driven, primitives) if len(driven) > 1 else None
     if alone is None or alone.arc is None:
         return BLOCKED
-    if not checker.people.may_come:
+    if len(checker.people.walking) == 0:
         return _slow_beside_people(checker, _backwards(alone, speed_mps))
     receding = recedes(
         behind.people,

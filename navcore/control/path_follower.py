@@ -32,7 +32,7 @@ def follow(checker: CollisionChecker, path: Points, primitives: Primitives) -> M
     least = min(config.min_progress_m, config.min_progress_share * goal_m)
     if not np.isfinite(gain[best, step]) or progress[best, step] < least:
         return None
-    if checker.people.may_come and not free[best, -1]:
+    if len(checker.people.walking) and not free[best, -1]:
         waits_m = _waiting_distance(checker, primitives, best, free[best], fastest)
         if waits_m is None:
             return None
@@ -76,7 +76,7 @@ def _clear_of_people(
     """(A, S) poses that are free of people too and their gain, at the speed in m/s of those tried
     at which the best one gains most."""
     fastest = checker.profile.max_speed_mps
-    if not checker.people.may_come:
+    if not len(checker.people.walking):
         return free, np.where(free, gain, -np.inf), fastest
     config = checker.control.path_follower
     bends = np.maximum(np.abs(primitives.curvatures_1pm), 1e-6)

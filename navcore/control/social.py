@@ -8,9 +8,7 @@ beside the line of the person. The second predicts nothing: the robot must be ab
 any person could reach it, in whatever direction they turn. While a person is out of sight, the disc
 that the person may be in grows at walking speed about the position where they were lost, until they
 have been gone for long. A robot that stood all that time would set off blindly at its end, so it
-looks after them: a turn in place, for which they are taken to have walked on. Of those who walk to
-and fro it is known from when they may be at each position of their lane
-(`navcore.perception.people.lane_memory`).
+looks after them: a turn in place, for which they are taken to have walked on.
 """
 
 from __future__ import annotations
@@ -23,12 +21,7 @@ import numpy as np
 
 from navcore.config.control import CONTROL_CONFIG, SocialConfig
 from navcore.config.people import PeopleConfig
-from navcore.control.walker_distance import (
-    are_clear,
-    are_clear_of_places,
-    gaps,
-    gaps_to_places,
-)
+from navcore.control.walker_distance import are_clear, gaps
 from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Pose2, Twist
 from navcore.perception.people.track import Track
@@ -51,7 +44,7 @@ class PeopleState:
 
     walking: Floats
     """(P, 5) x, y, velocity along both, radius, in metres and m/s: a row for each motion that a
-    person who walks, or has only stopped, may make from now on."""
+    person who walks, or has only stopped, may make from now on, and those of `hidden`."""
     standing: Floats
     """(Q, 5) the same columns for people who stand; the velocities are 0."""
     reachable_discs: Floats = field(default_factory=lambda: np.empty((0, 4)))
@@ -62,9 +55,9 @@ class PeopleState:
     """(R, 4) the same columns for the disc in which each of these people is if they walked on."""
     walked: Points = field(default_factory=lambda: np.empty((0, 2)))
     """(W, 2) recent positions of people who walked."""
-    hidden: Floats = field(default_factory=lambda: np.empty((0, 4)))
-    """(H, 4) x, y, radius of a person who walks to and fro and is out of sight, and the time in
-    seconds from which they may be there, negative for a while ago."""
+    hidden: Floats = field(default_factory=lambda: np.empty((0, 5)))
+    """(H, 5) the same columns for each position where a person who walks to and fro may be, out of
+    sight; the velocities are 0."""
 
     @staticmethod
     def of(
@@ -76,8 +69,8 @@ class PeopleState:
         hidden: Floats | None = None,
     ) -> PeopleState:
         """Return the tracked people, the (W, 2) positions where people recently walked, and the
-        (H, 4) ones where one may be out of sight, as seen from a pose of the robot in the map
-        frame."""
+        (H, 3) x, y, radius of a person who may be there out of sight, as seen from a pose of the
+        robot in the map frame."""
         moving = [person for person in people if _may_walk(person, rules)]
         standing = [person for person in people if person not in moving]
         motions = [
@@ -85,8 +78,9 @@ class PeopleState:
             for person in moving
             for motion in _motions(person, rules, config)[: 1 if rules.non_cooperative else None]
         ]
+        unseen = [] if hidden is None else [(x, y, 0.0, 0.0, r) for x, y, r in hidden.tolist()]
         return PeopleState(
-            walking=_in_base(pose, motions, columns=5),
+            walking=_in_base(pose, [*motions, *unseen], columns=5),
             standing=_in_base(
                 pose, [(p.x_m, p.y_m, 0.0, 0.0, p.radius_m) for p in standing], columns=5
             ),
@@ -99,18 +93,8 @@ class PeopleState:
                 columns=4,
             ),
             walked=np.empty((0, 2)) if walked is None else pose.from_parent(walked),
-            hidden=_in_base(pose, [] if hidden is None else hidden.tolist(), columns=4),
+            hidden=_in_base(pose, unseen, columns=5),
         )
-
-    @property
-    def may_come(self) -> bool:
-        """Whether a person may come into the path of the robot."""
-        return len(self.walking) + len(self.hidden) > 0
-
-    def long_hidden(self, config: SocialConfig = SOCIAL_CONFIG) -> Floats:
-        """Return the rows of `hidden` where a person may have been for a while: not those that the
-        robot has looked at a moment ago."""
-        return self.hidden[self.hidden[:, 3] <= -config.hidden_s]
 
     def reversed(self) -> PeopleState:
         """Return the same people as seen from a robot that faces the other way."""
@@ -121,20 +105,17 @@ class PeopleState:
             reachable_discs=self.reachable_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
             expected_discs=self.expected_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
             walked=-self.walked,
-            hidden=self.hidden * np.array([-1.0, -1.0, 1.0, 1.0]),
+            hidden=self.hidden * sign,
         )
 
-    def standing_still(self, config: SocialConfig = SOCIAL_CONFIG) -> PeopleState:
+    def standing_still(self) -> PeopleState:
         """Return the same people as if each who walks stood still in the disc they may be in by
         now, and one stood wherever one may be out of sight."""
         stopped = np.zeros((len(self.reachable_discs), 5))
         stopped[:, :2], stopped[:, 4] = self.reachable_discs[:, :2], self.reachable_discs[:, 3]
-        there = self.long_hidden(config)
-        unseen = np.zeros((len(there), 5))
-        unseen[:, :2], unseen[:, 4] = there[:, :2], there[:, 2]
         return PeopleState(
             walking=self.walking[:0],
-            standing=np.vstack([self.standing, stopped, unseen]),
+            standing=np.vstack([self.standing, stopped, self.hidden]),
             reachable_discs=self.reachable_discs,
             expected_discs=self.expected_discs,
             walked=self.walked,
@@ -217,14 +198,17 @@ def clear_of_people(
     config: SocialConfig = SOCIAL_CONFIG,
 ) -> Bools:
     """Return (A, S) whether the motion up to each of (A, S, 3) poses, base frame, reached at (A, S)
-    times in seconds, keeps clear of all people who walk, and of where one may have been out of
-    sight for a while, or leads away from there."""
-    half = profile.length_m / 2, profile.width_m / 2
-    personal = rules.personal_m, rules.personal_per_s
-    later_s = _later_s(rules.headway_s, config.sample_s)
-    clear = are_clear(people.walking, poses, times_s, half, personal, later_s)
-    hidden = people.long_hidden(config)
-    return clear & are_clear_of_places(hidden, poses, half, rules.personal_m)
+    times in seconds, keeps clear of all people who walk."""
+    return np.asarray(
+        are_clear(
+            people.walking,
+            poses,
+            times_s,
+            (profile.length_m / 2, profile.width_m / 2),
+            (rules.personal_m, rules.personal_per_s),
+            _later_s(rules.headway_s, config.sample_s),
+        )
+    )
 
 
 def waiting_index(
@@ -241,13 +225,13 @@ def waiting_index(
     A robot that is in the path of a person already may wait where it obstructs no more than now,
     or it would stay there for ever.
     """
-    half = profile.length_m / 2, profile.width_m / 2
-    motion = np.vstack([np.zeros((1, 3)), poses])[None]
-    moments_s = np.concatenate([[0.0], times_s])[None]
-    later_s = _later_s(rules.waiting_s, config.sample_s)
-    walking_m = gaps(people.walking, motion, moments_s, half, later_s)
-    hidden_m = gaps_to_places(people.hidden, motion, moments_s, half, rules.waiting_s)
-    here, *later_m = np.minimum(walking_m, hidden_m)[0].tolist()
+    here, *later_m = gaps(
+        people.walking,
+        np.vstack([np.zeros((1, 3)), poses])[None],
+        np.concatenate([[0.0], times_s])[None],
+        (profile.length_m / 2, profile.width_m / 2),
+        _later_s(rules.waiting_s, config.sample_s),
+    )[0].tolist()
     enough = rules.personal_m + config.waiting_margin_m
     waiting = np.flatnonzero(np.array(later_m) > enough).max(initial=-1)
     if waiting < 0 and here <= enough:
@@ -285,9 +269,7 @@ def recedes(
         walks = index < len(people.walking)
         if walks and (moved_m[soon] < config.stopped_gap_m).any():
             return False
-    hidden = people.long_hidden(config)
-    clear = are_clear_of_places(hidden, poses[None], half, rules.personal_m)
-    return bool(clear.all())
+    return True
 
 
 def speed_limit_near_people(
@@ -306,9 +288,6 @@ def speed_limit_near_people(
         """Whether the body may come nearer to x: when it turns, its corners do all round."""
         return turns or (x < 0 if twist.v_mps < 0 else x > 0)
 
-    for x, y, radius, _ in people.long_hidden(config).tolist():
-        gap_m = _gap(x, y, profile) - radius
-        limit = min(limit, rules.near_mps + max(0.0, gap_m - rules.near_m))
     for x, y, vx, vy, radius in np.vstack([people.walking, people.standing]).tolist():
         gap_m = _gap(x, y, profile) - radius
         limit = min(limit, rules.near_mps + max(0.0, gap_m - rules.near_m))

@@ -74,53 +74,6 @@ def are_clear(
     return clear
 
 
-@compiled
-def gaps_to_places(
-    places: Floats, poses: Floats, times_s: Floats, half: tuple[float, float], within_s: float
-) -> Floats:
-    """(A, S) least distance of the footprint at each pose to any of (H, 4) places, x, y, radius and
-    the time in seconds from which a person may be there, that count by then or `within_s` later."""
-    count, steps = times_s.shape
-    found, now_s = np.full((count, steps), np.inf), np.zeros(1)
-    for a in range(count):
-        for s in range(steps):
-            heading = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
-            for p in range(len(places)):
-                if places[p, 3] > times_s[a, s] + within_s:
-                    continue
-                person = places[p, 0] - poses[a, s, 0], places[p, 1] - poses[a, s, 1], 0.0, 0.0
-                squared = _least_squared_gap(person, heading, half, 0.0, now_s)
-                found[a, s] = min(found[a, s], math.sqrt(squared) - places[p, 2])
-    return found
-
-
-@compiled
-def are_clear_of_places(
-    places: Floats, poses: Floats, half: tuple[float, float], enough_m: float
-) -> Bools:
-    """(A, S) whether the gap to each of (H, 4) places as of `gaps_to_places` is larger than
-    `enough_m`, or no smaller than it is at the robot's present pose, up to each pose."""
-    count, steps = poses.shape[:2]
-    clear, now_s = np.zeros((count, steps), dtype=np.bool_), np.zeros(1)
-    least_m = np.empty(len(places))
-    for p in range(len(places)):
-        person = places[p, 0], places[p, 1], 0.0, 0.0
-        here_m = math.sqrt(_least_squared_gap(person, (1.0, 0.0), half, 0.0, now_s)) - places[p, 2]
-        least_m[p] = min(enough_m, here_m - _ROUNDING_M)
-    for a in range(count):
-        for s in range(steps):
-            heading = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
-            is_clear = True
-            for p in range(len(places)):
-                person = places[p, 0] - poses[a, s, 0], places[p, 1] - poses[a, s, 1], 0.0, 0.0
-                squared = _least_squared_gap(person, heading, half, 0.0, now_s)
-                is_clear = is_clear and math.sqrt(squared) - places[p, 2] > least_m[p]
-            if not is_clear:
-                break
-            clear[a, s] = True
-    return clear
-
-
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def _least_squared_gap(
     person: tuple[float, float, float, float],

@@ -316,7 +316,7 @@ class PersonTrackConfig:
 class LaneMemoryConfig:
     """When people count as walking to and fro, and for how long they are expected back."""
 
-    remembered_s: float = ranged(1.0, 600.0, default=30.0)
+    remembered_s: float = ranged(1.0, 600.0, default=60.0)
     """Time in seconds after which no person is expected any more where one walked."""
     extended_s: float = ranged(0.0, 10.0, default=2.0)
     """Time in seconds for which a lane goes on where a person walked out of sight."""

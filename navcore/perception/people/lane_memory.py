@@ -41,7 +41,7 @@ class LaneMemory:
         self._config = config
         self._notes = np.empty(0, dtype=_NOTE)
         self._expected = np.zeros(0, dtype=np.bool_)
-        self._now_s = self._speed_mps = 0.0
+        self._speed_mps = 0.0
 
     @property
     def positions(self) -> Points:
@@ -49,12 +49,10 @@ class LaneMemory:
         return np.asarray(self._notes["at"])
 
     @property
-    def hidden(self) -> Floats:
-        """(H, 3) x and y in metres where a person who walks to and fro may be, and the time in
-        seconds from now on from which they may, negative for a while ago; none while a track says
+    def hidden(self) -> Points:
+        """(H, 2) positions where a person who walks to and fro may be; none while a track says
         where the person is."""
-        from_s = self._notes["possible_s"][self._expected] - self._now_s
-        return np.column_stack([self.positions[self._expected], from_s])
+        return self.positions[self._expected]
 
     def follow(
         self,
@@ -66,7 +64,6 @@ class LaneMemory:
     ) -> None:
         """Take in the people of one more image. `is_free` and `is_closed` tell at which of (N, 2)
         positions it shows free floor, and which are known to be occupied for long."""
-        self._now_s = now_s
         self._forget(now_s)
         longest_s = self._config.extended_s
         walking = [one for one in people if one.speed_mps > 0 and one.unseen_s <= longest_s]
@@ -92,7 +89,7 @@ class LaneMemory:
 
     def _expect(self, lane: Indices, people: tuple[Track, ...], now_s: float) -> Bools:
         """Follow the time from which the person of a lane may be at each position; return (N,)
-        where they may ever be, nowhere while a track tells where they are."""
+        where they may be now, nowhere while a track tells where they are."""
         positions, possible_s = self.positions[lane], self._notes["possible_s"]
         lost = [
             (now_s - one.unseen_s, *one.at(-one.unseen_s))
@@ -108,7 +105,7 @@ class LaneMemory:
         from_s = np.maximum(possible_s[lane], now_s)
         reached_s = from_s + _apart_m(positions, positions) / self._speed_mps
         possible_s[lane] = np.minimum(possible_s[lane], reached_s.min(axis=1))
-        return np.asarray(np.isfinite(possible_s[lane]))
+        return np.asarray(possible_s[lane] <= now_s)
 
     def _forget(self, now_s: float) -> None:
         if len(self._notes) == 0:

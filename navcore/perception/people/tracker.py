@@ -71,11 +71,10 @@ class PeopleTracker:
 
     @property
     def hidden(self) -> Floats:
-        """(H, 4) x, y and radius in metres of odometry's frame, a step apart, of a person who walks
-        to and fro and is out of sight, and the time in seconds from now on from which they may be
-        there; none while a track says where the person is."""
-        x, y, from_s = self._lanes.hidden.T
-        return np.column_stack([x, y, np.full(len(x), self._config.detector.radius_m), from_s])
+        """(H, 3) x, y, radius in metres of odometry's frame, a step apart, of a person who walks to
+        and fro and may be there, out of sight; none while a track says where the person is."""
+        positions = self._lanes.hidden
+        return np.column_stack([positions, np.full(len(positions), self._config.detector.radius_m)])
 
     def trail(self, spec: GridSpec, T_map_odom: Pose2 = IDENTITY) -> Indices:
         """Return the (N,) cells of the map, row · cols + col, of walking people."""

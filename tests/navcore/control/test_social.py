@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -118,47 +117,6 @@ def test_a_motion_is_clear_of_people_exactly_up_to_the_first_pose_that_is_not(se
     )
     people = dataclasses.replace(NO_PEOPLE, walking=walking)
     assert np.array_equal(clear_of_people(people, poses, times_s, HUSKY, rules), expected)
-
-
-@law(60)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_the_robot_keeps_clear_of_where_a_person_may_be_but_away_from_there_it_may_drive(
-    seed: int,
-) -> None:
-    rng = np.random.default_rng(seed)
-    hidden = rng.uniform(-1.0, 1.0, (int(rng.integers(1, 6)), 4)) * (2.5, 2.5, 0.0, 6.0)
-    hidden[:, 2] = rng.uniform(0.2, 0.5, len(hidden))
-    poses = rng.uniform(-1.0, 1.0, (3, 6, 3)) * (2.0, 2.0, math.pi)
-    times_s = rng.uniform(0.0, 3.0, (3, 6))
-    rules = PEOPLE_CONFIG
-
-    def gap_m(pose: Poses, place: Poses) -> float:
-        body = Pose2(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2]).to_parent(HUSKY.footprint())
-        apart_m = shapely.distance(shapely.Polygon(body), shapely.Point(place[:2]))
-        return float(apart_m - place[2])
-
-    def is_clear(pose: Poses) -> bool:
-        return all(
-            gap_m(pose, place) > min(rules.personal_m, gap_m(np.zeros(3), place) - 1e-6)
-            for place in hidden
-            if place[3] <= -SOCIAL_CONFIG.hidden_s
-        )
-
-    expected = [np.logical_and.accumulate([is_clear(pose) for pose in row]) for row in poses]
-    people = dataclasses.replace(NO_PEOPLE, hidden=hidden)
-    assert np.array_equal(clear_of_people(people, poses, times_s, HUSKY, rules), expected)
-
-
-def test_it_waits_where_no_person_comes_soon_from_out_of_sight() -> None:
-    def waits(from_s: float) -> float:
-        y = np.arange(-2.0, 2.0, 0.25)
-        places = np.column_stack([np.full_like(y, 1.6), y, np.full_like(y, 0.3)])
-        hidden = np.column_stack([places, np.full_like(y, from_s)])
-        return waits_at(dataclasses.replace(NO_PEOPLE, hidden=hidden), 0.0)
-
-    before = 1.6 - 0.3 - HUSKY.length_m / 2 - PEOPLE_CONFIG.personal_m
-    assert 0.0 < waits(-5.0) < before and waits(PEOPLE_CONFIG.waiting_s) < before
-    assert waits(20.0) > 0.9
 
 
 def backs_off(people: PeopleState, bearing_rad: float, metres: float = 0.6) -> bool:
