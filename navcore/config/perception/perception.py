@@ -320,8 +320,6 @@ class LaneMemoryConfig:
     """Time in seconds after which no person is expected any more where one walked."""
     extended_s: float = ranged(0.0, 10.0, default=2.0)
     """Time in seconds for which a lane goes on where a person walked out of sight."""
-    beyond_m: float = ranged(0.0, 10.0, default=2.0)
-    """Length in metres by which a lane goes on straight beyond where a person was seen to walk."""
     again_s: float = ranged(0.5, 60.0, default=2.0)
     """Time in seconds after which a person who walks at the same position has come back to it."""
     min_again: int = ranged(1, 100, default=3)

@@ -142,22 +142,10 @@ class PersonDetector:
     def is_free_floor(self, positions: Floats) -> Bools:
         """Return (N,) at which of (N, 2) positions in metres of the map frame the newest frame
         shows floor surrounded by floor, with nothing above it."""
-        slots, remembered = self._slots(positions)
-        return np.asarray(remembered & (self._memory.free_s[slots] == self._now_s))
-
-    def is_fixed(self, positions: Floats) -> Bools:
-        """Return (N,) at which of (N, 2) positions in metres of the map frame something has stood
-        for long."""
-        slots, remembered = self._slots(positions)
-        age_s = self._now_s - self._memory.occupied_s[slots]
-        return np.asarray(remembered & (age_s >= self._config.fixed_s))
-
-    def _slots(self, positions: Floats) -> tuple[tuple[Indices, Indices], Bools]:
-        """Return (N,) row and column in the memory of (N, 2) positions, and whether it is still
-        about them: far from the camera the grid repeats itself."""
         rows, cols = np.floor(positions[:, ::-1] / self._config.cell_m).astype(np.int64).T
-        slots = rows % SIDE, cols % SIDE
-        return slots, np.asarray(self._memory.owner[slots] == rows * ROW_NUMBER + cols)
+        slots, memory = (rows % SIDE, cols % SIDE), self._memory
+        shown = memory.free_s[slots] == self._now_s
+        return np.asarray(shown & (memory.owner[slots] == rows * ROW_NUMBER + cols))
 
     def is_floor(self, x_m: float, y_m: float, radius_m: float, now_s: float) -> bool:
         """Return whether the newest frame shows floor nearly everywhere in a disc."""

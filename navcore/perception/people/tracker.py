@@ -61,12 +61,8 @@ class PeopleTracker:
             self._note_cells(one)
         people = tuple(one.track(frame.stamp_ns) for one in self._tracks if one.is_person)
         if not self._non_cooperative:
-            self._lanes.follow(
-                people,
-                frame.stamp_ns / 1e9,
-                is_free=self._detector.is_free_floor,
-                is_closed=self._detector.is_fixed,
-            )
+            is_free = self._detector.is_free_floor(self._lanes.positions)
+            self._lanes.follow(people, is_free, frame.stamp_ns / 1e9)
         return people
 
     @property

@@ -45,11 +45,11 @@ def beyond(x_m: float) -> Callable[[Points], Bools]:
 class Scene:
     """A memory and its clock."""
 
-    def __init__(self, closed: Callable[[Points], Bools] = nowhere) -> None:
-        self.memory, self.now_s, self.closed = LaneMemory(), 0.0, closed
+    def __init__(self) -> None:
+        self.memory, self.now_s = LaneMemory(), 0.0
 
     def see(self, *people: Track, free: Callable[[Points], Bools] = nowhere) -> None:
-        self.memory.follow(people, self.now_s, is_free=free, is_closed=self.closed)
+        self.memory.follow(people, free(self.memory.positions), self.now_s)
         self.now_s += STEP_S
 
     def walk(self, from_m: float, to_m: float, *, track: int = 1) -> None:
@@ -66,9 +66,9 @@ class Scene:
         return sorted(self.memory.hidden[:, 0].tolist())
 
 
-def to_and_fro(*, second_track: int = 1, closed: Callable[[Points], Bools] = nowhere) -> Scene:
+def to_and_fro(*, second_track: int = 1) -> Scene:
     """A person walked from 0 to 4 m and back to 1 m."""
-    scene = Scene(closed)
+    scene = Scene()
     scene.walk(0.0, 4.0)
     scene.walk(4.0, 1.0, track=second_track)
     return scene
@@ -101,7 +101,7 @@ def test_they_are_not_where_the_camera_shows_the_floor_and_return_only_from_else
     assert scene.hidden_m[-1] <= 2.0
     scene.wait(1.0)
     assert 2.3 < scene.hidden_m[-1] < 3.1
-    scene.wait(0.2, free=beyond(-3.0))
+    scene.wait(0.2, free=beyond(-1.0))
     scene.wait(5.0)
     assert scene.hidden_m == []  # all of the lane was seen: the person is elsewhere
 
@@ -121,22 +121,6 @@ def test_another_person_far_from_the_lane_does_not() -> None:
     for _ in range(60):
         scene.see(elsewhere)
     assert scene.hidden_m != []
-
-
-def test_a_lane_goes_on_beyond_where_the_person_was_seen_as_far_as_nothing_stands_there() -> None:
-    scene = to_and_fro()
-    scene.wait(8.0)
-    assert scene.hidden_m[0] == pytest.approx(-RULES.beyond_m, abs=0.3)
-    assert scene.hidden_m[-1] == pytest.approx(4.0 + RULES.beyond_m, abs=0.3)
-    scene = to_and_fro(closed=lambda positions: positions[:, 0] > 4.6)
-    scene.wait(8.0)
-    assert scene.hidden_m[0] == pytest.approx(-RULES.beyond_m, abs=0.3)
-    assert 4.2 < scene.hidden_m[-1] <= 4.6
-    # Who is seen to walk there makes it a part of the lane, which goes on beyond that.
-    scene.walk(4.0, 0.0)
-    scene.walk(0.0, -1.5)
-    scene.wait(8.0)
-    assert scene.hidden_m[0] == pytest.approx(-1.5 - RULES.beyond_m, abs=0.3)
 
 
 def test_each_lane_has_its_own_person() -> None:
@@ -172,12 +156,12 @@ def test_the_memory_is_bounded_and_keeps_the_newest() -> None:
     memory = LaneMemory(dataclasses.replace(RULES, max_positions=20))
     for step in range(60):
         one = walker(step * 0.5, SPEED_MPS)
-        memory.follow((one,), step * STEP_S, is_free=nowhere, is_closed=nowhere)
+        memory.follow((one,), nowhere(memory.positions), step * STEP_S)
     assert len(memory.positions) <= 21
     assert memory.positions[-1, 0] == pytest.approx(29.5)
 
 
 def test_a_clock_that_jumps_back_forgets() -> None:
     scene = to_and_fro()
-    scene.memory.follow((), -10.0, is_free=nowhere, is_closed=nowhere)
+    scene.memory.follow((), nowhere(scene.memory.positions), -10.0)
     assert len(scene.memory.positions) == 0
