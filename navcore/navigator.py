@@ -382,11 +382,6 @@ class Navigator:
             zones=zones,
         )
 
-    def _hidden(self) -> Floats:
-        """(H, 3) x, y, radius, map frame, of a person who may be there, out of sight."""
-        hidden = self._tracker.hidden
-        return np.column_stack([self.place.T_map_odom.to_parent(hidden[:, :2]), hidden[:, 2]])
-
     def _control_task(
         self,
         costmap: Costmap,
@@ -407,7 +402,6 @@ class Navigator:
             reaches_goal=route is not None and isinstance(route.outcome, Path),
             people=people,
             walked=behaviour.lanes.walked_positions,
-            hidden=self._hidden(),
             goal_yaw_rad=request.goal_yaw_rad,
             leaving=zones if request.leave or around else None,
             retreat=behaviour.retreat,

@@ -19,7 +19,7 @@ from navcore.costmap.local_costmap import (
     obstacle_masks,
     split_areas,
 )
-from navcore.geometry.arrays import Floats, Points
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mission.zone import Zone
@@ -46,8 +46,6 @@ class ControlTask:
     """Tracked people."""
     walked: Points
     """(W, 2) recent positions of people who walked, map frame."""
-    hidden: Floats
-    """(H, 3) x, y, radius in metres, map frame, of a person who may be there, out of sight."""
     goal_yaw_rad: float | None = None
     """Heading in the map frame to take at the goal; None for any."""
     leaving: tuple[Zone, ...] | None = None
@@ -94,6 +92,7 @@ class Controller:
             self._motion = in_zone if trapped else IDLE
             return self._motion
         unseen = frontier(self._explored.known(around.spec))
+        people, control = self._config.people, self._config.control
         self._motion = compute_velocity(
             LocalPlannerInput(
                 geometric=nearby(hard, around, pose, reach_m),
@@ -106,9 +105,9 @@ class Controller:
                 previous=self._motion,
                 profile=self._profile,
                 local=local,
-                control=self._config.control,
-                people=self._people(task),
-                people_config=self._config.people,
+                control=control,
+                people=PeopleState.of(task.people, pose, people, control.social, task.walked),
+                people_config=people,
                 goal_yaw_rad=task.goal_yaw_rad,
                 around=task.around,
                 retreat=task.retreat,
@@ -120,21 +119,6 @@ class Controller:
         if at_end and not task.reaches_goal:
             self._motion = IDLE
         return self._motion
-
-    def _people(self, task: ControlTask) -> PeopleState:
-        """People near the robot. None is out of sight beside the body: it could not get out of a
-        lane, and the person would be about to touch it."""
-        rules, pose, hidden = self._config.people, task.pose, task.hidden
-        beside_m = hidden[:, 2] + rules.personal_m
-        apart_m = self._profile.distances_m(pose.from_parent(hidden[:, :2]))
-        return PeopleState.of(
-            task.people,
-            pose,
-            rules,
-            self._config.control.social,
-            walked=task.walked,
-            hidden=hidden[apart_m > beside_m],
-        )
 
     def limit(self, motion: Motion, zones: tuple[Zone, ...], pose: Pose2, twist: Twist) -> Motion:
         """Slow a motion down to the operator's speed limits; `twist` is the measured velocity."""

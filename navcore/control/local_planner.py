@@ -334,29 +334,20 @@ def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
 
     One whose way led by the robot is not looked for, neither soon nor before it sets off: one who
     comes back walks into the turning robot as often as into one that sets off unseeing, and where
-    people walk to and fro beside it, it would wait twice as long. From beside their lane, where it
-    can turn without coming near it, it looks along the lane both ways.
+    people walk to and fro beside it, it would wait twice as long.
     """
-    people, turns = checker.people, checker.control.turn
-    in_view, radius_m = math.radians(turns.face_person_deg), checker.profile.circumscribed_radius_m
-    sought = (people.expected_discs if len(people.expected_discs) else people.hidden)[:, :2]
-    sought = sought - (checker.profile.camera.x_m, 0.0)
-    bearings = np.arctan2(sought[:, 1], sought[:, 0])
-    if len(people.expected_discs) == 0:
-        gap_m = np.hypot(*people.hidden[:, :2].T) - people.hidden[:, 4] - radius_m
-        if not (gap_m > checker.control.social.stopped_gap_m).all():
-            return motion
-        sought, bearings = sought[abs(bearings) > in_view], bearings[abs(bearings) > in_view]
+    sought = checker.people.expected_discs[:, :2] - (checker.profile.camera.x_m, 0.0)
     if len(sought) == 0:
         return motion
-    bearing = float(bearings[np.hypot(*sought.T).argmin()])
+    x, y = sought[np.hypot(*sought.T).argmin()].tolist()
+    bearing, in_view = math.atan2(y, x), math.radians(checker.control.turn.face_person_deg)
     if abs(bearing) <= in_view:
         return motion
     turn = _turn(checker, bearing, both_directions=False)
     if turn is None:
         return motion
-    around_m = radius_m + checker.people_config.personal_m
-    checker = dataclasses.replace(checker, people=people.as_expected(around_m))
+    around_m = checker.profile.circumscribed_radius_m + checker.people_config.personal_m
+    checker = dataclasses.replace(checker, people=checker.people.as_expected(around_m))
     return _slow_beside_people(checker, dataclasses.replace(motion, twist=turn.twist))
 
 

@@ -14,7 +14,6 @@ looks after them: a turn in place, for which they are taken to have walked on.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -44,7 +43,7 @@ class PeopleState:
 
     walking: Floats
     """(P, 5) x, y, velocity along both, radius, in metres and m/s: a row for each motion that a
-    person who walks, or has only stopped, may make from now on, and those of `hidden`."""
+    person who walks, or has only stopped, may make from now on."""
     standing: Floats
     """(Q, 5) the same columns for people who stand; the velocities are 0."""
     reachable_discs: Floats = field(default_factory=lambda: np.empty((0, 4)))
@@ -55,9 +54,6 @@ class PeopleState:
     """(R, 4) the same columns for the disc in which each of these people is if they walked on."""
     walked: Points = field(default_factory=lambda: np.empty((0, 2)))
     """(W, 2) recent positions of people who walked."""
-    hidden: Floats = field(default_factory=lambda: np.empty((0, 5)))
-    """(H, 5) the same columns for each position where a person who walks to and fro may be, out of
-    sight; the velocities are 0."""
 
     @staticmethod
     def of(
@@ -66,11 +62,9 @@ class PeopleState:
         rules: PeopleConfig = PEOPLE_CONFIG,
         config: SocialConfig = SOCIAL_CONFIG,
         walked: Points | None = None,
-        hidden: Floats | None = None,
     ) -> PeopleState:
-        """Return the tracked people, the (W, 2) positions where people recently walked, and the
-        (H, 3) x, y, radius of a person who may be there out of sight, as seen from a pose of the
-        robot in the map frame."""
+        """Return the tracked people, and the (W, 2) positions where people recently walked, as seen
+        from a pose of the robot in the map frame."""
         moving = [person for person in people if _may_walk(person, rules)]
         standing = [person for person in people if person not in moving]
         motions = [
@@ -78,9 +72,8 @@ class PeopleState:
             for person in moving
             for motion in _motions(person, rules, config)[: 1 if rules.non_cooperative else None]
         ]
-        unseen = [] if hidden is None else [(x, y, 0.0, 0.0, r) for x, y, r in hidden.tolist()]
         return PeopleState(
-            walking=_in_base(pose, [*motions, *unseen], columns=5),
+            walking=_in_base(pose, motions, columns=5),
             standing=_in_base(
                 pose, [(p.x_m, p.y_m, 0.0, 0.0, p.radius_m) for p in standing], columns=5
             ),
@@ -93,7 +86,6 @@ class PeopleState:
                 columns=4,
             ),
             walked=np.empty((0, 2)) if walked is None else pose.from_parent(walked),
-            hidden=_in_base(pose, unseen, columns=5),
         )
 
     def reversed(self) -> PeopleState:
@@ -105,21 +97,19 @@ class PeopleState:
             reachable_discs=self.reachable_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
             expected_discs=self.expected_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
             walked=-self.walked,
-            hidden=self.hidden * sign,
         )
 
     def standing_still(self) -> PeopleState:
         """Return the same people as if each who walks stood still in the disc they may be in by
-        now, and one stood wherever one may be out of sight."""
+        now."""
         stopped = np.zeros((len(self.reachable_discs), 5))
         stopped[:, :2], stopped[:, 4] = self.reachable_discs[:, :2], self.reachable_discs[:, 3]
         return PeopleState(
             walking=self.walking[:0],
-            standing=np.vstack([self.standing, stopped, self.hidden]),
+            standing=np.vstack([self.standing, stopped]),
             reachable_discs=self.reachable_discs,
             expected_discs=self.expected_discs,
             walked=self.walked,
-            hidden=self.hidden,
         )
 
     def as_expected(self, around_m: float) -> PeopleState:
@@ -180,7 +170,7 @@ def _reachable_disc(person: Track, config: SocialConfig) -> tuple[float, ...]:
     return x, y, speed, person.radius_m + speed * person.unseen_s
 
 
-def _in_base(pose: Pose2, rows: Sequence[tuple[float, ...]], *, columns: int) -> Floats:
+def _in_base(pose: Pose2, rows: list[tuple[float, ...]], *, columns: int) -> Floats:
     """(N, columns) the rows in the base frame: x, y and, of five columns, the velocity too."""
     array = np.array(rows).reshape(-1, columns)
     array[:, :2] = pose.from_parent(array[:, :2])

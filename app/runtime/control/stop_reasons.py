@@ -29,8 +29,7 @@ CONTROLLER_STOPS = {
     ),
     ControllerState.WAIT_FOR_PEOPLE: StopReason(
         cause=Cause.YIELDING,
-        text="A person is in the robot's path, or walks to and fro across it out of sight; the "
-        "robot waits until the path is clear.",
+        text="A person is in the robot's path; it waits until they have passed.",
     ),
 }
 """Reasons for which the local planner holds the robot."""

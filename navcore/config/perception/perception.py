@@ -313,26 +313,6 @@ class PersonTrackConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LaneMemoryConfig:
-    """When people count as walking to and fro, and for how long they are expected back."""
-
-    remembered_s: float = ranged(1.0, 600.0, default=60.0)
-    """Time in seconds after which no person is expected any more where one walked."""
-    extended_s: float = ranged(0.0, 10.0, default=2.0)
-    """Time in seconds for which a lane goes on where a person walked out of sight."""
-    again_s: float = ranged(0.5, 60.0, default=2.0)
-    """Time in seconds after which a person who walks at the same position has come back to it."""
-    min_again: int = ranged(1, 100, default=3)
-    """Number of positions to which a person must have come back for a lane."""
-    spacing_m: float = ranged(0.05, 2.0, default=0.25)
-    """Distance in metres between the positions of a lane."""
-    width_m: float = ranged(0.1, 5.0, default=1.0)
-    """Distance in metres from a lane within which a person is the one who walks there."""
-    max_positions: int = ranged(10, 10000, default=200)
-    """Greatest number of positions; the oldest are given up."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PeopleTrackerConfig:
     """How clusters are assigned to tracks, and when a track is given up."""
 
@@ -340,8 +320,6 @@ class PeopleTrackerConfig:
     """Detection of clusters of a person's size."""
     track: PersonTrackConfig = field(default_factory=PersonTrackConfig)
     """Kalman filter of one object."""
-    lanes: LaneMemoryConfig = field(default_factory=LaneMemoryConfig)
-    """Memory of where people walk to and fro."""
     gate_m: float = ranged(0.05, 5.0, default=0.45)
     """Gating distance in metres between prediction and detection."""
     doubtful_s: float = ranged(0.0, 60.0, default=0.5)

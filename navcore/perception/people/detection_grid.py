@@ -15,8 +15,6 @@ from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slo
 
 SIDE = 128
 """Number of cells along each side of the grid; beyond, its memory repeats itself."""
-ROW_NUMBER = 1_000_003
-"""Factor of the row in the number that stands for a cell in `CellMemory.owner`."""
 FIXED, MOVABLE, NEW = range(1, 4)
 """Kinds of occupied cells: for long, for a while, and where floor was shortly before."""
 _TOGETHER = 16
@@ -202,7 +200,7 @@ def recall_cells(
     for r in range(SIDE):
         for c in range(SIDE):
             row, col = r + origin[1], c + origin[0]
-            at, on, cell = row % SIDE, col % SIDE, row * ROW_NUMBER + col
+            at, on, cell = row % SIDE, col % SIDE, row * 1_000_003 + col
             if owner[at, on] != cell:
                 owner[at, on], free_s[at, on], occupied_s[at, on] = cell, -np.inf, np.inf
             if counts[r, c, 0] >= min_pixels:

@@ -20,7 +20,6 @@ from navcore.perception.ground import flat_ground
 from navcore.perception.people.detection_grid import (
     MOVABLE,
     NEW,
-    ROW_NUMBER,
     SIDE,
     CellMemory,
     Counts,
@@ -141,11 +140,12 @@ class PersonDetector:
 
     def is_free_floor(self, positions: Floats) -> Bools:
         """Return (N,) at which of (N, 2) positions in metres of the map frame the newest frame
-        shows floor surrounded by floor, with nothing above it."""
+        shows floor surrounded by floor, with nothing above it.
+
+        The positions are no farther from the camera than the grid reaches.
+        """
         rows, cols = np.floor(positions[:, ::-1] / self._config.cell_m).astype(np.int64).T
-        slots, memory = (rows % SIDE, cols % SIDE), self._memory
-        shown = memory.free_s[slots] == self._now_s
-        return np.asarray(shown & (memory.owner[slots] == rows * ROW_NUMBER + cols))
+        return np.asarray(self._memory.free_s[rows % SIDE, cols % SIDE] == self._now_s)
 
     def is_floor(self, x_m: float, y_m: float, radius_m: float, now_s: float) -> bool:
         """Return whether the newest frame shows floor nearly everywhere in a disc."""

@@ -18,7 +18,6 @@ from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
 from navcore.perception.labels import Labels
 from navcore.perception.people.detector import Cells, Cluster, PersonDetector
-from navcore.perception.people.lane_memory import LaneMemory
 from navcore.perception.people.track import KalmanTrack, Track
 from navcore.robot.frame import Frame
 
@@ -35,7 +34,6 @@ class PeopleTracker:
         self._config = config.people
         self._min_confidence = config.min_person_confidence
         self._detector = PersonDetector(config.people.detector)
-        self._lanes = LaneMemory(config.people.lanes)
         self._tracks, self._next_id = list[KalmanTrack](), 1
         self._now_ns, self._trail = 0, list[Cells]()
 
@@ -49,7 +47,6 @@ class PeopleTracker:
         step_s = (frame.stamp_ns - self._now_ns) / 1e9
         if not 0 <= step_s <= self._config.max_gap_s:
             self._detector, self._tracks = PersonDetector(self._config.detector), []
-            self._lanes = LaneMemory(self._config.lanes)
         before_ns, self._now_ns, self._trail = self._now_ns, frame.stamp_ns, []
         clusters = self._detector.detect(frame, self._person_pixels(labels, beware), ground_m)
         for one in self._tracks:
@@ -59,18 +56,7 @@ class PeopleTracker:
         self._tracks = [one for one in self._tracks if not self._has_returned(one)]
         for one in self._tracks:
             self._note_cells(one)
-        people = tuple(one.track(frame.stamp_ns) for one in self._tracks if one.is_person)
-        if not self._non_cooperative:
-            is_free = self._detector.is_free_floor(self._lanes.positions)
-            self._lanes.follow(people, is_free, frame.stamp_ns / 1e9)
-        return people
-
-    @property
-    def hidden(self) -> Floats:
-        """(H, 3) x, y, radius in metres of odometry's frame, a step apart, of a person who walks to
-        and fro and may be there, out of sight; none while a track says where the person is."""
-        positions = self._lanes.hidden
-        return np.column_stack([positions, np.full(len(positions), self._config.detector.radius_m)])
+        return tuple(one.track(frame.stamp_ns) for one in self._tracks if one.is_person)
 
     def trail(self, spec: GridSpec, T_map_odom: Pose2 = IDENTITY) -> Indices:
         """Return the (N,) cells of the map, row · cols + col, of walking people."""

@@ -166,44 +166,6 @@ def test_a_waiting_robot_looks_after_a_person_who_walked_out_of_view() -> None:
     assert stands(decide(people=stopped_by_it), ControllerState.WAIT_FOR_PEOPLE)
 
 
-def lane(x: float, *, from_y: float, to_y: float) -> PeopleState:
-    """A lane across the robot's path where a person may be, out of sight."""
-    y = np.arange(from_y, to_y, 0.25)
-    hidden = np.column_stack([np.full_like(y, x), y, np.full_like(y, 0.3)])
-    return PeopleState.of((), ORIGIN, hidden=hidden)
-
-
-def test_a_robot_does_not_drive_into_a_lane_whose_person_is_out_of_sight() -> None:
-    ahead = lane(1.5, from_y=-2.0, to_y=2.0)
-    assert decide(people=ahead).twist.v_mps <= 0.5
-    near = lane(1.0, from_y=-2.0, to_y=2.0)
-    assert decide(people=near).outcome is ControllerState.WAIT_FOR_PEOPLE
-    assert decide(people=NO_PEOPLE).twist.v_mps > 0.7
-    # Nor when it has waited for long: then people count where they may be.
-    assert decide(people=near, ignore_predictions=True).outcome is ControllerState.WAIT_FOR_PEOPLE
-    clear = lane(1.0, from_y=1.5, to_y=3.0)
-    assert decide(people=clear).outcome is ControllerState.FOLLOW
-
-
-def test_it_looks_along_the_lane_both_ways_from_where_it_can_turn_beside_it() -> None:
-    turn = math.radians(50)
-    for yaw_rad in (turn, -turn):
-        # In view is what lies within 40°, and the camera has shown that to be free.
-        x, y, radius = lane(1.1, from_y=-3.0, to_y=3.0).hidden[:, [0, 1, 4]].T
-        bearings = np.arctan2(y, x) - yaw_rad
-        hidden = np.column_stack([x, y, radius])[abs(bearings) > math.radians(40)]
-        pose = Pose2(x_m=0.0, y_m=0.0, yaw_rad=yaw_rad)
-        motion = decide(pose=pose, people=PeopleState.of((), pose, hidden=hidden))
-        assert motion.outcome is ControllerState.WAIT_FOR_PEOPLE
-        assert motion.twist.v_mps == 0.0
-        assert motion.twist.w_radps * yaw_rad < 0.0  # towards the rest of it
-
-
-def test_so_near_to_the_lane_that_it_would_turn_into_it_it_stands() -> None:
-    beside = lane(0.93, from_y=-2.0, to_y=2.0)
-    assert stands(decide(people=beside), ControllerState.WAIT_FOR_PEOPLE)
-
-
 def test_a_robot_that_backs_off_from_a_person_in_a_bend_moves_no_corner_fast() -> None:
     angles = np.linspace(0.0, 1.5, 30)
     driven_along = 0.3 * np.column_stack([-np.sin(angles), np.cos(angles) - 1.0])

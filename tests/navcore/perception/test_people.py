@@ -303,23 +303,6 @@ def test_a_person_is_given_up_after_a_second_of_floor_where_they_may_be() -> Non
     assert tracks[-1] == ()
 
 
-def test_who_walked_to_and_fro_is_expected_on_the_lane_but_for_what_the_camera_shows() -> None:
-    tracker = PeopleTracker()
-    ys = [*np.arange(-0.9, 0.9, 0.08), *np.arange(0.9, -0.9, -0.08)] * 2
-    for k, y in enumerate(ys):
-        assert len(tracker.hidden) == 0 or k < 5
-        follow(tracker, picture(person_at(2.2, y), stamp_ns=k * TENTH_NS))
-    away = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
-    for k in range(len(ys), len(ys) + 100):
-        tracks = follow(tracker, picture(pose=away, stamp_ns=k * TENTH_NS))
-    x, y, radius = tracker.hidden.T
-    assert tracks == () and len(x) > 5
-    assert y.min() < -0.6 and y.max() > 0.6 and abs(x - 2.2).max() < 0.2
-    assert set(radius) == {0.3}
-    follow(tracker, picture(stamp_ns=(len(ys) + 100) * TENTH_NS))
-    assert (abs(tracker.hidden[:, 1]) > 1.5).all()  # beside the image
-
-
 def test_a_jump_of_the_clock_gives_up_all_tracks() -> None:
     tracker = PeopleTracker()
     assert walk(tracker, (2.0, -0.8), (0.0, 0.8), 12)[-1]
