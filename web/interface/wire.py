@@ -94,18 +94,18 @@ def served(kind: type[_Kind]) -> type[_Kind]:
     return kind
 
 
-CORE = (
+_CORE = (
     *(BewareClass, ColourPattern, ColourRule, Goal, GridSpec, Pose2, Prototype, Removal),
     *(StopReason, Stretch, Twist),
 )
 """Values of the navigation core that answers hold."""
-for _core in CORE:
-    served(_core)
+for _value in _CORE:
+    served(_value)
 
 
 def build_schemas() -> None:
     """Make the schemas of all served dataclasses, once: pydantic takes the schema that a class has,
-    instead of reading the class's source again for every route."""
+    instead of making it again for every route."""
     while _served:
         kind = _served.pop(0)
         kind.__pydantic_core_schema__ = TypeAdapter(kind).core_schema  # type: ignore[attr-defined]
