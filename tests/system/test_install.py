@@ -1,4 +1,4 @@
-"""Installation by `make setup`, which takes minutes, says how far it is."""
+"""`make setup` installs with uv what pip would: from the same indexes."""
 
 from __future__ import annotations
 
@@ -6,18 +6,23 @@ import runpy
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+INSTALL = runpy.run_path(str(ROOT / ".ci" / "install"))
 
 
-def test_installing_is_a_bar_of_packages_found_then_installed(tmp_path: Path) -> None:
-    progress = runpy.run_path(str(ROOT / ".ci" / "install"))["Progress"](tmp_path, 4)
-    for line in ("Collecting numpy>=2", "Downloading numpy-2.1-cp311.whl (16.0 MB)"):
-        progress.read(line)
-    empty, half = "-" * 30, f"{'#' * 15}{'-' * 15}"
-    assert progress.text(7.0) == (
-        f"Downloading packages [{'#' * 7}{empty[7:]}] 1 / 4, 7 s numpy (16.0MB)"
-    )
-    progress.read("Installing collected packages: numpy, scipy")
-    (tmp_path / "numpy-2.1.dist-info").mkdir()
-    (tmp_path / "numpy-2.1.dist-info" / "METADATA").touch()
-    assert progress.text(20.4) == f"Installing packages [{half}] 1 / 2, 20 s"
+def test_uv_asks_the_indexes_that_pip_is_configured_for(tmp_path: Path) -> None:
+    listing = f"""\
+:env:.index-url='https://mirror.example/simple'
+global.extra-index-url='file://{tmp_path} file://{tmp_path}/missing'
+global.index-url='https://other.example/simple'
+install.find-links='{tmp_path}/missing'
+list.format='columns'
+"""
+    settings = INSTALL["configured"](listing)
+    assert list(INSTALL["sources"](settings)) == [
+        "--default-index",
+        "https://mirror.example/simple",
+        "--index",
+        f"file://{tmp_path}",
+    ]
+    assert list(INSTALL["sources"](INSTALL["configured"](""))) == []
     assert "@.ci/install" in (ROOT / "Makefile").read_text(encoding="utf-8")
