@@ -82,6 +82,7 @@ def create_app(
         default_response_class=JsonResponse,
     )
     routers = [
+        pages_router(),  # first: most requests ask for their files, and routes are tried in order
         mission_router(operations),
         zones_router(operations),
         drawing_router(operations),
@@ -104,7 +105,6 @@ def create_app(
         audit_router(access.audit_log),
         viewer_link_router(viewer),
         health_router(operations),
-        pages_router(),
         viewer_router(viewer),
     ]
     for router in routers:

@@ -16,6 +16,7 @@ from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
+from pydantic.json_schema import models_json_schema
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
@@ -38,6 +39,9 @@ log = logging.getLogger(__name__)
 
 MAX_WHERE, MAX_MESSAGE = 120, 600
 """Largest lengths of texts in a refusal, characters."""
+MEDIA_TYPE = "application/problem+json"
+"""Media type of refusals, by RFC 9457."""
+_SCHEMAS = "#/components/schemas/{model}"
 _TAGS = ("Feature", "plain", "Polygon", "Point", "LineString")
 
 # The first match applies, so a subclass comes before its parent.
@@ -54,7 +58,7 @@ _STATUS: tuple[tuple[type[BewareNavError], int, str], ...] = (
 RESPONSES: dict[int | str, dict[str, Any]] = {
     status: {
         "description": text,
-        "model": Problem,
+        "content": {MEDIA_TYPE: {"schema": {"$ref": _SCHEMAS.format(model="Problem")}}},
     }
     for status, text in (
         (404, "Nothing has this id, or no value is known yet"),
@@ -67,7 +71,8 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
         (503, "The store failed; the values stored before are intact"),
     )
 }
-"""Refusals by status, for OpenAPI."""
+"""Refusals by status, for OpenAPI: by reference, since a model of its own for each refusal of each
+route takes more time than all the rest of a start."""
 
 
 def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -92,7 +97,7 @@ class JsonResponse(Response):
 class ProblemResponse(JsonResponse):
     """Refusal by RFC 9457."""
 
-    media_type = "application/problem+json"
+    media_type = MEDIA_TYPE
 
 
 def _json(content: Any) -> bytes:
@@ -159,7 +164,24 @@ def _position(point: tuple[float, float]) -> dict[str, float]:
 
 
 def install(app: FastAPI) -> None:
-    """Make the app answer every failure in this shape."""
+    """Make the app answer every failure in this shape, and describe the shape in OpenAPI."""
+    without = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        document = without()
+        _, known = models_json_schema([(Problem, "serialization")], ref_template=_SCHEMAS)
+        schemas: dict[str, Any] = document["components"]["schemas"]
+        schemas |= known["$defs"]
+        # FastAPI names its own shape wherever no refusal of a value is described; none is sent.
+        for name in ("HTTPValidationError", "ValidationError"):
+            schemas.pop(name, None)
+        for path in document["paths"].values():
+            for operation in path.values():
+                if "422" in operation["responses"]:
+                    operation["responses"]["422"] = RESPONSES[422]
+        return document
+
+    app.openapi = openapi  # type: ignore[method-assign]
 
     @app.exception_handler(BewareNavError)
     async def _(_: Request, error: BewareNavError) -> Response:

@@ -578,6 +578,19 @@ def test_the_contract_is_in_the_openapi_document(client: httpx.Client) -> None:
         operation for methods in document["paths"].values() for operation in methods.values()
     ]
     assert all(operation.get("description") for operation in operations)
+    schemas = document["components"]["schemas"]
+    assert (
+        "where" in schemas["ProblemBody"]["properties"]
+        and "error" in schemas["Problem"]["required"]
+    )
+    refused = [
+        answer["content"]
+        for operation in operations
+        for status, answer in operation["responses"].items()
+        if status.startswith(("4", "5"))
+    ]
+    shape = {"schema": {"$ref": "#/components/schemas/Problem"}}
+    assert refused and all(one == {"application/problem+json": shape} for one in refused)
 
 
 def test_the_events_bring_the_state_at_once_and_again_on_a_change(
@@ -648,7 +661,6 @@ def test_every_field_of_what_is_served_is_described(client: httpx.Client) -> Non
     silent = {
         f"{name}.{field}"
         for name, schema in schemas.items()
-        if name not in ("HTTPValidationError", "ValidationError")  # FastAPI's own
         for field, entry in schema.get("properties", {}).items()
         if "description" not in entry
     }
