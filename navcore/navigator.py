@@ -152,7 +152,7 @@ class Navigator:
         """The configuration."""
         self._profile, self._segmenter = profile, segmenter
         self._tracker = PeopleTracker(
-            non_cooperative=config.people.non_cooperative, config=config.perception
+            profile, non_cooperative=config.people.non_cooperative, config=config.perception
         )
         self._mapper = Mapper(self.map, self._tracker, profile, config)
         self.localisation = Localisation(self.map.pose_ids, config.localisation)

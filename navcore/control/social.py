@@ -239,11 +239,16 @@ def recedes(
 ) -> bool:
     """Return whether a motion through (S, 3) poses, base frame, reached at (S,) times in seconds,
     comes no nearer to anyone than standing still would, wherever they walk or have stopped out of
-    sight, or stays a personal distance away; and whether no one is about to touch the body.
+    sight, or stays a personal distance away; and whether no one is about to touch the body, nor may
+    have come up to it out of sight.
 
     To a robot that stands in the way of people such a motion only gains distance, even where they
     could reach it before it stops.
     """
+    out_of_sight = people.reachable_discs[:, 3] > people.expected_discs[:, 3]
+    for x, y, _, radius in people.reachable_discs[out_of_sight].tolist():
+        if _gap(x, y, profile) - radius <= config.stopped_gap_m:
+            return False
     half = profile.length_m / 2, profile.width_m / 2
     lost = np.zeros((len(people.reachable_discs), 5))
     lost[:, :2], lost[:, 4] = people.reachable_discs[:, :2], people.expected_discs[:, 3]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from dataclasses import dataclass, field
 
@@ -14,6 +15,8 @@ from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.perception.people.detector import Cells, Cluster
 
 _DEFAULT = DEFAULT_PERCEPTION.people.track
+_STEP_M = 0.02
+"""Step in metres in which the position before the robot is found."""
 _KEPT_CLUSTERS = 50
 """Number of newest clusters whose cells are remembered for an object that does not walk yet."""
 
@@ -123,6 +126,8 @@ class KalmanTrack:
     """Time in seconds for which the person has been seen there."""
     on_new_floor: float = 0.0
     """Smoothed share of cells on recently seen floor."""
+    before_robot: bool = False
+    """Whether the person is taken to stand before the robot, too near for the camera."""
     missed_s: float = 0.0
     """Time in seconds for which the camera has looked where the person may be, and not shown
     them."""
@@ -185,6 +190,30 @@ class KalmanTrack:
             )
             self.course_rad = math.atan2(self.vy_mps, self.vx_mps)
 
+    def stop_before(self, body: Pose2, half_m: tuple[float, float]) -> None:
+        """Stop a person out of sight whose way leads into the robot: they stand before it.
+
+        The footprint has its middle at `body` and reaches half its length and width from there,
+        `half_m`; both in metres, frame of the track.
+        """
+        speed = math.hypot(self.vx_mps, self.vy_mps)
+        if speed == 0.0:
+            return
+        step_x, step_y = _STEP_M * self.vx_mps / speed, _STEP_M * self.vy_mps / speed
+
+        def gap_m(steps: int) -> float:
+            """Distance in metres to the robot so many steps back on the way."""
+            at = np.array([self.x_m - steps * step_x, self.y_m - steps * step_y])
+            x, y = np.abs(body.from_parent(at)).tolist()
+            return math.hypot(max(x - half_m[0], 0.0), max(y - half_m[1], 0.0)) - self.radius_m
+
+        if gap_m(0) >= 0.0 or gap_m(1) < gap_m(0):
+            return  # not there, or walking away from it
+        back = next(steps for steps in itertools.count(1) if gap_m(steps) >= 0.0)
+        self.x_m, self.y_m = self.x_m - back * step_x, self.y_m - back * step_y
+        self.vx_mps = self.vy_mps = 0.0
+        self.before_robot = True
+
     def last_seen_at(self, now_ns: int) -> tuple[float, float]:
         """Return (x, y) in metres of the map frame where the object was seen last."""
         unseen_s = (now_ns - self.seen_ns) / 1e9
@@ -228,7 +257,7 @@ class KalmanTrack:
 
     def _note(self, cluster: Cluster, now_ns: int) -> None:
         config = self.config
-        self.seen_ns, self.cells = now_ns, cluster.cells
+        self.seen_ns, self.cells, self.before_robot = now_ns, cluster.cells, False
         self.radius_m += config.width_gain * (cluster.radius_m - self.radius_m)
         vote = float(cluster.labelled > config.min_labelled)
         self.person_score += config.score_gain * (vote - self.person_score)

@@ -20,16 +20,23 @@ from navcore.perception.labels import Labels
 from navcore.perception.people.detector import Cells, Cluster, PersonDetector
 from navcore.perception.people.track import KalmanTrack, Track
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, RobotProfile
 
 
 class PeopleTracker:
     """Tracks of everything of a person's size; `follow` returns those that are people."""
 
     def __init__(
-        self, *, non_cooperative: bool = False, config: PerceptionConfig = DEFAULT_PERCEPTION
+        self,
+        profile: RobotProfile = HUSKY,
+        *,
+        non_cooperative: bool = False,
+        config: PerceptionConfig = DEFAULT_PERCEPTION,
     ) -> None:
-        """Start without tracks; with `non_cooperative`, as in `PeopleConfig`, false positives are
-        preferred to late detections."""
+        """Start without tracks, none of which will lead through the robot's footprint; with
+        `non_cooperative`, as in `PeopleConfig`, false positives are preferred to late
+        detections."""
+        self._half_m = profile.length_m / 2, profile.width_m / 2
         self._non_cooperative = non_cooperative
         self._config = config.people
         self._min_confidence = config.min_person_confidence
@@ -50,7 +57,10 @@ class PeopleTracker:
         before_ns, self._now_ns, self._trail = self._now_ns, frame.stamp_ns, []
         clusters = self._detector.detect(frame, self._person_pixels(labels, beware), ground_m)
         for one in self._tracks:
-            one.predict(step_s, lost=one.seen_ns < before_ns)
+            lost = one.seen_ns < before_ns
+            one.predict(step_s, lost=lost)
+            if lost and one.walks:
+                one.stop_before(frame.pose, self._half_m)
         self._match(clusters, frame.stamp_ns)
         self._tracks = [one for one in self._tracks if not self._is_lost(one, frame, step_s)]
         self._tracks = [one for one in self._tracks if not self._has_returned(one)]
@@ -165,7 +175,7 @@ class PeopleTracker:
         positions = (one.x_m, one.y_m), one.last_seen_at(frame.stamp_ns)
         is_missed = unseen_s > 0 and all(
             self._detector.is_floor(*at, one.radius_m, frame.stamp_ns / 1e9)
-            or self._detector.looks_at(frame, *at, one.radius_m)
+            or (not one.before_robot and self._detector.looks_at(frame, *at, one.radius_m))
             for at in positions
         )
         one.missed_s = one.missed_s + step_s if is_missed else 0.0

@@ -138,23 +138,34 @@ def test_it_stands_while_a_person_is_about_to_touch_it() -> None:
     assert backs_off(walker(2.5, 0.0, -0.8, 0.0), math.pi)
 
 
-def test_who_stopped_out_of_sight_is_not_approached() -> None:
+def out_of_sight(x_m: float, y_m: float, unseen_s: float) -> PeopleState:
+    """Return a person who walked along y at 1 m/s and was lost from sight at a position."""
     lost = Track(
         id=1,
-        x_m=-1.3,
-        y_m=4.0,
+        x_m=x_m,
+        y_m=y_m + unseen_s,
         vx_mps=0.0,
         vy_mps=1.0,
         radius_m=0.3,
         age_s=5.0,
         last_seen_ns=0,
-        unseen_s=4.0,
+        unseen_s=unseen_s,
         walking_speed_mps=1.0,
         course_rad=math.pi / 2,
     )
-    people = PeopleState.of((lost,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    return PeopleState.of((lost,), Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+
+
+def test_who_stopped_out_of_sight_is_not_approached() -> None:
+    people = out_of_sight(-1.3, 0.0, 0.3)
     assert not backs_off(people, math.pi)
     assert backs_off(people, 0.0)
+
+
+def test_the_robot_stands_where_a_person_out_of_sight_may_have_come_up_to_it() -> None:
+    """They went away along y and may have turned back since, and it backs off unseeing."""
+    assert backs_off(out_of_sight(0.0, 4.0, 3.0), 0.0)
+    assert not backs_off(out_of_sight(0.0, 4.0, 3.4), 0.0)
 
 
 @law(150)

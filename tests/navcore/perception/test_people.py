@@ -268,6 +268,27 @@ def test_a_walking_person_out_of_sight_is_predicted_with_a_growing_disc_until_gi
     assert tracks == ()
 
 
+def out_of_sight(
+    tracker: PeopleTracker, start: tuple[float, float], velocity: tuple[float, float], seconds: int
+) -> Track:
+    """Return the track of a person who walked before the robot until the camera lost them."""
+    walk(tracker, start, velocity, 12)
+    for k in range(12, 12 + 10 * seconds):
+        (track,) = follow(tracker, picture(stamp_ns=k * TENTH_NS))
+    return track
+
+
+def test_no_person_walks_through_the_robot() -> None:
+    """A person who came up to it is too near to be seen as a whole, and stands there."""
+    track = out_of_sight(PeopleTracker(), (1.9, 0.1), (-0.8, 0.0), 4)
+    assert 0.2 < track.x_m - HUSKY.length_m / 2 < 0.5
+    assert (track.vx_mps, track.vy_mps) == (0.0, 0.0)
+    assert track.walking_speed_mps > 0.6
+    # The control: one whose way leads by it walks on.
+    beside = out_of_sight(PeopleTracker(), (1.9, -1.2), (-0.8, 0.0), 1)
+    assert beside.vx_mps == pytest.approx(-0.8, abs=0.25)
+
+
 def found_again(tracker: PeopleTracker, labels: Labels | None = None) -> bool:
     """Whether something of a person's size that comes into view where a person who walked out of
     sight is expected is taken for the person at once."""
