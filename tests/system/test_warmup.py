@@ -12,9 +12,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 import navcore
+from navcore.config.localisation.relocalisation import RelocalisationConfig
+from navcore.geometry.transform import Pose2
+from navcore.localisation.relocalisation.place_map import place_map_of
+from navcore.localisation.scans.matching import search
+from navcore.localisation.scans.scan import Keyframe, Scan
+from navcore.localisation.scans.scan_map import ScanMap
 from navcore.warmup import warm_up
 from tests.reliability.fault_runs import fault_run
 
@@ -52,6 +59,23 @@ def called(node: ast.AST, module: ModuleType) -> Iterator[str]:
             yield from called(part, module)
 
 
+def start_in_a_kept_map() -> None:
+    """Search with as many points as real scans have, in the layout that a file may have them in."""
+    points = np.asfortranarray(np.random.default_rng(0).uniform(-3.0, 3.0, (300, 2)))
+    normals = np.asfortranarray(np.tile([0.0, 1.0], (300, 1)))
+    here = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    scan = Scan(
+        points_base=np.ascontiguousarray(points),
+        variance_m2=np.full(300, 1e-4),
+        normals=np.ascontiguousarray(normals),
+        origin=np.zeros(2),
+    )
+    kept = ScanMap()
+    kept.put(Keyframe(pose_id=0, T_map_base=here, scan=scan))
+    search(scan, kept, here)
+    place_map_of(points, normals, RelocalisationConfig().search)
+
+
 def report() -> None:
     """Print what was not compiled after warming up, and what was compiled again, for other types,
     during a drive."""
@@ -59,6 +83,7 @@ def report() -> None:
     warm_up()
     before = {name: len(kernel.signatures) for name, kernel in compiled.items()}
     fault_run(seed=0, until_s=4.0)
+    start_in_a_kept_map()
     again = [name for name, kernel in compiled.items() if len(kernel.signatures) > before[name]]
     cold = [name for name, count in before.items() if count == 0]
     sys.stdout.write(json.dumps({"cold": cold, "again": again, "all": len(compiled)}))

@@ -104,7 +104,10 @@ def place_map_of(
     floor as clear.
     """
     cell = config.cell_m
-    surfaces, normals = np.array(surfaces, dtype=np.float64), np.array(normals, dtype=np.float64)
+    # In one layout, whatever a file holds: another one would be compiled for while the robot waits.
+    surfaces, normals = (
+        np.array(given, dtype=np.float64, order="C") for given in (surfaces, normals)
+    )
     margin = (2**config.levels + math.ceil(LIKELY_SIGMAS * config.sigma_m / cell)) * cell
     corners = surfaces if len(surfaces) else np.zeros((1, 2))
     low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin

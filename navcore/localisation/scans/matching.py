@@ -144,7 +144,7 @@ def search(
     turns = math.ceil(math.radians(config.window_deg) / step_rad)
     best = _correlate(
         image,
-        scan.points_base[:: max(len(scan) // _COARSE_POINTS, 1)],
+        np.array(scan.points_base[:: max(len(scan) // _COARSE_POINTS, 1)]),
         (expected.x_m - x0, expected.y_m - y0, expected.yaw_rad),
         (math.ceil(config.window_m / _COARSE_M), turns),
         step_rad,
