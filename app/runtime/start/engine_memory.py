@@ -30,7 +30,7 @@ PACKAGES = ("bewarenav", "torch", "onnx", "onnxruntime", "openvino")
 """Packages whose versions decide which engine is fast."""
 FILE = "engines.json"
 KEPT_NETWORKS = 4
-"""Number of exported networks that are kept."""
+"""Number of exported networks that are kept, and of compiled ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,9 +98,15 @@ class EngineMemory:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             write_whole(path, onnx)
-            kept = sorted(path.parent.glob("*.onnx"), key=lambda other: other.stat().st_mtime)
-            for old in kept[:-KEPT_NETWORKS]:
-                old.unlink(missing_ok=True)
+            _keep_newest(path.parent, "*.onnx")
+
+    def compiled(self) -> Path:
+        """Return the folder for what engines compile of a network, and keep the newest there."""
+        folder = self._file.parent / "compiled"
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            _keep_newest(folder, "*.blob")
+        return folder
 
     def _network_path(self, key: str) -> Path:
         text = f"{key}; {_export_version()}"
@@ -113,6 +119,12 @@ class EngineMemory:
             if isinstance(found, dict):
                 return found
         return {}
+
+
+def _keep_newest(folder: Path, pattern: str) -> None:
+    kept = sorted(folder.glob(pattern), key=lambda file: file.stat().st_mtime)
+    for old in kept[:-KEPT_NETWORKS]:
+        old.unlink(missing_ok=True)
 
 
 @functools.cache

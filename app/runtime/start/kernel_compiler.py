@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -26,10 +27,15 @@ log = logging.getLogger(__name__)
 
 
 class KernelCompiler:
-    """The processes that compile; none where everything is in the cache."""
+    """The processes that compile; where everything is in the cache, a thread that loads it."""
 
-    def __init__(self, cache: KernelCache, processes: Sequence[subprocess.Popen[bytes]]) -> None:
-        self._cache, self._processes = cache, processes
+    def __init__(
+        self,
+        cache: KernelCache,
+        processes: Sequence[subprocess.Popen[bytes]] = (),
+        loading: threading.Thread | None = None,
+    ) -> None:
+        self._cache, self._processes, self._loading = cache, processes, loading
 
     def count(self) -> tuple[int, int]:
         """Return the number of compiled kernels, and that of all."""
@@ -38,12 +44,17 @@ class KernelCompiler:
 
     def pause(self, paused: bool) -> None:
         """Pause and continue: the time of an engine is measured on a quiet machine."""
+        if paused and self._loading is not None:
+            self._loading.join()  # a second at most
         if sys.platform != "win32":
             for process in self._processes:
                 process.send_signal(signal.SIGSTOP if paused else signal.SIGCONT)
 
     def wait(self) -> None:
-        """Wait until everything is compiled. What could not be is compiled by the program."""
+        """Wait until everything is compiled or loaded. What could not be is compiled by the
+        program."""
+        if self._loading is not None:
+            self._loading.join()
         if not self._processes:
             return
         self.pause(False)
@@ -66,10 +77,15 @@ class KernelCompiler:
 def compiling_apart(
     say: Callable[[Progress], None] = on_stderr, cache: KernelCache | None = None
 ) -> Iterator[KernelCompiler]:
-    """Compile in other processes while the body prepares other things, then wait for them."""
+    """Compile in other processes while the body prepares other things, then wait for them; where
+    everything is in the cache, load it meanwhile."""
     cache = cache or KernelCache()
     if cache.is_complete:
-        yield KernelCompiler(cache, ())
+        loading = threading.Thread(target=_load, name="loading of kernels", daemon=True)
+        loading.start()
+        compiler = KernelCompiler(cache, loading=loading)
+        yield compiler
+        compiler.wait()
         return
     compiler = KernelCompiler(cache, [_process(part) for part in PARTS])
     try:
@@ -94,6 +110,13 @@ def _process(part: str) -> subprocess.Popen[bytes]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
+
+
+def _load() -> None:
+    """Load the compiled kernels into this process."""
+    from navcore import warmup
+
+    warmup.warm_kernels()
 
 
 def compile_part(part: str) -> None:

@@ -200,7 +200,7 @@ def _prepared_apart(
         key = key_of(sha256, live=choice.live, threads=choice.threads, camera=choice.camera)
         known = memory.recall(key)
         kept = memory.network(key, known=known, sha256=sha256) if known else None
-        opened = _remembered(known, choice, kept, watch) if kept else None
+        opened = _remembered(known, choice, kept, memory, watch) if kept else None
         if opened is not None:
             return opened
     context = multiprocessing.get_context("spawn")
@@ -227,7 +227,8 @@ def _prepared_apart(
         file = (whole.smaller() or whole) if chosen.smaller else whole
     elif memory is not None and key is not None and path.suffix != ".onnx":
         memory.keep_network(key, file.as_onnx())
-    engine, _ = open_inference(file, name, threads=choice.threads)
+    compiled = None if memory is None else memory.compiled()
+    engine, _ = open_inference(file, name, threads=choice.threads, compiled=compiled)
     return _Opened(choice=chosen, file=file, engine=engine, trials=trials, remembered_ms=known_ms)
 
 
@@ -276,7 +277,7 @@ def _prepared(
     key = key_of(file.sha256, live=choice.live, threads=choice.threads, camera=choice.camera)
     known = None
     if memory is not None and choice.engine == "auto" and inference is None:
-        known = _remembered(memory.recall(key), choice, file, watch)
+        known = _remembered(memory.recall(key), choice, file, memory, watch)
     if known is not None:
         return known
     chosen, file, engine, trials = _measured(choice, file, inference or InferenceConfig(), watch)
@@ -292,7 +293,11 @@ def _prepared(
 
 
 def _remembered(
-    known: ChosenEngine | None, choice: SegmenterChoice, file: NetworkFile, watch: Watch
+    known: ChosenEngine | None,
+    choice: SegmenterChoice,
+    file: NetworkFile,
+    memory: EngineMemory,
+    watch: Watch,
 ) -> _Opened | None:
     """Open a remembered engine; None without one, and for one that no longer runs or has become
     too slow."""
@@ -301,7 +306,9 @@ def _remembered(
     smaller = choice.smaller or known.smaller
     file = (file.smaller() or file) if smaller else file
     try:
-        engine, _ = open_inference(file, known.name, threads=choice.threads)
+        engine, _ = open_inference(
+            file, known.name, threads=choice.threads, compiled=memory.compiled()
+        )
         images = probe_images(file.size, file.depth)
         engine.logits(*images[0])  # the first image of an engine takes longest
         watch(TrialStep(done=0, all=1, is_timed=True))

@@ -6,6 +6,7 @@ import copy
 import importlib
 import importlib.util
 import sys
+from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal, cast
 
@@ -69,15 +70,26 @@ class OpenVinoInference:
     """`Inference` on OpenVINO's CPU plugin."""
 
     def __init__(
-        self, content: bytes, *, precision: Precision = "f32", threads: int = THREADS
+        self,
+        content: bytes,
+        *,
+        precision: Precision = "f32",
+        threads: int = THREADS,
+        compiled: Path | None = None,
     ) -> None:
-        """Load an ONNX file; raises `BadConfiguration` if it cannot be run."""
+        """Load an ONNX file; raises `BadConfiguration` if it cannot be run.
+
+        `compiled`: folder in which OpenVINO keeps what it compiled and finds it again; a file there
+        that is damaged is compiled once more.
+        """
         self.name = f"openvino {precision}"
         settings: dict[str, Any] = {
             "INFERENCE_NUM_THREADS": threads,
             "NUM_STREAMS": 1,
             "PERFORMANCE_HINT": "LATENCY",
         }
+        if compiled is not None:
+            settings["CACHE_DIR"] = str(compiled)
         try:
             core = _openvino().Core()
             # By default OpenVINO uses bf16 wherever the processor has it, even for f32 networks.

@@ -7,6 +7,7 @@ import functools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -98,10 +99,12 @@ def open_inference(
     threads: int = THREADS,
     config: InferenceConfig = DEFAULT_CONFIG,
     watch: Callable[[TrialStep], None] = _unwatched,
+    compiled: Path | None = None,
 ) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
     """Open an engine by name, or with `auto` the best one here; return it with its measurements.
 
-    `watch` is told of each step of the trials.
+    `watch` is told of each step of the trials. `compiled` is the folder in which an engine that is
+    opened by name keeps what it compiled.
 
     Names are `torch`, `onnxruntime` or `openvino`, in f32 unless followed by `bf16` or `int8`.
     Raises `BadConfiguration` when the engine is not installed or cannot run the network.
@@ -109,7 +112,7 @@ def open_inference(
     if engine == "auto":
         return choose(file, threads=threads, config=config, watch=watch)
     name = engine.replace("-", " ")
-    for candidate in candidates(file, threads, config):
+    for candidate in candidates(file, threads, config, compiled):
         if candidate.name == (name if " " in name else f"{name} f32"):
             return candidate.build(), ()
     if file.network is None and engine.startswith("torch"):
@@ -200,19 +203,22 @@ def benchmark_engines(
 
 
 def candidates(
-    file: NetworkFile, threads: int = THREADS, config: InferenceConfig = DEFAULT_CONFIG
+    file: NetworkFile,
+    threads: int = THREADS,
+    config: InferenceConfig = DEFAULT_CONFIG,
+    compiled: Path | None = None,
 ) -> list[Candidate]:
-    """Return the installed engines that fit the file, the presumably fastest first."""
+    """Return the installed engines that fit the file, the presumably fastest first; `compiled` as
+    in `open_inference`."""
     found, onnx = [], functools.cache(file.as_onnx)
+    openvino = functools.partial(OpenVinoInference, threads=threads, compiled=compiled)
     exportable = file.network is None or can_export()
     if exportable and is_installed("openvino"):
         if file.ranges is not None:
             found.append(
                 Candidate(
                     name="openvino int8",
-                    build=lambda: OpenVinoInference(
-                        onnx(in_bytes=True), precision="int8", threads=threads
-                    ),
+                    build=lambda: openvino(onnx(in_bytes=True), precision="int8"),
                     min_agreement=config.min_agreement_int8,
                 )
             )
@@ -221,14 +227,14 @@ def candidates(
                 Candidate(
                     name="openvino bf16",
                     min_agreement=config.min_agreement,
-                    build=lambda: OpenVinoInference(onnx(), precision="bf16", threads=threads),
+                    build=lambda: openvino(onnx(), precision="bf16"),
                 )
             )
         found.append(
             Candidate(
                 name="openvino f32",
                 min_agreement=config.min_agreement,
-                build=lambda: OpenVinoInference(onnx(), threads=threads),
+                build=lambda: openvino(onnx()),
             )
         )
     if exportable and is_installed("onnxruntime"):

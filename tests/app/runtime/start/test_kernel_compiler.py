@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numba
@@ -59,10 +60,17 @@ def test_the_cache_is_complete_when_the_first_process_has_called_every_kernel(
     assert cache.is_complete and slow.poll() is not None
 
 
-def test_nothing_is_started_where_everything_is_compiled(
+def test_where_everything_is_compiled_it_is_loaded_before_an_engine_is_timed(
     cache: KernelCache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[str] = []
+    loaded: list[bool] = []
+
+    def load() -> None:
+        time.sleep(0.2)
+        loaded.append(True)
+
+    monkeypatch.setattr("app.runtime.start.kernel_compiler._load", load)
 
     def process(part: str) -> subprocess.Popen[bytes]:
         started.append(part)
@@ -70,9 +78,10 @@ def test_nothing_is_started_where_everything_is_compiled(
 
     monkeypatch.setattr("app.runtime.start.kernel_compiler._process", process)
     said: list[Progress] = []
-    for _ in range(2):
+    for start in range(2):
         with compiling_apart(said.append, cache) as compiler:
             compiler.pause(True)
+            assert len(loaded) == start
     assert started == ["warm_kernels", "warm_planning"], "at the first start only"
     assert {progress.step for progress in said} == {COMPILING} and said[-1].is_over
 

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import hashlib
 import logging
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 import torch
 
 from app.runtime.start import segmentation
-from app.runtime.start.engine_memory import ChosenEngine, EngineMemory, key_of
+from app.runtime.start.engine_memory import KEPT_NETWORKS, ChosenEngine, EngineMemory, key_of
 from app.runtime.start.segmentation import colour_perception, compose, measure_segmenter
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from navcore.config.perception.inference import InferenceConfig
@@ -320,8 +321,25 @@ def test_a_later_start_opens_the_network_that_was_exported_in_eight_bits(
         raise AssertionError("a process was started")
 
     monkeypatch.setattr("app.runtime.start.segmentation.multiprocessing.get_context", refuse)
+    (blob,) = (tmp_path / "compiled").glob("*.blob")
+    compiled = blob.stat()
     later = compose(choice, memory=memory, apart=True)
     assert later.choice.engine == "openvino int8"
+    assert blob.stat().st_mtime_ns == compiled.st_mtime_ns, "it was not compiled again"
+    blob.chmod(0o600)
+    blob.write_bytes(blob.read_bytes()[: compiled.st_size // 2])
+    assert compose(choice, memory=memory, apart=True).choice.engine == "openvino int8"
+    assert blob.stat().st_size > 0.9 * compiled.st_size, "a damaged one was"
+
+
+def test_the_newest_of_what_engines_compiled_are_kept(tmp_path: Path) -> None:
+    folder = EngineMemory(tmp_path / "engines.json").compiled()
+    for age in range(KEPT_NETWORKS + 2):
+        (folder / f"{age}.blob").touch()
+        os.utime(folder / f"{age}.blob", (1e9 - age, 1e9 - age))
+    EngineMemory(tmp_path / "engines.json").compiled()
+    kept = {blob.stem for blob in folder.glob("*.blob")}
+    assert kept == {str(age) for age in range(KEPT_NETWORKS)}
 
 
 def test_a_later_start_opens_the_exported_network_without_torch_and_labels_alike(
