@@ -45,7 +45,7 @@ def check_goal_free(
         or nearest_reachable(blocked, start, cell)
         or nearest_of(np.argwhere(~blocked), cell)
     )
-    nearest = None if found is None else spec.centre(*found)
+    nearest = None if found is None else _to_millimetres(spec.centre(*found))
     instead = (
         ""
         if nearest is None
@@ -62,3 +62,9 @@ def _closed(seen: BoolGrid) -> BoolGrid:
     """Return the seen cells and the single cells between them, which no row of pixels fell on."""
     closed = cv2.morphologyEx(seen.view(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     return closed.view(np.bool_)
+
+
+def _to_millimetres(position: tuple[float, float]) -> tuple[float, float]:
+    """Round a position as it is sent, so that its text and its numbers round to the same
+    centimetres."""
+    return round(position[0], 3), round(position[1], 3)

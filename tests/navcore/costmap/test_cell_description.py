@@ -47,3 +47,19 @@ def test_the_position_offered_lies_on_the_robots_side_of_the_wall() -> None:
 
 def test_where_the_robots_own_floor_was_not_seen_any_reachable_position_is_offered() -> None:
     assert offered((2.35, -1.0), np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_))[0] > 2.3
+
+
+def test_the_text_names_the_same_centimetres_as_the_position() -> None:
+    """The middle of a cell of 5 cm lies on half a centimetre, to the rounding error."""
+    spec = GridSpec.centred(size_m=(8.0, 6.0), resolution_m=0.05)
+    walls = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+    low, left = spec.cell(2.0, -3.0)
+    high, right = spec.cell(2.4, 2.9)
+    walls[low:high, left:right] = True
+    grid = OccupancyGrid(spec=spec, geometric=walls, beware={}, zones=np.zeros_like(walls))
+    for y_m in np.arange(-2.9, 2.8, 0.05):
+        with pytest.raises(BlockedGoal) as refused:
+            check_goal_free(grid, walls, (2.05, y_m), robot=ROBOT, seen=None)
+        assert refused.value.nearest is not None
+        x, y = (round(value, 3) for value in refused.value.nearest)
+        assert f"({x:.2f}, {y:.2f})" in str(refused.value)

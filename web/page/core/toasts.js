@@ -24,7 +24,8 @@ export function notify(
     make("span", {}, capitalised(text)),
     close,
   );
-  close.before(...actions.map((one) => actionButton(one, toast)));
+  if (actions.length)
+    close.before(make("div", {}, ...actions.map((one) => actionButton(one, toast))));
   box.append(toast);
   while (box.children.length > MAX_SHOWN) box.firstChild.remove();
   if (!stays) setTimeout(() => toast.remove(), good && !actions.length ? GOOD_MS : BAD_MS);
