@@ -78,7 +78,11 @@ class Localisation:
         is that of `ground_heights`.
         """
         excluded = excluded_pixels(frame, labels, people)
-        return self.follow(frame, scan_of(frame, excluded, ground_m, self._config.scan))
+        scan = scan_of(frame, excluded, ground_m, self._config.scan)
+        if scan.may_be_a_person(self._config.scan):
+            # On a bare floor the pose would follow the person, and the wheels' scale with it.
+            scan = scan.emptied()
+        return self.follow(frame, scan)
 
     def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         """Return the estimate for one more frame, whose pose is T_odom_base, and its scan."""

@@ -67,6 +67,12 @@ class ScanConfig:
     """Least standard deviation of a point in metres."""
     line_m: float = ranged(0.05, 1.0, default=0.25)
     """Distance in metres within which the neighbours of a point decide on its normal."""
+    person_m: float = ranged(0.0, 5.0, default=1.2)
+    """Size in metres below which all that is seen may be one person who is not recognised yet: by
+    such a scan the robot does not locate itself."""
+    person_view_rad: float = ranged(0.1, 3.0, default=0.8)
+    """Angle in radians that such a thing fills at most: of a wall before the camera no end is
+    seen."""
 
     @property
     def rules(self) -> ScanRules:

@@ -54,6 +54,15 @@ class Scan:
         for array in (self.points_base, self.variance_m2, self.normals, self.origin):
             array.flags.writeable = False
 
+    def may_be_a_person(self, config: ScanConfig = _DEFAULT) -> bool:
+        """Return whether all that is seen is one thing, with a gap on both sides, that is no larger
+        than a person: it need not stay where it is."""
+        if not len(self):
+            return False
+        size_m = float(np.hypot(*np.ptp(self.points_base, axis=0)))
+        nearest_m = float(np.hypot(*(self.points_base - self.origin).T).min())
+        return size_m < min(config.person_m, config.person_view_rad * nearest_m)
+
     def part(self, chosen: Bools) -> Scan:
         """Return the points of which an (N,) mask is true."""
         return Scan(
@@ -62,6 +71,10 @@ class Scan:
             normals=self.normals[chosen],
             origin=self.origin.copy(),
         )
+
+    def emptied(self) -> Scan:
+        """Return the scan without points."""
+        return self.part(np.zeros(len(self), dtype=np.bool_))
 
     def seen_from(self, T_other_base: Pose2) -> Scan:
         """Return the scan in another frame, in which the robot has a pose."""
