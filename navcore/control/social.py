@@ -247,7 +247,7 @@ def recedes(
     """
     out_of_sight = people.reachable_discs[:, 3] > people.expected_discs[:, 3]
     for x, y, _, radius in people.reachable_discs[out_of_sight].tolist():
-        if _gap(x, y, profile) - radius <= config.stopped_gap_m:
+        if profile.gap_m(x, y) - radius <= config.stopped_gap_m:
             return False
     half = profile.length_m / 2, profile.width_m / 2
     lost = np.zeros((len(people.reachable_discs), 5))
@@ -284,7 +284,7 @@ def speed_limit_near_people(
         return turns or (x < 0 if twist.v_mps < 0 else x > 0)
 
     for x, y, vx, vy, radius in np.vstack([people.walking, people.standing]).tolist():
-        gap_m = _gap(x, y, profile) - radius
+        gap_m = profile.gap_m(x, y) - radius
         limit = min(limit, rules.near_mps + max(0.0, gap_m - rules.near_m))
         if vx or vy:
             speed = max(math.hypot(vx, vy), config.min_walking_mps)
@@ -293,7 +293,7 @@ def speed_limit_near_people(
                 _stopping_speed(gap_m - config.stopped_gap_m, speed, approaches(x), rules),
             )
     for x, y, speed, radius in people.reachable_discs.tolist():
-        gap_m = _gap(x, y, profile) - radius - config.stopped_gap_m
+        gap_m = profile.gap_m(x, y) - radius - config.stopped_gap_m
         limit = min(limit, _stopping_speed(gap_m, speed, approaches(x), rules))
     return 0.0 if limit < config.min_speed_mps else limit
 
@@ -311,13 +311,6 @@ def _stopping_speed(gap_m: float, walker_mps: float, ahead: bool, rules: PeopleC
     square = 1 / (2 * rules.braking_mps2) if ahead else 0.0
     # square · v² + linear · v = left
     return 2 * left / (linear + math.sqrt(linear**2 + 4 * square * left))
-
-
-def _gap(x: float, y: float, profile: RobotProfile) -> float:
-    """Distance in metres from the footprint to a point, base frame."""
-    return math.hypot(
-        max(abs(x) - profile.length_m / 2, 0.0), max(abs(y) - profile.width_m / 2, 0.0)
-    )
 
 
 def _later_s(headway_s: float, sample_s: float) -> Floats:

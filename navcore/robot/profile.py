@@ -90,6 +90,12 @@ class RobotProfile:
         x, y = self.length_m / 2 + padding_m, self.width_m / 2 + padding_m
         return np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
 
+    def gap_m(self, x_m: float, y_m: float) -> float:
+        """Return the distance in metres from the footprint to a point of the base frame, 0 under
+        it."""
+        ahead, beside = abs(x_m) - self.length_m / 2, abs(y_m) - self.width_m / 2
+        return math.hypot(max(ahead, 0.0), max(beside, 0.0))
+
     def distances_m(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return (N,) distances in metres of (N, 2) points of the base frame from the footprint
         along its axes, negative under it."""

@@ -13,6 +13,7 @@ from navcore.config.perception.perception import DEFAULT_PERCEPTION, PersonTrack
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.perception.people.detector import Cells, Cluster
+from navcore.robot.profile import RobotProfile
 
 _DEFAULT = DEFAULT_PERCEPTION.people.track
 _STEP_M = 0.02
@@ -190,12 +191,9 @@ class KalmanTrack:
             )
             self.course_rad = math.atan2(self.vy_mps, self.vx_mps)
 
-    def stop_before(self, body: Pose2, half_m: tuple[float, float]) -> None:
-        """Stop a person out of sight whose way leads into the robot: they stand before it.
-
-        The footprint has its middle at `body` and reaches half its length and width from there,
-        `half_m`; both in metres, frame of the track.
-        """
+    def stop_before(self, profile: RobotProfile, pose: Pose2) -> None:
+        """Stop a person out of sight whose way leads into the robot, at a pose in the frame of the
+        track: they stand before it."""
         speed = math.hypot(self.vx_mps, self.vy_mps)
         if speed == 0.0:
             return
@@ -204,8 +202,7 @@ class KalmanTrack:
         def gap_m(steps: int) -> float:
             """Distance in metres to the robot so many steps back on the way."""
             at = np.array([self.x_m - steps * step_x, self.y_m - steps * step_y])
-            x, y = np.abs(body.from_parent(at)).tolist()
-            return math.hypot(max(x - half_m[0], 0.0), max(y - half_m[1], 0.0)) - self.radius_m
+            return profile.gap_m(*pose.from_parent(at).tolist()) - self.radius_m
 
         if gap_m(0) >= 0.0 or gap_m(1) < gap_m(0):
             return  # not there, or walking away from it

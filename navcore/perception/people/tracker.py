@@ -36,7 +36,7 @@ class PeopleTracker:
         """Start without tracks, none of which will lead through the robot's footprint; with
         `non_cooperative`, as in `PeopleConfig`, false positives are preferred to late
         detections."""
-        self._half_m = profile.length_m / 2, profile.width_m / 2
+        self._profile = profile
         self._non_cooperative = non_cooperative
         self._config = config.people
         self._min_confidence = config.min_person_confidence
@@ -60,7 +60,7 @@ class PeopleTracker:
             lost = one.seen_ns < before_ns
             one.predict(step_s, lost=lost)
             if lost and one.walks:
-                one.stop_before(frame.pose, self._half_m)
+                one.stop_before(self._profile, frame.pose)
         self._match(clusters, frame.stamp_ns)
         self._tracks = [one for one in self._tracks if not self._is_lost(one, frame, step_s)]
         self._tracks = [one for one in self._tracks if not self._has_returned(one)]

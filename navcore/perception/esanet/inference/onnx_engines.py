@@ -79,8 +79,8 @@ class OpenVinoInference:
     ) -> None:
         """Load an ONNX file; raises `BadConfiguration` if it cannot be run.
 
-        `compiled`: folder in which OpenVINO keeps what it compiled and finds it again; a file there
-        that is damaged is compiled once more.
+        `compiled`: folder in which OpenVINO keeps what it compiled and finds it again. A file there
+        that is damaged is compiled once more, and a folder that cannot be used is not.
         """
         self.name = f"openvino {precision}"
         settings: dict[str, Any] = {
@@ -88,15 +88,18 @@ class OpenVinoInference:
             "NUM_STREAMS": 1,
             "PERFORMANCE_HINT": "LATENCY",
         }
-        if compiled is not None:
-            settings["CACHE_DIR"] = str(compiled)
         try:
             core = _openvino().Core()
             # By default OpenVINO uses bf16 wherever the processor has it, even for f32 networks.
             settings["INFERENCE_PRECISION_HINT"] = (
                 "f32" if precision == "f32" or not has_bf16() else "bf16"
             )
-            self._compiled = core.compile_model(core.read_model(content), "CPU", settings)
+            model = core.read_model(content)
+            try:
+                kept = {} if compiled is None else {"CACHE_DIR": str(compiled)}
+                self._compiled = core.compile_model(model, "CPU", settings | kept)
+            except RuntimeError:  # of the folder, or of the network, which then fails again
+                self._compiled = core.compile_model(model, "CPU", settings)
             self._request = self._compiled.create_infer_request()
         except Exception as error:
             raise _bad("openvino", error) from None

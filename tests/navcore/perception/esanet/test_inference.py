@@ -159,6 +159,13 @@ def test_openvino_answers_as_torch_does() -> None:
     assert_close(OpenVinoInference(onnx_bytes(), threads=1).logits(*image()), reference())
 
 
+@needs_openvino
+def test_openvino_does_without_a_folder_that_cannot_be_used(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    engine = OpenVinoInference(onnx_bytes(), threads=1, compiled=tmp_path / "file" / "folder")
+    assert_close(engine.logits(*image()), reference())
+
+
 def features_of_torch() -> Batch:
     return TorchInference(network()).logits_and_features(*image())[1]
 
