@@ -6,7 +6,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import cv2
@@ -23,6 +23,7 @@ from rich.progress import (
 )
 
 from app.learning.prefetch import prefetching
+from app.learning.rendered_batches import RenderedBatches
 from navcore.errors import BadConfiguration, StorageFailed
 from navcore.learning.data.dataset import Dataset
 from navcore.learning.training.checkpoint import Epoch
@@ -42,11 +43,13 @@ def train(
     device: str = "auto",
     workers: int = 2,
     cache_mb: int = 4096,
+    rendered: bool = False,
 ) -> Training | None:
     """Train to the end, from the weights `start` or from scratch.
 
-    Returns the run, or None in the processes that write no files. `out` must not hold another run
-    unless `resume` is set. Raises `BadConfiguration` or `StorageFailed`.
+    `rendered`: learn from worlds that `workers` processes render meanwhile instead of the train
+    split. Returns the run, or None in the processes that write no files. `out` must not hold
+    another run unless `resume` is set. Raises `BadConfiguration` or `StorageFailed`.
     """
     keep_freed_memory()
     cv2.setNumThreads(1)  # the threads that prepare batches are parallel already
@@ -59,10 +62,20 @@ def train(
             map_batches=prefetching(workers),
         )
         _prepare(out, resume=resume)
-        training = Training(recipe, dataset, out, machine, start=start)
-        if resume:
-            training.resume()
-        with _displayed(training, ranks) as display:
+        with ExitStack() as stack:
+            source = None
+            if rendered:
+                if ranks.count > 1:
+                    raise BadConfiguration("--rendered: expected one process, not torchrun")
+                source = stack.enter_context(
+                    RenderedBatches(
+                        recipe, dataset.card, where, workers=max(1, workers), memory_mb=cache_mb
+                    )
+                )
+            training = Training(recipe, dataset, out, machine, start=start, source=source)
+            if resume:
+                training.resume()
+            display = stack.enter_context(_displayed(training, ranks))
             training.run(display.update)
     return training if ranks.first else None
 

@@ -48,6 +48,14 @@ class TrainSettings:
     cache_mb: Annotated[
         int, typer.Option(min=0, help="Memory for decoded images, megabytes per process.")
     ] = 4096
+    rendered: Annotated[
+        bool,
+        typer.Option(
+            "--rendered",
+            help="Train on worlds that --workers processes render meanwhile instead of the train "
+            "split, for a GPU; their images take --cache-mb of its memory.",
+        ),
+    ] = False
 
 
 def train(settings: TrainSettings) -> None:
@@ -65,7 +73,7 @@ def train(settings: TrainSettings) -> None:
     # The package app has capped all libraries at one thread.
     torch.set_num_threads(settings.threads or max(1, cores))
     recipe = Recipe() if settings.recipe is None else load_recipe(settings.recipe)
-    if not (settings.data / "train_rgb.txt").is_file():
+    if not settings.rendered and not (settings.data / "train_rgb.txt").is_file():
         raise BadConfiguration(
             f"--data {settings.data}: no data set with a train split (train_rgb.txt) is there"
         )
@@ -79,6 +87,7 @@ def train(settings: TrainSettings) -> None:
         device=settings.device,
         workers=settings.workers,
         cache_mb=settings.cache_mb,
+        rendered=settings.rendered,
     )
     if run is not None:
         training_report.report(

@@ -27,9 +27,11 @@ def augmented(
     generator gives the same variation."""
     window = crop or size
     scale = random.uniform(*changes.scale)
+    if changes.reduced and random.random() < changes.reduced:
+        scale = random.uniform(least_scale(size, window), 1.0)
     scaled = Size(
-        height=max(size.height, round(size.height * scale)),
-        width=max(size.width, round(size.width * scale)),
+        height=max(window.height, round(size.height * scale)),
+        width=max(window.width, round(size.width * scale)),
     )
     row = int(random.integers(scaled.height - window.height + 1))
     col = int(random.integers(scaled.width - window.width + 1))
@@ -42,6 +44,12 @@ def augmented(
     rgb = _in_other_light(tinted_rgb, scaled.width, changes, random)
     varied = Sample(rgb=rgb, depth=cut.depth, labels=cut.labels)
     return flipped(varied) if mirrored else varied
+
+
+def least_scale(size: Size, window: Size) -> float:
+    """Return the factor by which an image of the working size can be reduced until the window fits
+    just so."""
+    return max(window.height / size.height, window.width / size.width)
 
 
 def _in_other_light(

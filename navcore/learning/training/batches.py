@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,8 @@ from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample, Split
 from navcore.learning.data.dataset import Dataset
 from navcore.learning.training.augmentation import augmented, resized
-from navcore.learning.training.recipe import Augmentation
+from navcore.learning.training.distributed import Ranks
+from navcore.learning.training.recipe import Augmentation, Recipe
 from navcore.perception.esanet.network.preprocess import (
     DepthStatistics,
     Size,
@@ -23,6 +25,10 @@ from navcore.perception.esanet.network.preprocess import (
 )
 
 _MEGABYTE = 1 << 20
+Indexes = npt.NDArray[np.int64]
+MapBatches = Callable[[Callable[[Indexes], "Batch"], Iterable[Indexes]], Iterator["Batch"]]
+"""A function like `map`; the application may prepare batches ahead of time in threads, which this
+package does not start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,6 +41,17 @@ class Batch:
     """(B, 1, h, w) float32 normalised depth."""
     labels: Tensor
     """(B, h, w) uint8 labels, 0 = void, else class + 1."""
+
+
+class BatchSource(Protocol):
+    """What a training learns from."""
+
+    @property
+    def steps(self) -> int:
+        """Number of batches of an epoch."""
+
+    def batches(self, epoch: int) -> Iterator[Batch]:
+        """Return the batches of an epoch, numbered from 1."""
 
 
 class CachedSplit:
@@ -62,6 +79,52 @@ class CachedSplit:
                 self._free_bytes -= size_bytes
                 self._cache[index] = sample
         return sample
+
+
+class DatasetBatches:
+    """Random variations of all images of the train split, in a new order every epoch."""
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        recipe: Recipe,
+        *,
+        ranks: Ranks,
+        cache_mb: int,
+        map_batches: MapBatches = map,
+    ) -> None:
+        """Keep up to `cache_mb` megabytes of decoded images; raises `BadConfiguration` if a batch
+        cannot be filled or split among the processes."""
+        self._images = CachedSplit(dataset, "train", cache_mb=cache_mb)
+        self._recipe, self._ranks, self._map = recipe, ranks, map_batches
+        self.steps = len(self._indexes(0))
+
+    def batches(self, epoch: int) -> Iterator[Batch]:
+        """Return the batches of an epoch, numbered from 1."""
+        recipe = self._recipe
+        return self._map(
+            lambda indexes: training_batch(
+                self._images,
+                indexes,
+                recipe.size,
+                recipe.augmentation,
+                seed=recipe.seed,
+                epoch=epoch,
+                crop=recipe.crop,
+            ),
+            self._indexes(epoch),
+        )
+
+    def _indexes(self, epoch: int) -> list[Indexes]:
+        ranks, recipe = self._ranks, self._recipe
+        return epoch_batches(
+            len(self._images),
+            recipe.batch,
+            seed=recipe.seed,
+            epoch=epoch,
+            rank=ranks.rank,
+            ranks=ranks.count,
+        )
 
 
 def epoch_batches(

@@ -29,7 +29,7 @@ WARM_SHARE, START_DIVISOR, END_DIVISOR = 0.1, 25.0, 1e4
 MOMENTUM, LEAST_MOMENTUM, CONSTANT_MOMENTUM = 0.95, 0.85, 0.9
 """Range of the momentum, which runs against the learning rate; and the momentum without a cycle."""
 
-ADDED_AUGMENTATIONS = ("exposure", "white_k", "blur")
+ADDED_AUGMENTATIONS = ("exposure", "white_k", "blur", "reduced")
 """Fields that earlier versions did not have."""
 
 
@@ -54,6 +54,9 @@ class Augmentation:
     """Range of the colour temperature of the light in kelvin that the camera takes for neutral."""
     blur: tuple[float, float] = ranged(0.0, 0.2, default=(0.0, 0.0))
     """Range of the motion across the columns during the exposure, as a share of the width."""
+    reduced: float = ranged(0.0, 1.0, default=0.0)
+    """Share of the images that are reduced instead of enlarged, until the crop just fits: slow
+    machines feed the network smaller images."""
 
     def __post_init__(self) -> None:
         for name in ("scale", "hsv", "exposure", "white_k", "blur"):

@@ -7,7 +7,7 @@ a resumed run draws the same as an uninterrupted one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,7 +20,13 @@ from torch.nn.parallel import DistributedDataParallel
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Split
 from navcore.learning.data.dataset import Dataset
-from navcore.learning.training.batches import Batch, CachedSplit, epoch_batches, training_batch
+from navcore.learning.training.batches import (
+    Batch,
+    BatchSource,
+    CachedSplit,
+    DatasetBatches,
+    MapBatches,
+)
 from navcore.learning.training.checkpoint import Epoch, RunState, read_state, write_state
 from navcore.learning.training.distributed import Ranks
 from navcore.learning.training.evaluation import InferenceSettings, evaluate
@@ -40,10 +46,6 @@ _STEPS_TAKEN = "encoder_rgb.bn1.num_batches_tracked"
 SELECTION_CACHE_MB = 256
 """Memory for decoded images of the selection split, megabytes."""
 MODEL_NAME, STATE_NAME = "model.safetensors", "state.pt"
-Indexes = npt.NDArray[np.int64]
-MapBatches = Callable[[Callable[[Indexes], Batch], Iterable[Indexes]], Iterator[Batch]]
-"""A function like `map`; the application may prepare batches ahead of time in threads, which this
-package does not start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,9 +93,11 @@ class Training:
         machine: Machine,
         *,
         start: TrainedNetwork | None = None,
+        source: BatchSource | None = None,
     ) -> None:
-        """Prepare a run from the weights `start` or from scratch; raises `BadConfiguration` if
-        recipe, data and weights do not fit."""
+        """Prepare a run from the weights `start` or from scratch, that learns from `source`, the
+        train split of the data set if None; raises `BadConfiguration` if recipe, data and weights
+        do not fit."""
         self.recipe, self.dataset, self.out, self._machine = recipe, dataset, out, machine
         if recipe.selection != "last" and not dataset.count(recipe.selection):
             raise BadConfiguration(
@@ -105,11 +109,17 @@ class Training:
         self.identity = recipe.identity(
             dataset.card, digest(start.network.state_dict(), {}) if start else None
         )
-        self._images = CachedSplit(dataset, "train", cache_mb=machine.cache_mb)
+        self._source = source or DatasetBatches(
+            dataset,
+            recipe,
+            ranks=machine.ranks,
+            cache_mb=machine.cache_mb,
+            map_batches=machine.map_batches,
+        )
         self._selection = (
             None if recipe.selection == "last" else _selection(dataset, recipe.selection)
         )
-        self.steps = len(self._batches(0))
+        self.steps = self._source.steps
         card = self.card()
         network = (
             transferred_network(start, recipe, card)
@@ -177,10 +187,7 @@ class Training:
         """Train one epoch; return the mean loss and the last learning rate."""
         self.network.train()
         losses = []
-        batches = self._machine.map_batches(
-            lambda indexes: self._batch(indexes, number), self._batches(number)
-        )
-        for step, batch in enumerate(batches, start=1):
+        for step, batch in enumerate(self._source.batches(number), start=1):
             rate = self._set_rate(number, step)
             loss = self._step(learner, batch)
             if not math.isfinite(loss):
@@ -274,25 +281,6 @@ class Training:
         if self._machine.ranks.count == 1:
             return self.network
         return DistributedDataParallel(self.network, forward_sync_buffers=False)
-
-    def _batches(self, number: int) -> list[Indexes]:
-        ranks = self._machine.ranks
-        count, seed = len(self._images), self.recipe.seed
-        return epoch_batches(
-            count, self.recipe.batch, seed=seed, epoch=number, rank=ranks.rank, ranks=ranks.count
-        )
-
-    def _batch(self, indexes: Indexes, number: int) -> Batch:
-        recipe = self.recipe
-        return training_batch(
-            self._images,
-            indexes,
-            recipe.size,
-            recipe.augmentation,
-            seed=recipe.seed,
-            epoch=number,
-            crop=recipe.crop,
-        )
 
 
 def _selection(dataset: Dataset, split: Split) -> CachedSplit:

@@ -1,0 +1,211 @@
+"""Batches of images that processes render while the network learns from them.
+
+For a machine with a GPU: it learns from far more worlds than a data set holds, and prepares the
+windows itself. What the processes have rendered by a step depends on the machine, so two runs
+differ.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import count, islice
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import torch
+from torch import multiprocessing as processes
+
+from navcore.errors import BadConfiguration
+from navcore.learning.data.card import DatasetCard, Sample
+from navcore.learning.data.class_names import BEWARE_CLASSES
+from navcore.learning.training.batches import Batch
+from navcore.learning.training.recipe import Recipe
+from navcore.learning.training.window_pool import PooledImages, WindowPool
+from navcore.perception.esanet.network.preprocess import Size
+
+STEPS = 500
+"""Number of batches of an epoch."""
+WORLDS_PER_JOB, POSES_PER_WORLD = 25, 8
+"""Number of worlds that share floor patterns and prints, and of images of each world."""
+BYTES_PER_PIXEL = 6
+"""Memory of colours, depth and label."""
+PATIENCE_S = 120.0
+"""Time in seconds without a new image after which the processes are taken to have failed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """One kind of images, as an option each of `dataset render`."""
+
+    seed: int
+    """Seed of the worlds."""
+    size: tuple[int, int]
+    """Columns and rows."""
+    disturbed: bool
+    """Whether each world has a random light."""
+    furnished: bool
+    """Whether furniture has materials and tables have things on them."""
+
+
+FINE, MIDDLE, COARSE = (848, 480), (640, 360), (424, 240)
+SOURCES = (
+    Source(seed=21, size=COARSE, disturbed=True, furnished=True),
+    Source(seed=22, size=FINE, disturbed=True, furnished=True),
+    Source(seed=23, size=COARSE, disturbed=False, furnished=False),
+    Source(seed=24, size=FINE, disturbed=False, furnished=False),
+    Source(seed=25, size=MIDDLE, disturbed=True, furnished=True),
+    Source(seed=26, size=COARSE, disturbed=True, furnished=False),
+    Source(seed=27, size=FINE, disturbed=False, furnished=True),
+    Source(seed=28, size=FINE, disturbed=True, furnished=False),
+    Source(seed=29, size=COARSE, disturbed=False, furnished=True),
+    Source(seed=30, size=MIDDLE, disturbed=False, furnished=False),
+)
+"""What the shipped network was trained on, in equal parts."""
+
+
+class RenderedBatches:
+    """Windows of the images of the sources, the newest of which are kept in the memory of the
+    device that trains.
+
+    A context: its processes render from its beginning to its end.
+    """
+
+    def __init__(
+        self,
+        recipe: Recipe,
+        card: DatasetCard,
+        device: torch.device,
+        *,
+        workers: int,
+        memory_mb: int,
+        sources: tuple[Source, ...] = SOURCES,
+    ) -> None:
+        """Use `workers` processes, and up to `memory_mb` megabytes for images. Raises
+        `BadConfiguration` if the classes of `card`, whose depth statistics are used, are not those
+        that are rendered, or if the recipe weighs them by their pixels."""
+        if card.class_names != BEWARE_CLASSES:
+            raise BadConfiguration(
+                f"--rendered: the data set's classes are {', '.join(card.class_names):.200}; "
+                f"expected those that are rendered: {', '.join(BEWARE_CLASSES)}"
+            )
+        if recipe.class_weights != "none":
+            raise BadConfiguration(
+                f"--rendered: class_weights is {recipe.class_weights!r}, expected 'none': "
+                "the pixels of the classes are not known before"
+            )
+        self.steps = STEPS
+        self._recipe, self._statistics, self._sources = recipe, card.depth, sources
+        sizes = [source.size for source in sources]
+        per_image = sum(BYTES_PER_PIXEL * width * height for width, height in sizes) / len(sizes)
+        images = max(len(sources), int(memory_mb * 2**20 / per_image))
+        self._shares = {size: sizes.count(size) / len(sizes) for size in sorted(set(sizes))}
+        self._pools = {
+            size: WindowPool(
+                Size(height=size[1], width=size[0]),
+                max(1, int(images * share)),
+                len(BEWARE_CLASSES),
+                device,
+            )
+            for size, share in self._shares.items()
+        }
+        self._random = torch.Generator(device=device).manual_seed(recipe.seed)
+        spawn = processes.get_context("spawn")
+        self._queue = spawn.Queue(maxsize=2 * workers)
+        self._processes = [
+            spawn.Process(target=_render, args=(number, workers, sources, self._queue), daemon=True)
+            for number in range(workers)
+        ]
+        self._arrived = threading.Event()
+        self._thread = threading.Thread(target=self._receive, name="rendered images", daemon=True)
+
+    def __enter__(self) -> Self:
+        """Start to render."""
+        for process in self._processes:
+            process.start()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the processes."""
+        for process in self._processes:
+            process.terminate()
+        for process in self._processes:
+            process.join()
+        self._queue.put(None)
+        self._thread.join()
+
+    def batches(self, epoch: int) -> Iterator[Batch]:
+        """Return the batches of an epoch; before the first, wait for images of each size."""
+        while not all(pool.count for pool in self._pools.values()):
+            self._arrived.clear()
+            if not self._arrived.wait(PATIENCE_S):
+                raise BadConfiguration(
+                    f"--rendered: no image came within {PATIENCE_S:.0f} s; "
+                    "the processes that render may have run out of memory"
+                )
+        for _ in range(self.steps):
+            yield self._batch()
+
+    def _batch(self) -> Batch:
+        """Return a batch with windows of each size by its share of the images."""
+        ends = np.round(np.cumsum(list(self._shares.values())) * self._recipe.batch).astype(int)
+        parts = [
+            pool.windows(int(number), self._recipe, self._statistics, self._random)
+            for pool, number in zip(self._pools.values(), np.diff(ends, prepend=0), strict=True)
+            if number
+        ]
+        return Batch(
+            rgb=torch.cat([part.rgb for part in parts]),
+            depth=torch.cat([part.depth for part in parts]),
+            labels=torch.cat([part.labels for part in parts]),
+        )
+
+    def _receive(self) -> None:
+        """Take images into the pools until None comes."""
+        while (received := self._queue.get()) is not None:
+            number, images = received
+            self._pools[self._sources[number].size].add(images)
+            self._arrived.set()
+
+
+def _render(
+    number: int,
+    workers: int,
+    sources: tuple[Source, ...],
+    queue: Any,
+) -> None:
+    """Render one source after the other, of each the shards of this process, for ever."""
+    import cv2
+
+    from sim.dataset.generate import SHARDS_PER_SPLIT, render_images, shard_seed
+
+    with suppress(AttributeError):  # Windows has no priorities of this kind
+        os.nice(8)
+    cv2.setNumThreads(1)
+    random = np.random.default_rng(number)
+    for job in count():
+        kind = (3 * number + job) % len(sources)
+        source, shard = sources[kind], (number + workers * job) % SHARDS_PER_SPLIT
+        images = render_images(
+            seed=shard_seed(source.seed, "train", shard),
+            worlds=WORLDS_PER_JOB,
+            poses_per_world=POSES_PER_WORLD,
+            size=source.size,
+            disturbed=source.disturbed,
+            furnished=source.furnished,
+        )
+        while world := list(islice(images, POSES_PER_WORLD)):
+            samples = [
+                Sample(rgb=image.rgb, depth=image.depth_mm, labels=image.labels) for image in world
+            ]
+            queue.put((kind, PooledImages.of(samples, len(BEWARE_CLASSES), random)))

@@ -1,0 +1,67 @@
+"""A network is trained on worlds that processes render meanwhile."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import partial
+from pathlib import Path
+
+import pytest
+import torch
+
+from app.learning import rendered_batches, training
+from app.learning.rendered_batches import RenderedBatches, Source
+from navcore.errors import BadConfiguration
+from navcore.learning.data.class_names import BEWARE_CLASSES
+from navcore.learning.data.dataset import DatasetWriter, load_dataset
+from navcore.perception.esanet.weights import weights_file as weights
+from tests.navcore.learning.made import data_set, sample, tiny_recipe
+
+SOURCES = (
+    Source(seed=21, size=(64, 48), disturbed=True, furnished=True),
+    Source(seed=22, size=(96, 64), disturbed=False, furnished=False),
+)
+
+
+def test_a_network_learns_from_worlds_that_are_rendered_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rendered_batches, "STEPS", 3)
+    monkeypatch.setattr(rendered_batches, "WORLDS_PER_JOB", 1)
+    monkeypatch.setattr(training, "RenderedBatches", partial(RenderedBatches, sources=SOURCES))
+    writer = DatasetWriter(tmp_path / "d", class_names=BEWARE_CLASSES)
+    one = sample(0)
+    writer.add("valid", "0", one.rgb, one.depth, one.labels)
+    writer.finish()
+    run = training.train(
+        tiny_recipe(class_weights="none", epochs=2, selection="last"),
+        load_dataset(tmp_path / "d"),
+        tmp_path / "out",
+        resume=False,
+        device="cpu",
+        workers=1,
+        cache_mb=4,
+        rendered=True,
+    )
+    assert run is not None and [epoch.number for epoch in run.state.history] == [1, 2]
+    assert run.steps == 3
+    trained = weights.load(tmp_path / "out" / "model.safetensors")
+    assert trained.card.class_names == BEWARE_CLASSES
+    learned = trained.network.state_dict()["encoder_rgb.bn1.num_batches_tracked"]
+    assert int(learned) == 6
+
+
+def test_other_classes_and_weights_by_pixels_are_refused(tmp_path: Path) -> None:
+    recipe, device = tiny_recipe(class_weights="none"), torch.device("cpu")
+    card = data_set(tmp_path).card
+    with pytest.raises(BadConfiguration, match="classes are floor, book; expected"):
+        RenderedBatches(recipe, card, device, workers=1, memory_mb=1)
+    rendered = dataclasses.replace(card, class_names=BEWARE_CLASSES)
+    with pytest.raises(BadConfiguration, match="class_weights is 'median', expected 'none'"):
+        RenderedBatches(
+            dataclasses.replace(recipe, class_weights="median"),
+            rendered,
+            device,
+            workers=1,
+            memory_mb=1,
+        )
