@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count, islice
+from queue import Empty, Full
 from types import TracebackType
 from typing import Any, Self
 
@@ -25,17 +26,19 @@ from navcore.learning.data.card import DatasetCard, Sample
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.learning.training.batches import Batch
 from navcore.learning.training.recipe import Recipe
-from navcore.learning.training.window_pool import PooledImages, WindowPool
+from navcore.learning.training.window_pool import BYTES_PER_PIXEL, PooledImages, WindowPool
 from navcore.perception.esanet.network.preprocess import Size
 
 STEPS = 500
 """Number of batches of an epoch."""
 WORLDS_PER_JOB, POSES_PER_WORLD = 25, 8
 """Number of worlds that share floor patterns and prints, and of images of each world."""
-BYTES_PER_PIXEL = 6
-"""Memory of colours, depth and label."""
 PATIENCE_S = 120.0
-"""Time in seconds without a new image after which the processes are taken to have failed."""
+"""Time in seconds without a first image after which the processes are taken to have failed."""
+WAIT_S = 0.5
+"""Time in seconds after which a process or thread that waits looks whether it shall end."""
+ENDING_S = 30.0
+"""Time in seconds within which a process notices that it shall end: after the next world."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,9 +118,13 @@ class RenderedBatches:
         }
         self._random = torch.Generator(device=device).manual_seed(recipe.seed)
         spawn = processes.get_context("spawn")
-        self._queue = spawn.Queue(maxsize=2 * workers)
+        self._queue, self._ending = spawn.Queue(maxsize=2 * workers), spawn.Event()
         self._processes = [
-            spawn.Process(target=_render, args=(number, workers, sources, self._queue), daemon=True)
+            spawn.Process(
+                target=_render,
+                args=(number, workers, sources, self._queue, self._ending),
+                daemon=True,
+            )
             for number in range(workers)
         ]
         self._arrived = threading.Event()
@@ -137,22 +144,24 @@ class RenderedBatches:
         trace: TracebackType | None,
     ) -> None:
         """End the processes."""
+        self._ending.set()
+        self._thread.join(ENDING_S)
         for process in self._processes:
+            process.join(ENDING_S)
             process.terminate()
-        for process in self._processes:
-            process.join()
-        self._queue.put(None)
-        self._thread.join()
 
     def batches(self, epoch: int) -> Iterator[Batch]:
-        """Return the batches of an epoch; before the first, wait for images of each size."""
+        """Return the batches of an epoch; before the first, wait for images of each size. Raises
+        `BadConfiguration` where no process renders any more."""
         while not all(pool.count for pool in self._pools.values()):
             self._arrived.clear()
             if not self._arrived.wait(PATIENCE_S):
-                raise BadConfiguration(
-                    f"--rendered: no image came within {PATIENCE_S:.0f} s; "
-                    "the processes that render may have run out of memory"
-                )
+                raise BadConfiguration(f"--rendered: no image came within {PATIENCE_S:.0f} s")
+        if not any(process.is_alive() for process in self._processes):
+            raise BadConfiguration(
+                "--rendered: all processes that render have ended; if memory is short, "
+                "use fewer --workers"
+            )
         for _ in range(self.steps):
             yield self._batch()
 
@@ -171,20 +180,23 @@ class RenderedBatches:
         )
 
     def _receive(self) -> None:
-        """Take images into the pools until None comes."""
-        while (received := self._queue.get()) is not None:
-            number, images = received
+        """Take images into the pools until the end."""
+        while not self._ending.is_set():
+            try:
+                number, images = self._queue.get(timeout=WAIT_S)
+            except Empty:
+                continue
+            except (OSError, EOFError):  # the process whose memory holds the images has ended
+                continue
             self._pools[self._sources[number].size].add(images)
             self._arrived.set()
 
 
 def _render(
-    number: int,
-    workers: int,
-    sources: tuple[Source, ...],
-    queue: Any,
+    number: int, workers: int, sources: tuple[Source, ...], queue: Any, ending: Any
 ) -> None:
-    """Render one source after the other, of each the shards of this process, for ever."""
+    """Render one source after the other, of each the shards of this process, until `ending` is
+    set."""
     import cv2
 
     from sim.dataset.generate import SHARDS_PER_SPLIT, render_images, shard_seed
@@ -208,4 +220,11 @@ def _render(
             samples = [
                 Sample(rgb=image.rgb, depth=image.depth_mm, labels=image.labels) for image in world
             ]
-            queue.put((kind, PooledImages.of(samples, len(BEWARE_CLASSES), random)))
+            images_of_world = kind, PooledImages.of(samples, len(BEWARE_CLASSES), random)
+            while not ending.is_set():
+                with suppress(Full):
+                    queue.put(images_of_world, timeout=WAIT_S)
+                    break
+            if ending.is_set():
+                queue.cancel_join_thread()  # what is still in the queue is not wanted any more
+                return

@@ -28,6 +28,8 @@ from navcore.perception.esanet.network.preprocess import (
     Size,
 )
 
+BYTES_PER_PIXEL = 6
+"""Memory of colours, depth and label."""
 POINTS = 16
 """Number of random pixels of each class of an image that windows may be laid around."""
 
@@ -69,7 +71,7 @@ class WindowPool:
     """The newest images of one size; a new one takes the place of the oldest when it is full."""
 
     def __init__(self, size: Size, capacity: int, num_classes: int, device: torch.device) -> None:
-        """Take memory for `capacity` images, six bytes a pixel."""
+        """Take memory for `capacity` images, `BYTES_PER_PIXEL` each pixel."""
         shape = (capacity, size.height, size.width)
         self.size, self.count, self._next = size, 0, 0
         self._rgb = torch.empty((*shape, 3), dtype=torch.uint8, device=device)
