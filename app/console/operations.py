@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Any
@@ -19,15 +19,8 @@ from app.console.beware.recent_frames import RecentFrames
 from app.console.edit_history import AllEdits
 from app.console.mission.anchored_items import AnchoredItems
 from app.console.mission.goals import Goals
-from app.console.mission.path_preview import (
-    Planner,
-    compare,
-    compare_lists,
-    grid_with,
-    measured,
-    pose_at,
-)
 from app.console.mission.path_settings import PathSettings
+from app.console.mission.previews import Previews
 from app.console.mission.saved_missions import SavedMissions
 from app.console.mission.zone_editor import ZoneEditor
 from app.console.site.map_editor import MapEditor
@@ -49,14 +42,11 @@ from app.teaching.networks.live_networks import Compose
 from app.teaching.networks.versions import START
 from app.teaching.service import DEFAULT_CHOICE, LiveTeaching
 from navcore.config.navigator import NavigatorConfig
-from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
-from navcore.grid.grid import OccupancyGrid
 from navcore.localisation.fixes import TagMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
-from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from navcore.planning.path import NoPath
 from navcore.robot.driver import Command, Robot
@@ -64,10 +54,9 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import GateDecision
 from web.interface.beware import ListPreview
-from web.interface.drafts import PathPreview, Preview, PreviewDraft
+from web.interface.drafts import Preview, PreviewDraft
 from web.interface.operations import MissionAction
 from web.interface.snapshots import Cloud, State, TickSnapshot
-from web.interface.wire import Position
 
 MOVING_MPS = 1e-3
 """Commanded speed from which the robot is shown as moving, m/s or rad/s."""
@@ -136,6 +125,7 @@ class LiveOperations:
             config=config,
             examples=self._examples,
         )
+        self._previews = Previews(controller, view=recorder, beware_map=self._beware_map)
         self._edit(store.site)
         self.sites = LiveSites(
             store,
@@ -432,76 +422,14 @@ class LiveOperations:
 
     def preview(self, draft: PreviewDraft) -> Preview:
         """Plan on the newest map with the draft and without it; nothing is applied."""
-        queue = self._controller.intent.mission.queue
-        target = draft.goal or ((queue[0].x_m, queue[0].y_m) if queue else None)
-        if target is None:
-            raise Refused("there is no goal to preview a path to; give one")
-        decision = self._controller.tick_state.decision
-        plan, ends = self._planner(draft.start), [target]
-        if decision is None:
-            raise Refused("there is no map yet; the camera has not delivered an image")
-        if draft.start is not None:
-            ends = [draft.start, target]
-        grid = grid_with(decision.occupancy.grid, ends)
-        zone = (
-            None
-            if draft.zone is None
-            else self.zones.checked(draft.zone, zone_id="draft", version=1)
-        )
-        in_force = None
-        if draft.unknown_price is not None:
-            in_force = plan(target)
-            plan = self._planner(draft.start, draft.unknown_price)
-        return compare(
-            grid,
-            self.zones.stored,
-            plan(target),
-            draft=zone,
-            replaces=draft.replaces,
-            in_force=in_force,
-        )
+        return self._previews.draft(draft, self.zones, self.path_settings)
 
     def preview_list(self, beware: BewareList) -> ListPreview:
         """Compare another beware list with the one in force on the newest map; nothing is
         applied."""
-        controller = self._controller
-
-        def occupancy() -> Costmap | None:
-            decision = controller.tick_state.decision
-            return None if decision is None else decision.occupancy
-
-        present, drafted = self._beware_map.grids(occupancy, self.beware.list, beware)
-        return compare_lists(
-            present,
-            drafted,
-            self.zones.stored,
-            self._planner(None),
-            controller.intent.mission.queue,
+        return self._previews.beware_list(
+            beware, self.beware.list, self.zones.stored, self.path_settings
         )
-
-    def _planner(
-        self, start: Position | None, unknown_price: float | None = None
-    ) -> Callable[[Position], Planner]:
-        """Return what plans from a position, or from the robot's, to a goal on any grid, at a price
-        of unseen floor or at the one in force."""
-        decision, navigator = self._controller.tick_state.decision, self._controller.navigator
-        tick = self._recorder.picture
-        if decision is None or tick is None:
-            raise Refused("there is no map yet; the camera has not delivered an image")
-        pose = decision.frame.pose if start is None else pose_at(start)
-        price = self.path_settings.unknown_price if unknown_price is None else unknown_price
-
-        def to(goal: Position) -> Planner:
-            def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
-                costmap = navigator.inflate_draft(grid)
-                route = navigator.preview(costmap, pose, goal, unknown_price=price)
-                return measured(
-                    route, zones, navigator.travel_time_s, tick.seen_mask, tick.grid_spec
-                )
-
-            return plan
-
-        return to
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Return the reports of past runs, newest first, without their time series."""

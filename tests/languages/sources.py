@@ -40,6 +40,7 @@ SENTENCES = (
     "app/console/operations.py",
     "app/console/status_message.py",
     "app/console/mission/path_preview.py",
+    "app/console/mission/previews.py",
     "app/console/mission/path_settings.py",
     "app/console/site/place_editor.py",
     "app/console/mission/saved_missions.py",
