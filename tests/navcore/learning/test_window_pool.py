@@ -19,7 +19,7 @@ from tests.navcore.learning.made import sample, tiny_recipe
 
 NO_CHANGE = Augmentation(scale=(1.0, 1.0), hsv=(1.0, 1.0), flip=0.0)
 STATISTICS = DepthStatistics(mean=2000.0, std=500.0, units_per_m=1000.0)
-SMALL = Size(height=48, width=80)
+SMALL, SMALL_WORK = Size(height=48, width=80), Size(height=64, width=96)
 
 
 def pool_of(samples: list[Sample], capacity: int = 8) -> WindowPool:
@@ -69,9 +69,6 @@ def test_windows_are_laid_around_small_classes_and_mirrored() -> None:
         pool.windows(1, recipe, STATISTICS, generator()).labels for recipe in (mirrored, plain)
     )
     assert torch.equal(first, second.flip(2)) and not torch.equal(first, second)
-
-
-SMALL_WORK = Size(height=64, width=96)
 
 
 def test_a_window_of_a_reduced_image_fits_and_shows_more_of_it() -> None:
