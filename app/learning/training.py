@@ -67,6 +67,10 @@ def train(
             if rendered:
                 if ranks.count > 1:
                     raise BadConfiguration("--rendered: expected one process, not torchrun")
+                if not dataset.count("valid") + dataset.count("test"):
+                    raise BadConfiguration(
+                        "--rendered: the data set has no valid and no test images to report on"
+                    )
                 source = stack.enter_context(
                     RenderedBatches(
                         recipe, dataset.card, where, workers=max(1, workers), memory_mb=cache_mb

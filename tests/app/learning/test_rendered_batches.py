@@ -51,6 +51,19 @@ def test_a_network_learns_from_worlds_that_are_rendered_meanwhile(
     assert int(learned) == 6
 
 
+def test_a_data_set_without_images_to_report_on_is_refused(tmp_path: Path) -> None:
+    dataset = data_set(tmp_path / "d", valid=0, test=0)
+    with pytest.raises(BadConfiguration, match="no valid and no test images"):
+        training.train(
+            tiny_recipe(class_weights="none"),
+            dataset,
+            tmp_path / "out",
+            resume=False,
+            device="cpu",
+            rendered=True,
+        )
+
+
 def test_other_classes_and_weights_by_pixels_are_refused(tmp_path: Path) -> None:
     recipe, device = tiny_recipe(class_weights="none"), torch.device("cpu")
     card = data_set(tmp_path).card
