@@ -14,8 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count, islice
 from queue import Empty, Full
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import torch
@@ -31,8 +30,6 @@ from navcore.perception.esanet.network.preprocess import Size
 
 STEPS = 500
 """Number of batches of an epoch."""
-WORLDS_PER_JOB, POSES_PER_WORLD = 25, 8
-"""Number of worlds that share floor patterns and prints, and of images of each world."""
 PATIENCE_S = 120.0
 """Time in seconds without a first image after which the processes are taken to have failed."""
 WAIT_S = 0.5
@@ -73,10 +70,7 @@ SOURCES = (
 
 class RenderedBatches:
     """Windows of the images of the sources, the newest of which are kept in the memory of the
-    device that trains.
-
-    A context: its processes render from its beginning to its end.
-    """
+    device that trains; its processes render until it is closed."""
 
     def __init__(
         self,
@@ -129,20 +123,11 @@ class RenderedBatches:
         ]
         self._arrived = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="rendered images", daemon=True)
-
-    def __enter__(self) -> Self:
-        """Start to render."""
         for process in self._processes:
             process.start()
         self._thread.start()
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         """End the processes."""
         self._ending.set()
         self._thread.join(ENDING_S)
@@ -199,7 +184,13 @@ def _render(
     set."""
     import cv2
 
-    from sim.dataset.generate import SHARDS_PER_SPLIT, render_images, shard_seed
+    from sim.dataset.generate import (
+        POSES_PER_WORLD,
+        SHARDS_PER_SPLIT,
+        WORLDS_PER_JOB,
+        render_images,
+        shard_seed,
+    )
 
     with suppress(AttributeError):  # Windows has no priorities of this kind
         os.nice(8)

@@ -6,7 +6,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import cv2
@@ -72,8 +72,10 @@ def train(
                         "--rendered: the data set has no valid and no test images to report on"
                     )
                 source = stack.enter_context(
-                    RenderedBatches(
-                        recipe, dataset.card, where, workers=max(1, workers), memory_mb=cache_mb
+                    closing(
+                        RenderedBatches(
+                            recipe, dataset.card, where, workers=max(1, workers), memory_mb=cache_mb
+                        )
                     )
                 )
             training = Training(recipe, dataset, out, machine, start=start, source=source)

@@ -29,6 +29,9 @@ Split = Literal["train", "valid", "test"]
 SPLITS: tuple[Split, ...] = get_args(Split)
 WORLDS_PER_SHARD = 1000
 """Largest number of worlds of a shard; more would overlap with those of the next shard."""
+WORLDS_PER_JOB, POSES_PER_WORLD = 25, 8
+"""Number of worlds that a process renders with the same floor patterns and prints, and of images of
+each world, for training."""
 FASTEST_TURN_RADPS = 1.5
 """Largest yaw rate in images with motion blur."""
 SHARDS_PER_SPLIT = 1000

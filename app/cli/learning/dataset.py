@@ -22,9 +22,6 @@ if TYPE_CHECKING:  # at run time these would make every command wait for torch a
     from navcore.learning.data.writer import EncodedSample
     from sim.dataset.generate import Split
 
-POSES_PER_WORLD = 8
-WORLDS_PER_JOB = 25
-"""Number of worlds of a job."""
 AHEAD = 32
 """Number of jobs that may be ahead of the first one that is not written yet, 60 MB each at
 424 × 240."""
@@ -135,6 +132,7 @@ def render(settings: RenderSettings) -> None:
     """Render labelled images of random worlds; no world of one split is in another."""
     from navcore.learning.data.class_names import BEWARE_CLASSES
     from navcore.learning.data.writer import DatasetWriter
+    from sim.dataset.generate import POSES_PER_WORLD
 
     counts: dict[Split, int] = {
         "train": settings.train,
@@ -298,7 +296,12 @@ def _jobs(
 ) -> list[Job]:
     """Return the shards of every split; several sizes take turns over the shards, so that every
     split has a share of each."""
-    from sim.dataset.generate import SHARDS_PER_SPLIT, shard_seed
+    from sim.dataset.generate import (
+        POSES_PER_WORLD,
+        SHARDS_PER_SPLIT,
+        WORLDS_PER_JOB,
+        shard_seed,
+    )
 
     most = POSES_PER_WORLD * WORLDS_PER_JOB
     if max(counts.values()) > most * SHARDS_PER_SPLIT:
@@ -340,7 +343,7 @@ def _render(job: Job) -> tuple[Split, list[RenderedImage]]:
 
     from navcore.learning.data.class_names import BEWARE_CLASSES
     from navcore.learning.data.writer import encode_sample
-    from sim.dataset.generate import render_images
+    from sim.dataset.generate import POSES_PER_WORLD, render_images
 
     cv2.setNumThreads(1)
     images = render_images(

@@ -12,8 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from navcore.learning.data.photometry import GAMMA, channel_light
-
-HUE_CIRCLE = 360.0
+from navcore.learning.training.augmentation import HUE_CIRCLE
 
 
 def tinted(rgb: Tensor, factors: Tensor) -> Tensor:

@@ -27,7 +27,6 @@ def test_a_network_learns_from_worlds_that_are_rendered_meanwhile(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rendered_batches, "STEPS", 3)
-    monkeypatch.setattr(rendered_batches, "WORLDS_PER_JOB", 1)
     monkeypatch.setattr(training, "RenderedBatches", partial(RenderedBatches, sources=SOURCES))
     writer = DatasetWriter(tmp_path / "d", class_names=BEWARE_CLASSES)
     one = sample(0)
@@ -39,7 +38,7 @@ def test_a_network_learns_from_worlds_that_are_rendered_meanwhile(
         tmp_path / "out",
         resume=False,
         device="cpu",
-        workers=1,
+        workers=2,  # one for each size
         cache_mb=4,
         rendered=True,
     )

@@ -149,7 +149,7 @@ def test_a_killed_run_is_resumed_to_the_same_weights(tmp_path: Path) -> None:
 def test_a_rendered_data_set_may_have_images_of_several_sizes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.cli.learning.dataset.WORLDS_PER_JOB", 1)
+    monkeypatch.setattr("sim.dataset.generate.WORLDS_PER_JOB", 1)
     sizes = ("--size", "64x48", "--size", "96x64")
     run(
         "dataset",
