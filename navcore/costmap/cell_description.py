@@ -10,11 +10,13 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, Cell, OccupancyGrid
 from navcore.grid.nearest import nearest_of, nearest_reachable
 
+IN_ZONE = "inside a beware zone"
+
 
 def describe_cell(grid: OccupancyGrid, cell: Cell) -> str:
     """Return in words why a blocked cell is blocked."""
     if grid.zones[cell] or any(mask[cell] for _, mask in grid.wide_zones):
-        return "inside a beware zone"
+        return IN_ZONE
     if any(layer[cell] for layer in grid.beware.values()):
         return "on something of the beware list"
     return "inside an obstacle" if grid.geometric[cell] else "too close to an obstacle or a zone"
@@ -46,13 +48,20 @@ def check_goal_free(
         or nearest_of(np.argwhere(~blocked), cell)
     )
     nearest = None if found is None else _to_millimetres(spec.centre(*found))
+    raise blocked_goal(goal, describe_cell(grid, cell), nearest=nearest)
+
+
+def blocked_goal(
+    goal: tuple[float, float], where: str, *, nearest: tuple[float, float] | None
+) -> BlockedGoal:
+    """Return the refusal of a goal (x, y) that lies `where` in words, with the nearest free
+    position (x, y); all in metres of the map frame."""
     instead = (
         ""
         if nearest is None
         else f"; the nearest position where it can is ({nearest[0]:.2f}, {nearest[1]:.2f})"
     )
-    where = describe_cell(grid, cell)
-    raise BlockedGoal(
+    return BlockedGoal(
         f"goal ({goal[0]:.2f}, {goal[1]:.2f}) lies {where}; the robot cannot stand there{instead}",
         nearest,
     )

@@ -47,7 +47,7 @@ class GoalList(Protocol):
 
     def add(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
         """Queue a goal, with a heading or for any; refused where the map cannot grow to, and inside
-        a known obstacle or zone (`BlockedGoal`, which names the nearest free position)."""
+        a known obstacle or a zone (`BlockedGoal`, which may name the nearest free position)."""
 
     def change(self, goal_id: int, changes: GoalChanges) -> Goal:
         """Change `x_m`, `y_m`, `yaw_rad` (None for any heading) or `name` of a waiting goal."""

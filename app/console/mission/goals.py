@@ -7,12 +7,15 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
+import shapely
+
 from app.console.mission.saved_missions import SavedMissions
 from app.runtime.control.operator_state import StateHolder
-from navcore.costmap.cell_description import check_goal_free
+from navcore.costmap.cell_description import IN_ZONE, blocked_goal, check_goal_free
 from navcore.errors import BadGeometry
 from navcore.grid.grid import GridSpec
 from navcore.mission.mission import Goal, Mission
+from navcore.mission.zone_growth import distance_m
 from web.interface.drafts import GoalChanges, SavedMission
 from web.interface.snapshots import TickSnapshot
 
@@ -40,7 +43,7 @@ class Goals:
         self._holder, self._view, self._spec, self._saved = holder, view, spec, saved
 
     def add(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
-        """Queue a goal; refused where the known map does not let the robot stand."""
+        """Queue a goal; refused where the known map or a zone does not let the robot stand."""
         self._check_free(x_m, y_m)
         return self._change(
             lambda mission: mission.add(x_m, y_m, self._spec(), yaw_rad=yaw_rad, name=name)
@@ -106,3 +109,7 @@ class Goals:
                 robot=picture.pose,
                 seen=picture.seen,
             )
+        # A zone that was drawn since that tick holds already.
+        for zone in self._holder.intent.zones:
+            if zone.closed and distance_m(zone, shapely.points([(x_m, y_m)]))[0] <= zone.margin_m:
+                raise blocked_goal((x_m, y_m), IN_ZONE, nearest=None)

@@ -1,0 +1,62 @@
+"""A goal is refused in a zone that no tick has seen yet."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from app.console.mission.goals import Goals
+from app.console.mission.saved_missions import SavedMissions
+from app.runtime.control.operator_state import OperatorState
+from navcore.errors import BlockedGoal
+from navcore.mission.beware_list import default_beware_list
+from navcore.mission.mission import Mission
+from navcore.mission.zone import Zone, ZoneKind
+from tests.app.console.state import PlainHolder
+from tests.navcore.scene import SPEC
+from tests.web.fake_operations import MemoryStore
+
+SQUARE = ((1.0, -0.5), (2.0, -0.5), (2.0, 0.5), (1.0, 0.5))
+
+
+class NoTick:
+    """Satisfies `MapView`: nothing was seen yet."""
+
+    picture = None
+
+
+def goals_of(holder: PlainHolder) -> Goals:
+    return Goals(holder, view=NoTick(), spec=lambda: SPEC, saved=SavedMissions(MemoryStore()))
+
+
+def holder_of(*zones: Zone) -> PlainHolder:
+    return PlainHolder(OperatorState(mission=Mission(), beware=default_beware_list(), zones=zones))
+
+
+KEEP_OUT = Zone(id="a", name="wet floor", polygon=SQUARE)
+WIDE = Zone(id="a", name="wet floor", polygon=SQUARE, margin_m=0.4)
+BOUNDARY = Zone(id="a", name="the hall", polygon=SQUARE, kind=ZoneKind.STAY_INSIDE)
+OFF = Zone(id="a", name="wet floor", polygon=SQUARE, enabled=False)
+SLOW = Zone(id="a", name="the ramp", polygon=SQUARE, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.3)
+
+
+@pytest.mark.parametrize(("zone", "x_m"), [(KEEP_OUT, 1.5), (WIDE, 2.35), (BOUNDARY, 2.1)])
+def test_a_goal_where_a_new_zone_forbids_to_stand_is_refused(zone: Zone, x_m: float) -> None:
+    holder = holder_of()
+    goals = goals_of(holder)
+    moved = goals.add(-3.0, 0.0)
+    holder.change(lambda state: dataclasses.replace(state, zones=(zone,)))
+    with pytest.raises(BlockedGoal, match="inside a beware zone"):
+        goals.add(x_m, 0.0)
+    with pytest.raises(BlockedGoal, match="inside a beware zone"):
+        goals.change(moved.id, {"x_m": x_m})
+    assert holder.intent.mission.queue == (moved,)
+
+
+@pytest.mark.parametrize(
+    ("zone", "x_m"), [(KEEP_OUT, 2.1), (WIDE, 2.45), (BOUNDARY, 1.5), (OFF, 1.5), (SLOW, 1.5)]
+)
+def test_a_goal_elsewhere_is_queued(zone: Zone, x_m: float) -> None:
+    goal = goals_of(holder_of(zone)).add(x_m, 0.0)
+    assert (goal.x_m, goal.y_m) == (x_m, 0.0)
