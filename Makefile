@@ -4,14 +4,20 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test test-fleet test-teaching check lint kernels bench bench-compare reliability campaign screenshots screenshots-check pictures setup debian clean
+.PHONY: run test test-long test-fleet test-teaching check lint kernels bench bench-compare reliability campaign screenshots screenshots-check pictures setup debian clean
 
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
 
+# Linters, types and all tests but the `long` ones: under 15 minutes on two cores.
 test: setup
 	@$(MAKE) --no-print-directory --jobs=2 lint kernels debian
-	$(BIN)/pytest --numprocesses=2 --dist=worksteal
+	$(BIN)/pytest --numprocesses=2 --dist=worksteal -m 'not long'
+
+# The tests that take long and are no part of `test`: before a release, and after a change of what they test.
+test-long: setup
+	@$(MAKE) --no-print-directory --jobs=2 kernels debian
+	$(BIN)/pytest --numprocesses=2 --dist=worksteal -m long
 
 # The Ray engine on a cluster of two nodes on this machine, one of which is killed. Ray is 70 MB, so it is no part of `test`.
 test-fleet: setup

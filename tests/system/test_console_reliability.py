@@ -112,6 +112,7 @@ def test_row_24_no_foreign_request_is_accepted() -> None:
     assert figure.met, figure.measured
 
 
+@pytest.mark.long
 def test_row_24_without_the_origin_check_they_are(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 
 from app.console.application import ConsoleOptions, console
 from sim.scenario.load import WORLDS
@@ -26,6 +27,7 @@ from_s = 20.0
 """
 
 
+@pytest.mark.long
 def test_a_jump_of_odometry_is_reported_latched_and_accepted_by_a_reset(tmp_path: Path) -> None:
     world = tmp_path / "faulty.toml"
     world.write_text(

@@ -99,6 +99,7 @@ def test_the_robot_passes_a_printed_cup_and_avoids_the_real_one(
     assert driven.intersects(box(-0.25, -0.25, 0.25, 0.25))
 
 
+@pytest.mark.long
 def test_a_real_cup_in_the_door_closes_it(tmp_path: Path, perception: Perception) -> None:
     report, _ = drive(tmp_path, CUP.format(x=0.0), perception)
     assert not report["success"]

@@ -66,6 +66,7 @@ def test_row_4_no_malformed_frame_gets_through() -> None:
     assert figure.met, figure.measured
 
 
+@pytest.mark.long
 def test_row_4_without_the_check_they_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(navigator, "check_frame", lambda frame: None)
     with pytest.warns(RuntimeWarning):

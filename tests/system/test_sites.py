@@ -125,6 +125,7 @@ def test_changes_of_the_running_map_are_accepted(tmp_path: Path) -> None:
         assert site["accepted"] and site["world"] == "empty_room"
 
 
+@pytest.mark.long
 def test_a_site_of_another_world_is_not_used_by_itself_and_refused_by_name(
     tmp_path: Path,
 ) -> None:
@@ -165,6 +166,7 @@ def console_process(data: Path) -> Iterator[tuple[subprocess.Popen[bytes], httpx
         process.wait()
 
 
+@pytest.mark.long
 def test_after_a_kill_the_map_lacks_ten_seconds_at_most_and_goals_come_back_paused(
     tmp_path: Path,
 ) -> None:

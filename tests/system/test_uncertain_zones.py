@@ -101,6 +101,7 @@ AHEAD = ((-4.0, -1.0), (-2.5, -1.0), (-2.5, 3.0), (-4.0, 3.0))
 """A zone before which the robot stands, facing it, when its growth comes over it."""
 
 
+@pytest.mark.long
 def test_a_robot_that_the_growth_of_a_zone_comes_over_drives_out_and_on_to_the_goal() -> None:
     report, _ = driven(from_m=-6.0, over_m=0.05, sigma_m=0.6, zone=AHEAD, until_s=60.0)
     assert report["goals_reached"] == 1
@@ -129,6 +130,7 @@ OTHERS = (
 path keeps the clearance."""
 
 
+@pytest.mark.long
 def test_where_no_path_keeps_the_clearance_the_robot_passes_slowly() -> None:
     report, nearest_m = driven(from_m=-12.0, zone=LEFT, others=OTHERS, until_s=50.0)
     assert report["goals_reached"] == 1

@@ -260,6 +260,7 @@ def test_an_official_checkpoint_is_converted_once_and_a_damaged_file_is_refused(
     assert "damaged" in answer.stderr
 
 
+@pytest.mark.long
 def test_navigation_parameters_are_read_from_a_file_and_a_wrong_key_is_named(
     tmp_path: Path,
 ) -> None:
@@ -294,6 +295,7 @@ def test_navigation_parameters_are_read_from_a_file_and_a_wrong_key_is_named(
     assert 0.0 < driven_m[1] < driven_m[0] / 4
 
 
+@pytest.mark.long
 def test_a_drive_with_the_network_that_runs_out_of_time_ends_with_1() -> None:
     answer = bewarenav_process(
         "drive", "--scenario", "empty_room", "--max-time", "1", "--backend", "torch"

@@ -65,6 +65,7 @@ def driven(first: tuple[FirstDay, Path], **changes: Any) -> dict[str, Any]:
         episode.close()
 
 
+@pytest.mark.long
 def test_the_robot_finds_its_place_where_it_stood_in_the_evening(
     first: tuple[FirstDay, Path],
 ) -> None:
@@ -75,6 +76,7 @@ def test_the_robot_finds_its_place_where_it_stood_in_the_evening(
     assert report["goal_errors_by_odometry_m"]["1"] < 0.3
 
 
+@pytest.mark.long
 def test_where_nothing_tells_the_place_the_operator_shows_it(
     first: tuple[FirstDay, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -48,6 +48,7 @@ def touches_kerb(x_m: float, y_m: float) -> bool:
     return abs(x_m) < 0.45 and -4.4 < y_m < -0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("config", [None, OFF], ids=["with terrain", "control"])
 def test_a_ramp_within_the_limit_is_driven_to_the_goal_behind_it(
     config: NavigatorConfig | None,
@@ -56,6 +57,7 @@ def test_a_ramp_within_the_limit_is_driven_to_the_goal_behind_it(
     assert reached == (config is None)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("config", [None, OFF], ids=["with terrain", "control"])
 def test_a_kerb_that_is_no_obstacle_by_its_height_is_driven_round(
     config: NavigatorConfig | None,

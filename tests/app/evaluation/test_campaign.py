@@ -62,6 +62,7 @@ def test_recorded_episodes_are_not_driven_again_and_other_rules_are_refused(tmp_
         campaign(rules="others").run([0], fleet=HERE, out=tmp_path)
 
 
+@pytest.mark.long
 def test_a_killed_campaign_has_recorded_what_was_driven_and_its_workers_end(tmp_path: Path) -> None:
     pids = tmp_path / "pids"
     pids.mkdir()
@@ -108,6 +109,7 @@ def hanging(key: int) -> dict[str, Any]:
     return drive(key)
 
 
+@pytest.mark.long
 def test_a_killed_worker_fails_its_own_episode_which_is_driven_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -117,6 +119,7 @@ def test_a_killed_worker_fails_its_own_episode_which_is_driven_again(
     assert (tmp_path / "killed").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("run", "cause"), [(always_killed, "exit code -9"), (hanging, "longer than 8 s")]
 )

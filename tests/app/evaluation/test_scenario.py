@@ -39,6 +39,7 @@ def driven(about: Task, *, seed: int = 0, beware: BewareList | None = None) -> d
         episode.close()
 
 
+@pytest.mark.long
 def test_an_evaluation_is_resumed_where_it_was_cut_and_draws_its_figures(
     tmp_path: Path, capsys: Any
 ) -> None:

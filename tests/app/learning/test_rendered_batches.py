@@ -23,6 +23,7 @@ SOURCES = (
 )
 
 
+@pytest.mark.long
 def test_a_network_learns_from_worlds_that_are_rendered_meanwhile(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from app.teaching.frames.live_frames import LiveFrames
 from app.teaching.networks.versions import MODEL_NAME
@@ -36,6 +37,7 @@ def marked_frames(folder: Path) -> LiveFrames:
     return frames
 
 
+@pytest.mark.long
 def test_a_class_is_captured_marked_taught_and_found(tmp_path: Path) -> None:
     frames = marked_frames(tmp_path)
     plan = TrainingPlan(

@@ -169,6 +169,7 @@ def eventually(holds: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.long
 def test_the_process_of_a_run_is_of_the_lowest_priority_cancelled_and_resumed(
     tmp_path: Path, frames: FrameStore, start: Path
 ) -> None:

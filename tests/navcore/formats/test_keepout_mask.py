@@ -62,6 +62,7 @@ def test_a_mask_of_specks_is_refused() -> None:
         polygons_of(specks, SPEC)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("across", [False, True])
 def test_a_comb_becomes_zones_in_both_directions_and_a_finer_one_is_refused(across: bool) -> None:
     def comb(side: int, pitch: int) -> tuple[BoolGrid, GridSpec]:

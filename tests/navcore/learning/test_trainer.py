@@ -56,6 +56,7 @@ def same(one: dict[str, Tensor], other: dict[str, Tensor]) -> bool:
     return one.keys() == other.keys() and all(torch.equal(one[key], other[key]) for key in one)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("averaging", [0.0, 0.9])
 def test_a_resumed_run_equals_the_uninterrupted_one_bit_for_bit(
     averaging: float, tmp_path: Path
@@ -108,6 +109,7 @@ def test_it_learns_and_keeps_the_best_epoch(tmp_path: Path) -> None:
     np.testing.assert_array_equal(confusion, by_hand)
 
 
+@pytest.mark.long
 def test_bfloat16_learns_nearly_the_same(tmp_path: Path) -> None:
     data_set(tmp_path / "d")
     losses: dict[bool, list[float]] = {False: [], True: []}
@@ -221,6 +223,7 @@ def test_the_mirrored_picture_is_labelled_as_the_mirror(tmp_path: Path) -> None:
     assert (classes == mirrored[:, ::-1]).mean() > 0.999
 
 
+@pytest.mark.long
 def test_two_processes_take_the_steps_that_one_would_take(tmp_path: Path) -> None:
     data_set(tmp_path / "d")
     recipe = tiny_recipe(epochs=2, batch=8, learning_rate=1e-3)

@@ -86,6 +86,7 @@ def driven(errors: OdometryErrors, seed: int) -> tuple[float, float]:
     return run.errors()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "grade, median_m, most_m, median_deg",
     [

@@ -44,6 +44,7 @@ def digest(seen: list[Frame]) -> list[tuple[object, ...]]:
     return [(f.stamp_ns, f.pose, f.twist, f.depth_m.tobytes(), f.rgb.tobytes()) for f in seen]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", EVERY_KIND)
 @pytest.mark.parametrize("sensor", ["camera", "depth", "rgb", "odometry"])
 def test_every_fault_changes_the_frames_from_its_moment_on_and_the_same_way_again(

@@ -112,6 +112,7 @@ def test_a_bad_receiver_is_refused_by_key(tmp_path: Path, lines: str, why: str) 
         load_scenario(file)
 
 
+@pytest.mark.long
 def test_roll_and_pitch_are_those_of_the_slope_with_the_error_of_an_accelerometer() -> None:
     forest = load_scenario("forest")
     errors = []

@@ -134,6 +134,7 @@ def test_on_a_phone_the_audit_log_says_what_was_done_as_a_whole(
     assert what.evaluate("(text) => text.scrollWidth <= text.clientWidth")
 
 
+@pytest.mark.long
 def test_an_admin_manages_users_by_keyboard_and_only_admins_see_the_panel(
     open_page: Opener, locked: ConsoleServer, accounts: Accounts
 ) -> None:
@@ -268,6 +269,7 @@ def test_a_held_key_or_button_drives_and_releasing_it_or_closing_the_page_stops(
     assert operations.hands[-1] is None
 
 
+@pytest.mark.long
 def test_a_user_has_the_chosen_language_in_another_browser(
     open_page: Opener, locked: ConsoleServer
 ) -> None:

@@ -24,6 +24,7 @@ def names(operations: FakeOperations) -> list[str]:
     return [entry.name for entry in operations.beware.list.classes]
 
 
+@pytest.mark.long
 def test_no_row_moves_when_the_first_of_a_class_is_seen(
     page: Page, operations: FakeOperations
 ) -> None:

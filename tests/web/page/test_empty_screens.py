@@ -70,6 +70,7 @@ def test_the_3d_view_says_what_works_until_it_is_drawn(page: Page) -> None:
     expect(page.get_by_test_id("map-canvas")).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_3d_view_that_cannot_be_had_says_so_and_is_tried_again(
     page: Page, new_context: Callable[..., BrowserContext], server: ConsoleServer
 ) -> None:

@@ -37,6 +37,7 @@ GROUND = """() => {
 """JavaScript: the colour behind the page; that of the browser where the page has none."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("size", "theme"), [("desktop", "light"), ("tablet", "dark"), ("phone", "dark")]
 )
@@ -83,6 +84,7 @@ def test_every_main_state_can_be_read_named_and_hit(
     assert found == {}, "\n".join(f"{name}: {what}" for name, what in found.items())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", ["desktop", "phone"])
 def test_every_other_page_can_be_read_named_and_hit(
     size: str,

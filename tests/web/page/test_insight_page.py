@@ -104,6 +104,7 @@ def test_the_log_goes_back_to_earlier_starts_and_marks_where_they_end(
     store.close()
 
 
+@pytest.mark.long
 def test_the_explanation_names_the_rule_its_cost_and_what_to_remove(
     page: Page, operations: FakeOperations
 ) -> None:

@@ -77,6 +77,7 @@ def show(button: Locator) -> None:
             press(page.get_by_test_id(f"view-{view}"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", SIZES)
 def test_every_menu_and_dialog_opens_on_the_screen_as_a_whole_and_leaves_the_stop_free(
     size: str, open_page: Opener, operations: FakeOperations

@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
+import pytest
 from playwright.sync_api import Page, expect
 
 from tests.web.fake_operations import FakeOperations
@@ -92,6 +93,7 @@ def while_ticking(
         page.wait_for_timeout(100)
 
 
+@pytest.mark.long
 def test_nothing_is_drawn_or_written_while_the_robot_stands(
     page: Page, operations: FakeOperations
 ) -> None:
@@ -107,6 +109,7 @@ def test_nothing_is_drawn_or_written_while_the_robot_stands(
     } == {}
 
 
+@pytest.mark.long
 def test_a_driving_robot_is_drawn_at_most_ten_times_a_second(
     page: Page,
     operations: FakeOperations,
@@ -145,6 +148,7 @@ def test_a_hidden_page_draws_nothing_and_catches_up_when_it_is_visible_again(
     eventually(page, lambda: draws(page) > before)
 
 
+@pytest.mark.long
 def test_the_3d_view_is_made_on_demand_and_draws_only_while_it_is_visible(
     page: Page,
     operations: FakeOperations,
@@ -168,6 +172,7 @@ def test_the_3d_view_is_made_on_demand_and_draws_only_while_it_is_visible(
     eventually(page, lambda: frames(page) > before)
 
 
+@pytest.mark.long
 def test_the_3d_view_rests_when_nothing_changes(page: Page) -> None:
     page.get_by_test_id("view-3d").click()
     expect(page.locator("body")).to_have_attribute("data-viewer", "live")
@@ -180,6 +185,7 @@ def test_the_3d_view_rests_when_nothing_changes(page: Page) -> None:
     eventually(page, lambda: is_given(page))
 
 
+@pytest.mark.long
 def test_the_3d_view_of_a_hidden_page_gets_no_frames(
     page: Page, operations: FakeOperations
 ) -> None:
@@ -195,6 +201,7 @@ def test_the_3d_view_of_a_hidden_page_gets_no_frames(
     eventually(page, lambda: is_given(page))
 
 
+@pytest.mark.long
 def test_a_hidden_3d_view_is_removed_after_a_while(page: Page) -> None:
     page.clock.install()
     page.get_by_test_id("view-3d").click()

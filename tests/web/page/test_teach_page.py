@@ -7,6 +7,7 @@ from collections.abc import Callable
 import httpx
 import numpy as np
 import numpy.typing as npt
+import pytest
 from playwright.sync_api import BrowserContext, FloatRect, Page, expect
 
 from app.teaching.networks.versions import MODEL_NAME, write_version
@@ -46,6 +47,7 @@ def marked(client: httpx.Client, name: str) -> npt.NDArray[np.bool_]:
     return np.asarray(flat == names.index(name) + 1 if name in names else flat < 0)
 
 
+@pytest.mark.long
 def test_an_object_is_marked_by_mouse_and_keys_and_every_edit_is_saved(
     new_context: Callable[..., BrowserContext],
     server: ConsoleServer,

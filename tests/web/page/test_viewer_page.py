@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import get_args
 
 import numpy as np
+import pytest
 from PIL import Image
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
@@ -65,6 +66,7 @@ def test_what_the_3d_view_shows_is_where_it_belongs(page: Page, operations: Fake
     eventually(page, lambda: all(page.evaluate(PLACES).values()))
 
 
+@pytest.mark.long
 def test_a_goal_gets_its_heading_by_drag_in_the_3d_view(
     page: Page, operations: FakeOperations
 ) -> None:
@@ -93,6 +95,7 @@ def test_a_goal_gets_its_heading_by_drag_in_the_3d_view(
     assert other.yaw_rad is None and other.x_m > goal.x_m and other.y_m < goal.y_m
 
 
+@pytest.mark.long
 def test_layers_and_following_are_remembered_by_the_browser(page: Page) -> None:
     open_3d(page)
     page.get_by_test_id("layers").click()
@@ -108,6 +111,7 @@ def test_layers_and_following_are_remembered_by_the_browser(page: Page) -> None:
     expect(page.get_by_test_id("layer-3d-zones")).to_be_checked()
 
 
+@pytest.mark.long
 def test_the_background_is_that_of_the_theme_also_when_it_changes(
     new_context: Callable[..., BrowserContext], server: ConsoleServer
 ) -> None:
@@ -173,6 +177,7 @@ def test_opacity_is_set_on_what_a_layer_draws_and_taken_back(page: Page) -> None
     assert both["path"] == floor["path"] == none["path"] == untouched
 
 
+@pytest.mark.long
 def test_a_layer_is_faded_in_the_page_of_the_operator_who_fades_it_alone(
     page: Page, new_context: Callable[..., BrowserContext], server: ConsoleServer
 ) -> None:

@@ -108,6 +108,7 @@ def test_a_model_is_trained_reported_and_used(tmp_path: Path) -> None:
         run("train", tmp_path / "r.toml", "--data", tmp_path / "d", "--out", out, "--threads", 1)
 
 
+@pytest.mark.long
 def test_a_killed_run_is_resumed_to_the_same_weights(tmp_path: Path) -> None:
     data_set(tmp_path / "d")
     (tmp_path / "r.toml").write_text(RECIPE)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -119,6 +120,7 @@ EDITS: dict[str, Callable[[BewareEditor], object]] = {
 }
 
 
+@pytest.mark.long
 @law(20)
 @given(st.lists(st.tuples(st.integers(0, 3), st.sampled_from(sorted(EDITS))), max_size=8))
 def test_the_map_after_any_edits_with_undo_is_that_of_the_final_list_from_the_start(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
+import pytest
 
 from app.evaluation.localisation.carried_away import carried_away
 from app.evaluation.localisation.drives import Drive
@@ -40,6 +41,7 @@ def toured() -> tuple[Recording, tuple[Keyframe, ...], PoseIds]:
     return run, keyframes_of(drive, ids, CONFIG), ids
 
 
+@pytest.mark.long
 def test_switched_on_in_its_map_the_robot_is_right_and_in_a_mirrored_one_refused() -> None:
     run, keyframes, ids = toured()
     saved = SavedMap(keyframes=keyframes, poses=ids.array())
@@ -59,6 +61,7 @@ def test_a_map_that_is_mirrored_twice_is_the_map() -> None:
         np.testing.assert_array_equal(once.scan.points_base, twice.scan.points_base)
 
 
+@pytest.mark.long
 def test_a_robot_that_is_carried_through_its_saved_map_notices_and_one_that_is_not_does_not() -> (
     None
 ):

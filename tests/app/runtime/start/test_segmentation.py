@@ -133,6 +133,7 @@ def composed(path: Path, where: str) -> tuple[str, str]:
     return loaded, identity
 
 
+@pytest.mark.long
 def test_a_network_prepared_apart_is_the_same_and_leaves_no_torch_in_the_process(
     tmp_path: Path,
 ) -> None:
@@ -144,6 +145,7 @@ def test_a_network_prepared_apart_is_the_same_and_leaves_no_torch_in_the_process
     assert apart[1] == within[1]
 
 
+@pytest.mark.long
 def test_a_network_prepared_apart_is_refused_as_in_the_process_and_torch_can_run_it(
     tmp_path: Path,
 ) -> None:
@@ -153,6 +155,7 @@ def test_a_network_prepared_apart_is_refused_as_in_the_process_and_torch_can_run
     assert "torch f32" in compose(choice, apart=True).title
 
 
+@pytest.mark.long
 def test_each_trial_of_an_engine_is_reported_and_says_when_the_machine_should_be_quiet(
     tmp_path: Path,
 ) -> None:
@@ -181,6 +184,7 @@ def test_other_weights_are_another_campaign_and_the_same_choice_gives_the_same_o
     assert compose(colour_perception().choice).identity == colour_perception().identity
 
 
+@pytest.mark.long
 def test_engines_are_measured_with_the_given_weights_or_with_random_ones_as_the_title_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,6 +201,7 @@ def test_engines_are_measured_with_the_given_weights_or_with_random_ones_as_the_
         measure_segmenter(tmp_path / "none.safetensors")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("torch_alone")
 def test_a_machine_too_slow_for_the_size_it_was_trained_at_gives_the_network_smaller_images(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
@@ -241,6 +246,7 @@ def test_weights_without_a_size_of_their_own_take_the_one_nearest_to_the_cameras
     assert "640 × 480" in compose(choice).title
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("torch_alone")
 def test_the_chosen_engine_is_remembered_and_measured_again_only_on_request_or_when_too_slow(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
@@ -304,6 +310,7 @@ def test_a_memory_that_cannot_be_read_or_written_is_an_empty_one(
     assert nowhere.recall("k") is None
 
 
+@pytest.mark.long
 def test_a_later_start_opens_the_network_that_was_exported_in_eight_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -140,6 +140,7 @@ def test_a_turn_alone_would_believe_the_like_of_a_room_in_a_wrong_map() -> None:
     assert relocalised(world, true, office_map(4), seed=2, config=rash)[1] is not None
 
 
+@pytest.mark.long
 def test_rooms_of_the_same_shape_that_are_a_little_larger_are_not_believed() -> None:
     """They fit within the distance in which points count as fitting, but only roughly; the control
     asks for no more."""
@@ -182,6 +183,7 @@ def test_what_fits_as_well_when_mirrored_is_not_believed() -> None:
     assert "mirrored" in doubted.reason
 
 
+@pytest.mark.long
 def test_equal_rooms_are_ambiguous_and_all_of_them_are_named() -> None:
     count = 20
     world = equal_rooms(count)
@@ -195,6 +197,7 @@ def test_equal_rooms_are_ambiguous_and_all_of_them_are_named() -> None:
     assert len(last.candidates) == count
 
 
+@pytest.mark.long
 def test_without_asking_for_a_second_best_an_equal_room_is_believed() -> None:
     """The control: the rule is what keeps equal rooms apart."""
     world = equal_rooms(6)

@@ -184,6 +184,7 @@ def test_every_engine_gives_the_features_that_the_classifier_sees_beside_the_sam
     assert_close(again.numpy(), reference())
 
 
+@pytest.mark.long
 @needs_onnx
 @pytest.mark.parametrize("package", ["onnxruntime", "openvino", "onnx"])
 def test_a_package_that_does_not_fit_the_machine_leaves_the_choice_to_the_others(

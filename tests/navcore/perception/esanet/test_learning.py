@@ -34,6 +34,7 @@ from tests.navcore.perception.esanet.goldens import (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("variant", ["r18", "r18-nbt1d"])
 @pytest.mark.parametrize(
     ("dtype", "suffix", "loss_rtol", "gradient_rtol"),

@@ -103,6 +103,7 @@ def test_the_middle_convolution_of_a_bottleneck_carries_the_stride() -> None:
     assert shapes["context_module.final_conv.conv.weight"] == (512, 4096, 1, 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [1 / 8, 0.5, 0.625, 1.0, 1.25])
 def test_width_scales_every_map_of_features_and_no_map_of_classes(width: float) -> None:
     full, other = (

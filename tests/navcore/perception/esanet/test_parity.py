@@ -223,6 +223,7 @@ def _patch() -> Iterator[pytest.MonkeyPatch]:
         yield patch
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mistake", MUTATIONS)
 def test_a_typical_mistake_costs_what_it_costs_the_official_network(
     mistake: str, patch: pytest.MonkeyPatch

@@ -83,6 +83,7 @@ def lightning(state: State) -> object:
     return {"state_dict": {f"model.module.{key}": value for key, value in state.items()}}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wrapped", [bare, of_training, under_model, data_parallel, lightning])
 @pytest.mark.parametrize("legacy", [False, True])
 @pytest.mark.parametrize("num_classes", [37, 40])
