@@ -68,6 +68,7 @@ class Localisation:
         self._is_lost, self._T_map_odom = False, IDENTITY
         self._may_be_there = False
         self._still: PlaceFix | None = None
+        self._beside: tuple[Pose2, Matrix] | None = None
 
     def update(
         self, frame: Frame, labels: Labels, people: tuple[Track, ...], ground_m: FloatImage
@@ -98,7 +99,13 @@ class Localisation:
         self.tracker.is_confirmed = self._start is None
         estimate = self.tracker.follow(frame, scan)
         self._loops.note(self.tracker.take_edges())
-        if self.tracker.place_correction is not None:  # by scans: rooms are alike
+        beside, self._beside = self._beside, None
+        if beside is not None and estimate.state is not LocalisationState.LOST:
+            T_map_odom, covariance = beside
+            self.tracker.shift(T_map_odom @ frame.pose, covariance)
+            estimate = self.tracker.estimate(frame, estimate.match_share)
+            self._prove(by_search=True)
+        elif self.tracker.place_correction is not None:  # by scans: rooms are alike
             self._prove()
         is_believed = self._probation is None and self._start is None
         estimate = self._confirmed(self._fixed(frame, estimate), frame)
@@ -115,6 +122,7 @@ class Localisation:
         """Look for a lost robot, which `may_be_there` where odometry has it: only its own scans of
         the last metres have said otherwise."""
         self._is_lost, self._may_be_there, self._still = True, may_be_there, None
+        self._beside = None
         if not len(self.tracker.saved_map):
             self._place_map = None  # the map has grown since it was searched last
 
@@ -144,12 +152,14 @@ class Localisation:
         T_map_odom, covariance = place
         self.tracker.place(T_map_odom @ frame.pose, covariance, frame)
         self._is_lost, self._still = False, None
-        self._prove()
+        self._prove(by_search=True)
         return self.tracker.estimate(frame)
 
-    def _prove(self) -> None:
-        """Put the place that was found on probation."""
-        self._relocaliser = None
+    def _prove(self, *, by_search: bool = False) -> None:
+        """Put the place that was found on probation. One that a search has found has to fit what
+        led to it, too, and so has any other that is to replace it: corridors are alike."""
+        searched = self._relocaliser if by_search else None
+        self._relocaliser = None if searched is None else searched.reconsidered()
         self._probation = Probation(self._config.start, self._config.relocalisation)
         self._restart_chain()
 
@@ -181,6 +191,8 @@ class Localisation:
             verdict = self._probation.after(self.tracker.moved_m)
             self._probation = None if verdict is not None else self._probation
             if verdict is False:
+                if self._relocaliser is not None:
+                    self._relocaliser = self._relocaliser.reconsidered()
                 return self._lost(estimate, frame)
         if self._start is None:
             return estimate
@@ -270,6 +282,9 @@ class Localisation:
             self._still = fit.T_map_base @ T_base_odom, fit.covariance
         if self._probation is not None:
             self._probation.take(outcome)
+            if fit := outcome.beside(self._config.relocalisation):
+                T_base_odom = outcome.task.everything.T_odom_base.inverse()
+                self._beside = fit.T_map_base @ T_base_odom, fit.covariance
 
     @property
     def keyframes(self) -> tuple[Keyframe, ...]:
@@ -297,7 +312,7 @@ class Localisation:
         """Set the pose of the robot at a frame, with its (3, 3) covariance."""
         self.tracker.place(T_map_base, covariance, frame)
         self._relocaliser, self._is_lost, self._start, self._last = None, False, None, None
-        self._probation = None
+        self._probation = self._beside = None
         self._restart_chain()
 
     def corrected(self, closures: LoopClosures) -> tuple[dict[int, Pose2], Pose2]:
@@ -347,7 +362,7 @@ class Localisation:
         self._relocaliser, self._place_map, self._is_lost = None, None, False
         self._restart_chain()
         has_map = len(self.tracker.saved_map) > 0
-        self._kept, self._probation = kept, None
+        self._kept, self._probation, self._beside = kept, None, None
         self._start = StartCheck(self._config.start) if has_map and kept is None else None
         self._last = last if has_map and kept is None else None
         self._may_be_elsewhere = False

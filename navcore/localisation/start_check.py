@@ -86,7 +86,7 @@ class Probation:
             return
         others = [one for one in result.everything if not is_same_place(one, given, rules)]
         rivals = rivals_of(given, [*others, *result.mirrored], rules)
-        is_worse = any(rules.second_share * one.score >= given.score for one in rivals)
+        is_worse = any(one.evidence - rules.margin >= given.evidence for one in rivals)
         self._doubts = self._doubts + 1 if is_worse or given.contradiction(rules) else 0
         if self._doubts >= self._config.doubts:
             self._verdict = False

@@ -56,6 +56,12 @@ class PlaceFitConfig:
     """Distance in metres within which a point finds its surface at last; a point that does fits."""
     sigma_m: float = ranged(0.01, 0.5, default=0.05)
     """Standard deviation in metres of the distance of a point that fits."""
+    unknown_worth: float = ranged(0.0, 1.0, default=0.5)
+    """Evidence of a point where the map knows nothing, of which one on its surface gives 1."""
+    contradicted_cost: float = ranged(0.0, 20.0, default=3.0)
+    """Evidence that a point takes away where the map has seen that nothing stands."""
+    walls_cost: float = ranged(0.0, 20.0, default=1.0)
+    """Evidence that a line of sight through a wall takes away."""
     steps: int = ranged(1, 100, default=12)
     """Gauss–Newton steps."""
     ray_start_m: float = ranged(0.0, 2.0, default=0.3)
@@ -72,8 +78,8 @@ class RelocalisationConfig:
     """Search by branch and bound."""
     fit: PlaceFitConfig = field(default_factory=PlaceFitConfig)
     """Refinement and fit of a place."""
-    second_share: float = ranged(0.1, 1.0, default=0.9)
-    """Share of the best score that the second best place must stay below."""
+    margin: float = ranged(0.0, 1.0, default=0.1)
+    """Evidence by which the best place must exceed every other."""
     least_fit_share: float = ranged(0.1, 1.0, default=0.5)
     """Share of the points of several scans that must fit; a map has seen one side of most things,
     and what it has not seen speaks neither for a place nor against it."""
@@ -117,6 +123,11 @@ class RelocalisationConfig:
     """Turn in degrees between two searches."""
     tracked_s: float = ranged(0.0, 60.0, default=3.0)
     """Time in seconds for which single scans must have fitted at the place."""
+    recent_m: float = ranged(0.5, 20.0, default=4.0)
+    """Distance in metres driven over which scans tell whether the robot is beside the place at
+    which it is believed: odometry has hardly drifted over it."""
+    moved_fit_share: float = ranged(0.1, 1.0, default=0.7)
+    """Share of the points of these scans that must fit beside that place."""
     submap_m: float = ranged(2.0, 100.0, default=12.0)
     """Distance in metres driven after which a scan is forgotten: odometry has drifted since."""
     scan_spacing_m: float = ranged(0.05, 2.0, default=0.25)

@@ -161,7 +161,7 @@ class LoopFinder:
             best.fit_share >= rules.least_fit_share
             and best.score >= rules.least_score
             and best.through_walls_share < rules.through_walls_share
-            and (len(places) == 1 or places[1].score < rules.second_share * best.score)
+            and all(place.score < rules.second_share * best.score for place in places[1:])
         )
 
     def _around(self, index: int) -> list[int]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from navcore.config.localisation.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.relocalisation.place_fit import PlaceFit, doubt_of, evaluate_place
@@ -61,7 +59,8 @@ def _share_of(fit: PlaceFit) -> str:
 
 
 def _uncertainty_of(fit: PlaceFit, config: RelocalisationConfig) -> str:
-    sigma_m = math.sqrt(float(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
-    if sigma_m <= config.click_sigma_m:
+    if fit.sigma_m <= config.click_sigma_m:
         return ""
-    return f"the place is uncertain by {sigma_m:.2f} m along one direction; drive on or turn round"
+    return (
+        f"the place is uncertain by {fit.sigma_m:.2f} m along one direction; drive on or turn round"
+    )

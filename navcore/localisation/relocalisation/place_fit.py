@@ -34,8 +34,11 @@ class PlaceFit:
     covariance: Matrix
     """(3, 3) covariance of x and y along the map's axes in metres and yaw in radians; along a
     corridor without features it is large."""
+    evidence: float
+    """What speaks for the place less what speaks against it, the mean over the points, at most 1:
+    places are ranked by it."""
     score: float
-    """Mean likelihood of the points, 0 to 1: places are ranked by it."""
+    """Mean likelihood of the points, 0 to 1."""
     fit_share: float
     """Share of the points that lie at a surface that faces as they do, 0 to 1."""
     through_walls_share: float
@@ -49,6 +52,11 @@ class PlaceFit:
         without any. The others are new: the side of a wall that the map has not seen."""
         told = self.fit_share + self.contradicted_share
         return self.fit_share / told if told > 0.0 else None
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of the position along its least certain direction, metres."""
+        return math.sqrt(float(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
 
     @property
     def closeness(self) -> float:
@@ -94,8 +102,11 @@ def rivals_of(
 ) -> list[PlaceFit]:
     """Return those of other places that fit nearly as well, and that nothing of the map speaks
     against."""
-    least = rules.second_share * best.score
-    return [one for one in others if one.score >= least and not one.contradiction(rules)]
+    return [
+        one
+        for one in others
+        if one.evidence > best.evidence - rules.margin and not one.contradiction(rules)
+    ]
 
 
 def fit_place(submap: Submap, near: Pose2, place_map: PlaceMap, config: PlaceFitConfig) -> PlaceFit:
@@ -105,6 +116,7 @@ def fit_place(submap: Submap, near: Pose2, place_map: PlaceMap, config: PlaceFit
         return PlaceFit(
             T_map_base=near,
             covariance=np.diag(LEAST_VARIANCE) + np.eye(3) * 1e6,
+            evidence=0.0,
             score=0.0,
             fit_share=0.0,
             through_walls_share=0.0,
@@ -147,13 +159,20 @@ def evaluate_place(
     )
     effective = hessian * (EFFECTIVE_POINTS / max(len(submap), EFFECTIVE_POINTS))
     weak = np.linalg.inv(effective / config.sigma_m**2 + np.diag([1e-2, 1e-2, 1e-2]))
+    score, fit_share = float(np.where(found, likelihood, 0.0).mean()), float(found.mean())
+    through_walls_share = rays / len(submap)
+    contradicted_share = float((place_map.is_clear(points) & ~found).mean())
     return PlaceFit(
         T_map_base=pose,
         covariance=np.asarray(weak) + np.diag(LEAST_VARIANCE),
-        score=float(np.where(found, likelihood, 0.0).mean()),
-        fit_share=float(found.mean()),
-        through_walls_share=rays / len(submap),
-        contradicted_share=float((place_map.is_clear(points) & ~found).mean()),
+        evidence=score
+        + config.unknown_worth * (1.0 - fit_share - contradicted_share)
+        - config.contradicted_cost * contradicted_share
+        - config.walls_cost * through_walls_share,
+        score=score,
+        fit_share=fit_share,
+        through_walls_share=through_walls_share,
+        contradicted_share=contradicted_share,
     )
 
 

@@ -130,7 +130,7 @@ class PlaceSearch:
         fits = [
             fit_place(self._submap, pose, self._map, self._config.fit) for pose in self._places()
         ]
-        fits.sort(key=lambda fit: -fit.score)
+        fits.sort(key=lambda fit: -fit.evidence)
         distinct: list[PlaceFit] = []
         for fit in fits:
             if not any(self._is_same(fit.T_map_base, kept.T_map_base) for kept in distinct):

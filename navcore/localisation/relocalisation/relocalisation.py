@@ -68,6 +68,8 @@ class SearchTask:
 
     everything: Submap
     """All scans that odometry still connects."""
+    recent: Submap
+    """Those of the last metres, over which odometry has hardly drifted."""
     newest: Submap | None
     """Scans since the place was first found; None while these are too few to confirm it."""
     has_only_turned: bool = False
@@ -95,8 +97,23 @@ class SearchResult:
     in this map is seen by them."""
     given: PlaceFit | None = None
     """Fit near the place to be checked; None without one, or if too little was seen."""
+    moved: PlaceFit | None = None
+    """Fit of the recent scans near the place to be checked; None as `given` is."""
+    unmoved: PlaceFit | None = None
+    """What of them fits at that place itself."""
     last: PlaceCheck | None = None
     """What the scans say about the place that was believed last; None without one."""
+
+    def beside(self, rules: RelocalisationConfig) -> PlaceFit | None:
+        """Return the fit near the place to be checked if the robot is there and not at that place
+        itself: the first looks have taken one stretch of a wall, or one shelf, for the next."""
+        fit, unmoved = self.moved, self.unmoved
+        if fit is None or unmoved is None or fit.fit_share < rules.moved_fit_share:
+            return None
+        is_better = fit.evidence >= unmoved.evidence + rules.margin
+        if not is_better or fit.contradiction(rules) or fit.sigma_m > rules.click_sigma_m:
+            return None
+        return fit
 
     def still_there(self, rules: RelocalisationConfig) -> PlaceFit | None:
         """Return the fit at about the place that was believed last if the robot is there: what it
@@ -109,7 +126,7 @@ class SearchResult:
             return None
         fit = self.last.fit
         others = [one for one in self.everything if not is_same_place(one, fit, rules)]
-        is_worse = any(rules.second_share * one.score >= fit.score for one in others)
+        is_worse = any(one.evidence - rules.margin >= fit.evidence for one in others)
         return None if is_worse else fit
 
 
@@ -122,9 +139,11 @@ def search_task(
     """Return the places of a task, or None if it was cancelled, which is asked every few
     milliseconds."""
     everything = task.everything
-    given = None
+    given = moved = unmoved = None
     if task.given is not None and len(everything) >= config.search.least_points:
         given = fit_place(everything, task.given, place_map, config.fit)
+        moved = fit_place(task.recent, task.given, place_map, config.fit)
+        unmoved = evaluate_place(task.recent, task.given, place_map, config.fit)
     last = None if task.last is None else check_place(everything, task.last, place_map, config)
     found: list[tuple[PlaceFit, ...]] = []
     for submap in (everything, task.newest, everything.mirrored):
@@ -143,6 +162,8 @@ def search_task(
         newest=found[1],
         mirrored=found[2],
         given=given,
+        moved=moved,
+        unmoved=unmoved,
         last=last,
     )
 
@@ -182,6 +203,14 @@ class Relocaliser:
         )
         """What is known now."""
 
+    def reconsidered(self) -> Relocaliser:
+        """Return a search that goes on with the same scans and believes nothing yet."""
+        again = Relocaliser(self._map, self._config)
+        again._views, again._last, again._now_ns = list(self._views), self._last, self._now_ns
+        again._driven_m, again._turned_rad = self._driven_m, self._turned_rad
+        again._searched_at = self._searched_at
+        return again
+
     def observe(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
         """Take one more scan with the odometry of its moment."""
         if self._last is not None:
@@ -207,8 +236,10 @@ class Relocaliser:
         self._searched_at = (self._driven_m, self._turned_rad)
         newest, has_only_turned = self._newest()
         everything = _submap(self._views)
+        since_m = self._views[-1].driven_m - self._config.recent_m
         return SearchTask(
             everything=everything,
+            recent=_submap([view for view in self._views if view.driven_m >= since_m]),
             newest=newest,
             has_only_turned=has_only_turned,
             given=None if T_map_odom is None else T_map_odom @ everything.T_odom_base,
@@ -235,11 +266,13 @@ class Relocaliser:
             self._shares, self._tracked_since_ns = [], None
         self._leading = T_map_odom
         lacking = self._unconfirmed(result)
+        # Odometry has drifted least in the newest scans: they say best where the robot is now.
+        newest = (*self._again(result), best)[0]
         self.proposal = PlaceProposal(
             state=RelocalisationState.CONFIRMING if lacking else RelocalisationState.ACCEPTED,
             reason=lacking,
-            T_map_odom=T_map_odom,
-            covariance=best.covariance,
+            T_map_odom=newest.T_map_base @ result.task.everything.T_odom_base.inverse(),
+            covariance=newest.covariance,
             candidates=result.everything,
         )
         return self.proposal
@@ -317,7 +350,7 @@ class Relocaliser:
         better elsewhere."""
         rules, best = self._config, result.everything[0]
         for place in result.newest:
-            is_best = place.score >= rules.second_share * result.newest[0].score
+            is_best = place.evidence >= result.newest[0].evidence - rules.margin
             if is_best and self._is_same(place.T_map_base, best.T_map_base):
                 return (place,)
         return ()

@@ -204,6 +204,11 @@ class Localiser:
         there = Pose2(x_m=measured.x_m, y_m=measured.y_m, yaw_rad=yaw_rad)
         self._shift(there, spread, source)
 
+    def shift(self, there: Pose2, covariance: Matrix) -> None:
+        """Correct the estimate to a pose, T_map_base with its (3, 3) covariance, that all scans of
+        the last metres tell (`place_correction`), and begin to track again from there."""
+        self._shift(there, covariance, None)
+
     def _shift(self, there: Pose2, spread: Matrix, source: FixSource | None) -> None:
         """Correct the estimate to a pose, and begin to track again from there."""
         shift_m = self._pose.distance_to(there.x_m, there.y_m)

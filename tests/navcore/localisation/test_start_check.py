@@ -117,11 +117,17 @@ def kept_map() -> tuple[PoseIds, tuple[Keyframe, ...]]:
 
 
 def fit(
-    score: float = 0.8, *, x_m: float = 0.0, share: float = 0.9, clear: float = 0.0
+    score: float = 0.8,
+    *,
+    x_m: float = 0.0,
+    share: float = 0.9,
+    clear: float = 0.0,
+    sigma_m: float = 1.0,
 ) -> PlaceFit:
     return PlaceFit(
         T_map_base=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0),
-        covariance=np.eye(3),
+        covariance=sigma_m**2 * np.eye(3),
+        evidence=score - 3.0 * clear,
         score=score,
         fit_share=share,
         through_walls_share=0.0,
@@ -145,7 +151,10 @@ def verdict_after(
 
 
 def search_result(
-    given: PlaceFit | None, *others: PlaceFit, mirrored: tuple[PlaceFit, ...] = ()
+    given: PlaceFit | None,
+    *others: PlaceFit,
+    mirrored: tuple[PlaceFit, ...] = (),
+    unmoved: PlaceFit | None = None,
 ) -> SearchResult:
     seen = Submap(
         points=np.zeros((1, 2)),
@@ -153,9 +162,17 @@ def search_result(
         origins=np.zeros((1, 2)),
         T_odom_base=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0),
     )
-    task = SearchTask(everything=seen, newest=None)
+    task = SearchTask(everything=seen, recent=seen, newest=None)
     found = (*others, *(() if given is None else (given,)))
-    return SearchResult(task=task, everything=found, newest=(), mirrored=mirrored, given=given)
+    return SearchResult(
+        task=task,
+        everything=found,
+        newest=(),
+        mirrored=mirrored,
+        given=given,
+        moved=given,
+        unmoved=unmoved,
+    )
 
 
 def test_what_was_seen_on_the_first_metres_has_to_fit_and_nothing_may_speak_against_it() -> None:
@@ -250,3 +267,35 @@ def test_a_place_that_a_search_has_found_is_given_up_when_the_next_metres_contra
     for _ in range(RULES.doubts):
         localisation.take(search_result(fit(clear=clear)))
     assert localisation.follow(frame_at(ROUTE[-1], 4), scan).is_known is known
+
+
+@pytest.mark.parametrize(
+    ("beside", "unmoved", "is_corrected"),
+    [
+        (fit(0.9, x_m=0.4, sigma_m=0.05), fit(0.6), True),
+        (fit(0.9, x_m=0.4, sigma_m=0.05), fit(0.85), False),
+        (fit(0.9, x_m=0.4, sigma_m=0.5), fit(0.6), False),
+        (fit(0.9, x_m=0.4, sigma_m=0.05, clear=0.1), fit(0.2), False),
+        (fit(0.9, x_m=0.4, sigma_m=0.05, share=0.6), fit(0.6), False),
+    ],
+)
+def test_a_start_that_the_next_metres_show_to_be_beside_its_place_is_corrected(
+    beside: PlaceFit, unmoved: PlaceFit, is_corrected: bool
+) -> None:
+    """Only where they fit clearly better there, and say where along a corridor that is."""
+    rng, (ids, keyframes) = np.random.default_rng(2), kept_map()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(keyframes)
+    scan = WORLD.scan(ROUTE[40], rng)
+    for k in range(10):
+        before = localisation.follow(frame_at(ROUTE[40], k), scan)
+    assert before.is_known
+    localisation.take(search_result(beside, unmoved=unmoved))
+    after = localisation.follow(frame_at(ROUTE[40], 10), scan)
+    shift = after.place_correction
+    assert (shift is not None) is is_corrected
+    if shift is not None:
+        there = beside.T_map_base @ ROUTE[40]
+        assert shift.shift_m == pytest.approx(
+            before.T_map_base.distance_to(there.x_m, there.y_m), abs=0.05
+        )

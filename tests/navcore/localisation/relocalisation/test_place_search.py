@@ -261,3 +261,5 @@ def test_what_stands_where_the_map_is_clear_contradicts_a_place() -> None:
         fit = evaluate_place(seen, IDENTITY, place_map, rules.fit)
         assert fit.contradicted_share == pytest.approx(share)
         assert ("clear" in doubt_of([fit], rules)) is (share > 0.0)
+        # What the map does not show speaks for a place rather than against it.
+        assert fit.evidence < fit.score if share else fit.evidence > fit.score

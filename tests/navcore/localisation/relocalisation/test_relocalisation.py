@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 
 from app.evaluation.localisation.recording import mirrored
-from navcore.config.localisation.relocalisation import PlaceSearchConfig, RelocalisationConfig
+from navcore.config.localisation.relocalisation import (
+    PlaceFitConfig,
+    PlaceSearchConfig,
+    RelocalisationConfig,
+)
 from navcore.geometry.transform import Pose2
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.relocalisation import (
@@ -35,6 +39,9 @@ from tests.navcore.localisation.plan_worlds import (
 )
 
 CONFIG = RelocalisationConfig()
+BY_LIKELIHOOD = dataclasses.replace(
+    CONFIG.fit, unknown_worth=0.0, contradicted_cost=0.0, walls_cost=0.0
+)
 ROOMS = 3
 ELSEWHERE = Pose2(x_m=-7.0, y_m=3.0, yaw_rad=2.0)
 """Where odometry's frame begins in the map, which relocalisation has to find."""
@@ -113,6 +120,27 @@ def test_after_a_turn_and_some_metres_the_place_is_found(room: int) -> None:
     assert last.covariance is not None
     assert np.linalg.eigvalsh(last.covariance).min() > 0.0
     assert proposals[0].state is not RelocalisationState.ACCEPTED
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("fit", "is_found"), [(CONFIG.fit, True), (BY_LIKELIHOOD, False)])
+def test_in_a_map_that_has_seen_one_side_of_things_what_it_has_not_seen_tells_nothing(
+    fit: PlaceFitConfig, is_found: bool
+) -> None:
+    """On the first day the robot drove into the rooms and on, and never looked back. The control
+    ranks places by their likelihood alone."""
+    doors = sorted(room_doors(2, rooms=ROOMS))
+    corners = [(0.8, 0.0)]
+    for x, side, depth in doors:
+        corners += [(x, 0.0), (x, side * (1.0 + 0.5 * depth)), (x, 0.0)]
+    world = office(2, rooms=ROOMS)
+    one_way = mapped(world, drive([*corners, (4.75 * ROOMS - 0.8, 0.0)])[::2])
+    x, side, depth = doors[0]
+    way = drive([(x, side * (1.0 + 0.4 * depth)), (x, 0.0), (max(x - 5.0, 0.8), 0.0)])
+    config = dataclasses.replace(CONFIG, fit=fit)
+    _, error, _ = relocalised(world, way, one_way, config=config)
+    assert (error is not None) is is_found
+    assert error is None or math.hypot(error.x_m, error.y_m) < 0.15
 
 
 def test_a_place_is_never_believed_from_one_look() -> None:
@@ -205,7 +233,7 @@ def test_without_asking_for_a_second_best_an_equal_room_is_believed() -> None:
     x, y = 4.0 + 1.2, 2.8
     true = turn_on_spot((x, y), 0.3, 4.0 * math.pi)
     assert relocalised(world, true, place_map)[1] is None
-    rash = dataclasses.replace(CONFIG, second_share=1.0, same_m=50.0, same_deg=30.0)
+    rash = dataclasses.replace(CONFIG, margin=0.0, same_m=50.0, same_deg=30.0)
     careless, error, _ = relocalised(world, true, place_map, config=rash)
     assert error is not None or len(careless.candidates) == 6
 
