@@ -21,7 +21,7 @@ test-long: setup
 
 # The Ray engine on a cluster of two nodes on this machine, one of which is killed. Ray is 70 MB, so it is no part of `test`.
 test-fleet: setup
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,fleet]'
+	@.ci/install $(BIN)/python --constraint constraints.txt --editable '.[dev,fleet]'
 	$(BIN)/pytest -q tests/app/fleet
 
 # A class that the network never knew is taught in Chromium, from the camera to the path. Minutes, so it is no part of `test`.

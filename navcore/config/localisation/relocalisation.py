@@ -89,7 +89,9 @@ class RelocalisationConfig:
     tracked_share: float = ranged(0.1, 1.0, default=0.9)
     """Share of the points of single scans, of those of which the map tells, that must fit, averaged
     over a second."""
-    through_walls_share: float = ranged(0.0, 1.0, default=0.1)
+    least_evidence: float = ranged(0.0, 1.0, default=0.5)
+    """Evidence that a place must reach: below it too much speaks against the place."""
+    through_walls_share: float = ranged(0.0, 1.0, default=0.15)
     """Share of the lines of sight through walls of the map that a place must stay below."""
     contradicted_share: float = ranged(0.0, 1.0, default=0.05)
     """Share of the points where the map has seen that nothing stands that a place must stay

@@ -73,6 +73,11 @@ class PlaceFit:
             return f"{self.contradicted_share:.0%} of what is seen stands where the map is clear"
         if self.through_walls_share >= rules.through_walls_share:
             return f"{self.through_walls_share:.0%} of the lines of sight cross walls of the map"
+        if self.evidence < rules.least_evidence:
+            return (
+                f"{self.contradicted_share:.0%} of what is seen stands where the map is clear, and "
+                f"{self.through_walls_share:.0%} of the lines of sight cross walls of the map"
+            )
         return ""
 
 
