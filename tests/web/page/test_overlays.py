@@ -112,6 +112,7 @@ def test_every_menu_and_dialog_opens_on_the_screen_as_a_whole_and_leaves_the_sto
         expect(overlay).to_be_hidden()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", SIZES)
 def test_a_long_menu_is_scrolled_and_covers_no_stop(
     size: str, open_page: Opener, operations: FakeOperations
@@ -128,6 +129,7 @@ def test_a_long_menu_is_scrolled_and_covers_no_stop(
     expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "overlay_id",
     # A list that was never edited has versions without a button.

@@ -349,6 +349,7 @@ def test_the_newest_of_what_engines_compiled_are_kept(tmp_path: Path) -> None:
     assert kept == {str(age) for age in range(KEPT_NETWORKS)}
 
 
+@pytest.mark.long
 def test_a_later_start_opens_the_exported_network_without_torch_and_labels_alike(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
