@@ -9,7 +9,7 @@ READY := $(VENV)/ready
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
 
-# Linters, types and all tests but the `long` ones: under 15 minutes on two cores.
+# Linters, types and all tests but the `long` ones: about 15 minutes on two cores.
 test: setup
 	@$(MAKE) --no-print-directory --jobs=2 lint kernels debian
 	$(BIN)/pytest --numprocesses=2 --dist=worksteal -m 'not long'

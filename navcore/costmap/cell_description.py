@@ -11,6 +11,7 @@ from navcore.grid.grid import BoolGrid, Cell, OccupancyGrid
 from navcore.grid.nearest import nearest_of, nearest_reachable
 
 IN_ZONE = "inside a beware zone"
+"""Where a goal lies that a zone forbids, in words."""
 
 
 def describe_cell(grid: OccupancyGrid, cell: Cell) -> str:

@@ -10,7 +10,11 @@ import numpy as np
 from navcore.config.localisation.localisation import StartConfig
 from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Matrix
-from navcore.localisation.relocalisation.place_fit import is_same_place, rivals_of
+from navcore.localisation.relocalisation.place_fit import (
+    is_clearly_better,
+    is_same_place,
+    rivals_of,
+)
 from navcore.localisation.relocalisation.relocalisation import SearchResult
 
 
@@ -86,7 +90,7 @@ class Probation:
             return
         others = [one for one in result.everything if not is_same_place(one, given, rules)]
         rivals = rivals_of(given, [*others, *result.mirrored], rules)
-        is_worse = any(one.evidence - rules.margin >= given.evidence for one in rivals)
+        is_worse = any(is_clearly_better(one, given, rules) for one in rivals)
         self._doubts = self._doubts + 1 if is_worse or given.contradiction(rules) else 0
         if self._doubts >= self._config.doubts:
             self._verdict = False

@@ -102,6 +102,11 @@ def is_same_place(one: PlaceFit, two: PlaceFit, rules: RelocalisationConfig) -> 
     return a.distance_to(b.x_m, b.y_m) < rules.same_m and turn < math.radians(rules.same_deg)
 
 
+def is_clearly_better(one: PlaceFit, other: PlaceFit, rules: RelocalisationConfig) -> bool:
+    """Return whether more than a little more speaks for one place than for another."""
+    return one.evidence - rules.margin >= other.evidence
+
+
 def rivals_of(
     best: PlaceFit, others: Sequence[PlaceFit], rules: RelocalisationConfig
 ) -> list[PlaceFit]:
@@ -110,7 +115,7 @@ def rivals_of(
     return [
         one
         for one in others
-        if one.evidence > best.evidence - rules.margin and not one.contradiction(rules)
+        if not is_clearly_better(best, one, rules) and not one.contradiction(rules)
     ]
 
 

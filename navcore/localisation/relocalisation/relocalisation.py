@@ -20,6 +20,7 @@ from navcore.localisation.relocalisation.place_fit import (
     doubt_of,
     evaluate_place,
     fit_place,
+    is_clearly_better,
     is_same_place,
     rivals_of,
 )
@@ -110,7 +111,7 @@ class SearchResult:
         fit, unmoved = self.moved, self.unmoved
         if fit is None or unmoved is None or fit.fit_share < rules.moved_fit_share:
             return None
-        is_better = fit.evidence >= unmoved.evidence + rules.margin
+        is_better = is_clearly_better(fit, unmoved, rules)
         if not is_better or fit.contradiction(rules) or fit.sigma_m > rules.click_sigma_m:
             return None
         return fit
@@ -126,7 +127,7 @@ class SearchResult:
             return None
         fit = self.last.fit
         others = [one for one in self.everything if not is_same_place(one, fit, rules)]
-        is_worse = any(one.evidence - rules.margin >= fit.evidence for one in others)
+        is_worse = any(is_clearly_better(one, fit, rules) for one in others)
         return None if is_worse else fit
 
 
@@ -350,7 +351,7 @@ class Relocaliser:
         better elsewhere."""
         rules, best = self._config, result.everything[0]
         for place in result.newest:
-            is_best = place.evidence >= result.newest[0].evidence - rules.margin
+            is_best = not is_clearly_better(result.newest[0], place, rules)
             if is_best and self._is_same(place.T_map_base, best.T_map_base):
                 return (place,)
         return ()
