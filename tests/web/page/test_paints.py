@@ -37,6 +37,32 @@ new MutationObserver((records) => {
   subtree: true, childList: true, characterData: true, attributes: true,
 });"""
 """JavaScript: records every write to the page, apart from the camera image."""
+PAINTED = """async () => {
+  const { boundsOf, colourMixer, paint } = await import("/page/map/ground/cells.js");
+  const [cols, rows] = [9, 7];
+  const tile = (flags) => {
+    const data = new Uint8ClampedArray(4 * cols * rows);
+    flags.forEach((value, at) => { data[4 * at] = value; data[4 * at + 3] = 255; });
+    return { cells: { cols, rows, data }, left: 3, top: 5 };
+  };
+  const before = Array.from({ length: cols * rows }, (_, at) => (at % 3 ? 1 : 0));
+  const after = before.map((value, at) => (at === 20 || at === 41 ? 3 : value));
+  const area = boundsOf({ cols, rows }, (at) => before[at] !== after[at]);
+  const [colourAt, whole] = [colourMixer([], false), [0, 0, cols, rows]];
+  const image = (paints) => {
+    const pen = new OffscreenCanvas(40, 40).getContext("2d");
+    for (const [flags, part] of paints) paint(pen, tile(flags), part, 2, colourAt);
+    return pen.getImageData(0, 0, 40, 40).data.join();
+  };
+  return {
+    area,
+    none: boundsOf({ cols, rows }, () => false),
+    inPart: image([[before, whole], [after, area]]),
+    asAWhole: image([[after, whole]]),
+    before: image([[before, whole]]),
+  };
+}"""
+"""JavaScript: paints a tile in which two cells have changed, as a whole and in part."""
 HIDE = """Object.defineProperty(document, "hidden", { get: () => true, configurable: true });
 document.dispatchEvent(new Event("visibilitychange"));"""
 
@@ -94,6 +120,12 @@ def while_ticking(
 
 
 @pytest.mark.long
+def test_a_changed_tile_is_painted_where_it_changed(page: Page) -> None:
+    seen = page.evaluate(PAINTED)
+    assert seen["area"] == [2, 2, 6, 5] and seen["none"] is None
+    assert seen["inPart"] == seen["asAWhole"] != seen["before"]
+
+
 def test_nothing_is_drawn_or_written_while_the_robot_stands(
     page: Page, operations: FakeOperations
 ) -> None:

@@ -23,7 +23,18 @@ import { drawLayer, onLayers } from "./layers.js";
 import { onSelect } from "./pointer/selection.js";
 import { COLOURS, dot, fill, line, pen } from "./drawing/strokes.js";
 import * as tiles from "./ground/tiles.js";
-import { canvas, centreOnRobot, fit as fitTo, keepInSight, onView, shows, toPage, view } from "./view.js";
+import {
+  canvas,
+  centreOnRobot,
+  fit as fitTo,
+  keepInSight,
+  measure,
+  onView,
+  shows,
+  size,
+  toPage,
+  view,
+} from "./view.js";
 import { looksAlike, takeValues, world } from "./world.js";
 
 const UNSEEN_DASH = [5, 5];
@@ -93,7 +104,7 @@ export function update(values) {
 function draw() {
   drawnState = world.state;
   const ratio = window.devicePixelRatio || 1;
-  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  const { width, height } = measure();
   if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(height * ratio);
@@ -156,11 +167,11 @@ function repaint() {
 new ResizeObserver(() => {
   const { pose } = world.state ?? {};
   const place = pose && pose.x_m !== null ? [pose.x_m, pose.y_m] : null;
-  if (!view.fitted || !world.map || canvas.clientWidth === 0) redraw();
+  if (!view.fitted || !world.map || size.width === 0) redraw();
   else if (view.isAuto) fitTo(isWhole ? wholeArea() : knownArea());
   else if (place && wasInSight(place)) keepInSight(place);
   else redraw();
-  shownSize = [canvas.clientWidth, canvas.clientHeight];
+  shownSize = [size.width, size.height];
 }).observe(canvas);
 onDraft(() => {
   canvas.classList.toggle("pick", draft.mode !== "navigate");

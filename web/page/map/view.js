@@ -12,6 +12,13 @@ const MAX_FITTED_SCALE = 100;
 // Pixels per metre, the point in the middle in metres, whether the view was ever fitted, follows the
 // robot, and still shows what it was fitted to (the operator has not moved it since).
 export const view = { scale: 40, x: 0, y: 0, fitted: false, follows: false, isAuto: false };
+// Width and height of the canvas in pixels of the page, as of the newest drawing or change of size:
+// to ask the canvas for every point costs as much as to draw it.
+export const size = {};
+export const measure = () =>
+  Object.assign(size, { width: canvas.clientWidth, height: canvas.clientHeight });
+measure();
+new ResizeObserver(measure).observe(canvas);
 const listeners = [];
 export const onView = (listener) => listeners.push(listener);
 const changed = () => {
@@ -20,20 +27,20 @@ const changed = () => {
 
 // Differs between views for which the ground has to be drawn again.
 export const viewKey = () =>
-  `${canvas.clientWidth} ${canvas.clientHeight} ${window.devicePixelRatio || 1} ${view.scale} ${view.x} ${view.y}`;
+  `${size.width} ${size.height} ${window.devicePixelRatio || 1} ${view.scale} ${view.x} ${view.y}`;
 
 export const toWorld = (px, py) => [
-  view.x + (px - canvas.clientWidth / 2) / view.scale,
-  view.y - (py - canvas.clientHeight / 2) / view.scale,
+  view.x + (px - size.width / 2) / view.scale,
+  view.y - (py - size.height / 2) / view.scale,
 ];
 export const toPage = ([x, y]) => [
-  canvas.clientWidth / 2 + (x - view.x) * view.scale,
-  canvas.clientHeight / 2 - (y - view.y) * view.scale,
+  size.width / 2 + (x - view.x) * view.scale,
+  size.height / 2 - (y - view.y) * view.scale,
 ];
 
 // Show an area: { left, right, bottom, top } in metres.
 export function fit({ left, right, bottom, top }) {
-  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  const { width, height } = size;
   if (width === 0) return;
   const scale = Math.min(width / (right - left), height / (top - bottom)) * FIT_SHARE;
   Object.assign(view, {
@@ -49,17 +56,17 @@ export function fit({ left, right, bottom, top }) {
 // Whether all of an area is shown.
 export function shows({ left, right, bottom, top }) {
   const [shownLeft, shownTop] = toWorld(0, 0);
-  const [shownRight, shownBottom] = toWorld(canvas.clientWidth, canvas.clientHeight);
+  const [shownRight, shownBottom] = toWorld(size.width, size.height);
   return left >= shownLeft && right <= shownRight && bottom >= shownBottom && top <= shownTop;
 }
 
 // Move the view as little as possible, so that a point is inside it, away from its edge.
 export function keepInSight([x, y]) {
-  const room = Math.min(canvas.clientWidth, canvas.clientHeight) / 2 / view.scale;
+  const room = Math.min(size.width, size.height) / 2 / view.scale;
   const margin = Math.min(IN_SIGHT_PX / view.scale, room);
   const clamp = (value, reach) => Math.min(Math.max(value, -reach), reach);
   const [dx, dy] = [x - view.x, y - view.y];
-  const reach = [canvas.clientWidth, canvas.clientHeight].map((px) => px / 2 / view.scale - margin);
+  const reach = [size.width, size.height].map((px) => px / 2 / view.scale - margin);
   Object.assign(view, {
     x: view.x + dx - clamp(dx, reach[0]),
     y: view.y + dy - clamp(dy, reach[1]),
@@ -90,7 +97,7 @@ export function centreOnRobot(pose) {
 }
 
 // Zoom around a pixel of the canvas, by default its middle.
-export function zoom(factor, px = canvas.clientWidth / 2, py = canvas.clientHeight / 2) {
+export function zoom(factor, px = size.width / 2, py = size.height / 2) {
   const [x, y] = toWorld(px, py);
   view.isAuto = false;
   view.scale = Math.min(Math.max(view.scale * factor, MIN_SCALE), MAX_SCALE);

@@ -7,7 +7,7 @@ import { listDraft } from "../../beware/entry.js";
 import { draft, outline } from "../../zones/draft.js";
 import { placeLabel } from "./labels.js";
 import { arrow, COLOURS, cross, dot, fill, flag, line, pen } from "./strokes.js";
-import { canvas, toPage, view } from "../view.js";
+import { size, toPage, view } from "../view.js";
 import { sketch, world } from "../world.js";
 
 const HEADING_M = 0.6;
@@ -67,7 +67,7 @@ export function drawSketch() {
 
 export function drawScale(height) {
   const metres = SCALES_M.find((m) => m * view.scale > MIN_SCALE_PX) ?? SCALES_M.at(-1);
-  const [x, y] = [canvas.clientWidth - metres * view.scale - 14, height - 14];
+  const [x, y] = [size.width - metres * view.scale - 14, height - 14];
   const [ink, ground] = isLight() ? ["#1d2733", "#ffffffcc"] : ["#e6ebf2", "#0b0f15cc"];
   // A wall below it may have its colour.
   pen.fillStyle = ground;

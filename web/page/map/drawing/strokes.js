@@ -1,6 +1,6 @@
 // Strokes on the map: lines, dots, flags, tags and textures, at points in metres of the map frame.
 
-import { canvas, toPage, toWorld, view } from "../view.js";
+import { canvas, size, toPage, toWorld, view } from "../view.js";
 
 export const COLOURS = {
   path: "#0a84ff",
@@ -138,7 +138,7 @@ export function texture(colour, dotted) {
 
 // Lines every metre, from afar every five.
 export function drawGrid() {
-  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  const { width, height } = size;
   const step = view.scale > FINE_GRID_PX ? 1 : 5;
   const [left, top] = toWorld(0, 0);
   const [right, bottom] = toWorld(width, height);

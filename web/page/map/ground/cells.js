@@ -55,24 +55,41 @@ export async function read(blob) {
   return { cols, rows, data: reader.getImageData(0, 0, cols, rows).data };
 }
 
-// Paint a tile whose upper left cell is (`left`, `top`), with `scale` pixels per cell and side.
-export function paint(pen, { cells, left, top }, scale, colourAt) {
-  const image = pen.createImageData(cells.cols * scale, cells.rows * scale);
+// Columns and rows that hold every cell for which `counts(index)`, as [left, top, right, bottom], or
+// null without any.
+export function boundsOf({ cols, rows }, counts) {
+  let [left, top, right, bottom] = [cols, rows, -1, -1];
+  for (let i = 0; i < rows; i += 1) {
+    for (let j = 0; j < cols; j += 1) {
+      if (!counts(i * cols + j)) continue;
+      [left, right] = [Math.min(left, j), Math.max(right, j)];
+      [top, bottom] = [Math.min(top, i), Math.max(bottom, i)];
+    }
+  }
+  return right < 0 ? null : [left, top, right + 1, bottom + 1];
+}
+
+// Paint an area, as `boundsOf` returns it, of a tile whose upper left cell is (`left`, `top`), with
+// `scale` pixels per cell and side.
+export function paint(pen, { cells, left, top }, area, scale, colourAt) {
+  const [fromCol, fromRow, toCol, toRow] = area;
+  const [atX, atY] = [(left + fromCol) * scale, (top + fromRow) * scale];
+  const image = pen.createImageData((toCol - fromCol) * scale, (toRow - fromRow) * scale);
   const out = new Uint32Array(image.data.buffer);
   for (let i = 0; i < image.height; i += 1) {
-    const row = Math.floor(i / scale) * cells.cols;
+    const row = (fromRow + Math.floor(i / scale)) * cells.cols + fromCol;
     for (let j = 0; j < image.width; j += 1) {
       const at = 4 * (row + Math.floor(j / scale));
       out[i * image.width + j] = colourAt(
         cells.data[at],
         cells.data[at + 1],
         cells.data[at + 2],
-        i + top * scale,
-        j + left * scale,
+        i + atY,
+        j + atX,
       );
     }
   }
-  pen.putImageData(image, left * scale, top * scale);
+  pen.putImageData(image, atX, atY);
 }
 
 // Return the function that gives the colour of a pixel. Colours are few: each is mixed once.
@@ -84,7 +101,7 @@ export function colourMixer(classes, light) {
       { rgb: rgbOf(entry.display), isFull: PATTERNS[patternOf(entry.class_id)] },
     ]),
   );
-  const isShown = (id) => id > 0 && byId.has(id) && strength(`class-${id}`) > 0;
+  const shown = new Set([...byId.keys()].filter((id) => id > 0 && strength(`class-${id}`) > 0));
   const strengths = Object.fromEntries(FIXED.map((name) => [name, strength(name)]));
   const mixed = new Uint32Array(1 << 18); // 0 is not mixed yet: every colour is opaque
   const mix = (flags, id, isFull, isDot) => {
@@ -105,7 +122,7 @@ export function colourMixer(classes, light) {
     );
   };
   return (flags, first, second, i, j) => {
-    const id = isShown(first) ? first : isShown(second) ? second : 0;
+    const id = shown.has(first) ? first : shown.has(second) ? second : 0;
     const isFull = id ? Number(byId.get(id).isFull(i, j)) : 0;
     const isDot = i % 8 === 0 && j % 8 === 0 ? 1 : 0;
     const key = flags | (id << 8) | (isFull << 16) | (isDot << 17);

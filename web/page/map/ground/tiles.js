@@ -2,7 +2,7 @@
 
 import { abortableFetch, get } from "../../core/link/api.js";
 import { t } from "../../core/text/language.js";
-import { colourMixer, paint, read } from "./cells.js";
+import { boundsOf, colourMixer, paint, read } from "./cells.js";
 
 const LARGE_MAP_CELLS = 1_500_000;
 // Flags of a cell that was seen, is an obstacle, or is on the prior map.
@@ -57,29 +57,24 @@ async function loadTile(row, col, version, side, rows) {
   const tile = { cells, left, top, known: knownOf(cells) };
   const old = tiles.get(`${row}/${col}`);
   tiles.set(`${row}/${col}`, tile);
-  if (old && isEqual(old.cells.data, cells.data)) return;
-  paint(canvas.getContext("2d"), tile, scale, colourAt);
+  const changed = old ? changeOf(old.cells, cells) : wholeOf(cells);
+  if (!changed) return;
+  paint(canvas.getContext("2d"), tile, changed, scale, colourAt);
   paintCount += 1;
 }
 
-function isEqual(one, other) {
-  const [a, b] = [one, other].map((bytes) => new Uint32Array(bytes.buffer));
-  return a.length === b.length && a.every((cell, i) => cell === b[i]);
+const wholeOf = ({ cols, rows }) => [0, 0, cols, rows];
+
+// The area of a tile that differs from what it was, or null.
+function changeOf(before, now) {
+  if (before.cols !== now.cols || before.rows !== now.rows) return wholeOf(now);
+  const [old, cells] = [before, now].map(({ data }) => new Uint32Array(data.buffer));
+  return boundsOf(now, (at) => old[at] !== cells[at]);
 }
 
-// Columns and rows of a tile that hold more than unseen floor, as [left, top, right, bottom], or null.
-function knownOf({ cols, rows, data }) {
-  let [left, top, right, bottom] = [cols, rows, -1, -1];
-  for (let i = 0; i < rows; i += 1) {
-    for (let j = 0; j < cols; j += 1) {
-      const at = 4 * (i * cols + j);
-      if (!(data[at] & KNOWN) && !data[at + 1]) continue;
-      [left, right] = [Math.min(left, j), Math.max(right, j)];
-      [top, bottom] = [Math.min(top, i), Math.max(bottom, i)];
-    }
-  }
-  return right < 0 ? null : [left, top, right + 1, bottom + 1];
-}
+// The area of a tile that holds more than unseen floor, or null.
+const knownOf = (cells) =>
+  boundsOf(cells, (at) => cells.data[4 * at] & KNOWN || cells.data[4 * at + 1]);
 
 // The known part of the map in metres, { left, right, bottom, top }, or null.
 export function knownArea({ resolution_m: r, origin_x_m: x, origin_y_m: y, rows }) {
@@ -109,6 +104,7 @@ export function cellAt({ resolution_m: r, origin_x_m: x, origin_y_m: y, rows }, 
 // Paint all tiles again, after a change of the list, a layer or the theme.
 export function repaint(classes, light) {
   colourAt = colourMixer(classes, light);
-  for (const tile of tiles.values()) paint(canvas.getContext("2d"), tile, scale, colourAt);
+  const pen = canvas.getContext("2d");
+  for (const tile of tiles.values()) paint(pen, tile, wholeOf(tile.cells), scale, colourAt);
   paintCount += 1;
 }

@@ -26,7 +26,7 @@ import { moveGoal, openMenu } from "./map_menu.js";
 import { finishAt, pointTo } from "./pick.js";
 import { hover, isSelected, select, selectedItem } from "./selection.js";
 import { targetAt } from "./targets.js";
-import { canvas, pan, toPage, toWorld, view, zoom } from "../view.js";
+import { canvas, pan, size, toPage, toWorld, view, zoom } from "../view.js";
 import { sketch, sketchChanged, world } from "../world.js";
 
 const CLICK_PX = 4;
@@ -240,7 +240,7 @@ function selectedPixel() {
   const item = selectedItem();
   const place =
     item?.place ?? (item?.x_m !== undefined ? [item.x_m, item.y_m] : item?.geometry?.coordinates[0][0]);
-  return place ? toPage(place) : [canvas.clientWidth / 2, canvas.clientHeight / 2];
+  return place ? toPage(place) : [size.width / 2, size.height / 2];
 }
 
 function click(at, heading = null) {
