@@ -209,8 +209,13 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
         )
     if settings.experiment is not None and settings.suite != PAPER_SUITE:
         raise BadConfiguration("--experiment is for the suite 'paper'; worlds are the argument")
+    if settings.suite == LOCALISATION_SUITE and (settings.shard or settings.where.engine == "ray"):
+        raise BadConfiguration(
+            "--shard and --engine ray are for suites of separate episodes, and the parts of "
+            "'localisation' share recorded drives; take --workers"
+        )
     spread = settings.shard is not None or settings.where != EngineOptions()
-    if spread and settings.suite in (*VIEWING, LOCALISATION_SUITE):
+    if spread and settings.suite in VIEWING:
         raise BadConfiguration(
             "--shard, --workers and --engine are for suites of separate episodes, and "
             f"{settings.suite!r} runs as a whole"
@@ -391,9 +396,11 @@ def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) ->
         out=_out(settings, f"localisation-{Path(world).stem}-{settings.odometry}"),
         beware=beware_list(settings.beware, scenario),
         config=config,
+        engine=settings.where.chosen(),
     )
     searches = (
         summary["switched_on"],
+        *summary["looked_round"].values(),
         *summary["wrong_map"].values(),
         *summary["started_in"].values(),
     )

@@ -24,13 +24,14 @@ from app.runtime.fault_injection import FaultInjector
 from app.runtime.start.segmentation import Perception, colour_perception
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
-from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.navigator import Navigator, Stages, TickResult
 from navcore.robot.camera_stream import CameraStream
+from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import GateDecision
@@ -185,6 +186,7 @@ class Episode:
         delays_s = settings.latency.delays_s(seed)
         self._schedule = TickSchedule(lambda: next(delays_s) + self._fault_injector.delay_s())
         self._newest: Frame | None = None
+        self._next_command_s = 0.0
         self.on_verdict: Callable[[float, GateDecision], None] = lambda t_s, verdict: None
         """Called with the simulated time in seconds and each command as it is sent."""
         self.on_decision: Callable[[float, TickResult], None] = lambda t_s, decision: None
@@ -221,19 +223,14 @@ class Episode:
         self.observe(look_first_s)
         self.before_start()
         self.controller.change_mission(Mission.start)
-        next_command_s, next_sample_s, cut_short = 0.0, 0.0, False
+        next_sample_s, cut_short = 0.0, False
         while (
             self.controller.intent.mission.phase is Phase.DRIVING and self.now_s < self._max_time_s
         ):
             self.simulator.step()
             if cut_short := ended(self.simulator):
                 break
-            self._receive()
-            if (frame := self._schedule.advance(self._newest, self.now_s)) is not None:
-                self._tick(frame)
-            if self.now_s >= next_command_s:
-                next_command_s += COMMAND_PERIOD_S
-                self._command()
+            self._work()
             if self.now_s >= next_sample_s:
                 next_sample_s += SERIES_PERIOD_S
                 self._sample()
@@ -305,6 +302,27 @@ class Episode:
     def now_s(self) -> float:
         """Simulated time, seconds."""
         return self.simulator.now_ns() / 1e9
+
+    def drive_by_hand(self, twist: Twist, seconds: float) -> None:
+        """Drive with a twist by teleoperation, through the gate, until the simulated time
+        `seconds`."""
+        while self.now_s < seconds:
+            self._hold(Command(twist=twist, stamp_ns=self.simulator.now_ns()))
+            self.simulator.step()
+            self._work()
+
+    def _hold(self, command: Command) -> None:
+        """Give a command of teleoperation."""
+        self.controller.change(lambda intent: replace(intent, by_hand=command))
+
+    def _work(self) -> None:
+        """Process the newest frame and send a command, each when it is time."""
+        self._receive()
+        if (frame := self._schedule.advance(self._newest, self.now_s)) is not None:
+            self._tick(frame)
+        if self.now_s >= self._next_command_s:
+            self._next_command_s += COMMAND_PERIOD_S
+            self._command()
 
     def observe(self, seconds: float) -> None:
         """Stand and observe for some seconds, at least until the first frame; here ticks take no

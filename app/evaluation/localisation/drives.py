@@ -6,7 +6,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -99,32 +99,43 @@ def record(
         ),
         seed=seed,
     )  # fmt: skip
-    kept: list[tuple[int, Pose2, float, Pose2, Scan]] = []
-    ticks = 0
-
-    def note(_: float, result: TickResult) -> None:
-        nonlocal ticks
-        ticks += 1
-        scan = episode.controller.navigator.localisation.scan
-        if ticks % EVERY == 0 and scan is not None:
-            frame = result.frame
-            by_odometry = result.place.T_map_odom.inverse() @ frame.pose
-            true = episode.simulator.true_pose()
-            kept.append((frame.stamp_ns, by_odometry, frame.pitch_rad, true, scan))
-
-    episode.on_decision = note
+    recorder = DriveRecorder(episode)
     try:
         episode.run(look_first_s=_LOOK_FIRST_S)
     finally:
         episode.close()
-    stamps, by_odometry, pitches, true_poses, scans = zip(*kept, strict=True)
-    return Drive(
-        stamps_ns=stamps,
-        by_odometry=by_odometry,
-        pitch_rad=pitches,
-        true_poses=true_poses,
-        scans=scans,
-    )
+    return recorder.drive
+
+
+class DriveRecorder:
+    """Keeps what an episode sees, every second frame, from its making on."""
+
+    def __init__(self, episode: Episode) -> None:
+        """Note each tick of an episode whose ticks take no time."""
+        self._episode, self._ticks = episode, 0
+        self._kept: list[tuple[int, Pose2, float, Pose2, Scan]] = []
+        episode.on_decision = self._note
+
+    def _note(self, _: float, result: TickResult) -> None:
+        self._ticks += 1
+        scan = self._episode.controller.navigator.localisation.scan
+        if self._ticks % EVERY == 0 and scan is not None:
+            frame = result.frame
+            by_odometry = result.place.T_map_odom.inverse() @ frame.pose
+            true = self._episode.simulator.true_pose()
+            self._kept.append((frame.stamp_ns, by_odometry, frame.pitch_rad, true, scan))
+
+    @property
+    def drive(self) -> Drive:
+        """What was kept."""
+        stamps, by_odometry, pitches, true_poses, scans = zip(*self._kept, strict=True)
+        return Drive(
+            stamps_ns=stamps,
+            by_odometry=by_odometry,
+            pitch_rad=pitches,
+            true_poses=true_poses,
+            scans=scans,
+        )
 
 
 def kept_drive(
@@ -142,12 +153,19 @@ def kept_drive(
     A file that was recorded with other rules for scans is driven again.
     """
     goals = tuple(reversed(scenario.goals)) if backwards else scenario.goals
-    path = folder / f"{scenario.name}-{seed}{'-back' if backwards else ''}.npz"
-    rules = config.localisation.scan
+    return kept(
+        folder / f"{scenario.name}-{seed}{'-back' if backwards else ''}.npz",
+        config.localisation.scan,
+        lambda: record(scenario, beware, seed=seed, goals=goals, config=config),
+    )
+
+
+def kept(path: Path, rules: ScanConfig, recorded: Callable[[], Drive]) -> Drive:
+    """Return the drive of a file, or what `recorded` returns, which is kept there."""
     if path.exists() and (drive := load_drive(path, rules)) is not None:
         return drive
-    drive = record(scenario, beware, seed=seed, goals=goals, config=config)
-    folder.mkdir(parents=True, exist_ok=True)
+    drive = recorded()
+    path.parent.mkdir(parents=True, exist_ok=True)
     save_drive(path, drive, rules)
     return load_drive(path, rules) or drive  # as every later call sees it, in single precision
 

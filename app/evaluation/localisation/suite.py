@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,15 +17,17 @@ from rich.table import Table
 
 from app.episode.second_day import OTHER_DAY
 from app.evaluation.localisation.carried_away import carried_away
-from app.evaluation.localisation.drives import kept_drive
+from app.evaluation.localisation.drives import Drive, kept_drive
 from app.evaluation.localisation.figures import figures, summarise
 from app.evaluation.localisation.recording import Recording, mirrored
 from app.evaluation.localisation.replay import Replay, follow, keyframes_of
 from app.evaluation.localisation.trials import SavedMap, days, disturbed, half_turn, started_in
+from app.evaluation.localisation.turns import kept_turn
+from app.fleet.engine import Engine, Lost, in_order
 from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import colour_perception
 from navcore.config.navigator import NavigatorConfig
-from navcore.errors import BadConfiguration
+from navcore.errors import BadConfiguration, BewareNavError
 from navcore.files import write_whole
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.beware_list import BewareList
@@ -70,6 +74,23 @@ class Suite:
         )
         return Recording(drive=drive, grade=self.grade, seed=self.seed)
 
+    def turn(self, world: Scenario, run: Recording, start: int) -> Drive:
+        """Return the turn of the robot at a frame of the other day's drive through a world."""
+        return kept_turn(
+            self.drives,
+            world,
+            self.beware,
+            seed=self.seed + OTHER_DAY,
+            config=self.config,
+            drive=run.drive,
+            start=start,
+        )
+
+    @property
+    def places(self) -> int:
+        """Number of places at which the robot is switched on or carried away."""
+        return PLACES * self.episodes
+
     def pose_ids(self) -> PoseIds:
         """Return the pose IDs of a new map."""
         return PoseIds(self.config.map.pose_spacing_m, self.config.map.pose_spacing_deg)
@@ -94,6 +115,89 @@ class Suite:
         return rows
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Site:
+    """A world that was driven through on two days, and the map of the first."""
+
+    suite: Suite
+    """What is measured, and how often."""
+    world: Scenario
+    """The world."""
+    first: Recording
+    """The drive of the first day."""
+    second: Recording
+    """The drive of the second day."""
+    saved: SavedMap
+    """The map of the first day."""
+
+    @staticmethod
+    def of(suite: Suite, world: Scenario) -> Site:
+        """Return a world with its drives, which are recorded where none are kept."""
+        first = suite.recording(world)
+        return Site(
+            suite=suite,
+            world=world,
+            first=first,
+            second=suite.recording(world, other_day=True),
+            saved=suite.saved(first),
+        )
+
+    def map(self, which: str) -> SavedMap:
+        """Return the map of the first day, or a wrong one."""
+        if which == SAVED:
+            return self.saved
+        if which == MIRRORED:
+            return replace(self.saved, keyframes=tuple(mirrored(self.saved.keyframes)))
+        other = self.suite.saved(self.suite.recording(load_scenario(which)))
+        return replace(self.saved, keyframes=other.keyframes)
+
+    def started(self, which: str, *, turns: bool = False, **how: Any) -> dict[str, Any]:
+        """Return how a robot that is switched on along the second drive finds its place in a map,
+        after one turn on the spot if it `turns`."""
+        return started_in(
+            self.second,
+            self.map(which),
+            self.suite.config,
+            self.suite.places,
+            is_here=which == SAVED,
+            turn_at=partial(self.suite.turn, self.world, self.second) if turns else None,
+            **how,
+        )
+
+
+SAVED, MIRRORED, TURNED = "the saved map", "mirrored", "turned by 180°"
+"""Maps in which a robot is switched on; others are named after their worlds."""
+PARTS: dict[str, Callable[[Site, str], Any]] = {
+    "new_map": lambda site, _: summarise(site.suite.tracked(site.first, None)),
+    "saved_map": lambda site, _: summarise(site.suite.tracked(site.second, site.saved)),
+    "switched_on": lambda site, _: site.started(SAVED, searches=True),
+    "looked_round": lambda site, which: site.started(which, searches=True, turns=True),
+    "wrong_map": lambda site, which: site.started(which, searches=True),
+    "started_in": lambda site, which: (
+        site.started(SAVED, motion=half_turn(site.saved))
+        if which == TURNED
+        else site.started(which)
+    ),
+    "carried_away": lambda site, which: carried_away(
+        site.second,
+        site.saved if which == "saved_map" else None,
+        site.suite.config,
+        site.suite.places,
+    ),
+    "disturbed": lambda site, _: disturbed(
+        site.second, site.saved, site.suite.config, min(site.suite.episodes, PLACES)
+    ),
+    "days": lambda site, _: days((site.first, site.second), site.suite.config, DAYS),
+}
+"""Parts of the summary, each measured by itself; many are measured in several maps."""
+
+
+def _measured(suite: Suite, world: Scenario, part: tuple[str, str]) -> Any:
+    """Return one part of the summary in one map."""
+    name, which = part
+    return PARTS[name](Site.of(suite, world), which)
+
+
 def evaluate_localisation(
     scenario: Scenario,
     *,
@@ -103,6 +207,7 @@ def evaluate_localisation(
     out: Path,
     beware: BewareList,
     config: NavigatorConfig | None = None,
+    engine: Engine,
 ) -> dict[str, Any]:
     """Drive a world twice, let `episodes` runs of odometry follow each drive, and print and write
     `summary.json`; recorded drives are kept beside `out` and replayed by later calls.
@@ -119,10 +224,12 @@ def evaluate_localisation(
         beware=beware,
         config=config or NavigatorConfig(),
     )
-    first = suite.recording(scenario)
-    second = suite.recording(scenario, other_day=True)
-    saved = suite.saved(first)
-    summary = {
+    site = Site.of(suite, scenario)
+    other = "indoor" if scenario.name == "office" else "office"
+    suite.recording(load_scenario(other))  # before workers look for it
+    for start in site.second.starts(suite.places):
+        suite.turn(scenario, site.second, start)
+    summary: dict[str, Any] = {
         "command": command_line(),
         "scenario": scenario.name,
         "segmenter": colour_perception().identity,
@@ -131,50 +238,28 @@ def evaluate_localisation(
         "machines": [machine()],
         "episodes": episodes,
         "seeds": list(range(seed, seed + episodes)),
-        "distance_m": [round(run.drive.distance_m, 1) for run in (first, second)],
-        "new_map": summarise(suite.tracked(first, None)),
-        "saved_map": summarise(suite.tracked(second, saved)),
-        **_found(suite, scenario, second, saved),
-        "carried_away": _carried(suite, second, saved),
-        "disturbed": disturbed(second, saved, suite.config, min(episodes, PLACES)),
-        "days": days((first, second), suite.config, DAYS),
+        "distance_m": [round(run.drive.distance_m, 1) for run in (site.first, site.second)],
     }
+    maps = {
+        "looked_round": (SAVED, MIRRORED, other),
+        "wrong_map": (MIRRORED, other),
+        "started_in": (SAVED, TURNED, MIRRORED, other),
+        "carried_away": ("saved_map", "new_map"),
+    }
+    tasks = [(name, which) for name in PARTS for which in maps.get(name, ("",))]
+    results = in_order(engine, partial(_measured, suite, scenario), tasks, ahead=len(tasks))
+    with closing(results):
+        for (name, which), result in zip(tasks, results, strict=True):
+            if isinstance(result, Lost):
+                raise BewareNavError(f"{name} {which}: {result.cause}")
+            if which:
+                summary.setdefault(name, {})[which] = result
+            else:
+                summary[name] = result
     _print(summary)
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "summary.json", json.dumps(summary, indent=1).encode())
     return summary
-
-
-def _found(
-    suite: Suite, scenario: Scenario, run: Recording, saved: SavedMap
-) -> dict[str, dict[str, Any]]:
-    """Return how often the place is found in the saved map, and in wrong ones."""
-    other = load_scenario("indoor" if scenario.name == "office" else "office")
-    elsewhere = replace(saved, keyframes=suite.saved(suite.recording(other)).keyframes)
-    wrong = {
-        "mirrored": replace(saved, keyframes=tuple(mirrored(saved.keyframes))),
-        other.name: elsewhere,
-    }
-    started = partial(started_in, run, config=suite.config, count=PLACES * suite.episodes)
-    return {
-        "switched_on": started(saved, searches=True),
-        "wrong_map": {
-            name: started(one, is_here=False, searches=True) for name, one in wrong.items()
-        },
-        "started_in": {
-            "the saved map": started(saved),
-            "turned by 180°": started(saved, motion=half_turn(saved)),
-            **{name: started(one, is_here=False) for name, one in wrong.items()},
-        },
-    }
-
-
-def _carried(suite: Suite, run: Recording, saved: SavedMap) -> dict[str, dict[str, Any]]:
-    count = PLACES * suite.episodes
-    return {
-        "saved_map": carried_away(run, saved, suite.config, count),
-        "new_map": carried_away(run, None, suite.config, count),
-    }
 
 
 def _print(summary: dict[str, Any]) -> None:
@@ -203,6 +288,10 @@ def lines(summary: dict[str, Any]) -> list[str]:
                 "the saved map": summary["switched_on"],
                 **summary["wrong_map"],
             }.items()
+        ),
+        *(
+            f"switched on and turned round, map {name}: {_answers(found)}"
+            for name, found in summary["looked_round"].items()
         ),
         *(
             f"started as odometry says, map {name}: {_answers(found)}"

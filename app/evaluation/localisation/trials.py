@@ -12,6 +12,7 @@ import numpy as np
 from app.evaluation.localisation.drives import FRAME_NS, Drive
 from app.evaluation.localisation.recording import Recording
 from app.evaluation.localisation.replay import RIGHT_M, RIGHT_RAD, Replay, follow
+from app.evaluation.localisation.turns import turned_first
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
@@ -63,20 +64,25 @@ def started_in(
     *,
     is_here: bool = True,
     searches: bool = False,
+    turn_at: Callable[[int], Drive] | None = None,
 ) -> dict[str, Any]:
     """Start at `count` places of a drive in the map moved by `motion`, and count whether the place
     that is believed after some metres is the right one of the moved map, a wrong one, or none; in
     the map of another world every place is wrong.
 
     Odometry says the place of the unmoved map; a robot that `searches` is told to look in the whole
-    map. `misled` of them believed a wrong place on the way, for `misled_m` metres at most;
+    map. `turn_at` gives the turn that is driven first at a frame; without it the robot drives on at
+    once. `misled` of them believed a wrong place on the way, for `misled_m` metres at most;
     `median_m`: metres after which a place was believed first.
     """
     moved = saved.moved(motion)
-    found = [
-        _started(run, moved, config, number, start, motion if is_here else None, searches=searches)
-        for number, start in enumerate(run.starts(count))
-    ]
+    true_motion = motion if is_here else None
+    found = []
+    for number, start in enumerate(run.starts(count)):
+        way, at = run, start
+        if turn_at is not None:
+            way, at = replace(run, drive=turned_first(turn_at(start), run.drive, start)), 0
+        found.append(_started(way, moved, config, number, at, true_motion, searches=searches))
     ends = [one.is_right for one in found]
     misled = [one.misled_m for one in found if one.misled_m > 0.0]
     metres = [one.believed_m for one in found if one.believed_m is not None]

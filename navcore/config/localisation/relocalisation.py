@@ -24,10 +24,12 @@ class PlaceSearchConfig:
     """Points of the submap that are searched with, evenly thinned."""
     least_points: int = ranged(5, 1_000, default=40)
     """Points below which nothing is searched."""
-    least_score: float = ranged(0.1, 1.0, default=0.45)
+    least_score: float = ranged(0.1, 1.0, default=0.3)
     """Mean likelihood below which a place is no candidate in the search."""
-    kept_share: float = ranged(0.1, 1.0, default=0.85)
-    """Share of the best score down to which places are candidates."""
+    least_evidence: float = ranged(0.0, 1.0, default=0.45)
+    """Evidence below which a place is no candidate in the search."""
+    kept_margin: float = ranged(0.0, 1.0, default=0.2)
+    """Evidence below that of the best down to which places are candidates."""
     separation_m: float = ranged(0.1, 5.0, default=0.5)
     """Distance in metres below which two candidates of like heading are the same place."""
     separation_deg: float = ranged(1.0, 90.0, default=15.0)
@@ -56,7 +58,7 @@ class PlaceFitConfig:
     """Distance in metres within which a point finds its surface at last; a point that does fits."""
     sigma_m: float = ranged(0.01, 0.5, default=0.05)
     """Standard deviation in metres of the distance of a point that fits."""
-    unknown_worth: float = ranged(0.0, 1.0, default=0.5)
+    unknown_worth: float = ranged(0.0, 1.0, default=0.4)
     """Evidence of a point where the map knows nothing, of which one on its surface gives 1."""
     contradicted_cost: float = ranged(0.0, 20.0, default=3.0)
     """Evidence that a point takes away where the map has seen that nothing stands."""
@@ -80,16 +82,16 @@ class RelocalisationConfig:
     """Refinement and fit of a place."""
     margin: float = ranged(0.0, 1.0, default=0.1)
     """Evidence by which the best place must exceed every other."""
-    least_fit_share: float = ranged(0.1, 1.0, default=0.5)
+    least_fit_share: float = ranged(0.1, 1.0, default=0.4)
     """Share of the points of several scans that must fit; a map has seen one side of most things,
     and what it has not seen speaks neither for a place nor against it."""
-    least_closeness: float = ranged(0.1, 1.0, default=0.8)
+    least_closeness: float = ranged(0.1, 1.0, default=0.72)
     """Mean likelihood, of the points that fit, that the scans which confirm a place must reach:
     another room of the same shape fits roughly, this one as closely as the sensor measures."""
     tracked_share: float = ranged(0.1, 1.0, default=0.9)
     """Share of the points of single scans, of those of which the map tells, that must fit, averaged
     over a second."""
-    least_evidence: float = ranged(0.0, 1.0, default=0.5)
+    least_evidence: float = ranged(0.0, 1.0, default=0.4)
     """Evidence that a place must reach: below it too much speaks against the place."""
     through_walls_share: float = ranged(0.0, 1.0, default=0.15)
     """Share of the lines of sight through walls of the map that a place must stay below."""
@@ -99,13 +101,16 @@ class RelocalisationConfig:
     confirm_m: float = ranged(0.5, 50.0, default=2.0)
     """Distance in metres to drive before new scans may confirm a place."""
     confirm_turn_deg: float = ranged(30.0, 720.0, default=120.0)
-    """Turn in degrees after which scans may confirm a place instead, if they fit as
-    `turn_fit_share` and `turn_walls_share` ask: all of them were taken at one position."""
-    turn_fit_share: float = ranged(0.1, 1.0, default=0.98)
-    """Share of the points that must fit where the robot has only turned."""
-    turn_walls_share: float = ranged(0.0, 1.0, default=0.03)
-    """Share of the lines of sight through walls that a place must stay below where the robot has
-    only turned."""
+    """Turn in degrees after which scans may confirm a place instead, if the robot has turned by
+    `round_deg` in all, the place exceeds every other by `turn_margin`, and the map contradicts less
+    than `turn_contradicted_share`: a room may have its like in another building."""
+    round_deg: float = ranged(180.0, 720.0, default=330.0)
+    """Turn in degrees with which the robot has seen everything around it."""
+    turn_margin: float = ranged(0.0, 1.0, default=0.2)
+    """Evidence by which the best place must exceed every other where the robot has only turned."""
+    turn_contradicted_share: float = ranged(0.0, 1.0, default=0.01)
+    """Share of the points where the map has seen that nothing stands that a place must stay below
+    where the robot has only turned."""
     same_m: float = ranged(0.05, 2.0, default=0.3)
     """Distance in metres within which two answers are the same place."""
     same_deg: float = ranged(0.5, 30.0, default=4.0)

@@ -57,9 +57,7 @@ class LoopFinder:
         self._place_maps: dict[int, PlaceMap] = {}
         self._near: dict[int, ScanMap] = {}
         self._match_config = match_config
-        self._rules = RelocalisationConfig(
-            search=PlaceSearchConfig(levels=3, least_score=0.3, kept_share=0.8, max_candidates=4)
-        )
+        self._rules = RelocalisationConfig(search=PlaceSearchConfig(levels=3, max_candidates=4))
 
     def loops_of(self, index: int) -> list[Edge]:
         """Return the edges from earlier keyframes to this one."""

@@ -108,15 +108,15 @@ def is_clearly_better(one: PlaceFit, other: PlaceFit, rules: RelocalisationConfi
 
 
 def rivals_of(
-    best: PlaceFit, others: Sequence[PlaceFit], rules: RelocalisationConfig
+    best: PlaceFit,
+    others: Sequence[PlaceFit],
+    rules: RelocalisationConfig,
+    margin: float | None = None,
 ) -> list[PlaceFit]:
     """Return those of other places that fit nearly as well, and that nothing of the map speaks
-    against."""
-    return [
-        one
-        for one in others
-        if not is_clearly_better(best, one, rules) and not one.contradiction(rules)
-    ]
+    against; `margin` is the evidence in which they lack more, by default that of the rules."""
+    least = best.evidence - (rules.margin if margin is None else margin)
+    return [one for one in others if one.evidence > least and not one.contradiction(rules)]
 
 
 def fit_place(submap: Submap, near: Pose2, place_map: PlaceMap, config: PlaceFitConfig) -> PlaceFit:

@@ -26,6 +26,8 @@ DIRECTIONS = 8
 without a normal."""
 FULL = 255
 """Likelihood of a point on its surface."""
+CLEAR, UNKNOWN = 0, 1
+"""Values of the tables where the map has seen that nothing stands, and where it knows nothing."""
 LIKELY_SIGMAS = 3.0
 """Distance in standard deviations beyond which the likelihood is zero."""
 
@@ -66,8 +68,8 @@ class PlaceMap:
     lattice: Lattice
     """Cells of the tables."""
     bounds: Bytes
-    """(levels + 1, directions + 1, rows, cols) largest likelihood, 0 to 255, of the block of
-    2^level cells on each side that begins at the cell."""
+    """(levels + 1, directions + 1, rows, cols) largest value of the block of 2^level cells on each
+    side that begins at the cell: `CLEAR`, `UNKNOWN`, or a likelihood up to `FULL`."""
     walls: Floats
     """(rows, cols, 2, 4) up to two surfaces with a normal in each cell: x, y and normal; zeros for
     none."""
@@ -113,10 +115,6 @@ def place_map_of(
     low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
     cols, rows = (math.ceil(span / cell) + 1 for span in high - low)
     lattice = Lattice(x_m=float(low[0]), y_m=float(low[1]), cell_m=cell)
-    bounds = np.zeros((config.levels + 1, DIRECTIONS + 1, rows, cols), dtype=np.uint8)
-    _draw(surfaces, normals, lattice, config.sigma_m, math.radians(config.facing_deg), bounds[0])
-    for level in range(1, config.levels + 1):
-        _double(bounds[level - 1], 2 ** (level - 1), bounds[level])
     walls = np.zeros((rows, cols, 2, 4))
     origins: list[Points] = []
     ends: list[Points] = []
@@ -130,6 +128,11 @@ def place_map_of(
         sights = np.vstack(origins), np.vstack(ends)
         _remove_seen_through(walls, lattice, *sights, config.wall_crossings)
         clear = clear_floor(*sights, tree, lattice[:2], (rows, cols), config)
+    bounds = np.empty((config.levels + 1, DIRECTIONS + 1, rows, cols), dtype=np.uint8)
+    bounds[0] = np.where(clear, CLEAR, UNKNOWN)
+    _draw(surfaces, normals, lattice, config.sigma_m, math.radians(config.facing_deg), bounds[0])
+    for level in range(1, config.levels + 1):
+        _double(bounds[level - 1], 2 ** (level - 1), bounds[level])
     for array in (bounds, walls, clear):
         array.flags.writeable = False
     return PlaceMap(

@@ -8,11 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from navcore.compiled import compiled
-from navcore.config.localisation.relocalisation import RelocalisationConfig
+from navcore.config.localisation.relocalisation import PlaceFitConfig, RelocalisationConfig
 from navcore.geometry.arrays import Bools, Floats, Indices
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.localisation.relocalisation.place_fit import PlaceFit, fit_place
-from navcore.localisation.relocalisation.place_map import DIRECTIONS, FULL, Bytes, PlaceMap
+from navcore.localisation.relocalisation.place_map import (
+    CLEAR,
+    DIRECTIONS,
+    FULL,
+    UNKNOWN,
+    Bytes,
+    PlaceMap,
+)
 from navcore.localisation.relocalisation.submap import Submap
 
 SLICE_CALLS = 100_000
@@ -21,6 +28,8 @@ KEPT_BLOCK = 2
 """Level of the blocks of which only the best position is kept."""
 MOST_FOUND = 4_096
 """Places that one slice can return."""
+HOPELESS = -1e9
+"""Bound of a block that holds no candidate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +67,9 @@ class PlaceSearch:
         else:
             steps = math.ceil(window.reach_rad / step)
             self._yaws = window.T_map_base.yaw_rad + step * np.arange(-steps, steps + 1)
+        self._worth = _worth(config.fit)
         self._found: list[Floats] = []
-        self._best = 0.0
+        self._best = config.search.least_evidence
         self._next = 0
         self._order: Indices | None = None
         if not self._is_hopeless:
@@ -89,15 +99,22 @@ class PlaceSearch:
         rules = self._config.search
         if self._order is None:
             self._coarse = _coarse_bounds(
-                self._map.bounds[-1], self._cells, self._channels, 2**rules.levels
+                self._map.bounds[-1],
+                self._worth,
+                self._cells,
+                self._channels,
+                2**rules.levels,
+                rules.least_score,
+                rules.least_evidence,
             )
             flat = self._coarse.ravel()
-            promising = np.flatnonzero((flat >= rules.least_score) & self._is_within())
+            promising = np.flatnonzero((flat > HOPELESS) & self._is_within())
             self._order = promising[np.argsort(-flat[promising], kind="stable")]
             return False
         found = np.empty((MOST_FOUND, 4))
         self._next, count, self._best = _descend(
             self._map.bounds,
+            self._worth,
             self._cells,
             self._channels,
             self._coarse,
@@ -105,7 +122,8 @@ class PlaceSearch:
             self._next,
             self._best,
             rules.least_score,
-            rules.kept_share,
+            rules.least_evidence,
+            rules.kept_margin,
             found,
         )
         self._found.append(found[:count])
@@ -143,7 +161,7 @@ class PlaceSearch:
         if not self._found:
             return []
         found = np.vstack(self._found)
-        found = found[found[:, 0] >= max(rules.least_score, rules.kept_share * self._best)]
+        found = found[found[:, 0] >= max(rules.least_evidence, self._best - rules.kept_margin)]
         found = found[np.lexsort((found[:, 3], found[:, 2], found[:, 1], -found[:, 0]))]
         lattice, middle = (
             self._map.lattice,
@@ -183,37 +201,71 @@ def search_places(
     return search.candidates()
 
 
+def _worth(config: PlaceFitConfig) -> Indices:
+    """Return what each value of the tables speaks for a place, of `FULL`: never less than a smaller
+    value, so that the largest value of a block bounds it."""
+    unknown = config.unknown_worth * FULL
+    worth = np.maximum(np.arange(FULL + 1), unknown)
+    worth[CLEAR], worth[UNKNOWN] = -config.contradicted_cost * FULL, unknown
+    return worth.astype(np.int64)
+
+
 @compiled
 def _bound(
-    likelihood: Bytes, cells: Indices, channels: Indices, row: int, col: int, least: float
+    table: Bytes,
+    worth: Indices,
+    cells: Indices,
+    channels: Indices,
+    row: int,
+    col: int,
+    least_score: float,
+    least_evidence: float,
 ) -> float:
-    """Return the mean likelihood of the points of one heading at a cell, or 0 as soon as it cannot
-    reach `least`."""
-    rows, cols = likelihood.shape[1:]
+    """Return the mean evidence of the points of one heading at a cell, or `HOPELESS` as soon as it
+    cannot reach `least_evidence`, or their mean likelihood not `least_score`."""
+    rows, cols = table.shape[1:]
     count = len(cells)
-    total, lacking = 0, int(count * FULL * (1.0 - least)) + 1
+    evidence = 0
+    unlikely = int(count * FULL * (1.0 - least_score)) + 1
+    lacking = int(count * FULL * (1.0 - least_evidence)) + 1
     for i in range(count):
         r, c = row + cells[i, 0], col + cells[i, 1]
-        value = 0
+        value = UNKNOWN
         if 0 <= r < rows and 0 <= c < cols:
-            value = int(likelihood[channels[i], r, c])
-        total += value
-        lacking -= FULL - value
-        if lacking < 0:
-            return 0.0
-    return total / (count * FULL)
+            value = int(table[channels[i], r, c])
+        unlikely -= FULL - value
+        lacking -= FULL - worth[value]
+        if unlikely < 0 or lacking < 0:
+            return HOPELESS
+        evidence += worth[value]
+    return evidence / (count * FULL)
 
 
 @compiled
-def _coarse_bounds(likelihood: Bytes, cells: Indices, channels: Indices, side: int) -> Floats:
+def _coarse_bounds(
+    table: Bytes,
+    worth: Indices,
+    cells: Indices,
+    channels: Indices,
+    side: int,
+    least_score: float,
+    least_evidence: float,
+) -> Floats:
     """Return the (yaws, rows, cols) bounds of the largest blocks."""
-    rows, cols = likelihood.shape[1:]
+    rows, cols = table.shape[1:]
     bounds = np.zeros((len(cells), (rows + side - 1) // side, (cols + side - 1) // side))
     for yaw in range(bounds.shape[0]):
         for row in range(bounds.shape[1]):
             for col in range(bounds.shape[2]):
                 bounds[yaw, row, col] = _bound(
-                    likelihood, cells[yaw], channels[yaw], row * side, col * side, 0.3
+                    table,
+                    worth,
+                    cells[yaw],
+                    channels[yaw],
+                    row * side,
+                    col * side,
+                    least_score,
+                    least_evidence,
                 )
     return bounds
 
@@ -221,6 +273,7 @@ def _coarse_bounds(likelihood: Bytes, cells: Indices, channels: Indices, side: i
 @compiled
 def _descend(
     bounds: Bytes,
+    worth: Indices,
     cells: Indices,
     channels: Indices,
     coarse: Floats,
@@ -228,13 +281,14 @@ def _descend(
     start: int,
     best: float,
     least_score: float,
-    kept_share: float,
+    least_evidence: float,
+    kept_margin: float,
     found: Floats,
 ) -> tuple[int, int, float]:
     """Search the largest blocks from `order[start]` on, depth first.
 
-    Writes score, heading, row and column of the best position of each small block that may still
-    count into `found`; returns where to go on, how many were found and the best score so far.
+    Writes evidence, heading, row and column of the best position of each small block that may still
+    count into `found`; returns where to go on, how many were found and the best evidence so far.
     """
     top = len(bounds) - 1
     across_rows, across_cols = coarse.shape[1], coarse.shape[2]
@@ -246,7 +300,7 @@ def _descend(
         index += 1
         yaw = block // (across_rows * across_cols)
         row, col = block // across_cols % across_rows, block % across_cols
-        if coarse[yaw, row, col] < max(least_score, kept_share * best):
+        if coarse[yaw, row, col] < max(least_evidence, best - kept_margin):
             index = len(order)  # they are sorted: none of the rest counts
             break
         depth = 1
@@ -254,28 +308,45 @@ def _descend(
         while depth > 0:
             depth -= 1
             level, row, col = stack[depth, 0], stack[depth, 1], stack[depth, 2]
-            least = max(least_score, kept_share * best)
+            least = max(least_evidence, best - kept_margin)
             if level <= KEPT_BLOCK:
-                score, at_row, at_col = 0.0, 0, 0
+                highest, at_row, at_col = HOPELESS, 0, 0
                 for r in range(row, row + (1 << level)):
                     for c in range(col, col + (1 << level)):
                         value = _bound(
-                            bounds[0], cells[yaw], channels[yaw], r, c, max(least, score)
+                            bounds[0],
+                            worth,
+                            cells[yaw],
+                            channels[yaw],
+                            r,
+                            c,
+                            least_score,
+                            max(least, highest),
                         )
                         calls += 1
-                        if value > score:
-                            score, at_row, at_col = value, r, c
-                if score >= least and score > 0.0:
-                    found[count, 0], found[count, 1] = score, yaw
+                        if value > highest:
+                            highest, at_row, at_col = value, r, c
+                if highest > HOPELESS:
+                    found[count, 0], found[count, 1] = highest, yaw
                     found[count, 2], found[count, 3] = at_row, at_col
                     count += 1
-                    best = max(best, score)
+                    best = max(best, highest)
                 continue
             half = 1 << (level - 1)
             for k in range(4):
                 r, c = row + (k >> 1) * half, col + (k & 1) * half
                 calls += 1
-                if _bound(bounds[level - 1], cells[yaw], channels[yaw], r, c, least) >= least:
+                value = _bound(
+                    bounds[level - 1],
+                    worth,
+                    cells[yaw],
+                    channels[yaw],
+                    r,
+                    c,
+                    least_score,
+                    least,
+                )
+                if value > HOPELESS:
                     stack[depth, 0], stack[depth, 1], stack[depth, 2] = level - 1, r, c
                     depth += 1
     return index, count, best

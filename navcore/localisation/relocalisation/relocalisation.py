@@ -75,6 +75,8 @@ class SearchTask:
     """Scans since the place was first found; None while these are too few to confirm it."""
     has_only_turned: bool = False
     """Whether the newest scans were taken at one position."""
+    has_looked_round: bool = False
+    """Whether all scans together show everything around the robot."""
     given: Pose2 | None = None
     """T_map_base at which `everything` was seen if a place to be checked is right; None without
     one."""
@@ -93,6 +95,9 @@ class SearchResult:
     """Places of all scans."""
     newest: tuple[PlaceFit, ...]
     """Places of the new scans alone."""
+    again: PlaceFit | None
+    """Fit of the new scans alone at the best place of all scans; None without either. A search may
+    take the new scans along a wall, where all scans together do not slip."""
     mirrored: tuple[PlaceFit, ...]
     """Places of the mirrored scans, the control: none of them is real, so what a wrong place scores
     in this map is seen by them."""
@@ -157,10 +162,14 @@ def search_task(
             if is_cancelled():
                 return None
         found.append(tuple(search.candidates()))
+    again = None
+    if found[0] and task.newest is not None:
+        again = fit_place(task.newest, found[0][0].T_map_base, place_map, config.fit)
     return SearchResult(
         task=task,
         everything=found[0],
         newest=found[1],
+        again=again,
         mirrored=found[2],
         given=given,
         moved=moved,
@@ -237,12 +246,14 @@ class Relocaliser:
         self._searched_at = (self._driven_m, self._turned_rad)
         newest, has_only_turned = self._newest()
         everything = _submap(self._views)
+        seen_rad = self._views[-1].turned_rad - self._views[0].turned_rad
         since_m = self._views[-1].driven_m - self._config.recent_m
         return SearchTask(
             everything=everything,
             recent=_submap([view for view in self._views if view.driven_m >= since_m]),
             newest=newest,
             has_only_turned=has_only_turned,
+            has_looked_round=seen_rad >= math.radians(self._config.round_deg),
             given=None if T_map_odom is None else T_map_odom @ everything.T_odom_base,
             last=None if last is None else last @ everything.T_odom_base,
         )
@@ -268,7 +279,7 @@ class Relocaliser:
         self._leading = T_map_odom
         lacking = self._unconfirmed(result)
         # Odometry has drifted least in the newest scans: they say best where the robot is now.
-        newest = (*self._again(result), best)[0]
+        newest = self._again(result) or best
         self.proposal = PlaceProposal(
             state=RelocalisationState.CONFIRMING if lacking else RelocalisationState.ACCEPTED,
             reason=lacking,
@@ -333,11 +344,11 @@ class Relocaliser:
         if result.task.newest is None:
             return "one place fits; drive on or turn round to confirm it"
         again = self._again(result)
-        if result.newest and not again:
+        if again is None:
             return "what has been seen since fits better elsewhere"
-        if doubt := doubt_of(again, self._config):
+        if doubt := doubt_of([again], self._config):
             return f"not confirmed yet: {doubt}"
-        if again[0].closeness < self._config.least_closeness:
+        if again.closeness < self._config.least_closeness:
             return "what has been seen since fits only roughly; drive on to confirm the place"
         if result.task.has_only_turned and not self._is_beyond_doubt(result):
             return "one place fits from here; drive on to confirm it"
@@ -346,15 +357,14 @@ class Relocaliser:
             return f"scans have fitted there for {tracked_ns / 1e9:.1f} s"
         return ""
 
-    def _again(self, result: SearchResult) -> tuple[PlaceFit, ...]:
-        """Return the best place again as the new scans alone show it; none if they fit clearly
+    def _again(self, result: SearchResult) -> PlaceFit | None:
+        """Return the best place again as the new scans alone show it; None if they fit clearly
         better elsewhere."""
-        rules, best = self._config, result.everything[0]
-        for place in result.newest:
-            is_best = not is_clearly_better(result.newest[0], place, rules)
-            if is_best and self._is_same(place.T_map_base, best.T_map_base):
-                return (place,)
-        return ()
+        again = result.again
+        if again is None or not self._is_same(again.T_map_base, result.everything[0].T_map_base):
+            return None
+        is_worse = any(is_clearly_better(one, again, self._config) for one in result.newest)
+        return None if is_worse else again
 
     def _mirror_doubt(self, result: SearchResult) -> str:
         """Return the doubt in a place that fits no better than the mirrored scans do: a map in
@@ -364,12 +374,12 @@ class Relocaliser:
         return ""
 
     def _is_beyond_doubt(self, result: SearchResult) -> bool:
-        """Return whether everything fits so well that a turn at one position is enough."""
-        return all(
-            best.fit_share >= self._config.turn_fit_share
-            and best.through_walls_share < self._config.turn_walls_share
-            for best in (result.everything[0], result.newest[0])
-        )
+        """Return whether the robot has seen everything around it, by far the most speaks for one
+        place, and hardly anything against it: then a turn at one position is enough."""
+        rules, (best, *others) = self._config, result.everything
+        rivals = rivals_of(best, [*others, *result.mirrored], rules, margin=rules.turn_margin)
+        is_like_the_map = best.contradicted_share < rules.turn_contradicted_share
+        return result.task.has_looked_round and is_like_the_map and not rivals
 
     def _expected(self, result: SearchResult) -> Pose2:
         """Return T_map_base at the leading place."""

@@ -101,6 +101,7 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "light", "--segmenter", "colour"), "needs a network"),
         (("evaluate", "light", "--workers", "2"), "runs as a whole"),
         (("evaluate", "localisation", "--camera", "848x480"), "--camera"),
+        (("evaluate", "localisation", "--shard", "1/2"), "take --workers"),
         (("drive", "--camera", "848x480@25"), "one of 10, 15, 30, 60"),
         ((*CONSOLE, "--camera", "large"), "camera 'large'"),
         (("bench", "tick", "--camera", "12x12"), "camera '12x12'"),

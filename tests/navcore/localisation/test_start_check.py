@@ -168,6 +168,7 @@ def search_result(
         task=task,
         everything=found,
         newest=(),
+        again=None,
         mirrored=mirrored,
         given=given,
         moved=given,

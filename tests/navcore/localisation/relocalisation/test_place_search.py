@@ -21,7 +21,9 @@ from navcore.localisation.relocalisation.place_fit import (
     fit_place,
 )
 from navcore.localisation.relocalisation.place_map import (
+    CLEAR,
     FULL,
+    UNKNOWN,
     PlaceMap,
     place_map_of,
     seen_through_walls,
@@ -46,7 +48,9 @@ from tests.navcore.localisation.plan_worlds import (
 )
 
 CONFIG = RelocalisationConfig(
-    search=PlaceSearchConfig(levels=3, least_score=0.1, least_points=5, max_points=40)
+    search=PlaceSearchConfig(
+        levels=3, least_score=0.1, least_evidence=0.0, least_points=5, max_points=40
+    )
 )
 ROOMS = 3
 
@@ -62,29 +66,48 @@ def submap(points: Points, normals: Points | None = None) -> Submap:
 
 @law(25)
 @given(seed=st.integers(0, 2**31))
-def test_branch_and_bound_finds_the_best_score_of_all_positions(seed: int) -> None:
+def test_branch_and_bound_finds_the_most_evidence_of_all_positions(seed: int) -> None:
+    """What fits speaks for a position, what is not known less, and clear floor against it."""
     rng = np.random.default_rng(seed)
     surfaces = rng.uniform(0.0, 4.0, (40, 2))
     angles = rng.uniform(-math.pi, math.pi, 40)
     normals = np.column_stack([np.cos(angles), np.sin(angles)]) * (rng.random((40, 1)) < 0.7)
-    place_map = place_map_of(surfaces, normals, CONFIG.search)
+    looks = [
+        Keyframe(
+            pose_id=i,
+            T_map_base=Pose2(x_m=float(x), y_m=float(y), yaw_rad=0.0),
+            scan=Scan(
+                points_base=surfaces - (x, y),
+                variance_m2=np.full(40, 1e-4),
+                normals=np.array(normals),
+                origin=np.zeros(2),
+            ),
+        )
+        for i, (x, y) in enumerate(rng.uniform(1.0, 3.0, (4, 2)))
+    ]
+    place_map = place_map_of(surfaces, normals, CONFIG.search, looks)
     chosen = rng.choice(40, 12, replace=False)
     seen = submap(surfaces[chosen] + rng.normal(scale=0.1, size=(12, 2)), np.array(normals[chosen]))
     search = PlaceSearch(seen, place_map, CONFIG)
     while not search.advance():
         pass
-    likelihood = place_map.bounds[0].astype(np.int64)
-    rows, cols = likelihood.shape[1:]
-    best = 0.0
+    table = place_map.bounds[0].astype(np.int64)
+    assert {CLEAR, UNKNOWN} < set(np.unique(table).tolist())
+    worth = np.maximum(np.arange(FULL + 1) / FULL, CONFIG.fit.unknown_worth)
+    worth[CLEAR], worth[UNKNOWN] = -CONFIG.fit.contradicted_cost, CONFIG.fit.unknown_worth
+    rows, cols = table.shape[1:]
+    best = -math.inf
     for cells, channels in zip(search._cells, search._channels, strict=True):
-        total = np.zeros((rows, cols))
+        likelihood, evidence = np.zeros((2, rows, cols))
         for (r, c), channel in zip(cells.tolist(), channels.tolist(), strict=True):
-            shifted = np.zeros((rows, cols))
-            part = likelihood[channel][max(r, 0) : rows + min(r, 0), max(c, 0) : cols + min(c, 0)]
+            shifted = np.full((rows, cols), UNKNOWN)
+            part = table[channel][max(r, 0) : rows + min(r, 0), max(c, 0) : cols + min(c, 0)]
             shifted[max(-r, 0) : rows - max(r, 0), max(-c, 0) : cols - max(c, 0)] = part
-            total += shifted
-        best = max(best, float(total.max()) / (12 * FULL))
-    assert search._best == pytest.approx(best)
+            likelihood += shifted / FULL / 12
+            evidence += worth[shifted] / 12
+        likely = likelihood >= CONFIG.search.least_score
+        best = max(best, float(evidence[likely].max(initial=-math.inf)))
+    assert search._best == pytest.approx(max(best, CONFIG.search.least_evidence), abs=0.005)
 
 
 @law(25)
