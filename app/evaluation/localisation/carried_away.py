@@ -8,15 +8,13 @@ from typing import Any
 import numpy as np
 
 from app.evaluation.localisation.drives import FRAME_NS, Drive
-from app.evaluation.localisation.recording import Recording
+from app.evaluation.localisation.recording import JUDGED_M, Recording
 from app.evaluation.localisation.replay import RIGHT_M, Replay
 from app.evaluation.localisation.trials import SavedMap
 from navcore.config.navigator import NavigatorConfig
 
 NOTICED_M, NOTICED_S = 2.0, 3.0
 """Way and time within which a robot that was carried away should know it."""
-FOLLOWED_M = 10.0
-"""Way in metres for which a robot that was carried away is followed."""
 CARRIED_M = (1.0, 5.0, 20.0)
 """Distances in metres by which the robot is carried away."""
 
@@ -40,7 +38,7 @@ def carried_away(
     in a saved map or a new one, and count when it notices.
 
     It has noticed when it does not believe its place any more, or has corrected it
-    (`right_again`). What it has not within `FOLLOWED_M` counts as `unnoticed`. The control,
+    (`right_again`). What it has not within `JUDGED_M` counts as `unnoticed`. The control,
     `not_carried`, are the same places without it: how often the robot believes itself lost for
     nothing.
     """
@@ -114,7 +112,7 @@ def _follow_over(
             return _Carried(noticed_m=way_m, noticed_s=seconds, is_right=False)
         true = drive.true_poses[k]
         is_right = place.T_map_base.distance_to(true.x_m, true.y_m) <= 2 * RIGHT_M
-        if way_m > FOLLOWED_M:
+        if way_m > JUDGED_M:
             break
     return _Carried(noticed_m=None, noticed_s=0.0, is_right=is_right)
 

@@ -13,6 +13,9 @@ from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.scans.scan import Keyframe, Scan
 from sim.robot.odometry_grade import OdometryGrade
 
+JUDGED_M = 10.0
+"""Distance in metres over which a robot that was switched on or carried away is judged."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
@@ -26,8 +29,11 @@ class Recording:
     """First seed of that odometry."""
 
     def starts(self, count: int) -> list[int]:
-        """Return the frames of `count` places along the drive, none within its last 50 frames."""
-        last = max(len(self.drive) - 50, 1)
+        """Return the frames of `count` places along the drive, evenly in time, each with `JUDGED_M`
+        of the drive after it."""
+        xy = np.array([(pose.x_m, pose.y_m) for pose in self.drive.true_poses])
+        driven_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+        last = max(int(np.searchsorted(driven_m, driven_m[-1] - JUDGED_M, side="right")), 1)
         return [int(k) for k in np.linspace(0, last, count, endpoint=False)]
 
     def odometry(self, number: int, start: Pose2 = IDENTITY) -> list[Pose2]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from app.evaluation.localisation.drives import FRAME_NS, Drive
-from app.evaluation.localisation.recording import Recording
+from app.evaluation.localisation.recording import JUDGED_M, Recording
 from app.evaluation.localisation.replay import RIGHT_M, RIGHT_RAD, Replay, follow
 from app.evaluation.localisation.turns import turned_first
 from navcore.config.navigator import NavigatorConfig
@@ -19,8 +19,6 @@ from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.localisation.estimate import LocalisationState
 from navcore.localisation.scans.scan import Keyframe
 
-GIVEN_UP_M = 10.0
-"""Distance in metres over which a robot that was switched on is judged."""
 JUMP = Pose2(x_m=0.3, y_m=0.0, yaw_rad=math.radians(3.0))
 """Motion of the robot that its odometry does not notice."""
 GYRO_STEP_RADPS = math.radians(0.05)
@@ -130,7 +128,7 @@ def _started(
     for k in range(start, len(drive)):
         step_m = odometry[k].distance_to(odometry[k - 1].x_m, odometry[k - 1].y_m) if k else 0.0
         driven_m += step_m if k > start else 0.0
-        if driven_m > GIVEN_UP_M:
+        if driven_m > JUDGED_M:
             break
         place = replay.advance(drive, k, origin @ odometry[k])
         if searches and k == start:
