@@ -14,6 +14,7 @@ from enum import StrEnum
 
 from navcore.config.localisation.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.localisation.relocalisation.gathered_scans import GatheredScans, Travel
 from navcore.localisation.relocalisation.place_check import PlaceCheck, check_place
 from navcore.localisation.relocalisation.place_fit import (
     PlaceFit,
@@ -178,16 +179,6 @@ def search_task(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _View:
-    """A kept scan and how far the robot had come."""
-
-    T_odom_base: Pose2
-    scan: Scan
-    driven_m: float
-    turned_rad: float
-
-
 class Relocaliser:
     """Gathers scans, says what to search and decides when a place is believed; nothing here takes
     more than a millisecond but `search_task`, which belongs into a thread."""
@@ -198,11 +189,8 @@ class Relocaliser:
         """Begin without any scan."""
         self._map = place_map
         self._config = config
-        self._views: list[_View] = []
-        self._last: Pose2 | None = None
-        self._driven_m = 0.0
-        self._turned_rad = 0.0
-        self._searched_at = (-math.inf, -math.inf)
+        self._seen = GatheredScans(config=config)
+        self._searched: Travel | None = None
         self._leading: Pose2 | None = None
         self._leading_since = 0
         self._shares: list[float] = []
@@ -216,19 +204,13 @@ class Relocaliser:
     def reconsidered(self) -> Relocaliser:
         """Return a search that goes on with the same scans and believes nothing yet."""
         again = Relocaliser(self._map, self._config)
-        again._views, again._last, again._now_ns = list(self._views), self._last, self._now_ns
-        again._driven_m, again._turned_rad = self._driven_m, self._turned_rad
-        again._searched_at = self._searched_at
+        again._seen, again._searched = self._seen.copy(), self._searched
         return again
 
     def observe(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
         """Take one more scan with the odometry of its moment."""
-        if self._last is not None:
-            step = self._last.inverse() @ T_odom_base
-            self._driven_m += math.hypot(step.x_m, step.y_m)
-            self._turned_rad += abs(step.yaw_rad)
-        self._last, self._now_ns = T_odom_base, stamp_ns
-        self._keep(scan, T_odom_base)
+        self._now_ns = stamp_ns
+        self._seen.add(scan, T_odom_base)
         if self._leading is not None and len(scan):
             self._track(scan, T_odom_base, stamp_ns)
 
@@ -237,25 +219,32 @@ class Relocaliser:
     ) -> SearchTask | None:
         """Return what to search now, or None until enough new has been seen; `T_map_odom` is a
         place to be checked beside, and `last` the one that was believed last, in the same way."""
-        driven_m, turned_rad = self._searched_at
-        if not self._views or not (
-            self._driven_m - driven_m >= self._config.search_m
-            or self._turned_rad - turned_rad >= math.radians(self._config.search_turn_deg)
-        ):
+        if not self._seen.count or not self._has_moved:
             return None
-        self._searched_at = (self._driven_m, self._turned_rad)
-        newest, has_only_turned = self._newest()
-        everything = _submap(self._views)
-        seen_rad = self._views[-1].turned_rad - self._views[0].turned_rad
-        since_m = self._views[-1].driven_m - self._config.recent_m
+        self._searched = self._seen.travel
+        newest, has_only_turned = None, False
+        if self._leading is not None:
+            newest, has_only_turned = self._seen.newest(self._leading_since)
+        everything = self._seen.everything
         return SearchTask(
             everything=everything,
-            recent=_submap([view for view in self._views if view.driven_m >= since_m]),
+            recent=self._seen.recent,
             newest=newest,
             has_only_turned=has_only_turned,
-            has_looked_round=seen_rad >= math.radians(self._config.round_deg),
+            has_looked_round=self._seen.has_looked_round,
             given=None if T_map_odom is None else T_map_odom @ everything.T_odom_base,
             last=None if last is None else last @ everything.T_odom_base,
+        )
+
+    @property
+    def _has_moved(self) -> bool:
+        """Whether the robot has come far enough since the last search for another one."""
+        if self._searched is None:
+            return True
+        driven_m = self._seen.travel.driven_m - self._searched.driven_m
+        turned_rad = self._seen.travel.turned_rad - self._searched.turned_rad
+        return driven_m >= self._config.search_m or turned_rad >= math.radians(
+            self._config.search_turn_deg
         )
 
     def take(self, result: SearchResult) -> PlaceProposal:
@@ -274,7 +263,7 @@ class Relocaliser:
             return self.proposal
         T_map_odom = best.T_map_base @ result.task.everything.T_odom_base.inverse()
         if self._leading is None or not self._is_same(best.T_map_base, self._expected(result)):
-            self._leading_since = len(self._views)
+            self._leading_since = self._seen.count
             self._shares, self._tracked_since_ns = [], None
         self._leading = T_map_odom
         lacking = self._unconfirmed(result)
@@ -288,26 +277,6 @@ class Relocaliser:
             candidates=result.everything,
         )
         return self.proposal
-
-    def _keep(self, scan: Scan, T_odom_base: Pose2) -> None:
-        if self._views:
-            last = self._views[-1]
-            turn = abs(wrap_angle(T_odom_base.yaw_rad - last.T_odom_base.yaw_rad))
-            if last.T_odom_base.distance_to(
-                T_odom_base.x_m, T_odom_base.y_m
-            ) < self._config.scan_spacing_m and turn < math.radians(self._config.scan_spacing_deg):
-                return
-        self._views.append(
-            _View(
-                T_odom_base=T_odom_base,
-                scan=scan,
-                driven_m=self._driven_m,
-                turned_rad=self._turned_rad,
-            )
-        )
-        while self._driven_m - self._views[0].driven_m > self._config.submap_m:
-            del self._views[0]
-            self._leading_since = max(self._leading_since - 1, 0)
 
     def _track(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
         """Measure for how long single scans have fitted at the leading place."""
@@ -325,19 +294,6 @@ class Relocaliser:
             self._tracked_since_ns = None
         elif self._tracked_since_ns is None:
             self._tracked_since_ns = stamp_ns
-
-    def _newest(self) -> tuple[Submap | None, bool]:
-        """Return the scans since the leading place was found, once they may confirm it, and whether
-        the robot has only turned meanwhile."""
-        views = self._views[self._leading_since :]
-        if self._leading is None or not views:
-            return None, False
-        driven_m = views[-1].driven_m - views[0].driven_m
-        turned_rad = views[-1].turned_rad - views[0].turned_rad
-        has_only_turned = driven_m < self._config.confirm_m
-        if has_only_turned and turned_rad < math.radians(self._config.confirm_turn_deg):
-            return None, True
-        return _submap(views), has_only_turned
 
     def _unconfirmed(self, result: SearchResult) -> str:
         """Return what the leading place still lacks, or nothing."""
@@ -391,7 +347,3 @@ class Relocaliser:
         return one.distance_to(two.x_m, two.y_m) < self._config.same_m and turn < math.radians(
             self._config.same_deg
         )
-
-
-def _submap(views: list[_View]) -> Submap:
-    return submap_of([(view.T_odom_base, view.scan) for view in views])
