@@ -72,7 +72,8 @@ class Suite:
             config=self.config,
             backwards=other_day,
         )
-        return Recording(drive=drive, grade=self.grade, seed=self.seed)
+        mapped = self.recording(world).drive if other_day else None
+        return Recording(drive=drive, grade=self.grade, seed=self.seed, mapped=mapped)
 
     def turn(self, world: Scenario, run: Recording, start: int) -> Drive:
         """Return the turn of the robot at a frame of the other day's drive through a world."""
