@@ -130,6 +130,9 @@ def in_words(place: LocalisationEstimate) -> str:
         case LocalisationState.AMBIGUOUS:
             count = len(place.candidates)
             which = "its place" if count < 2 else f"which of {count} places it is at"
-            return f"Unsure about {which}: drive some metres by hand, or show its place on the map."
+            return (
+                f"Unsure about {which}: let it look round, drive it by hand, or show its place on "
+                "the map."
+            )
         case LocalisationState.LOST:
             return "Lost: let it look round, drive it by hand, or show its place on the map."
