@@ -11,8 +11,8 @@ from navcore.config.localisation.localisation import StartConfig
 from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Matrix
 from navcore.localisation.relocalisation.place_fit import (
+    elsewhere,
     is_clearly_better,
-    is_same_place,
     rivals_of,
 )
 from navcore.localisation.relocalisation.relocalisation import SearchResult
@@ -88,7 +88,7 @@ class Probation:
         self._fits = given is None or given.fit_share >= rules.least_fit_share
         if given is None or self._verdict is not None:
             return
-        others = [one for one in result.everything if not is_same_place(one, given, rules)]
+        others = elsewhere(result.everything, given.T_map_base, rules)
         rivals = rivals_of(given, [*others, *result.mirrored], rules)
         is_worse = any(is_clearly_better(one, given, rules) for one in rivals)
         self._doubts = self._doubts + 1 if is_worse or given.contradiction(rules) else 0

@@ -95,11 +95,17 @@ def doubt_of(places: Sequence[PlaceFit], rules: RelocalisationConfig) -> str:
     return f"{alike} places fit alike; drive on until something differs" if alike > 1 else ""
 
 
-def is_same_place(one: PlaceFit, two: PlaceFit, rules: RelocalisationConfig) -> bool:
-    """Return whether two fits of a submap are the same place."""
-    a, b = one.T_map_base, two.T_map_base
-    turn = abs(wrap_angle(a.yaw_rad - b.yaw_rad))
-    return a.distance_to(b.x_m, b.y_m) < rules.same_m and turn < math.radians(rules.same_deg)
+def is_same_place(one: Pose2, two: Pose2, rules: RelocalisationConfig) -> bool:
+    """Return whether two poses in the map are the same place."""
+    turn = abs(wrap_angle(one.yaw_rad - two.yaw_rad))
+    return one.distance_to(two.x_m, two.y_m) < rules.same_m and turn < math.radians(rules.same_deg)
+
+
+def elsewhere(
+    places: Sequence[PlaceFit], here: Pose2, rules: RelocalisationConfig
+) -> list[PlaceFit]:
+    """Return those of some places that are not where a pose in the map is."""
+    return [one for one in places if not is_same_place(one.T_map_base, here, rules)]
 
 
 def is_clearly_better(one: PlaceFit, other: PlaceFit, rules: RelocalisationConfig) -> bool:

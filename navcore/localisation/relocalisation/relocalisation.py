@@ -1,8 +1,8 @@
 """Relocalisation: where in a kept map the robot is, believed only when new data says so again.
 
-A high score proves nothing: rooms are alike. A place is believed when no other scores nearly as
-well, few lines of sight cross walls, scans that played no part in the first answer give the same
-one, and single scans have fitted there for some seconds. Until then it is ambiguous.
+A high score proves nothing: rooms are alike. A place is believed when clearly more speaks for it
+than for every other, scans that played no part in the first answer give the same one, and single
+scans have fitted there for some seconds. Until then it is ambiguous.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from navcore.config.localisation.relocalisation import DEFAULT_RELOCALISATION, RelocalisationConfig
-from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.geometry.transform import Matrix, Pose2
 from navcore.localisation.relocalisation.gathered_scans import GatheredScans, Travel
 from navcore.localisation.relocalisation.place_check import PlaceCheck, check_place
 from navcore.localisation.relocalisation.place_fit import (
@@ -132,7 +132,11 @@ class SearchResult:
         if self.last is None or not self.last.is_accepted:
             return None
         fit = self.last.fit
-        others = [one for one in self.everything if not is_same_place(one, fit, rules)]
+        others = [
+            one
+            for one in self.everything
+            if not is_same_place(one.T_map_base, fit.T_map_base, rules)
+        ]
         is_worse = any(is_clearly_better(one, fit, rules) for one in others)
         return None if is_worse else fit
 
@@ -262,7 +266,9 @@ class Relocaliser:
             )
             return self.proposal
         T_map_odom = best.T_map_base @ result.task.everything.T_odom_base.inverse()
-        if self._leading is None or not self._is_same(best.T_map_base, self._expected(result)):
+        if self._leading is None or not is_same_place(
+            best.T_map_base, self._expected(result), self._config
+        ):
             self._leading_since = self._seen.count
             self._shares, self._tracked_since_ns = [], None
         self._leading = T_map_odom
@@ -316,8 +322,8 @@ class Relocaliser:
     def _again(self, result: SearchResult) -> PlaceFit | None:
         """Return the best place again as the new scans alone show it; None if they fit clearly
         better elsewhere."""
-        again = result.again
-        if again is None or not self._is_same(again.T_map_base, result.everything[0].T_map_base):
+        again, best = result.again, result.everything[0]
+        if again is None or not is_same_place(again.T_map_base, best.T_map_base, self._config):
             return None
         is_worse = any(is_clearly_better(one, again, self._config) for one in result.newest)
         return None if is_worse else again
@@ -341,9 +347,3 @@ class Relocaliser:
         """Return T_map_base at the leading place."""
         assert self._leading is not None
         return self._leading @ result.task.everything.T_odom_base
-
-    def _is_same(self, one: Pose2, two: Pose2) -> bool:
-        turn = abs(wrap_angle(one.yaw_rad - two.yaw_rad))
-        return one.distance_to(two.x_m, two.y_m) < self._config.same_m and turn < math.radians(
-            self._config.same_deg
-        )
