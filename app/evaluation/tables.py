@@ -197,7 +197,10 @@ def full_table(results: Sequence[Result]) -> str:
         [_tracking_row(result) for result in results if is_localisation(result)],
     )
     searched = _table(
-        ("world", "odometry", "start", "map", "right", "refused", "wrong", "misled on the way"),
+        (
+            *("world", "odometry", "start", "map", "right", "after", "refused", "wrong"),
+            "misled on the way",
+        ),
         [row for result in results if is_localisation(result) for row in _search_rows(result)],
     )
     origins = _table(
@@ -387,9 +390,10 @@ def _tracking_row(result: Result) -> Sequence[str]:
 
 
 def _search_rows(result: Result) -> list[Sequence[str]]:
-    """Return a row for each map, in which the robot is switched on without a place or at the place
-    that odometry gives."""
+    """Return a row for each map, in which the robot is switched on without a place, and turns round
+    first or drives on at once, or at the place that odometry gives."""
     found = [
+        *(("no place, one turn", name, one) for name, one in result["looked_round"].items()),
         ("no place", "the saved map", result["switched_on"]),
         *(("no place", name, one) for name, one in result["wrong_map"].items()),
         *(("by odometry", name, one) for name, one in result["started_in"].items()),
@@ -401,6 +405,7 @@ def _search_rows(result: Result) -> list[Sequence[str]]:
             start,
             name,
             f"{one['right']} of {one['starts']}",
+            "–" if one["median_m"] is None else f"{one['median_m']:.1f} m",
             str(one["refused"]),
             f"{one['wrong']} ({_share_interval(one['wrong'], one['starts'])})",
             f"{one['misled']}, {one['misled_m']:.1f} m at most",

@@ -180,7 +180,7 @@ def located(wrong: int) -> dict[str, Any]:
     loops = {"loops_right": [1.0, 2.0], "loops_wrong": [0.0, 0.0]}
     run = {"runs": 2, "median": figures, "worst": figures, "by_run": loops}
     search: dict[str, Any] = {"starts": 10, "right": 8, "refused": 2 - wrong, "wrong": wrong}
-    search |= {"misled": 1, "misled_m": 0.9}
+    search |= {"misled": 1, "misled_m": 0.9, "median_m": 2.5}
     carried = {"carried": 9, "noticed": 8, "in_time": 7, "right_again": 1}
     carried |= {"false_alarms": 0, "not_carried": 3}
     return {
@@ -193,6 +193,7 @@ def located(wrong: int) -> dict[str, Any]:
         "new_map": run,
         "saved_map": run,
         "switched_on": search,
+        "looked_round": {"the saved map": {**search, "median_m": None}},
         "wrong_map": {},
         "started_in": {"mirrored": search},
         "carried_away": {"saved_map": carried},
@@ -202,10 +203,14 @@ def located(wrong: int) -> dict[str, Any]:
 
 def test_localisation_has_tables_of_tracking_and_of_searches() -> None:
     result = located(wrong=0)
-    shown, row = full_table([result]), "| `office` | typical | by odometry | mirrored | 8 of 10 | "
+    shown, row = (
+        full_table([result]),
+        "| `office` | typical | by odometry | mirrored | 8 of 10 | 2.5 m | ",
+    )
     assert "| 1.5 (1.5) cm | 3 (3) cm |" in shown and "| 3 right, 0 wrong |" in shown
     assert f"{row}2 | 0 (0 % to 28 %) | 1, 0.9 m at most |" in shown
     assert f"{row}1 | 1 (2 % to 40 %) |" in full_table([located(wrong=1)])
+    assert "| no place, one turn | the saved map | 8 of 10 | – | 2 |" in shown
     assert file_name(result) == "office-localisation-typical"
     assert short_table([result]).count("\n") == 2
 
