@@ -41,6 +41,8 @@ DAYS = 10
 """Days in one site."""
 WORSE_M = 0.02
 """How much worse than odometry alone a run may be, metres, root mean square."""
+SAVED, MIRRORED, TURNED = "the saved map", "mirrored", "turned by 180°"
+"""Maps in which a robot is switched on; others are named after their worlds."""
 ROWS = ("rms_m", "p95_m", "final_m", "yaw_p95_deg", "rpe_m", "nees", "odometry_rms_m", "p99_ms")
 """Figures that are printed."""
 
@@ -166,8 +168,6 @@ class Site:
         )
 
 
-SAVED, MIRRORED, TURNED = "the saved map", "mirrored", "turned by 180°"
-"""Maps in which a robot is switched on; others are named after their worlds."""
 PARTS: dict[str, Callable[[Site, str], Any]] = {
     "new_map": lambda site, _: summarise(site.suite.tracked(site.first, None)),
     "saved_map": lambda site, _: summarise(site.suite.tracked(site.second, site.saved)),
