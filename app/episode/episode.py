@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -307,13 +308,10 @@ class Episode:
         """Drive with a twist by teleoperation, through the gate, until the simulated time
         `seconds`."""
         while self.now_s < seconds:
-            self._hold(Command(twist=twist, stamp_ns=self.simulator.now_ns()))
+            command = Command(twist=twist, stamp_ns=self.simulator.now_ns())
+            self.controller.change(partial(replace, by_hand=command))
             self.simulator.step()
             self._work()
-
-    def _hold(self, command: Command) -> None:
-        """Give a command of teleoperation."""
-        self.controller.change(lambda intent: replace(intent, by_hand=command))
 
     def _work(self) -> None:
         """Process the newest frame and send a command, each when it is time."""

@@ -19,6 +19,7 @@ from navcore.localisation.relocalisation.place_check import PlaceCheck, check_pl
 from navcore.localisation.relocalisation.place_fit import (
     PlaceFit,
     doubt_of,
+    elsewhere,
     evaluate_place,
     fit_place,
     is_clearly_better,
@@ -132,11 +133,7 @@ class SearchResult:
         if self.last is None or not self.last.is_accepted:
             return None
         fit = self.last.fit
-        others = [
-            one
-            for one in self.everything
-            if not is_same_place(one.T_map_base, fit.T_map_base, rules)
-        ]
+        others = elsewhere(self.everything, fit.T_map_base, rules)
         is_worse = any(is_clearly_better(one, fit, rules) for one in others)
         return None if is_worse else fit
 

@@ -163,13 +163,22 @@ def test_a_change_is_looked_at_on_the_map_before_it_is_accepted(panel: Locator) 
         expect(panel).to_be_visible()
         expect(shown).to_be_hidden()
         expect(page.get_by_test_id("change")).to_have_count(left)
-    # At once: the list is made again when what was accepted is known, also between a press and its
-    # release, and Escape would close the panel then.
-    page.get_by_test_id("change").first.get_by_title("Show it on the map").dispatch_event("click")
+    page.get_by_test_id("change").first.get_by_title("Show it on the map").click()
     expect(shown).to_be_visible()
     page.keyboard.press("Escape")
     expect(panel).to_be_visible()
     expect(shown).to_be_hidden()
+
+
+def test_a_list_of_changes_that_is_read_again_keeps_its_items(panel: Locator) -> None:
+    page = panel.page
+    press(page.get_by_test_id("changes-all"))
+    item = page.get_by_test_id("change").first
+    item.evaluate("(item) => { item.mark = true; }")
+    with page.expect_response("**/map/changes"):
+        press(page.get_by_test_id("changes-refresh"))
+    page.wait_for_timeout(200)
+    assert item.evaluate("(item) => item.mark === true")
 
 
 def test_the_changes_of_a_site_that_was_just_entered_are_listed_with_its_first_image(

@@ -2,7 +2,7 @@
 // The panel covers the map: while a change is looked at there, the panel is away.
 
 import { get, post } from "../core/link/api.js";
-import { element, make, set, setText } from "../core/dom.js";
+import { element, make, reconcile, set, setText } from "../core/dom.js";
 import { showMap } from "../core/page_tabs.js";
 import { capitalised, number, t, tn } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
@@ -84,7 +84,8 @@ function lookAt(area, text, place, accept) {
 
 function show(changes) {
   listed = changes;
-  list.replaceChildren(...changes.areas.map(itemOf));
+  // A list that is read again stays as it is: an item made anew would lose a click that is under way.
+  reconcile(list, changes.areas, keyOf, itemOf, () => {});
   const more = changes.left_out
     ? ` ${t("The {n} smallest are left out.", { n: changes.left_out })}`
     : "";
@@ -106,6 +107,8 @@ function middleOf(outline) {
   const sum = outline.reduce(([x, y], [px, py]) => [x + px, y + py], [0, 0]);
   return sum.map((value) => value / outline.length);
 }
+
+const keyOf = ({ id, kind, area_m2, outline }) => [id, kind, area_m2, ...middleOf(outline)].join(" ");
 
 function itemOf(area) {
   const [x, y] = middleOf(area.outline);
