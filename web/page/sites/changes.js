@@ -84,7 +84,7 @@ function lookAt(area, text, place, accept) {
 
 function show(changes) {
   listed = changes;
-  // A list that is read again stays as it is: an item made anew would lose a click that is under way.
+  // A list that is read again stays as it is: an item that is replaced would lose a click that is under way.
   reconcile(list, changes.areas, keyOf, itemOf, () => {});
   const more = changes.left_out
     ? ` ${t("The {n} smallest are left out.", { n: changes.left_out })}`
