@@ -139,3 +139,10 @@ class Twist:
 
 
 STANDSTILL = Twist(v_mps=0.0, w_radps=0.0)
+
+
+def difference(pose: Pose2, other: Pose2) -> Matrix:
+    """Return (3,) x, y and yaw of a pose minus those of another."""
+    return np.array(
+        [pose.x_m - other.x_m, pose.y_m - other.y_m, wrap_angle(pose.yaw_rad - other.yaw_rad)]
+    )

@@ -80,6 +80,9 @@ class RelocalisationConfig:
     """Search by branch and bound."""
     fit: PlaceFitConfig = field(default_factory=PlaceFitConfig)
     """Refinement and fit of a place."""
+    beside_margin: float = ranged(0.0, 1.0, default=0.05)
+    """Evidence in which a fit beside the best place may lack for the place to be as uncertain as
+    they are apart."""
     margin: float = ranged(0.0, 1.0, default=0.1)
     """Evidence by which the best place must exceed every other."""
     least_fit_share: float = ranged(0.1, 1.0, default=0.4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.relocalisation.place_map import PlaceMap, seen_through_walls
 from navcore.localisation.relocalisation.submap import Submap
+from navcore.localisation.scans.ambiguity import poses_beside, spread_to
 
 NEIGHBOURS = 4
 """Nearest surfaces among which a point finds one that faces as it does."""
@@ -151,6 +152,23 @@ def fit_place(submap: Submap, near: Pose2, place_map: PlaceMap, config: PlaceFit
         if gate == config.narrow_m and float(np.abs(change).max()) < 1e-4:
             break
     return evaluate_place(submap, pose, place_map, config, hessian)
+
+
+def fit_beside(
+    submap: Submap, fit: PlaceFit, place_map: PlaceMap, config: RelocalisationConfig
+) -> PlaceFit:
+    """Return the best of a fit and of those that begin beside it, with a covariance that spans all
+    that fit nearly as well."""
+    beside = poses_beside(fit.T_map_base, fit.covariance)
+    fits = [fit, *(fit_place(submap, one, place_map, config.fit) for one in beside)]
+    best = max(fits, key=lambda one: one.evidence)
+    alike = [
+        one.T_map_base
+        for one in fits
+        if one.evidence >= best.evidence - config.beside_margin
+        and is_same_place(one.T_map_base, best.T_map_base, config)
+    ]
+    return replace(best, covariance=best.covariance + spread_to(best.T_map_base, alike))
 
 
 def evaluate_place(

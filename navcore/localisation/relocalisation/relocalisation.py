@@ -21,6 +21,7 @@ from navcore.localisation.relocalisation.place_fit import (
     doubt_of,
     elsewhere,
     evaluate_place,
+    fit_beside,
     fit_place,
     is_clearly_better,
     is_same_place,
@@ -165,8 +166,12 @@ def search_task(
                 return None
         found.append(tuple(search.candidates()))
     again = None
-    if found[0] and task.newest is not None:
-        again = fit_place(task.newest, found[0][0].T_map_base, place_map, config.fit)
+    if found[0]:
+        best = fit_beside(everything, found[0][0], place_map, config)
+        found[0] = (best, *found[0][1:])
+        if task.newest is not None:
+            again = fit_place(task.newest, best.T_map_base, place_map, config.fit)
+            again = fit_beside(task.newest, again, place_map, config)
     return SearchResult(
         task=task,
         everything=found[0],

@@ -9,14 +9,15 @@ all poses of a window first.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from navcore.compiled import compiled
 from navcore.config.localisation.localisation import MatchConfig, MatchRules
 from navcore.geometry.arrays import Bools, Floats
-from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.geometry.transform import Matrix, Pose2, difference, wrap_angle
+from navcore.localisation.scans.ambiguity import poses_beside, spread_to
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.scans.surface_grid import (
@@ -63,6 +64,9 @@ class Match:
     """Number of points that fit a surface."""
     residual_m: float
     """Root mean square distance of the fitting points from their surfaces, metres."""
+    cost: float
+    """Negative logarithm of the likelihood of the points at this pose, up to a constant: every
+    point counts as independent, and one without a surface as one at the last search radius."""
 
     @property
     def share(self) -> float:
@@ -104,7 +108,7 @@ def match(
     )
     grid, rules = scan_map.grid, config.rules
     radius_m = rules.search_m if search_m is None else max(search_m, rules.fine_m)
-    pose, information, counts, residual = _gauss_newton(
+    pose, information, counts, (residual, cost) = _gauss_newton(
         grid, scan.points_base, scan.normals, scan.variance_m2, scan.origin, poses, prior, scale,
         rules, radius_m,
     )  # fmt: skip
@@ -115,7 +119,53 @@ def match(
         near=counts[0],
         fitting=counts[1],
         residual_m=residual,
+        cost=cost,
     )
+
+
+def match_widely(
+    scan: Scan,
+    scan_map: ScanMap,
+    expected: Pose2,
+    covariance: Matrix,
+    *,
+    scale: float = 1.0,
+    config: MatchConfig = _DEFAULT,
+) -> Match:
+    """Return the most probable pose as `match` does, where so little is known that several may fit:
+    within three standard deviations, and beside the best. The information is less the farther those
+    are apart that are nearly as probable."""
+    sigma_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    window = (3.0 * sigma_m, 3.0 * math.sqrt(covariance[2, 2]))
+    prior = np.linalg.inv(covariance)
+
+    def fit(start: Pose2) -> Match:
+        return match(
+            scan, scan_map, expected, covariance, start=start, scale=scale,
+            search_m=2.0 * config.fine_m, config=config,
+        )  # fmt: skip
+
+    def cost(one: Match) -> float:
+        away = difference(one.pose, expected)
+        return float(scale * one.cost + 0.5 * away @ prior @ away)
+
+    first = fit(search(scan, scan_map, expected, window=window, config=config).pose)
+    beside = poses_beside(first.pose, _covariance(first, scale))
+    found = [first, *map(fit, (expected, *beside))]
+    best = min(found, key=cost)
+    alike = [one.pose for one in found if cost(one) < cost(best) + _AS_PROBABLE]
+    spread = _covariance(best, scale) + spread_to(best.pose, alike)
+    return replace(best, information=np.asarray(np.linalg.inv(spread)) / scale)
+
+
+_AS_PROBABLE = 4.5
+"""Difference of the logarithms of the probabilities of two poses up to which both are possible:
+that of three standard deviations."""
+
+
+def _covariance(found: Match, scale: float) -> Matrix:
+    """Return the (3, 3) covariance of a match without any expectation."""
+    return np.asarray(np.linalg.inv(scale * found.information + 1e-6 * np.eye(3)))
 
 
 def lines_blocked_share(
@@ -129,24 +179,35 @@ def lines_blocked_share(
 
 
 def search(
-    scan: Scan, scan_map: ScanMap, expected: Pose2, *, config: MatchConfig = _DEFAULT
+    scan: Scan,
+    scan_map: ScanMap,
+    expected: Pose2,
+    *,
+    window: tuple[float, float] = (math.inf, math.inf),
+    config: MatchConfig = _DEFAULT,
 ) -> Match:
     """Return the best match within a window of poses around an expected one, whatever odometry
-    says: for a pose that the operator gave, or after a fault."""
+    says: for a pose that the operator gave, or after a fault.
+
+    `window`: half its edge in metres and half its range of headings in radians, at most those that
+    are configured.
+    """
+    window_m = min(window[0], config.window_m)
+    window_rad = min(window[1], math.radians(config.window_deg))
     reach_m = float(np.max(np.linalg.norm(scan.points_base, axis=1), initial=0.0))
     if not len(scan):
         return match(scan, scan_map, expected, None, config=config)
-    half_m = reach_m + config.window_m + 2 * _COARSE_M
+    half_m = reach_m + window_m + 2 * _COARSE_M
     cells = math.ceil(2 * half_m / _COARSE_M)
     x0, y0 = expected.x_m - half_m, expected.y_m - half_m
     image = _occupied(scan_map.grid, x0, y0, cells, _COARSE_M)
     step_rad = _COARSE_M / max(reach_m, 1.0)
-    turns = math.ceil(math.radians(config.window_deg) / step_rad)
+    turns = math.ceil(window_rad / step_rad)
     best = _correlate(
         image,
         np.array(scan.points_base[:: max(len(scan) // _COARSE_POINTS, 1)]),
         (expected.x_m - x0, expected.y_m - y0, expected.yaw_rad),
-        (math.ceil(config.window_m / _COARSE_M), turns),
+        (math.ceil(window_m / _COARSE_M), turns),
         step_rad,
     )
     start = Pose2(x_m=x0 + best[0], y_m=y0 + best[1], yaw_rad=wrap_angle(best[2]))
@@ -171,12 +232,12 @@ def _gauss_newton(
     scale: float,
     rules: MatchRules,
     radius: float,
-) -> tuple[tuple[float, float, float], Floats, tuple[int, int], float]:
-    """Return the pose, the information of the points, (near, fitting) and the residual; `poses` are
-    that of the start and the expected one."""
+) -> tuple[tuple[float, float, float], Floats, tuple[int, int], tuple[float, float]]:
+    """Return the pose, the information of the points, (near, fitting) and (residual, cost); `poses`
+    are that of the start and the expected one."""
     (x, y, yaw), expected = poses
     hessian, gradient = np.zeros((3, 3)), np.zeros(3)
-    fitting, squares = 0, 0.0
+    fitting, squares, cost = 0, 0.0, 0.0
     # A point without a surface in the widest radius has none in the later ones.
     alone = np.zeros(len(points), dtype=np.bool_)
     near = len(points)
@@ -187,9 +248,10 @@ def _gauss_newton(
         cos, sin = math.cos(yaw), math.sin(yaw)
         hessian[:] = 0.0
         gradient[:] = 0.0
-        fitting, squares = 0, 0.0
+        fitting, squares, cost = 0, 0.0, 0.0
         for k in range(0, len(points), 1 if fine or iteration == 0 else 2):
             if alone[k]:
+                cost += _cost(rules.fine_m**2, variance[k] + rules.point_sigma_m**2)
                 continue
             rx = cos * points[k, 0] - sin * points[k, 1]
             ry = sin * points[k, 0] + cos * points[k, 1]
@@ -212,11 +274,13 @@ def _gauss_newton(
                 if iteration == 0:
                     alone[k] = True
                     near -= 1
+                cost += _cost(rules.fine_m**2, variance[k] + rules.point_sigma_m**2)
                 continue
             sums = grid.sums[surface]
             ex = x + rx - sums[X] / sums[WEIGHT]
             ey = y + ry - sums[Y] / sums[WEIGHT]
             if ex * ex + ey * ey > radius * radius:
+                cost += _cost(rules.fine_m**2, variance[k] + rules.point_sigma_m**2)
                 continue
             is_line = forms_line(sums)
             if is_line:
@@ -234,6 +298,7 @@ def _gauss_newton(
                 weight = _robust(error * error, sigma2, loose) / sigma2
                 _accumulate(hessian, gradient, 1.0, 0.0, -ry, ex, weight)
                 _accumulate(hessian, gradient, 0.0, 1.0, rx, ey, weight)
+            cost += _cost(error * error, sigma2)
             if abs(error) < rules.fit_m + 3.0 * math.sqrt(variance[k]):
                 fitting += 1
                 squares += error * error
@@ -254,7 +319,15 @@ def _gauss_newton(
             break
         radius = max(rules.fine_m, radius * _SHRINK)
     residual = math.sqrt(squares / fitting) if fitting > 0 else 0.0
-    return (x, y, yaw), hessian, (near, fitting), residual
+    return (x, y, yaw), hessian, (near, fitting), (residual, cost)
+
+
+@compiled
+def _cost(square: float, sigma2: float) -> float:
+    """Return the negative logarithm of the likelihood of a residual by its square and variance, for
+    which `_robust` is the weight."""
+    width = _KERNEL_SIGMAS * _KERNEL_SIGMAS
+    return 0.5 * width * math.log1p(square / (width * sigma2))
 
 
 @compiled

@@ -13,21 +13,21 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference
 from navcore.localisation.estimate import (
     LocalisationEstimate,
     LocalisationState,
     PlaceCorrection,
 )
 from navcore.localisation.graph.edges import ConstantErrors, Edge
-from navcore.localisation.scans.matching import Match, match, search
+from navcore.localisation.scans.matching import Match, match, match_widely
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.correction import CorrectionFlow
 from navcore.localisation.tracking.displacement import DisplacementSearch
 from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPoses
 from navcore.localisation.tracking.odometry_model import OdometryStep
-from navcore.localisation.tracking.pose_filter import PoseFilter, difference
+from navcore.localisation.tracking.pose_filter import PoseFilter
 from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
 from navcore.localisation.tracking.scan_odometry import ScanOdometry
@@ -35,13 +35,14 @@ from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
 
 _DEFAULT = LocalisationConfig()
-_WIDE_M, _WIDE_RAD = 0.25, math.radians(6.0)
-"""Standard deviations of the pose from which a whole window is searched."""
+_WIDE_M, _WIDE_RAD = 0.1, math.radians(6.0)
+"""Standard deviations of the pose from which a whole window is searched: surfaces lie so close to
+each other that those next to such a pose may be others."""
 _MOVED_M, _MOVED_RAD = 0.05, math.radians(1.0)
 """Motion after which a scan says something new about a map."""
 _PLACED = np.diag([0.3, 0.3, math.radians(8.0)]) ** 2
 """Covariance of a pose that was given without one."""
-_DISPLACED = np.diag([_WIDE_M, _WIDE_M, _WIDE_RAD]) ** 2
+_DISPLACED = np.diag([0.25, 0.25, math.radians(6.0)]) ** 2
 """Covariance of a motion without the wheels, or of an error of the saved map."""
 _DOUBTED_S = 0.5
 """Time in seconds of contradicting frames from which the place is looked for beside the estimate:
@@ -321,18 +322,17 @@ class Localiser:
     def _match(self, scan: Scan, scan_map: ScanMap, *, absolute: bool) -> Match:
         config, own = self._config.match, self._require_filter()
         covariance = own.covariance if absolute else own.covariance_within
+        scale = self._scale(len(scan), absolute=absolute)
         sigma_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-        start = None
-        if absolute and (sigma_m > _WIDE_M or math.sqrt(covariance[2, 2]) > _WIDE_RAD):
-            start = search(scan, scan_map, own.pose, config=config).pose
-            sigma_m = 0.0
+        sigma_rad = math.sqrt(covariance[2, 2])
+        if absolute and (sigma_m > _WIDE_M or sigma_rad > _WIDE_RAD):
+            return match_widely(scan, scan_map, own.pose, covariance, scale=scale, config=config)
         return match(
             scan,
             scan_map,
             own.pose,
             covariance,
-            start=start,
-            scale=self._scale(len(scan), absolute=absolute),
+            scale=scale,
             search_m=min(config.search_m, 2 * config.fine_m + 3 * sigma_m),
             config=config,
         )

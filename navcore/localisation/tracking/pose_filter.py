@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from navcore.config.localisation.localisation import OdometryConfig
-from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.geometry.transform import Matrix, Pose2, difference, wrap_angle
 from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.tracking.odometry_model import (
     ERRORS,
@@ -227,10 +227,3 @@ def _informed(covariance: Matrix, gain: Matrix, rows: Matrix, information: Matri
     keep = np.eye(len(covariance)) - gain @ information @ rows
     after = keep @ covariance @ keep.T + gain @ information @ gain.T
     return np.asarray((after + after.T) / 2)
-
-
-def difference(pose: Pose2, other: Pose2) -> Matrix:
-    """Return (3,) x, y and yaw of a pose minus those of another."""
-    return np.array(
-        [pose.x_m - other.x_m, pose.y_m - other.y_m, wrap_angle(pose.yaw_rad - other.yaw_rad)]
-    )

@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.transform import IDENTITY
+from navcore.geometry.transform import IDENTITY, difference
 from navcore.localisation.scans.matching import match
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
-from navcore.localisation.tracking.pose_filter import PoseFilter, difference
+from navcore.localisation.tracking.pose_filter import PoseFilter
 
 
 class ScanOdometry:

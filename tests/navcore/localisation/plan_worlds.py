@@ -274,6 +274,16 @@ def surfaces_of(
     return means[kept, :2], unit[kept]
 
 
+def colonnade() -> PlanWorld:
+    """Return a corridor from x = −8 to 16 m with a pillar at one wall every 0.25 m."""
+    world = PlanWorld()
+    world.wall((-8.0, -1.0), (16.0, -1.0))
+    world.wall((16.0, 1.2), (-8.0, 1.2))
+    for x in np.arange(-8.0, 16.0, 0.25):
+        world.box(x, -1.0, x + 0.1, -0.85)
+    return world
+
+
 def equal_rooms(count: int = 20, *, width: float = 4.0, depth: float = 4.0) -> PlanWorld:
     """Equal rooms on both sides of an equal corridor, each with its door and a cupboard."""
     world = PlanWorld()

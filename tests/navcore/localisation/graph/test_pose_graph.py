@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from navcore.config.localisation.pose_graph import PoseGraphConfig
 from navcore.errors import BadGeometry
+from navcore.geometry.transform import difference
 from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.graph.pose_graph import AbsolutePose, PoseGraph, optimise
-from navcore.localisation.tracking.pose_filter import difference
 from tests.navcore.laws import law
 from tests.navcore.localisation.graph.graphs import (
     LOOP,

@@ -16,6 +16,7 @@ from navcore.config.localisation.relocalisation import (
     RelocalisationConfig,
 )
 from navcore.geometry.transform import Pose2
+from navcore.localisation.relocalisation.place_fit import fit_place
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.relocalisation import (
     PlaceProposal,
@@ -27,6 +28,7 @@ from navcore.localisation.scans.scan import Keyframe, Scan
 from tests.navcore.localisation.plan_worlds import (
     Drive,
     PlanWorld,
+    colonnade,
     drive,
     equal_rooms,
     equal_rooms_tour,
@@ -257,3 +259,22 @@ def test_an_empty_map_and_an_empty_view_fit_nowhere() -> None:
     blank, error, _ = relocalised(PlanWorld([(90.0, 90.0, 91.0, 91.0)]), true, office_map(1))
     assert error is None
     assert blank.state is RelocalisationState.SEARCHING
+
+
+def test_a_place_between_pillars_that_are_alike_is_as_uncertain_as_they_are_apart() -> None:
+    world, poses = colonnade(), drive([(-4.0, 0.0), (8.0, 0.0)])
+    place_map, rng = mapped(world, poses[::2]), np.random.default_rng(5)
+    relocaliser = Relocaliser(place_map, CONFIG)
+    for k, pose in enumerate(poses[40:60]):
+        relocaliser.observe(world.scan(pose, rng), pose, k * 100_000_000)
+    task = relocaliser.next_task()
+    assert task is not None
+
+    result = search_task(task, place_map, CONFIG)
+
+    assert result is not None
+    best = result.everything[0]
+    near = fit_place(task.everything, best.T_map_base, place_map, CONFIG.fit)
+    assert near.sigma_m < 0.1  # the control: the next pillars alone seem to tell
+    assert best.sigma_m > 0.2
+    assert math.sqrt(best.covariance[1, 1]) < 0.1

@@ -11,11 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.geometry.transform import Pose2, wrap_angle
-from navcore.localisation.scans.matching import lines_blocked_share, match, search
+from navcore.localisation.scans.matching import (
+    Match,
+    lines_blocked_share,
+    match,
+    match_widely,
+    search,
+)
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from tests.navcore.laws import law
-from tests.navcore.localisation.plan_worlds import PlanWorld, drive, office
+from tests.navcore.localisation.plan_worlds import PlanWorld, colonnade, drive, office
 
 WORLD = office(3)
 LOOSE = np.diag([0.3, 0.3, 0.15]) ** 2
@@ -176,3 +182,41 @@ def test_a_map_without_surfaces_gives_the_expectation() -> None:
 
     assert found.near == found.fitting == 0
     assert errors(found.pose, CORRIDOR[20]) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def sigmas(found: Match) -> tuple[float, float]:
+    """Standard deviations along x and y in metres of a match that counts as one measurement for
+    each twelve points."""
+    covariance = np.linalg.inv(found.information / 12.0 + 1e-6 * np.eye(3))
+    return math.sqrt(covariance[0, 0]), math.sqrt(covariance[1, 1])
+
+
+def test_a_wide_match_between_pillars_that_are_alike_is_as_uncertain_as_they_are_apart() -> None:
+    world = colonnade()
+    scan_map = map_of(world, drive([(-4.0, 0.0), (8.0, 0.0)])[::3])
+    true = Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0)
+    scan = world.scan(true, np.random.default_rng(4))
+    expected = Pose2(x_m=1.2, y_m=0.05, yaw_rad=0.02)
+
+    one = match(scan, scan_map, expected, LOOSE, scale=1 / 12)
+    found = match_widely(scan, scan_map, expected, LOOSE, scale=1 / 12)
+
+    assert sigmas(one)[0] < 0.05  # the control: the next pillars alone seem to tell
+    assert sigmas(found)[0] > 0.2
+    assert sigmas(found)[1] < 0.05
+    assert abs(found.pose.y_m) < 0.02
+
+
+def test_a_wide_match_in_a_room_is_as_certain_as_its_surfaces() -> None:
+    room, scan_map = square_room()
+    true = Pose2(x_m=1.3, y_m=0.2, yaw_rad=0.2)
+    expected = Pose2(x_m=1.05, y_m=0.45, yaw_rad=0.3)
+
+    found = match_widely(
+        room.scan(true, np.random.default_rng(9)), scan_map, expected, LOOSE, scale=1 / 12
+    )
+
+    away, turn = errors(found.pose, true)
+    assert away < 0.03
+    assert turn < 0.5
+    assert max(sigmas(found)) < 0.03

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.localisation.localisation import DEGPH, OdometryConfig
-from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.geometry.transform import Matrix, Pose2, difference, wrap_angle
 from navcore.localisation.tracking.odometry_model import (
     OdometryMotion,
     OdometryStep,
@@ -17,7 +17,7 @@ from navcore.localisation.tracking.odometry_model import (
     travel_of,
     travel_variance,
 )
-from navcore.localisation.tracking.pose_filter import PoseFilter, difference
+from navcore.localisation.tracking.pose_filter import PoseFilter
 from tests.navcore.laws import law
 
 START = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
