@@ -19,7 +19,7 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Matrix, Pose2, camera_mount
 from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.interiors import hand_held_view, lived_in
-from sim.dataset.renderer import MATERIALS, PATTERNS, Labels, SceneRenderer
+from sim.dataset.renderer import MATERIALS, PACKAGES, PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import Scene
 from sim.rendering.lighting import PLAIN, random_lighting
@@ -104,7 +104,7 @@ def _render_world(
     scene = random_scene(rng, patterns=PATTERNS, prints=scene_renderer.prints)
     furniture_rng = np.random.default_rng((world_seed, 4))
     if furnished:
-        scene = lived_in(scene, furniture_rng, materials=MATERIALS)
+        scene = lived_in(scene, furniture_rng, materials=MATERIALS, packages=PACKAGES)
     scene_renderer.build(scene)
     light_rng = np.random.default_rng((world_seed, 3))
     lighting = random_lighting(light_rng) if disturbed else PLAIN

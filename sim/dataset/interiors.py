@@ -20,10 +20,10 @@ from sim.models.solids import Solid
 
 COVERED_SHARE = 0.75
 """Share of the background objects that are of a material instead of one colour."""
-COVERED_ITEM_SHARE = 0.4
-"""The same of items."""
-PRINTED_KINDS = ("book", "box")
-"""Kinds of items that are printed."""
+COVERED_ITEMS = {"book": 0.6, "box": 0.6, "bottle": 0.5, "cup": 0.4}
+"""The same of items, of which most are printed."""
+PRINTED_SHARE = 0.7
+"""Share of the covered items that are printed, as packages are."""
 ON_TOP = ("cup", "cup", "bottle", "book", "book", "keyboard", "box")
 """Kinds of items on a table; a cup and a book are twice as frequent."""
 HAND_HELD_SHARE = 0.4
@@ -40,9 +40,10 @@ THING_CELL_M = 0.34
 """Side of the part of a table that one thing has for itself."""
 
 
-def lived_in(scene: Scene, rng: Rng, *, materials: int) -> Scene:
+def lived_in(scene: Scene, rng: Rng, *, materials: int, packages: int) -> Scene:
     """Return the scene with materials, and with tables and chairs and things on them; a scene that
-    looks like the simulator stays as it is. `materials`: number of those of the renderer."""
+    looks like the simulator stays as it is. `materials`, `packages`: numbers of those of the
+    renderer."""
     if scene.like_simulator:
         return scene
     objects, blocked, tops = list(scene.objects), list(scene.blocked), list(scene.tops)
@@ -58,7 +59,7 @@ def lived_in(scene: Scene, rng: Rng, *, materials: int) -> Scene:
         tops.append(Top(x_m=at[0], y_m=at[1], radius_m=min(table.half_m), height_m=table.height_m))
         objects += _things_on_top(rng, pose, table)
         objects += _chairs_around(scene, blocked, rng, pose, table)
-    covered = tuple(_covered(item, rng, materials) for item in objects)
+    covered = tuple(_covered(item, rng, materials, packages) for item in objects)
     return replace(scene, objects=covered, blocked=tuple(blocked), tops=tuple(tops))
 
 
@@ -178,19 +179,20 @@ def _item(rng: Rng) -> tuple[str, tuple[Solid, ...]]:
     return kind, item_solids(kind, (x, y, z), palette.item(rng, kind), shape)
 
 
-def _covered(item: SolidObject, rng: Rng, materials: int) -> SolidObject:
-    """Return an object with the solids of one of its colours of a material."""
+def _covered(item: SolidObject, rng: Rng, materials: int, packages: int) -> SolidObject:
+    """Return an object with the solids of one of its colours of a material, or printed."""
     own = item.label == BACKGROUND
-    if not own and item.label not in PRINTED_KINDS:
+    if rng.random() > (COVERED_SHARE if own else COVERED_ITEMS.get(item.label, 0.0)):
         return item
-    if rng.random() > (COVERED_SHARE if own else COVERED_ITEM_SHARE):
-        return item
+    printed = not own and rng.random() < PRINTED_SHARE
+    first, last = (materials, materials + packages) if printed else (0, materials)
+    sides_m = (0.25, 1.2) if own else (0.1, 0.5)
     level = int(255 * rng.uniform(0.6, 1.0))
     return replace(
         item,
         material=Material(
-            texture=int(rng.integers(materials)),
-            side_m=float(rng.uniform(0.25, 1.2)),
+            texture=int(rng.integers(first, last)),
+            side_m=float(rng.uniform(*sides_m)),
             covers=item.solids[rng.integers(len(item.solids))].colour,
             tint=(level, level, level),
         ),

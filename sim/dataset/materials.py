@@ -24,6 +24,49 @@ def material_texture(rng: Rng) -> Texture:
     return np.asarray(np.clip(levels, 0, 255), dtype=np.uint8)
 
 
+def package_texture(rng: Rng) -> Texture:
+    """Return what is printed on a package, a label, a cover or a mug: a ground that changes
+    slowly, pictures, a title, and lines of text."""
+    levels = np.full((SIDE_PX, SIDE_PX, 3), palette.any_colour(rng), dtype=np.float64)
+    if rng.random() < 0.5:
+        slope = 0.5 + 0.5 * smooth_noise(rng, 2).clip(-1, 1)[:, :, None]
+        levels += rng.uniform(0.2, 0.8) * slope * (np.array(palette.any_colour(rng)) - levels)
+    for _ in range(int(rng.integers(1, 7))):
+        _picture(levels, rng)
+    printed = np.ascontiguousarray(np.clip(levels, 0, 255).astype(np.uint8))
+    for _ in range(int(rng.integers(0, 3))):
+        letters = "".join(chr(int(code)) for code in rng.integers(65, 91, rng.integers(2, 8)))
+        at = (int(rng.integers(0, SIDE_PX // 2)), int(rng.integers(30, SIDE_PX)))
+        height, thick = float(rng.uniform(0.7, 3.0)), int(rng.integers(1, 9))
+        cv2.putText(printed, letters, at, int(rng.integers(8)), height, _tone(rng), thick)
+    for _ in range(int(rng.integers(0, 4))):
+        row, col, tone = *(int(v) for v in rng.integers(0, SIDE_PX, 2)), _tone(rng)
+        for line in range(int(rng.integers(2, 12))):
+            end = col + int(rng.integers(20, 90))
+            cv2.line(printed, (col, row + 6 * line), (end, row + 6 * line), tone, 2)
+    return printed
+
+
+def _picture(levels: Levels, rng: Rng) -> None:
+    """Draw an ellipse or a block of two colours that flow into each other."""
+    middle, half = rng.integers(0, SIDE_PX, 2).tolist(), rng.integers(12, 90, 2).tolist()
+    mask = np.zeros((SIDE_PX, SIDE_PX))
+    if rng.random() < 0.6:
+        cv2.ellipse(mask, middle, half, float(rng.uniform(0, 180)), 0, 360, 1.0, -1)
+    else:
+        low, high = np.subtract(middle, half), np.add(middle, half)
+        cv2.rectangle(mask, low.tolist(), high.tolist(), 1.0, -1)
+    flow = smooth_noise(rng, int(rng.integers(3, 24)))[:, :, None] > rng.uniform(-1, 1)
+    picture = np.where(flow, palette.any_colour(rng), palette.any_colour(rng))
+    levels += mask[:, :, None] * (picture - levels)
+
+
+def _tone(rng: Rng) -> tuple[int, int, int]:
+    """Return the colour of letters: black or white as often as any other."""
+    grey = 255 * int(rng.integers(2))
+    return (grey, grey, grey) if rng.random() < 0.5 else palette.any_colour(rng)
+
+
 def _coloured(grey: Grey, colour: tuple[int, int, int]) -> Levels:
     return np.asarray(grey[:, :, None] * np.array(colour, dtype=np.float64))
 

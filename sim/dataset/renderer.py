@@ -12,7 +12,7 @@ import numpy.typing as npt
 from navcore.geometry.transform import Matrix, Pose2, camera_mount
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from sim.dataset import palette
-from sim.dataset.materials import material_texture
+from sim.dataset.materials import material_texture, package_texture
 from sim.dataset.patterns import pattern
 from sim.dataset.scene import UNSEEN, Decal, Scene, SolidObject
 from sim.models.items import ITEM_SIZES, item_shapes, item_solids
@@ -31,8 +31,8 @@ PATTERNS = (24, 8)
 """Number of patterns of indoor floors and of the ground outside."""
 GLOSSES = tuple(GLOSS.values())
 """Gloss of water, mud and chemicals; each has four textures."""
-MATERIALS = 40
-"""Number of materials of furniture."""
+MATERIALS, PACKAGES = 40, 24
+"""Number of materials of furniture, and of prints of packages; their numbers follow each other."""
 PRINTS_OF_EACH = 5
 """Number of rendered prints of each kind of item."""
 FIRST_DECAL_M = 0.003
@@ -125,7 +125,9 @@ class SceneRenderer:
     @cached_property
     def _materials(self) -> list[Texture]:
         rng = np.random.default_rng((self._seed, 4))
-        return [material_texture(rng) for _ in range(MATERIALS)]
+        return [material_texture(rng) for _ in range(MATERIALS)] + [
+            package_texture(rng) for _ in range(PACKAGES)
+        ]
 
     def _put_decal(self, world: VisibleWorld, decal: Decal, height_m: float) -> None:
         texture = None if decal.texture is None else self._patterns[decal.texture]

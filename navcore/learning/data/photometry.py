@@ -17,6 +17,8 @@ GAMMA = 2.2
 """Power of the level that the amount of light grows with."""
 WAVELENGTHS_M = np.array([610e-9, 550e-9, 465e-9])
 """Wavelengths at which red, green and blue are most sensitive."""
+KERNEL_SIDE = 5
+"""Side of the random kernels in pixels."""
 _HC_BY_K = 1.438777e-2
 """Second radiation constant, metre kelvin."""
 
@@ -50,6 +52,25 @@ def motion_blurred(rgb: RgbArray, across_px: float) -> RgbArray:
     return np.asarray(
         cv2.filter2D(rgb, -1, kernel, borderType=cv2.BORDER_REPLICATE), dtype=np.uint8
     )
+
+
+def random_kernel(strength: float, normal: Floats) -> Floats:
+    """Return a (n, n) kernel of sum 1: that which changes nothing at `strength` 0, one of random
+    weights at 1. `normal`: (n, n) standard normal numbers."""
+    side = len(normal)
+    kernel = strength * normal / side
+    kernel[side // 2, side // 2] += 1 - strength
+    return np.asarray(kernel + (1 - kernel.sum()) / side**2)
+
+
+def filtered(rgb: RgbArray, kernel: Floats) -> RgbArray:
+    """Return (H, W, 3) colours that are correlated with a kernel of sum 1, the same for all
+    channels: areas keep their colours, edges and textures look otherwise (a mild form of Xu et al.,
+    Robust and Generalizable Visual Representation Learning via Random Convolutions, 2021)."""
+    levels = cv2.filter2D(
+        rgb.astype(np.float32), -1, kernel.astype(np.float32), borderType=cv2.BORDER_REPLICATE
+    )
+    return np.asarray(np.rint(np.clip(levels, 0, 255)), dtype=np.uint8)
 
 
 def _planck(kelvin: float) -> Floats:

@@ -8,7 +8,14 @@ import numpy as np
 
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray, RgbArray
-from navcore.learning.data.photometry import NEUTRAL_K, exposed, motion_blurred
+from navcore.learning.data.photometry import (
+    KERNEL_SIDE,
+    NEUTRAL_K,
+    exposed,
+    filtered,
+    motion_blurred,
+    random_kernel,
+)
 from navcore.learning.training.recipe import Augmentation
 from navcore.perception.esanet.network.preprocess import Size
 
@@ -55,9 +62,12 @@ def least_scale(size: Size, window: Size) -> float:
 def _in_other_light(
     rgb: RgbArray, width_px: int, changes: Augmentation, random: np.random.Generator
 ) -> RgbArray:
-    """Return colours with a random exposure, white balance and motion blur; draws nothing for what
-    does not vary, so that earlier recipes give the same images. `width_px`: width of the whole
-    image, of which the colours may be a window."""
+    """Return colours with random textures, exposure, white balance and motion blur; draws nothing
+    for what does not vary, so that earlier recipes give the same images. `width_px`: width of the
+    whole image, of which the colours may be a window."""
+    if changes.filtered and random.random() < changes.filtered:
+        normal = random.standard_normal((KERNEL_SIDE, KERNEL_SIDE))
+        rgb = filtered(rgb, random_kernel(random.random(), normal))
     if changes.blur != (0.0, 0.0):
         rgb = motion_blurred(rgb, width_px * random.uniform(*changes.blur))
     light, white_k = 1.0, NEUTRAL_K

@@ -29,7 +29,7 @@ WARM_SHARE, START_DIVISOR, END_DIVISOR = 0.1, 25.0, 1e4
 MOMENTUM, LEAST_MOMENTUM, CONSTANT_MOMENTUM = 0.95, 0.85, 0.9
 """Range of the momentum, which runs against the learning rate; and the momentum without a cycle."""
 
-ADDED_AUGMENTATIONS = ("exposure", "white_k", "blur", "reduced")
+ADDED_AUGMENTATIONS = ("exposure", "white_k", "blur", "reduced", "filtered")
 """Fields that earlier versions did not have."""
 
 
@@ -57,6 +57,9 @@ class Augmentation:
     reduced: float = ranged(0.0, 1.0, default=0.0)
     """Share of the images that are reduced instead of enlarged, until the crop just fits: slow
     machines feed the network smaller images."""
+    filtered: float = ranged(0.0, 1.0, default=0.0)
+    """Share of the images whose edges and textures a random kernel changes, so that less depends on
+    how rendered surfaces look from near."""
 
     def __post_init__(self) -> None:
         for name in ("scale", "hsv", "exposure", "white_k", "blur"):

@@ -44,6 +44,20 @@ def motion_blurred(rgb: Tensor, across_px: Tensor) -> Tensor:
     return torch.round(blurred)
 
 
+def filtered(rgb: Tensor, strength: Tensor, normal: Tensor) -> Tensor:
+    """Return images that are correlated with the kernels `photometry.random_kernel` of (B,)
+    strengths and (B, n, n) standard normal numbers."""
+    count, side = len(rgb), normal.shape[-1]
+    kernels = strength[:, None, None] * normal / side
+    kernels[:, side // 2, side // 2] += 1 - strength
+    kernels += (1 - kernels.sum((1, 2), keepdim=True)) / side**2
+    padded = functional.pad(rgb, (side // 2,) * 4, mode="replicate")
+    levels = functional.conv2d(
+        padded.transpose(0, 1).contiguous(), kernels[:, None], groups=count
+    ).transpose(0, 1)
+    return torch.round(levels.clamp(0, 255))
+
+
 def exposed(rgb: Tensor, light: Tensor, white_k: Tensor) -> Tensor:
     """Return images at (B,) times the amount of light of a good exposure, in light of (B,) colour
     temperatures in kelvin; what is too bright is clipped."""

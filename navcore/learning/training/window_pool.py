@@ -16,11 +16,11 @@ from torch import Tensor
 
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
-from navcore.learning.data.photometry import NEUTRAL_K
+from navcore.learning.data.photometry import KERNEL_SIDE, NEUTRAL_K
 from navcore.learning.training.augmentation import least_scale
 from navcore.learning.training.batches import Batch
 from navcore.learning.training.recipe import Augmentation, Recipe
-from navcore.learning.training.tensor_photometry import exposed, motion_blurred, tinted
+from navcore.learning.training.tensor_photometry import exposed, filtered, motion_blurred, tinted
 from navcore.perception.esanet.network.preprocess import (
     RGB_MEAN,
     RGB_STD,
@@ -205,6 +205,10 @@ class _Draw:
             self._count, device=self._device, generator=self.random
         )
 
+    def normal(self, *shape: int) -> Tensor:
+        """Return (B, *shape) standard normal numbers."""
+        return torch.randn(self._count, *shape, device=self._device, generator=self.random)
+
     def same(self, number: float) -> Tensor:
         """Return (B,) times the same number."""
         return torch.full((self._count,), float(number), device=self._device)
@@ -215,11 +219,14 @@ class _Draw:
 
 
 def _in_other_light(rgb: Tensor, width: Tensor, changes: Augmentation, draw: _Draw) -> Tensor:
-    """Return colours with random tint, motion, exposure and white balance; `width` (B,) are those
-    of the whole images in pixels."""
+    """Return colours with random tint, textures, motion, exposure and white balance; `width` (B,)
+    are those of the whole images in pixels."""
     low, high = changes.hsv
     factors = torch.stack([draw.uniform(low, high) for _ in range(3)], dim=1)
     rgb = tinted(rgb, factors)
+    if changes.filtered:
+        chosen = draw.uniform(0, 1) < changes.filtered
+        rgb = filtered(rgb, chosen * draw.uniform(0, 1), draw.normal(KERNEL_SIDE, KERNEL_SIDE))
     if changes.blur != (0.0, 0.0):
         rgb = motion_blurred(rgb, width * draw.uniform(*changes.blur))
     if (changes.exposure, changes.white_k) == ((1.0, 1.0), (NEUTRAL_K, NEUTRAL_K)):

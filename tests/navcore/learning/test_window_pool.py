@@ -100,6 +100,7 @@ def test_colours_change_as_those_of_a_single_image() -> None:
         np.array([0.5, 1.0, 1.6]),
         [4000.0, 5500.0, 7000.0],
     )
+    strengths, normal = np.array([0.0, 0.4, 1.0]), random.standard_normal((3, 5, 5))
     levels = torch.from_numpy(rgb.astype(np.float32)).permute(0, 3, 1, 2)
 
     def off(
@@ -113,6 +114,18 @@ def test_colours_change_as_those_of_a_single_image() -> None:
         off(
             tensor_photometry.tinted(levels, torch.from_numpy(factors).float()),
             [augmentation.tinted(rgb[i], factors[i]) for i in range(3)],
+        )
+        <= 1
+    )
+    assert (
+        off(
+            tensor_photometry.filtered(
+                levels, torch.from_numpy(strengths).float(), torch.from_numpy(normal).float()
+            ),
+            [
+                photometry.filtered(rgb[i], photometry.random_kernel(strengths[i], normal[i]))
+                for i in range(3)
+            ],
         )
         <= 1
     )

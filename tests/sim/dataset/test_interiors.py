@@ -3,18 +3,22 @@ their table, and a hand that looks at what it is meant to."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from navcore.geometry.transform import Pose2
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from sim.dataset.generate import LabelledImage, render_images
-from sim.dataset.interiors import HIGHEST_M, hand_held_view, lived_in
-from sim.dataset.materials import material_texture
-from sim.dataset.renderer import LABELS, MATERIALS, PATTERNS, SceneRenderer
+from sim.dataset.interiors import COVERED_ITEMS, HIGHEST_M, hand_held_view, lived_in
+from sim.dataset.materials import material_texture, package_texture
+from sim.dataset.renderer import LABELS, MATERIALS, PACKAGES, PATTERNS, SceneRenderer
 from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import BACKGROUND, Material, Scene, SolidObject
 from sim.models.solids import box
+from sim.models.textures import Texture
 from sim.sensors.camera import T_BASE_CAMERA
 
 SMALL = (212, 120)
@@ -24,7 +28,9 @@ WORLDS = range(40)
 def scenes(seed: int) -> tuple[Scene, Scene]:
     """Return a random world, and the same with an interior."""
     plain = random_scene(np.random.default_rng((seed, 2)), patterns=PATTERNS, prints=50)
-    return plain, lived_in(plain, np.random.default_rng((seed, 4)), materials=MATERIALS)
+    return plain, lived_in(
+        plain, np.random.default_rng((seed, 4)), materials=MATERIALS, packages=PACKAGES
+    )
 
 
 def test_an_interior_adds_to_the_world_and_takes_nothing_away() -> None:
@@ -40,7 +46,7 @@ def test_an_interior_adds_to_the_world_and_takes_nothing_away() -> None:
             assert furnished == plain
         tables += len(furnished.tops)
         assert all(
-            0 <= item.material.texture < MATERIALS
+            0 <= item.material.texture < MATERIALS + PACKAGES
             for item in furnished.objects
             if item.material is not None
         )
@@ -147,9 +153,24 @@ def test_a_material_covers_the_solids_of_its_colour_alone(share: int) -> None:
     assert covered.sum() < 100
 
 
-def test_materials_differ_and_are_textures() -> None:
+@pytest.mark.parametrize("made", [material_texture, package_texture])
+def test_materials_and_prints_differ_and_are_textures(
+    made: Callable[[np.random.Generator], Texture],
+) -> None:
     rng = np.random.default_rng(3)
-    textures = [material_texture(rng) for _ in range(30)]
+    textures = [made(rng) for _ in range(30)]
     assert all(t.dtype == np.uint8 and t.ndim == 3 and t.shape[2] == 3 for t in textures)
     assert len({t.tobytes() for t in textures}) == len(textures)
     assert sum(t.std() > 5 for t in textures) > len(textures) / 2
+
+
+def test_a_third_of_the_books_boxes_bottles_and_cups_of_furnished_worlds_are_printed() -> None:
+    printed, plain = Counter[str](), Counter[str]()
+    for seed in WORLDS:
+        _, furnished = scenes(seed)
+        for item in () if furnished.like_simulator else furnished.objects:
+            of = printed if item.material and item.material.texture >= MATERIALS else plain
+            of[item.label] += 1
+    assert set(printed) == set(COVERED_ITEMS)
+    share = printed.total() / sum(printed[kind] + plain[kind] for kind in COVERED_ITEMS)
+    assert 0.25 < share < 0.5
