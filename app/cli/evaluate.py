@@ -40,13 +40,16 @@ if TYPE_CHECKING:
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
 PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
-LIGHT_SUITE, TEACHING_SUITE = "light", "teaching"
-VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE, TEACHING_SUITE)
-"""Suites in which a camera is carried through worlds and nothing drives."""
+LIGHT_SUITE, TEACHING_SUITE, TABLES_SUITE = "light", "teaching", "table-tops"
+VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE, TEACHING_SUITE, TABLES_SUITE)
+"""Suites in which a camera sees things and nothing drives."""
 ENOUGH_FOUND: Mapping[str, float] = {DETECTION_SUITE: 0.95, ONE_CLICK_SUITE: 0.8}
 """Share of objects found in time at which a suite succeeds."""
 FEW_FALSE_PER_10_M = 1.0
 """Rate of false detections up to which it does."""
+ENOUGH_LABELLED, LITTLE_OF_TABLES = 0.5, 0.01
+"""Shares of the real things that are labelled, and of the tables, at which `table-tops` succeeds.
+"""
 
 ENOUGH_PASSED = 0.95
 """Share of doors passed at the first try at which `doors` succeeds."""
@@ -60,7 +63,8 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, doors, finding, light, localisation, one-click, teaching and paper."
+            "crossings, doors, finding, light, localisation, one-click, table-tops, teaching and "
+            "paper."
         ),
     ]
     experiment: Annotated[
@@ -73,6 +77,9 @@ class EvaluateSettings:
     ] = None
     worlds: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="The worlds of barn or dynabarn.")
+    ] = None
+    images: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The real images of table-tops.")
     ] = None
     robot: Annotated[
         str,
@@ -180,6 +187,8 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         return _light(settings)
     if settings.suite == TEACHING_SUITE:
         return _teaching(settings)
+    if settings.suite == TABLES_SUITE:
+        return _table_tops(settings)
     if settings.suite == LOCALISATION_SUITE:
         return _localisation(settings, config)
     return _scenario(settings, config)
@@ -196,6 +205,10 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
     if settings.scenario is not None and settings.suite != LOCALISATION_SUITE:
         raise BadConfiguration(
             "--scenario names the world of the suite 'localisation'; other worlds are the argument"
+        )
+    if (settings.images is None) == (settings.suite == TABLES_SUITE):
+        raise BadConfiguration(
+            f"--images DIR names what the suite {TABLES_SUITE!r} looks at, and is for it alone"
         )
     if settings.latency != "live" and settings.suite in (*VIEWING, LOCALISATION_SUITE):
         raise BadConfiguration(
@@ -220,7 +233,11 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             "--shard, --workers and --engine are for suites of separate episodes, and "
             f"{settings.suite!r} runs as a whole"
         )
-    if settings.camera is not None and settings.suite in (LOCALISATION_SUITE, TEACHING_SUITE):
+    if settings.camera is not None and settings.suite in (
+        LOCALISATION_SUITE,
+        TEACHING_SUITE,
+        TABLES_SUITE,
+    ):
         raise BadConfiguration(
             f"--camera is not for the suite {settings.suite!r}: its images have a size of their own"
         )
@@ -370,6 +387,25 @@ def _teaching(settings: EvaluateSettings) -> bool:
         settings.segmentation.choice().weights or SHIPPED,
         seeds,
         out=_out(settings, TEACHING_SUITE),
+    )
+
+
+def _table_tops(settings: EvaluateSettings) -> bool:
+    from app.evaluation.perception.table_tops import evaluate_table_tops
+    from app.runtime.start.engine_memory import EngineMemory
+    from app.runtime.start.segmentation import compose
+
+    assert settings.images is not None
+    told = evaluate_table_tops(
+        compose(settings.segmentation.choice(), memory=EngineMemory.of_user()),
+        beware_list(settings.beware),
+        settings.images,
+        out=_out(settings, TABLES_SUITE),
+    )
+    return all(
+        found["labelled"] >= ENOUGH_LABELLED * found["things"]
+        and found["table_share"] <= LITTLE_OF_TABLES
+        for found in told["labelled_things"].values()
     )
 
 

@@ -91,11 +91,16 @@ def is_recorded(result: Result) -> bool:
     return "frames" in result
 
 
+def is_labelled(result: Result) -> bool:
+    """Return whether a result is of real things on tables."""
+    return "labelled_things" in result
+
+
 def is_random(result: Result) -> bool:
     """Return whether a result is of random missions in a world."""
     others = (
         *(is_paper, is_walked, is_lit, is_doors, is_crossings, is_taught, is_recorded),
-        is_localisation,
+        *(is_localisation, is_labelled),
     )
     return not any(is_other(result) for is_other in others)
 
@@ -162,6 +167,10 @@ def full_table(results: Sequence[Result]) -> str:
             *("objects held as their class", "each held as"),
         ),
         [_recording_row(result) for result in results if is_recorded(result)],
+    )
+    labelled = _table(
+        ("suite", "images", "things labelled", "95 % interval", "as", "of the tables"),
+        [row for result in results if is_labelled(result) for row in _labelled_rows(result)],
     )
     doors = _table(
         (
@@ -234,6 +243,7 @@ def full_table(results: Sequence[Result]) -> str:
     )
     lit = [light] if any(map(is_lit, results)) else []
     real = [recorded] if any(map(is_recorded, results)) else []
+    real += [labelled] if any(map(is_labelled, results)) else []
     passed = [doors] if any(map(is_doors, results)) else []
     met = [crossings] if any(map(is_crossings, results)) else []
     learned = [taught] if any(map(is_taught, results)) else []
@@ -331,6 +341,20 @@ def _recording_row(result: Result) -> Sequence[str]:
         f"{judged['held_as_own_class']} of {len(held)}",
         "; ".join(f"{name}: {classes}" for name, classes in held.items()),
     )
+
+
+def _labelled_rows(result: Result) -> list[Sequence[str]]:
+    return [
+        (
+            f"`{result['scenario']}`, {name}",
+            str(found["images"]),
+            f"{found['labelled']} of {found['things']}",
+            _share_interval(found["labelled"], found["things"]),
+            _listed(found["by_class"]),
+            f"{found['table_share']:.2%}".replace("%", " %"),
+        )
+        for name, found in result["labelled_things"].items()
+    ]
 
 
 def _doors_row(result: Result) -> Sequence[str]:
