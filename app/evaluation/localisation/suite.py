@@ -193,6 +193,10 @@ PARTS: dict[str, Callable[[Site, str], Any]] = {
 """Parts of the summary, each measured by itself; many are measured in several maps."""
 
 
+def _say(line: str) -> None:
+    print(line.strip(), file=sys.stderr, flush=True)
+
+
 def _measured(suite: Suite, world: Scenario, part: tuple[str, str]) -> Any:
     """Return one part of the summary in one map."""
     name, which = part
@@ -228,8 +232,10 @@ def evaluate_localisation(
     site = Site.of(suite, scenario)
     other = "indoor" if scenario.name == "office" else "office"
     suite.recording(load_scenario(other))  # before workers look for it
-    for start in site.second.starts(suite.places):
+    starts = list(site.second.starts(suite.places))
+    for number, start in enumerate(starts, start=1):
         suite.turn(scenario, site.second, start)
+        _say(f"turn {number} of {len(starts)} is recorded")
     summary: dict[str, Any] = {
         "command": command_line(),
         "scenario": scenario.name,
@@ -250,13 +256,14 @@ def evaluate_localisation(
     tasks = [(name, which) for name in PARTS for which in maps.get(name, ("",))]
     results = in_order(engine, partial(_measured, suite, scenario), tasks, ahead=len(tasks))
     with closing(results):
-        for (name, which), result in zip(tasks, results, strict=True):
+        for number, ((name, which), result) in enumerate(zip(tasks, results, strict=True), start=1):
             if isinstance(result, Lost):
                 raise BewareNavError(f"{name} {which}: {result.cause}")
             if which:
                 summary.setdefault(name, {})[which] = result
             else:
                 summary[name] = result
+            _say(f"{number} of {len(tasks)} parts are measured: {name.replace('_', ' ')} {which}")
     _print(summary)
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "summary.json", json.dumps(summary, indent=1).encode())

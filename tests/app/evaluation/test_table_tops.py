@@ -13,7 +13,8 @@ import pytest
 
 from app.cli.evaluate import EvaluateSettings, _check_options
 from app.evaluation.perception.table_tops import SUITE, evaluate_table_tops
-from app.evaluation.tables import file_name, full_table, is_random
+from app.evaluation.tables.kinds import file_name, is_random
+from app.evaluation.tables.pages import full_table
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareClass, BewareList

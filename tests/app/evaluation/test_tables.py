@@ -8,29 +8,32 @@ from typing import Any
 import pytest
 
 from app.evaluation.perception.detection_counts import DetectionCounts, summary
-from app.evaluation.tables import (
+from app.evaluation.tables.kinds import (
+    file_name,
+    is_crossings,
+    is_doors,
+    is_labelled,
+    is_localisation,
+    is_random,
+    is_recorded,
+    is_second_day,
+)
+from app.evaluation.tables.pages import (
     BEGIN,
     END,
     PAGES,
     RESULTS,
     ROOT,
-    Result,
-    file_name,
     full_table,
-    is_crossings,
-    is_doors,
-    is_localisation,
-    is_random,
-    is_recorded,
-    is_second_day,
     kept_results,
-    short_table,
     with_table,
 )
+from app.evaluation.tables.table import Result
 from app.runtime.record.provenance import shipped_sha256
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
 
+short_table = PAGES["README.md"]
 FILES = sorted(RESULTS.glob("*.json"))
 KEPT = dict(zip((path.stem for path in FILES), kept_results(), strict=True))
 every_result = pytest.mark.parametrize("result", KEPT.values(), ids=KEPT)
@@ -50,6 +53,9 @@ def test_a_result_is_of_the_network_that_ships_and_names_its_origin(result: Resu
     if is_recorded(result):
         assert result["frames"] > 0
         assert result["command"].startswith(f"bewarenav replay {result['scenario']} ")
+    elif is_labelled(result):
+        assert result["command"].startswith("bewarenav evaluate table-tops ")
+        assert all(one["images"] > 0 for one in result["labelled_things"].values())
     else:
         assert result["episodes"] == len(result["seeds"]) == len(set(result["seeds"])) > 0
         assert result["command"].startswith("bewarenav evaluate ")

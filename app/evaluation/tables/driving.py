@@ -1,0 +1,147 @@
+"""Tables of robots that drive: random missions, the paper's missions, doors and crossings."""
+
+from __future__ import annotations
+
+from app.evaluation.summary import RATES
+from app.evaluation.tables.kinds import (
+    is_crossings,
+    is_doors,
+    is_paper,
+    is_random,
+    is_second_day,
+)
+from app.evaluation.tables.table import (
+    Result,
+    Row,
+    Table,
+    count,
+    failures,
+    interval,
+    percent,
+    seeds,
+    single,
+)
+
+_SHOWN_RATES = tuple(key for key in RATES if key != "struck_rate")
+
+
+def world(result: Result) -> str:
+    """Return the world of a result, and whether it is of the second day there."""
+    return f"`{result['scenario']}`" + ", second day" * is_second_day(result)
+
+
+def _short_row(result: Result) -> Row:
+    return (
+        world(result),
+        count(result, "goals_rate"),
+        interval(result, "goals_rate"),
+        count(result, "success_rate"),
+        f"{result['spl']:.2f}",
+        f"{result['ideal_spl']:.2f}",
+    )
+
+
+def _random_row(result: Result) -> Row:
+    return (
+        world(result),
+        *(f"{count(result, key)} ({interval(result, key)})" for key in _SHOWN_RATES),
+        f"{result['spl']:.2f}",
+        f"{result['ideal_spl']:.2f}",
+        failures(result),
+    )
+
+
+def _mission_row(result: Result) -> Row:
+    errors_m = (
+        " / ".join(f"{error_m:.2f}" for error_m in errors)
+        for _, errors in sorted(result["goal_errors_m"].items())
+    )
+    clearance_m = result["min_clearance_m"]
+    return (
+        f"`{result['scenario']}`, seed {', '.join(map(str, result['seeds']))}",
+        f"{result['goals_reached']} of {result['goals']}",
+        f"{', '.join(errors_m)} m",
+        str(result["collisions"]),
+        str(result["beware_intrusions"] + result["zone_intrusions"]),
+        "–" if clearance_m is None else f"{clearance_m:.2f} m",
+        f"{result['distance_m']:.0f} m",
+        f"{result['sim_time_s']:.0f} s",
+        f"{result['explored_m3']:.0f} m³",
+        failures(result),
+    )
+
+
+def _doors_row(result: Result) -> Row:
+    missed = ", ".join(map(str, result["not_at_first_try_seeds"]))
+    return (
+        f"`{result['scenario']}`",
+        seeds(result),
+        f"{count(result, 'first_try')} ({interval(result, 'first_try')})",
+        str(result["collisions"]),
+        f"{result['min_clearance_m']:.2f} m",
+        missed or "none",
+    )
+
+
+def _crossings_row(result: Result) -> Row:
+    episodes, (low, high) = result["episodes"], result["drove_into_people_ci95"]
+    return (
+        f"`{result['scenario']}`",
+        seeds(result),
+        f"{result['drove_into_people']} of {episodes} ({percent(low)} to {percent(high)})",
+        ", ".join(map(str, result["drove_into_people_seeds"])) or "none",
+        f"{result['struck_while_standing']} of {episodes}",
+        f"{result['goals_reached']} of {episodes}",
+        f"{result['sim_time_s']:.1f} s",
+    )
+
+
+SHORT = Table(
+    shows=is_random,
+    columns=(
+        "world",
+        "all goals reached",
+        "95 % interval",
+        "success",
+        "SPL",
+        "SPL of the baseline",
+    ),
+    rows=single(_short_row),
+    always=True,
+)
+"""The table of the first page."""
+RANDOM = Table(
+    shows=is_random,
+    columns=(
+        *("world", *(RATES[key][0] for key in _SHOWN_RATES)),
+        *("SPL", "baseline", "failures by seed"),
+    ),
+    rows=single(_random_row),
+    always=True,
+)
+MISSIONS = Table(
+    shows=is_paper,
+    columns=(
+        *("the paper's mission", "goals reached", "true distance at G1, G2, G3"),
+        *("drove into something", "over an item, a marking or a zone", "least clearance"),
+        *("driven", "time", "explored", "failures by seed"),
+    ),
+    rows=single(_mission_row),
+    always=True,
+)
+DOORS = Table(
+    shows=is_doors,
+    columns=(
+        *("suite", "seeds", "passed at the first try", "collisions"),
+        *("least clearance", "not passed"),
+    ),
+    rows=single(_doors_row),
+)
+CROSSINGS = Table(
+    shows=is_crossings,
+    columns=(
+        *("suite", "seeds", "drove into a person", "seeds of these"),
+        *("a person walked into the standing robot", "goal reached", "mean time"),
+    ),
+    rows=single(_crossings_row),
+)
