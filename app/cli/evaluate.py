@@ -41,7 +41,11 @@ if TYPE_CHECKING:
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
 PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
 LIGHT_SUITE, TEACHING_SUITE, TABLES_SUITE = "light", "teaching", "table-tops"
-VIEWING = (DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE, TEACHING_SUITE, TABLES_SUITE)
+PRINTS_SUITE = "prints"
+VIEWING = (
+    *(DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE, TEACHING_SUITE),
+    *(TABLES_SUITE, PRINTS_SUITE),
+)
 """Suites in which a camera sees things and nothing drives."""
 ENOUGH_FOUND: Mapping[str, float] = {DETECTION_SUITE: 0.95, ONE_CLICK_SUITE: 0.8}
 """Share of objects found in time at which a suite succeeds."""
@@ -50,7 +54,9 @@ FEW_FALSE_PER_10_M = 1.0
 ENOUGH_LABELLED, LITTLE_OF_TABLES = 0.5, 0.01
 """Shares of the real things that are labelled, and of the tables, at which `table-tops` succeeds.
 """
-
+FEW_LET_THROUGH = 0.1
+"""Share of the prints of each class with a least height that the network claims and the check by
+depth lets through, up to which `prints` succeeds."""
 ENOUGH_PASSED = 0.95
 """Share of doors passed at the first try at which `doors` succeeds."""
 
@@ -63,8 +69,8 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, doors, finding, light, localisation, one-click, table-tops, teaching and "
-            "paper."
+            "crossings, doors, finding, light, localisation, one-click, prints, table-tops, "
+            "teaching and paper."
         ),
     ]
     experiment: Annotated[
@@ -189,6 +195,8 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
         return _teaching(settings)
     if settings.suite == TABLES_SUITE:
         return _table_tops(settings)
+    if settings.suite == PRINTS_SUITE:
+        return _prints(settings)
     if settings.suite == LOCALISATION_SUITE:
         return _localisation(settings, config)
     return _scenario(settings, config)
@@ -406,6 +414,27 @@ def _table_tops(settings: EvaluateSettings) -> bool:
         found["labelled"] >= ENOUGH_LABELLED * found["things"]
         and found["table_share"] <= LITTLE_OF_TABLES
         for found in told["labelled_things"].values()
+    )
+
+
+def _prints(settings: EvaluateSettings) -> bool:
+    from app.evaluation.perception.prints import evaluate_prints
+    from app.runtime.start.engine_memory import EngineMemory
+    from app.runtime.start.segmentation import compose
+
+    told = evaluate_prints(
+        compose(
+            settings.segmentation.choice(camera=settings.stream), memory=EngineMemory.of_user()
+        ),
+        beware_list(settings.beware),
+        seeds=range(settings.seed, settings.seed + (settings.episodes or 30)),
+        out=_out(settings, PRINTS_SUITE),
+        size=settings.stream.size,
+    )
+    return all(
+        len(found["let_through_seeds"]) <= FEW_LET_THROUGH * told["episodes"]
+        for found in told["printed"].values()
+        if found["min_height_m"] is not None
     )
 
 

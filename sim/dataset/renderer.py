@@ -5,25 +5,26 @@ from __future__ import annotations
 import math
 from functools import cached_property
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navcore.geometry.arrays import Bools
 from navcore.geometry.transform import Matrix, Pose2, camera_mount
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from sim.dataset import palette
 from sim.dataset.materials import material_texture, package_texture
 from sim.dataset.patterns import pattern
-from sim.dataset.scene import UNSEEN, Decal, Scene, SolidObject
-from sim.models.items import ITEM_SIZES, item_shapes, item_solids
+from sim.dataset.prints import PRINT_KINDS, RenderedPrint, cropped, thing_solids
+from sim.dataset.scene import UNSEEN, Decal, Poster, Scene, SolidObject
+from sim.models.items import ITEM_SIZES
 from sim.models.mesh import merge_solids
-from sim.models.person import Appearance, person_solids
-from sim.models.textures import GLOSS, PRINT_PX, Texture, print_texture, spill_texture
+from sim.models.person import PERSON
+from sim.models.textures import GLOSS, Texture, print_texture, spill_texture
 from sim.physics.bodies import pose_matrix
 from sim.rendering.lamps import LampLight
 from sim.rendering.lighting import PLAIN, Lighting
 from sim.rendering.visible_world import FAR_M, VisibleWorld
-from sim.rendering.visual import Visual, flat_polygon, patterned, rectangle, solid_visuals
+from sim.rendering.visual import Visual, cut_out, flat_polygon, patterned, rectangle, solid_visuals
 from sim.sensors.camera import d455_intrinsics
 from sim.sensors.stereo_noise import Depth, Rgb
 
@@ -34,7 +35,7 @@ GLOSSES = tuple(GLOSS.values())
 MATERIALS, PACKAGES = 40, 24
 """Number of materials of furniture, and of prints of packages; their numbers follow each other."""
 PRINTS_OF_EACH = 5
-"""Number of rendered prints of each kind of item."""
+"""Number of rendered prints of each kind."""
 FIRST_DECAL_M = 0.003
 """Height of the first decal above the ground."""
 DECAL_STEP_M = 0.0004
@@ -59,17 +60,23 @@ class SceneRenderer:
         self._patterns += [
             _gloss(GLOSSES[i // 4], int(rng.integers(1 << 30))) for i in range(4 * len(GLOSSES))
         ]
-        self._prints = [
-            self._render_print(rng, kind)
-            for kind in (*ITEM_SIZES, "person")
-            for _ in range(PRINTS_OF_EACH)
+        rendered = [
+            self._render_print(rng, kind) for kind in PRINT_KINDS for _ in range(PRINTS_OF_EACH)
         ]
+        self._outlines = [outline for _, outline in rendered]
+        self._prints = [image for image, _ in rendered]
         self._prints += [print_texture(kind) for kind in ITEM_SIZES]
 
     @property
     def prints(self) -> int:
         """Number of prints."""
         return len(self._prints)
+
+    def print_of(self, kind: str, number: int) -> RenderedPrint:
+        """Return a rendered print of one of the `PRINT_KINDS`; `number` is below
+        `PRINTS_OF_EACH`."""
+        i = PRINT_KINDS.index(kind) * PRINTS_OF_EACH + number
+        return RenderedPrint(number=i, image=self._prints[i], outline=self._outlines[i])
 
     def build(self, scene: Scene) -> None:
         """Replace the present world by this one."""
@@ -80,10 +87,7 @@ class SceneRenderer:
         for i, poster in enumerate(scene.posters):
             x, y, z = poster.at_m
             height_m = FIRST_DECAL_M + (len(scene.decals) + i) * DECAL_STEP_M if z == 0.0 else z
-            world.add(
-                [rectangle(poster.size_m, self._prints[poster.texture])],
-                pose_matrix([x, y, height_m], list(poster.turn)),
-            )
+            world.add([self._sheet(poster)], pose_matrix([x, y, height_m], list(poster.turn)))
             labels.append("background")
         for solid_object in scene.objects:
             world.add(self._visuals(solid_object), solid_object.pose.matrix())
@@ -122,6 +126,13 @@ class SceneRenderer:
             *solid_visuals(others),
         )
 
+    def _sheet(self, poster: Poster) -> Visual:
+        """Return the paper of a poster with its print."""
+        image = self._prints[poster.texture]
+        if poster.cut_out:
+            return cut_out(poster.size_m, image, self._outlines[poster.texture])
+        return rectangle(poster.size_m, image)
+
     @cached_property
     def _materials(self) -> list[Texture]:
         rng = np.random.default_rng((self._seed, 4))
@@ -136,24 +147,12 @@ class SceneRenderer:
             pose_matrix([0.0, 0.0, height_m], [0.0, 0.0, 0.0, 1.0]),
         )
 
-    def _render_print(self, rng: np.random.Generator, kind: str) -> Texture:
-        """Return a square image of one item on a floor of any colour, as a print shows it."""
+    def _render_print(self, rng: np.random.Generator, kind: str) -> tuple[Texture, Bools]:
+        """Return a square image of one item on a floor of any colour, as a print shows it, and the
+        pixels of the item."""
         world = VisibleWorld()
-        if kind == "person":
-            solids = person_solids(
-                0.1,
-                Appearance(
-                    shirt=palette.any_colour(rng),
-                    trousers=palette.any_colour(rng),
-                    hair=palette.hair(rng),
-                ),
-            )
-            reach = 1.9
-        else:
-            solids = item_solids(
-                kind, ITEM_SIZES[kind], palette.item(rng, kind), str(rng.choice(item_shapes(kind)))
-            )
-            reach = 1.3 * max(ITEM_SIZES[kind])
+        solids = thing_solids(rng, kind)
+        reach = 1.9 if kind == PERSON else 1.3 * max(ITEM_SIZES[kind])
         ground = ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))
         self._put_decal(
             world,
@@ -162,33 +161,15 @@ class SceneRenderer:
         )
         turn = Pose2(x_m=0.0, y_m=0.0, yaw_rad=float(rng.uniform(-3, 3)))
         item = world.add(solid_visuals(solids), turn.matrix())
-        down = float(rng.uniform(0.45, 1.2)) if kind != "person" else 0.1
+        down = float(rng.uniform(0.45, 1.2)) if kind != PERSON else 0.1
         away = 1.6 * reach
         T_map_base = Pose2(x_m=-away * math.cos(down), y_m=0.0, yaw_rad=0.0).matrix()
-        height = away * math.sin(down) + (0.9 if kind == "person" else 0.09 * reach)
+        height = away * math.sin(down) + (0.9 if kind == PERSON else 0.09 * reach)
         seen = world.image(
             T_map_base @ camera_mount(x_m=0.0, y_m=0.0, z_m=height, pitch_down_rad=down),
             self.intrinsics,
         )
-        return _crop(seen.rgb, *np.nonzero(seen.objects == item))
-
-
-def _crop(rgb: Rgb, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Texture:
-    """Return the square around these pixels, with a margin and a white frame."""
-    if len(rows) == 0:
-        return np.full((PRINT_PX, PRINT_PX, 3), 240, dtype=np.uint8)
-    half = round(0.62 * max(np.ptp(rows), np.ptp(columns)) + 3)
-    row, column = (
-        (int(rows.min()) + int(rows.max())) // 2,
-        (int(columns.min()) + int(columns.max())) // 2,
-    )
-    padded = np.pad(rgb, ((half, half), (half, half), (0, 0)), mode="edge")
-    square = padded[row : row + 2 * half, column : column + 2 * half]
-    image = cv2.resize(square, (PRINT_PX, PRINT_PX), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(
-        cv2.rectangle(image, (0, 0), (PRINT_PX - 1, PRINT_PX - 1), (245, 245, 240), 5),
-        dtype=np.uint8,
-    )
+        return cropped(seen.rgb, seen.objects == item)
 
 
 def _gloss(gloss: float, seed: int) -> Texture:

@@ -30,18 +30,44 @@ def random_scene(rng: Rng, *, patterns: tuple[int, int], prints: int) -> Scene:
     focus = tuple(float(rng.uniform(-1, 1) * max(0.3, half - 1.6)) for half in plan.half_m)
     ItemPlacer(plan, focus=(focus[0], focus[1]), patterns=patterns, prints=prints).place_all()
     _furnish(plan)
-    reach = (min(plan.half_m[0] - 0.35, 8.0), min(plan.half_m[1] - 0.35, 8.0))
     return Scene(
         objects=tuple(plan.objects),
         decals=tuple(plan.decals),
         posters=tuple(plan.posters),
         targets=tuple(plan.targets),
         blocked=tuple(plan.blocked),
-        reach_m=reach,
+        reach_m=_reach(plan),
         light=DAYLIGHT if plan.plain else _light(rng),
         sky=None if plan.plain or rng.random() < 0.3 else _sky(rng),
         like_simulator=plan.plain,
     )
+
+
+def empty_scene(rng: Rng, *, patterns: tuple[int, int]) -> Scene:
+    """Return a world with ground, walls and light as of `random_scene`, and nothing in it.
+
+    `patterns`: number of indoor and outdoor patterns of the renderer.
+    """
+    plan = _random_plan(rng)
+    _add_ground(plan, patterns)
+    if plan.walled:
+        _build_walls(plan)
+    return Scene(
+        objects=tuple(plan.objects),
+        decals=tuple(plan.decals),
+        posters=(),
+        targets=(),
+        blocked=(),
+        reach_m=_reach(plan),
+        light=DAYLIGHT if plan.plain else _light(rng),
+        sky=None if plan.plain or rng.random() < 0.3 else _sky(rng),
+        like_simulator=plan.plain,
+    )
+
+
+def _reach(plan: ScenePlan) -> tuple[float, float]:
+    """Return the bound of the positions of a robot along x and y, in metres."""
+    return min(plan.half_m[0] - 0.35, 8.0), min(plan.half_m[1] - 0.35, 8.0)
 
 
 def _random_plan(rng: Rng) -> ScenePlan:

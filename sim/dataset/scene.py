@@ -75,6 +75,9 @@ class Poster:
     """
     size_m: tuple[float, float]
     """Width and height."""
+    cut_out: bool = False
+    """Whether it is cut out along the outline of the thing that it shows, as a sticker is; only of
+    a rendered print."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

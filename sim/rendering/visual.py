@@ -82,6 +82,19 @@ def rectangle(size_m: tuple[float, float], texture: Texture) -> Visual:
     return _flat((unit - 0.5) * size_m, WHITE, texture, unit)
 
 
+def cut_out(size_m: tuple[float, float], texture: Texture, inside: npt.NDArray[np.bool_]) -> Visual:
+    """Return the part of such a rectangle where the texture's (H, W) pixels are inside: a strip for
+    each run of them in a row. There has to be one."""
+    height, width = inside.shape
+    change = np.diff(np.pad(inside.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    (rows, begins), (_, ends) = np.nonzero(change == 1), np.nonzero(change == -1)
+    left, right = begins / width, ends / width
+    low, high = 1 - (rows + 1) / height, 1 - rows / height
+    corners = [(left, low), (right, low), (right, high), (left, low), (right, high), (left, high)]
+    unit = np.array(corners).transpose(2, 0, 1).reshape(-1, 2)
+    return _flat((unit - 0.5) * size_m, WHITE, texture, unit)
+
+
 def _flat(corners: Floats, colour: Colour, texture: Texture | None, coordinates: Floats) -> Visual:
     mesh = Mesh(
         corners=np.column_stack([corners, np.zeros(len(corners))]),

@@ -56,11 +56,16 @@ def is_labelled(result: Result) -> bool:
     return "labelled_things" in result
 
 
+def is_printed(result: Result) -> bool:
+    """Return whether a result is of prints of things and the things themselves."""
+    return "printed" in result
+
+
 def is_random(result: Result) -> bool:
     """Return whether a result is of random missions in a world."""
     others = (
         *(is_paper, is_walked, is_lit, is_doors, is_crossings, is_taught, is_recorded),
-        *(is_localisation, is_labelled),
+        *(is_localisation, is_labelled, is_printed),
     )
     return not any(is_other(result) for is_other in others)
 

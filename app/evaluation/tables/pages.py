@@ -15,7 +15,14 @@ from pathlib import Path
 from app.evaluation.tables.driving import CROSSINGS, DOORS, MISSIONS, RANDOM, SHORT, world
 from app.evaluation.tables.kinds import is_localisation, is_paper
 from app.evaluation.tables.localisation import SEARCHES, TRACKING
-from app.evaluation.tables.perception import LIGHT, REAL_THINGS, RECORDINGS, TEACHING, WALKS
+from app.evaluation.tables.perception import (
+    LIGHT,
+    PRINTS,
+    REAL_THINGS,
+    RECORDINGS,
+    TEACHING,
+    WALKS,
+)
 from app.evaluation.tables.table import Result, Row, Table, single
 from navcore.errors import BadConfiguration
 
@@ -49,8 +56,8 @@ ORIGINS = Table(
     always=True,
 )
 FULL = (
-    *(RANDOM, MISSIONS, WALKS, LIGHT, RECORDINGS, REAL_THINGS, DOORS, CROSSINGS, TEACHING),
-    *(TRACKING, SEARCHES, ORIGINS),
+    *(RANDOM, MISSIONS, WALKS, LIGHT, RECORDINGS, REAL_THINGS, PRINTS, DOORS, CROSSINGS),
+    *(TEACHING, TRACKING, SEARCHES, ORIGINS),
 )
 """The tables of the page about evaluation, in their order."""
 

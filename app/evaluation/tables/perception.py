@@ -1,11 +1,20 @@
-"""Tables of what is seen: walks, light, recordings, real things, and what was taught."""
+"""Tables of what is seen: walks, light, recordings, real things, prints, and what was taught."""
 
 from __future__ import annotations
 
 import statistics
 
 from app.evaluation.perception.light_figures import row_of
-from app.evaluation.tables.kinds import is_labelled, is_lit, is_recorded, is_taught, is_walked
+from app.evaluation.perception.print_figures import COLUMNS
+from app.evaluation.perception.print_figures import row_of as print_row_of
+from app.evaluation.tables.kinds import (
+    is_labelled,
+    is_lit,
+    is_printed,
+    is_recorded,
+    is_taught,
+    is_walked,
+)
 from app.evaluation.tables.table import (
     Result,
     Row,
@@ -76,6 +85,14 @@ def _labelled_rows(result: Result) -> list[Row]:
     ]
 
 
+def _print_rows(result: Result) -> list[Row]:
+    prints = result["episodes"]
+    return [
+        (f"`{result['scenario']}`", seeds(result), *print_row_of(name, found, prints))
+        for name, found in result["printed"].items()
+    ]
+
+
 def _teaching_row(result: Result) -> Row:
     taught = result["taught"]
     share = share_interval(result["found"], len(taught))
@@ -124,6 +141,11 @@ REAL_THINGS = Table(
     shows=is_labelled,
     columns=("suite", "images", "things labelled", "95 % interval", "as", "of the tables"),
     rows=_labelled_rows,
+)
+PRINTS = Table(
+    shows=is_printed,
+    columns=("suite", "seeds", *COLUMNS),
+    rows=_print_rows,
 )
 TEACHING = Table(
     shows=is_taught,

@@ -1,0 +1,175 @@
+"""Sites of the benchmark of prints: a print of a thing on the floor of an empty random world, or
+the thing itself in its place.
+
+All comes from a seed and the kind of the thing, so that a kept seed renders the same print again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from app.evaluation.perception.detection import TEST_SHARD, picture
+from navcore.geometry.arrays import Bools
+from navcore.geometry.camera import back_project_pixels
+from navcore.geometry.transform import Pose2, transform_points
+from navcore.robot.camera_stream import CameraStream
+from navcore.robot.frame import Frame
+from sim.dataset.generate import shard_seed
+from sim.dataset.prints import PRINT_KINDS, PRINT_MARGIN, RenderedPrint, thing_solids
+from sim.dataset.renderer import LABELS, PATTERNS, PRINTS_OF_EACH, Labels, SceneRenderer
+from sim.dataset.room_generator import empty_scene
+from sim.dataset.scene import Poster, Scene, SolidObject
+from sim.models.items import ITEM_SIZES
+from sim.models.person import DEFAULT_APPEARANCE, PERSON
+from sim.models.solids import quaternion
+from sim.models.textures import PRINT_PX
+from sim.sensors.camera import T_BASE_CAMERA
+
+FARTHEST_M = 4.0
+"""Largest distance from the camera to the place of a thing; every world has room for it."""
+BEHIND_M = 0.25
+"""Least distance from that place to the bound of the positions of a robot behind it."""
+PRINTED_SCALE = (0.8, 1.25)
+"""Range of the length of the thing on a print, relative to its length in reality."""
+STRETCH = (1.0, 2.0)
+"""Range of the length of a print along the line of sight, relative to its width: a robot sees a
+print on the floor foreshortened, and one that is stretched looks more like the thing."""
+CUT_OUT_SHARE = 0.5
+"""Share of the prints that are cut out along the outline of the thing; the others are square, with
+the floor of their picture around it and a white frame."""
+ASKEW_RAD = 0.5
+"""Largest angle between the upper edge of a print and what the camera sees as level."""
+FLAT_M = 0.01
+"""Height up to which a point belongs to a print; decals and prints lie a few millimetres high."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FloorPrint:
+    """A print that lies on the floor."""
+
+    picture: RenderedPrint
+    """What it shows."""
+    pose: Pose2
+    """T_map_print: its x to the right and y to the upper edge, as one reads it."""
+    size_m: tuple[float, float]
+    """Width and height."""
+
+    def outlined(self, frame: Frame, depth_m: npt.NDArray[np.float32]) -> Bools:
+        """Return the (H, W) pixels of a frame that show the thing on the print; `depth_m` is the
+        (H, W) depth without errors."""
+        rows, cols = np.indices(depth_m.shape)
+        points = back_project_pixels(rows, cols, depth_m, frame.intrinsics).reshape(-1, 3)
+        at_m = transform_points(frame.T_map_camera, points)
+        x, y = self.pose.from_parent(at_m[:, :2]).T / np.array(self.size_m)[:, None]
+        col, row = (np.floor(PRINT_PX * share).astype(np.int64) for share in (x + 0.5, 0.5 - y))
+        shown = (np.abs(at_m[:, 2]) < FLAT_M) & (np.abs(x) < 0.5) & (np.abs(y) < 0.5)
+        shown[shown] = self.picture.outline[row[shown], col[shown]]
+        return np.asarray(shown.reshape(depth_m.shape))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Site:
+    """A world with a place for one thing, before a robot that looks along +x of the map."""
+
+    seed: int
+    """Seed of the world."""
+    kind: str
+    """Kind of the thing."""
+    scene: Scene
+    """The world without the thing."""
+    x_m: float
+    """Place of the thing, x of the map; its y is 0."""
+
+    def pose(self, away_m: float) -> Pose2:
+        """Return the pose of a robot whose camera is so many metres before the place of the
+        thing, measured along the floor."""
+        return Pose2(x_m=self.x_m - away_m - float(T_BASE_CAMERA[0, 3]), y_m=0.0, yaw_rad=0.0)
+
+    def rng(self, part: int) -> np.random.Generator:
+        """Return the random generator of one part of what is drawn."""
+        return np.random.default_rng((self.seed, 27, PRINT_KINDS.index(self.kind), part))
+
+
+def renderer_of(seed: int, size: tuple[int, int] = CameraStream().size) -> SceneRenderer:
+    """Return the renderer of a seed, with its prints, for images of `size` (columns, rows)."""
+    return SceneRenderer(seed=shard_seed(seed, "test", TEST_SHARD), size=size)
+
+
+def site_of(seed: int, kind: str) -> Site:
+    """Return the site of a seed for one of the `PRINT_KINDS`; its camera errors are those of the
+    simulator."""
+    rng = np.random.default_rng((seed, 27, PRINT_KINDS.index(kind)))
+    scene = dataclasses.replace(empty_scene(rng, patterns=PATTERNS), like_simulator=True)
+    reach_m = scene.reach_m[0]
+    return Site(
+        seed=seed,
+        kind=kind,
+        scene=scene,
+        x_m=float(rng.uniform(FARTHEST_M - reach_m, reach_m - BEHIND_M)),
+    )
+
+
+def with_print(site: Site, renderer: SceneRenderer) -> tuple[Scene, FloorPrint]:
+    """Return the world with a print of the thing, nearly upright as the robot sees it, and the
+    print; `renderer` is that of the seed."""
+    rng = site.rng(1)
+    rendered = renderer.print_of(site.kind, int(rng.integers(PRINTS_OF_EACH)))
+    length_m = DEFAULT_APPEARANCE.height_m if site.kind == PERSON else max(ITEM_SIZES[site.kind])
+    width_m = (1 + 2 * PRINT_MARGIN) * length_m * float(rng.uniform(*PRINTED_SCALE))
+    yaw_rad = float(rng.uniform(-ASKEW_RAD, ASKEW_RAD)) - math.pi / 2
+    sheet = FloorPrint(
+        picture=rendered,
+        pose=Pose2(x_m=site.x_m, y_m=0.0, yaw_rad=yaw_rad),
+        size_m=(width_m, width_m * float(rng.uniform(*STRETCH))),
+    )
+    poster = Poster(
+        texture=rendered.number,
+        at_m=(site.x_m, 0.0, 0.0),
+        turn=tuple(quaternion(yaw_rad)),
+        size_m=sheet.size_m,
+        cut_out=bool(rng.random() < CUT_OUT_SHARE),
+    )
+    return dataclasses.replace(site.scene, posters=(poster,)), sheet
+
+
+def with_thing(site: Site) -> Scene:
+    """Return the world with the thing itself, of any shape, colours and heading."""
+    rng = site.rng(2)
+    solids = thing_solids(rng, site.kind)
+    pose = Pose2(x_m=site.x_m, y_m=0.0, yaw_rad=float(rng.uniform(-math.pi, math.pi)))
+    thing = SolidObject(label=site.kind, solids=solids, pose=pose)
+    return dataclasses.replace(site.scene, objects=(*site.scene.objects, thing))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sight:
+    """What lies at a site, and how its pixels are known."""
+
+    scene: Scene
+    """The world with it."""
+    outlined: Callable[[Frame, npt.NDArray[np.float32], Labels], Bools]
+    """Returns its (H, W) pixels in a frame, by the depth without errors and the true labels."""
+
+    def view(
+        self, renderer: SceneRenderer, pose: Pose2, rng: np.random.Generator
+    ) -> tuple[Frame, Bools]:
+        """Return the frame of a pose with the errors of the camera, and the (H, W) pixels of what
+        lies there; the renderer has built the scene."""
+        frame, depth_m, labels = picture(renderer, self.scene, pose, rng)
+        return frame, self.outlined(frame, depth_m, labels)
+
+
+def sights(site: Site, renderer: SceneRenderer) -> tuple[Sight, Sight]:
+    """Return the print and the thing at a site."""
+    printed, sheet = with_print(site, renderer)
+    number = LABELS[site.kind]
+    return (
+        Sight(scene=printed, outlined=lambda frame, depth_m, _: sheet.outlined(frame, depth_m)),
+        Sight(scene=with_thing(site), outlined=lambda _, __, labels: labels == number),
+    )
