@@ -23,14 +23,14 @@ PRINT_MARGIN = 0.12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RenderedPrint:
-    """A square picture of one thing."""
+    """A picture of one thing."""
 
     number: int
     """Number among the prints of the renderer."""
     image: Texture
-    """(`PRINT_PX`, `PRINT_PX`, 3) colours; the first row is the upper edge."""
+    """(H, W, 3) colours; the first row is the upper edge."""
     outline: Bools
-    """(`PRINT_PX`, `PRINT_PX`) pixels of the thing; the others show the floor around it."""
+    """(H, W) pixels of the thing; the others show the floor around it."""
 
 
 def thing_solids(rng: np.random.Generator, kind: str) -> tuple[Solid, ...]:

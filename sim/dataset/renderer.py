@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.geometry.arrays import Bools
+from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix, Pose2, camera_mount
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from sim.dataset import palette
@@ -66,17 +67,23 @@ class SceneRenderer:
         self._outlines = [outline for _, outline in rendered]
         self._prints = [image for image, _ in rendered]
         self._prints += [print_texture(kind) for kind in ITEM_SIZES]
-
-    @property
-    def prints(self) -> int:
-        """Number of prints."""
-        return len(self._prints)
+        self._outlines += [
+            np.ones(image.shape[:2], dtype=np.bool_) for image in self._prints[-len(ITEM_SIZES) :]
+        ]
+        self.prints = len(self._prints)
+        """Number of prints for random worlds; those that are added have larger numbers."""
 
     def print_of(self, kind: str, number: int) -> RenderedPrint:
         """Return a rendered print of one of the `PRINT_KINDS`; `number` is below
         `PRINTS_OF_EACH`."""
         i = PRINT_KINDS.index(kind) * PRINTS_OF_EACH + number
         return RenderedPrint(number=i, image=self._prints[i], outline=self._outlines[i])
+
+    def add_print(self, image: Texture, outline: Bools) -> RenderedPrint:
+        """Add a print: its (H, W, 3) colours and the (H, W) pixels of the thing on it."""
+        self._prints.append(image)
+        self._outlines.append(outline)
+        return RenderedPrint(number=len(self._prints) - 1, image=image, outline=outline)
 
     def build(self, scene: Scene) -> None:
         """Replace the present world by this one."""
@@ -97,14 +104,20 @@ class SceneRenderer:
         self._world, self._lamps = world, None
 
     def render(
-        self, T_map_camera: Matrix, scene: Scene, lighting: Lighting = PLAIN
+        self,
+        T_map_camera: Matrix,
+        scene: Scene,
+        lighting: Lighting = PLAIN,
+        *,
+        lens: Intrinsics | None = None,
     ) -> tuple[Rgb, Depth, Labels]:
         """Return colours under a light, depth in metres and labels, all without errors of the
-        camera."""
-        seen = self._world.image(T_map_camera, self.intrinsics, scene.light)
+        camera; `lens` is None for that of the renderer."""
+        lens = lens or self.intrinsics
+        seen = self._world.image(T_map_camera, lens, scene.light)
         if self._lamps is None or self._lamps.lighting != lighting:
             self._lamps = LampLight(self._world, lighting)
-        rgb = self._lamps.relight(seen, T_map_camera, self.intrinsics, scene.light)
+        rgb = self._lamps.relight(seen, T_map_camera, lens, scene.light)
         if scene.sky is not None:
             rgb[seen.depth_m > 0.98 * FAR_M] = scene.sky
         return rgb, seen.depth_m, self._labels[seen.objects]

@@ -76,8 +76,7 @@ class Poster:
     size_m: tuple[float, float]
     """Width and height."""
     cut_out: bool = False
-    """Whether it is cut out along the outline of the thing that it shows, as a sticker is; only of
-    a rendered print."""
+    """Whether it is cut out along the outline of the thing that it shows, as a sticker is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

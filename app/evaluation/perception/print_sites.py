@@ -11,13 +11,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from app.evaluation.perception.detection import TEST_SHARD, picture
 from navcore.geometry.arrays import Bools
-from navcore.geometry.camera import back_project_pixels
-from navcore.geometry.transform import Pose2, transform_points
+from navcore.geometry.camera import back_project_pixels, pixel_rays, project
+from navcore.geometry.transform import Pose2, invert, transform_points
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
 from sim.dataset.generate import shard_seed
@@ -29,7 +30,7 @@ from sim.models.items import ITEM_SIZES
 from sim.models.person import DEFAULT_APPEARANCE, PERSON
 from sim.models.solids import quaternion
 from sim.models.textures import PRINT_PX
-from sim.sensors.camera import T_BASE_CAMERA
+from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 
 FARTHEST_M = 4.0
 """Largest distance from the camera to the place of a thing; every world has room for it."""
@@ -40,9 +41,21 @@ PRINTED_SCALE = (0.8, 1.25)
 STRETCH = (1.0, 2.0)
 """Range of the length of a print along the line of sight, relative to its width: a robot sees a
 print on the floor foreshortened, and one that is stretched looks more like the thing."""
-CUT_OUT_SHARE = 0.5
-"""Share of the prints that are cut out along the outline of the thing; the others are square, with
-the floor of their picture around it and a white frame."""
+CUT_OUT_SHARE, ANAMORPHIC_SHARE = 0.35, 0.35
+"""Shares of the prints that are cut out along the outline of the thing, and of those that are also
+drawn so that they look like the thing from one viewpoint. The others are square, with the floor of
+their picture around it and a white frame."""
+VIEWPOINT_M = (1.2, 3.0)
+"""Range of the distance of that viewpoint along the floor from the place of the thing."""
+LONGEST_M = 2.0
+"""Longest print that is drawn for a viewpoint; a thing as high as the camera would need one without
+an end, so one that is cut out is taken in its place."""
+FINE_PX = (1696, 960)
+"""Columns and rows of the image from which such a print is drawn."""
+UPRIGHT_RAD = -math.pi / 2
+"""Yaw of a print whose upper edge lies farthest from a robot that looks along +x of the map."""
+SMALLEST_SLOPE = 0.02
+"""Fall of a line of sight per metre below which it is not followed to the floor."""
 ASKEW_RAD = 0.5
 """Largest angle between the upper edge of a print and what the camera sees as level."""
 FLAT_M = 0.01
@@ -59,6 +72,18 @@ class FloorPrint:
     """T_map_print: its x to the right and y to the upper edge, as one reads it."""
     size_m: tuple[float, float]
     """Width and height."""
+    cut_out: bool
+    """Whether only the thing is printed, without a sheet around it."""
+
+    def poster(self) -> Poster:
+        """Return the print as a part of a world."""
+        return Poster(
+            texture=self.picture.number,
+            at_m=(self.pose.x_m, self.pose.y_m, 0.0),
+            turn=tuple(quaternion(self.pose.yaw_rad)),
+            size_m=self.size_m,
+            cut_out=self.cut_out,
+        )
 
     def outlined(self, frame: Frame, depth_m: npt.NDArray[np.float32]) -> Bools:
         """Return the (H, W) pixels of a frame that show the thing on the print; `depth_m` is the
@@ -67,7 +92,9 @@ class FloorPrint:
         points = back_project_pixels(rows, cols, depth_m, frame.intrinsics).reshape(-1, 3)
         at_m = transform_points(frame.T_map_camera, points)
         x, y = self.pose.from_parent(at_m[:, :2]).T / np.array(self.size_m)[:, None]
-        col, row = (np.floor(PRINT_PX * share).astype(np.int64) for share in (x + 0.5, 0.5 - y))
+        height, width = self.picture.outline.shape
+        col = np.floor(width * (x + 0.5)).astype(np.int64)
+        row = np.floor(height * (0.5 - y)).astype(np.int64)
         shown = (np.abs(at_m[:, 2]) < FLAT_M) & (np.abs(x) < 0.5) & (np.abs(y) < 0.5)
         shown[shown] = self.picture.outline[row[shown], col[shown]]
         return np.asarray(shown.reshape(depth_m.shape))
@@ -116,26 +143,62 @@ def site_of(seed: int, kind: str) -> Site:
 
 
 def with_print(site: Site, renderer: SceneRenderer) -> tuple[Scene, FloorPrint]:
-    """Return the world with a print of the thing, nearly upright as the robot sees it, and the
-    print; `renderer` is that of the seed."""
+    """Return the world with a print of the thing, and the print; `renderer` is that of the seed and
+    keeps no world that it has built."""
     rng = site.rng(1)
-    rendered = renderer.print_of(site.kind, int(rng.integers(PRINTS_OF_EACH)))
+    draw = float(rng.random())
+    sheet = _anamorphic(site, renderer, rng) if draw < ANAMORPHIC_SHARE else None
+    if sheet is None:
+        is_cut_out = draw < ANAMORPHIC_SHARE + CUT_OUT_SHARE
+        sheet = _upright(site, renderer, rng, cut_out=is_cut_out)
+    return dataclasses.replace(site.scene, posters=(sheet.poster(),)), sheet
+
+
+def _upright(
+    site: Site, renderer: SceneRenderer, rng: np.random.Generator, *, cut_out: bool
+) -> FloorPrint:
+    """Return a rendered print, nearly upright as the robot sees it."""
     length_m = DEFAULT_APPEARANCE.height_m if site.kind == PERSON else max(ITEM_SIZES[site.kind])
     width_m = (1 + 2 * PRINT_MARGIN) * length_m * float(rng.uniform(*PRINTED_SCALE))
-    yaw_rad = float(rng.uniform(-ASKEW_RAD, ASKEW_RAD)) - math.pi / 2
-    sheet = FloorPrint(
-        picture=rendered,
-        pose=Pose2(x_m=site.x_m, y_m=0.0, yaw_rad=yaw_rad),
+    askew_rad = float(rng.uniform(-ASKEW_RAD, ASKEW_RAD))
+    return FloorPrint(
+        picture=renderer.print_of(site.kind, int(rng.integers(PRINTS_OF_EACH))),
+        pose=Pose2(x_m=site.x_m, y_m=0.0, yaw_rad=askew_rad + UPRIGHT_RAD),
         size_m=(width_m, width_m * float(rng.uniform(*STRETCH))),
+        cut_out=cut_out,
     )
-    poster = Poster(
-        texture=rendered.number,
-        at_m=(site.x_m, 0.0, 0.0),
-        turn=tuple(quaternion(yaw_rad)),
-        size_m=sheet.size_m,
-        cut_out=bool(rng.random() < CUT_OUT_SHARE),
+
+
+def _anamorphic(site: Site, renderer: SceneRenderer, rng: np.random.Generator) -> FloorPrint | None:
+    """Return a print that looks like the thing of the site from one viewpoint; None for a thing
+    that needs too long a print."""
+    scene, lens = with_thing(site), d455_intrinsics(FINE_PX)
+    T_map_camera = site.pose(float(rng.uniform(*VIEWPOINT_M))).matrix() @ T_BASE_CAMERA
+    renderer.build(scene)
+    rgb, _, labels = renderer.render(T_map_camera, scene, lens=lens)
+    shown = labels == LABELS[site.kind]
+    rays = pixel_rays(*np.nonzero(shown), lens) @ T_map_camera[:3, :3].T
+    if not len(rays) or rays[:, 2].max() > -SMALLEST_SLOPE:
+        return None
+    at_m = T_map_camera[:2, 3] - T_map_camera[2, 3] * rays[:, :2] / rays[:, 2:]
+    low, high = at_m.min(axis=0), at_m.max(axis=0)
+    (x_m, y_m), (length_m, width_m) = (low + high) / 2, high - low
+    if length_m > LONGEST_M:
+        return None
+    share = (np.arange(PRINT_PX) + 0.5) / PRINT_PX
+    # Rows begin at the far edge, columns at the left one.
+    x, y = np.meshgrid(high[0] - share * length_m, high[1] - share * width_m, indexing="ij")
+    floor = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    pixels = project(transform_points(invert(T_map_camera), floor), lens).astype(np.float32)
+    col, row = pixels.T.reshape(2, PRINT_PX, PRINT_PX)
+    image = cv2.remap(rgb, col, row, cv2.INTER_LINEAR)
+    outline = cv2.remap(shown.view(np.uint8), col, row, cv2.INTER_NEAREST) > 0
+    return FloorPrint(
+        picture=renderer.add_print(np.asarray(image, dtype=np.uint8), np.asarray(outline)),
+        pose=Pose2(x_m=float(x_m), y_m=float(y_m), yaw_rad=UPRIGHT_RAD),
+        size_m=(float(width_m), float(length_m)),
+        cut_out=True,
     )
-    return dataclasses.replace(site.scene, posters=(poster,)), sheet
 
 
 def with_thing(site: Site) -> Scene:
