@@ -32,6 +32,8 @@ from sim.models.solids import quaternion
 from sim.models.textures import PRINT_PX
 from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 
+KINDS = tuple(kind for kind in PRINT_KINDS if kind in LABELS)
+"""Kinds of things that a print can show and that the network knows."""
 FARTHEST_M = 4.0
 """Largest distance from the camera to the place of a thing; every world has room for it."""
 BEHIND_M = 0.25
@@ -129,7 +131,7 @@ def renderer_of(seed: int, size: tuple[int, int] = CameraStream().size) -> Scene
 
 
 def site_of(seed: int, kind: str) -> Site:
-    """Return the site of a seed for one of the `PRINT_KINDS`; its camera errors are those of the
+    """Return the site of a seed for one of the `KINDS`; its camera errors are those of the
     simulator."""
     rng = np.random.default_rng((seed, 27, PRINT_KINDS.index(kind)))
     scene = dataclasses.replace(empty_scene(rng, patterns=PATTERNS), like_simulator=True)

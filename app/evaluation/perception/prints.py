@@ -11,6 +11,7 @@ every print and thing, as a network would label it that believes both.
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,8 @@ from rich.table import Table
 
 from app.evaluation.campaign import HERE, Campaign, write_summary
 from app.evaluation.perception.detection import ENOUGH_PX
-from app.evaluation.perception.print_figures import COLUMNS, DISTANCES_M, row_of
-from app.evaluation.perception.print_sites import Sight, Site, renderer_of, sights, site_of
+from app.evaluation.perception.print_figures import DISTANCES_M, limit
+from app.evaluation.perception.print_sites import KINDS, Sight, Site, renderer_of, sights, site_of
 from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
@@ -32,7 +33,6 @@ from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
-from sim.dataset.prints import PRINT_KINDS
 from sim.dataset.renderer import SceneRenderer
 
 SUITE = "prints"
@@ -43,8 +43,11 @@ SURE_SHARE = 0.9
 to decide rightly at a distance."""
 COUNTS = ("in_view", "claimed", "refuted", "outlines_refuted")
 """What is counted at each distance."""
-Views = dict[str, list[bool]]
-"""For each of `COUNTS` whether it holds, at each of `DISTANCES_M`."""
+TAKEN_FOR = "taken_for"
+"""Key of the other classes that a print or a thing is taken for after the checks."""
+Views = dict[str, Any]
+"""For each of `COUNTS` whether it holds at each of `DISTANCES_M`; and `TAKEN_FOR`, a list of names.
+"""
 
 
 class GivenLabels:
@@ -82,7 +85,7 @@ def evaluate_prints(
     entries = printable(known)
     if not entries:
         raise BadConfiguration(
-            f"the suite {SUITE!r} needs a class that is switched on, of {', '.join(PRINT_KINDS)}"
+            f"the suite {SUITE!r} needs a class that is switched on, of {', '.join(KINDS)}"
         )
 
     def look(seed: int) -> dict[str, Any]:
@@ -110,9 +113,13 @@ def evaluate_prints(
         "printed": {entry.name: _summary(entry, reports) for entry in entries},
     }
     write_summary(told, out)
-    table = Table(*COLUMNS, title=f"{len(reports)} prints and things of each class")
+    table = Table(
+        *("class", "prints claimed", "come through", "depth decides rightly up to"),
+        title=f"{len(reports)} prints of each class",
+    )
     for name, found in told["printed"].items():
-        table.add_row(*row_of(name, found, len(reports)))
+        claimed, through = (len(found[key]) for key in ("claimed_seeds", "let_through_seeds"))
+        table.add_row(name, str(claimed), str(through), limit(found))
     Terminal().print(table)
     return told
 
@@ -126,7 +133,7 @@ def by_network_alone(beware: BewareList) -> BewareList:
 
 def printable(beware: BewareList) -> tuple[BewareClass, ...]:
     """Return the classes of a list that a print can show."""
-    return tuple(entry for entry in beware.classes if entry.detected_as in PRINT_KINDS)
+    return tuple(entry for entry in beware.classes if entry.detected_as in KINDS)
 
 
 def look_at(
@@ -162,32 +169,37 @@ def _looks(
 ) -> Views:
     renderer.build(sight.scene)
     views: Views = {name: [] for name in COUNTS}
+    others: set[str] = set()
     for number, away_m in enumerate(DISTANCES_M):
         frame, outline = sight.view(renderer, site.pose(away_m), site.rng(3 + number))
         in_view = np.count_nonzero(outline) >= ENOUGH_PX
         claimed, refuted, outline_refuted = False, False, False
         if in_view:
             said = network.segment(frame, beware)
+            left = _checked(said, frame, beware)
             claimed = claims(said, entry, outline)
-            refuted = claimed and _is_refuted(said, frame, beware, entry, outline)
+            refuted = claimed and not claims(left, entry, outline)
+            others.update(
+                other.name
+                for other in beware.classes
+                if other is not entry and claims(left, other, outline)
+            )
             outlined = Labels(
                 class_ids=np.where(outline, np.uint8(entry.class_id), np.uint8(NOTHING)),
                 confidence=np.ones(outline.shape, dtype=np.float32),
             )
-            outline_refuted = _is_refuted(outlined, frame, beware, entry, outline)
+            outline_refuted = not claims(_checked(outlined, frame, beware), entry, outline)
         for name, holds in zip(COUNTS, (in_view, claimed, refuted, outline_refuted), strict=True):
             views[name].append(bool(holds))
-    return views
+    return views | {TAKEN_FOR: sorted(others)}
 
 
-def _is_refuted(
-    said: Labels, frame: Frame, beware: BewareList, entry: BewareClass, outline: Bools
-) -> bool:
-    left = FusedSegmenter(GivenLabels(said)).segment(frame, beware)
-    return not claims(left, entry, outline)
+def _checked(said: Labels, frame: Frame, beware: BewareList) -> Labels:
+    """Return the labels that are left after the checks by depth."""
+    return FusedSegmenter(GivenLabels(said)).segment(frame, beware)
 
 
-def _comes_through(views: Mapping[str, Sequence[bool]]) -> bool:
+def _comes_through(views: Views) -> bool:
     """Return whether a claim is left after the checks at any distance."""
     return any(
         claimed and not refuted
@@ -207,6 +219,9 @@ def _summary(entry: BewareClass, reports: Sequence[Mapping[str, Any]]) -> dict[s
     return counts | {
         "min_height_m": entry.min_height_m,
         "claimed_seeds": [seed for seed, views in by_seed.items() if any(views["claimed"])],
+        TAKEN_FOR: dict(
+            Counter(name for views in by_seed.values() for name in views[TAKEN_FOR]).most_common()
+        ),
         "let_through_seeds": [seed for seed, views in by_seed.items() if _comes_through(views)],
         "decides_up_to_m": decides_up_to(counts["prints"], counts["things"]),
     }

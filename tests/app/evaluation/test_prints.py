@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.cli.evaluate import EvaluateSettings, _check_options
-from app.evaluation.perception import prints
+from app.evaluation.perception import print_sites, prints
 from app.evaluation.perception.print_figures import DISTANCES_M, by_distance, row_of
 from app.evaluation.perception.print_sites import (
     Sight,
@@ -112,10 +112,15 @@ def test_a_kept_seed_gives_the_same_frame_again(renderer: SceneRenderer) -> None
     assert np.array_equal(first[1], second[1])
 
 
-def test_the_thing_stands_in_the_place_of_its_print(renderer: SceneRenderer) -> None:
-    middles = [np.argwhere(_seen(renderer, number)[1]).mean(axis=0) for number in (0, 1)]
-    assert abs(middles[0][1] - middles[1][1]) < 10
-    assert middles[1][0] < middles[0][0] + 2  # what stands up reaches higher in the image
+@pytest.mark.parametrize(("viewpoint_m", "least"), [(1.2, 0.9), (3.0, 0.0)])
+def test_a_print_for_a_viewpoint_covers_the_thing_there_and_not_elsewhere(
+    renderer: SceneRenderer, monkeypatch: pytest.MonkeyPatch, viewpoint_m: float, least: float
+) -> None:
+    monkeypatch.setattr(print_sites, "ANAMORPHIC_SHARE", 1.0)
+    monkeypatch.setattr(print_sites, "VIEWPOINT_M", (viewpoint_m, viewpoint_m))
+    flat, whole = (_seen(renderer, number)[1] for number in (0, 1))  # both from 1.2 m
+    overlap = np.count_nonzero(flat & whole) / np.count_nonzero(flat | whole)
+    assert least < overlap < least + 0.9
 
 
 def test_depth_refutes_near_prints_of_what_stands_up_and_no_flat_ones_and_no_things(
@@ -148,7 +153,7 @@ def test_what_the_network_does_not_claim_is_no_find_of_depth(
     assert cup["claimed_seeds"] == cup["let_through_seeds"] == []
     assert cup["prints"]["refuted"] == [0] * VIEWS
     assert cup["prints"]["outlines_refuted"][:3] == [1, 1, 1]
-    assert row_of("cup", cup, 1)[1:4] == ("0 of 1", "0 of 1", "none")
+    assert row_of("cup", cup, 1)[1:5] == ("0 of 1", "0 of 1", "none", "none")
 
 
 def test_the_limit_is_the_last_distance_before_the_first_wrong_one() -> None:
@@ -160,7 +165,9 @@ def test_the_limit_is_the_last_distance_before_the_first_wrong_one() -> None:
     assert decides_up_to(kept, kept) is None
     hidden = {"in_view": [0, *[10] * (VIEWS - 1)], "outlines_refuted": [0, 10, 9, 8, 10, 0, 0]}
     assert decides_up_to(hidden, kept) == 1.6
-    assert by_distance([1, 0, 0, 0, 0, 0, 2], [2, 0, 0, 0, 0, 0, 3]) == "0.8 m 1/2, 4 m 2/3"
+    assert by_distance([1, 1, 0, 0, 0, 0, 2], [2, 2, 0, 0, 3, 0, 3]) == (
+        "0.8 to 1.2 m 1/2, 2.5 m 0/3, 4 m 2/3"
+    )
 
 
 def test_what_cannot_be_judged_is_refused(tmp_path: Path, believer: Believer) -> None:
