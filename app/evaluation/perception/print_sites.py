@@ -90,7 +90,7 @@ class FloorPrint:
     def outlined(self, frame: Frame, depth_m: npt.NDArray[np.float32]) -> Bools:
         """Return the (H, W) pixels of a frame that show the thing on the print; `depth_m` is the
         (H, W) depth without errors."""
-        rows, cols = np.indices(depth_m.shape)
+        rows, cols = np.arange(depth_m.shape[0])[:, None], np.arange(depth_m.shape[1])
         points = back_project_pixels(rows, cols, depth_m, frame.intrinsics).reshape(-1, 3)
         at_m = transform_points(frame.T_map_camera, points)
         x, y = self.pose.from_parent(at_m[:, :2]).T / np.array(self.size_m)[:, None]
@@ -179,7 +179,8 @@ def _anamorphic(site: Site, renderer: SceneRenderer, rng: np.random.Generator) -
     renderer.build(scene)
     rgb, _, labels = renderer.render(T_map_camera, scene, lens=lens)
     shown = labels == LABELS[site.kind]
-    rays = pixel_rays(*np.nonzero(shown), lens) @ T_map_camera[:3, :3].T
+    rows, cols = np.nonzero(shown)
+    rays = pixel_rays(rows, cols, lens) @ T_map_camera[:3, :3].T
     if not len(rays) or rays[:, 2].max() > -SMALLEST_SLOPE:
         return None
     at_m = T_map_camera[:2, 3] - T_map_camera[2, 3] * rays[:, :2] / rays[:, 2:]

@@ -101,7 +101,7 @@ def evaluate_prints(
         drive_alone=look,
     )
     reports = campaign.run(seeds, fleet=HERE, out=out)
-    told = {
+    told: dict[str, Any] = {
         "command": command_line(),
         "scenario": SUITE,
         "segmenter": perception.identity,

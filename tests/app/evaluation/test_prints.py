@@ -65,7 +65,7 @@ class Believer:
 @pytest.fixture
 def believer(monkeypatch: pytest.MonkeyPatch, renderer: SceneRenderer) -> Iterator[Believer]:
     """Return such a network, which is told the truth of each frame before it sees it."""
-    network, view, place = Believer(), Sight.view, prints.site_of
+    network, view, place = Believer(), Sight.view, site_of
 
     def told(self: Sight, *args: Any) -> tuple[Frame, Bools]:
         frame, network.outline = view(self, *args)
