@@ -58,6 +58,6 @@ def by_distance(part: Sequence[int], whole: Sequence[int]) -> str:
 def limit(found: Mapping[str, Any]) -> str:
     """Return the distance up to which the checks decide rightly for a class."""
     if found["min_height_m"] is None:
-        return "never: the class may be flat"
+        return "never: no least height"
     limit_m = found["decides_up_to_m"]
     return "never" if limit_m is None else f"{limit_m:g} m"

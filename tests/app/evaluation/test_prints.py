@@ -138,7 +138,7 @@ def test_depth_refutes_near_prints_of_what_stands_up_and_no_flat_ones_and_no_thi
     assert book["decides_up_to_m"] is None and cup["decides_up_to_m"] >= 1.6
     assert json.loads((tmp_path / "summary.json").read_text()) == told
     page = full_table([told])
-    assert "| `prints` | 1 to 1 | cup | 1 of 1 |" in page and "never: the class may be flat" in page
+    assert "| `prints` | 1 to 1 | cup | 1 of 1 |" in page and "never: no least height" in page
     assert file_name(told) == SUITE and not is_random(told)
 
 
