@@ -58,7 +58,6 @@ class TestWithNetwork:
         expect(row(page, "crate")).to_have_count(0)
         assert "crate" not in names(operations)
 
-
     def test_a_class_of_another_network_says_so_and_is_shown_again(
         self, page: Page, operations: FakeOperations
     ) -> None:
