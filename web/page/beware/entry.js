@@ -4,7 +4,7 @@
 import { post, request } from "../core/link/api.js";
 import { element, set, setText } from "../core/dom.js";
 import { number, sentence, t } from "../core/text/language.js";
-import { attempt } from "../core/toasts.js";
+import { attempt, attemptTwice } from "../core/toasts.js";
 import { isDrawing, onDraft, setMode } from "../zones/draft.js";
 import { asker, changeText } from "../zones/preview.js";
 import { onRule, ruleOf, showRule } from "./colour_picker.js";
@@ -215,7 +215,10 @@ form.onsubmit = (event) => {
     }
   });
 };
-element("entry-remove").onclick = () => attempt(() => send("DELETE", address()));
+element("entry-remove").onclick = () => {
+  const path = address();
+  attemptTwice(t("Empty the list"), (query) => send("DELETE", path + query));
+};
 element("entry-cancel").onclick = close;
 form.addEventListener("input", describe);
 onRule(describe);
