@@ -60,6 +60,10 @@ class Outdated(Refused):
     """The edit was made against an older version than the stored one; nothing was changed."""
 
 
+class NeedsForce(Refused):
+    """The action is asked for again before it is done; nothing was changed."""
+
+
 class AlreadyThere(Refused):
     """What was to be stored is stored already; nothing was changed."""
 

@@ -42,7 +42,7 @@ from navcore.mapping.points.clearing import find_outdated
 from navcore.mapping.points.coloured import is_taken
 from navcore.mapping.points.confidence import initial_confidence, update_confidence
 from navcore.mapping.points.erasing import Erased, put_back, take
-from navcore.mapping.points.fading import faded
+from navcore.mapping.points.fading import faded, left_alone
 from navcore.mapping.points.placing import base_points, place, pose_rows
 from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_queries import points_in, points_in_box, redundant_points
@@ -84,6 +84,7 @@ class PointMap:
         self._has_uncertain = False  # whether any point may have a confidence below 1
         self._has_beware = False  # whether any point may be of the beware list
         self._over_budget = False
+        self._patterns: Mapping[int, ColourRule] = {}  # rules with a pattern, by class id
         self._snapshot = 0  # number of the newest snapshot
         self.scans: Callable[[], StoredScans] = lambda: NO_SCANS
         """Returns the scans that are stored with the map, as what makes them has set it."""
@@ -433,8 +434,14 @@ class PointMap:
         self.version += 1
 
     def use(self, beware: BewareList) -> None:
-        """Count only points with the confidence that the list asks for, past ones included."""
+        """Count only points with the confidence that the list asks for, past ones included, and let
+        its patterns fade as wholes."""
         self.layers.use(beware, self._points)
+        self._patterns = {
+            entry.class_id: entry.colour
+            for entry in beware.classes
+            if entry.colour is not None and entry.colour.pattern is not None
+        }
 
     @property
     def points(self) -> MapPoints:
@@ -490,6 +497,8 @@ class PointMap:
             self._rules.clearing,
         )
         if len(gone):
+            alone = left_alone(self._points, gone, self._patterns, self._rules.clearing.flat_m)
+            gone = np.concatenate([gone, alone])
             cells = sorted_distinct(self._points.live["cell"][gone]).astype(np.int64)
             self._points.remove(gone)
             self.layers.refresh(self._points, cells)

@@ -27,6 +27,7 @@ from navcore.errors import (
     BewareNavError,
     BlockedGoal,
     CrossedOutline,
+    NeedsForce,
     NotKnown,
     Outdated,
     Refused,
@@ -51,6 +52,7 @@ _STATUS: tuple[tuple[type[BewareNavError], int, str], ...] = (
     (NotKnown, HTTPStatus.NOT_FOUND, "not_known"),
     (Outdated, HTTPStatus.CONFLICT, "outdated"),
     (AlreadyThere, HTTPStatus.CONFLICT, "already_there"),
+    (NeedsForce, HTTPStatus.CONFLICT, "needs_force"),
     (Refused, HTTPStatus.CONFLICT, "refused"),
     (StorageFailed, HTTPStatus.SERVICE_UNAVAILABLE, "storage_failed"),
 )

@@ -140,6 +140,12 @@ class MapEdits(Protocol):
         """Free what a detection, or every present one of its class, occupies on the map, and
         remember that it takes better evidence there; raises `NotKnown`."""
 
+    def reject_at(
+        self, class_id: int, at: tuple[float, float], *, all_of_class: bool, by: str
+    ) -> None:
+        """Do the same with what the map holds of a class at a place, or anywhere; raises `Refused`
+        where there is nothing of it."""
+
     def forget(self, rejection_id: int, *, by: str) -> None:
         """Forget a rejection: its class counts there as everywhere; raises `NotKnown`."""
 

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from app.console.edit_history import MAX_UNDO, Edit, EditStack
 from app.runtime.control.operator_state import StateHolder
-from navcore.errors import BadConfiguration, NotKnown, Outdated, Refused
+from navcore.errors import BadConfiguration, NeedsForce, NotKnown, Outdated
 from navcore.mapping.points.erasing import Erased
 from navcore.mission.beware_changes import changes_between
 from navcore.mission.beware_list import (
@@ -247,9 +247,8 @@ class BewareEditor:
     ) -> BewareList:
         before = self.list
         if not beware.classes and not force:
-            raise Refused(
-                "with an empty beware list the robot bewares of nothing; "
-                "repeat with ?force=true to put it in force"
+            raise NeedsForce(
+                "the robot would keep away from nothing: the beware list would be empty"
             )
         self._check_colours(before, beware)
         told = changes_between(before, beware)

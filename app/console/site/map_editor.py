@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 import shapely
 
 from app.console.edit_history import Edit, EditStack
+from app.console.site.map_regions import REACH_M, Region, distance_m, regions_at, regions_of
 from app.insight.detections import DetectionExtent
 from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.mapping.point_map import PointMap
@@ -104,20 +106,20 @@ class _Erasure:
 
 @dataclass(slots=True, kw_only=True)
 class _Rejecting:
-    """Detections that are not what they were taken for."""
+    """Regions and detections that are not what they were taken for."""
 
-    extents: tuple[DetectionExtent, ...]
+    regions: tuple[Region, ...]
+    sightings: tuple[Sighting, ...]
     mark: Callable[[int, Verdict | None], None]
     text: str
     place: Position
     done: list[tuple[int, Erased]] = field(default_factory=list, init=False)
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
-        for extent in self.extents:
-            self.mark(extent.sighting.id, "rejected")
-            rejection, erased = point_map.reject(
-                extent.sighting.class_id, extent.points, extent.confidence
-            )
+        for sighting in self.sightings:
+            self.mark(sighting.id, "rejected")
+        for region in self.regions:
+            rejection, erased = point_map.reject(region.class_id, region.points, region.confidence)
             self.done.append((rejection.id, erased))
         freed = sum(erased.cells for _, erased in self.done)
         tell(f"{by}: {self.text}; {freed} cells are free.", self.place)
@@ -127,8 +129,8 @@ class _Rejecting:
             point_map.take_back(rejection_id)
             point_map.put_back(erased)
         self.done = []
-        for extent in self.extents:
-            self.mark(extent.sighting.id, extent.sighting.verdict)
+        for sighting in self.sightings:
+            self.mark(sighting.id, sighting.verdict)
         tell(f"{by} took back: {self.text}.", self.place)
 
     @property
@@ -214,17 +216,57 @@ class MapEditor:
                 for one in gallery.all()
                 if one.class_id == first.sighting.class_id and one.verdict is None
             )
-        if len(self._map.rejections.all) + len(chosen) > MAX_REJECTIONS:
-            raise Refused(f"at most {MAX_REJECTIONS} rejections are kept; take some back first")
-        if not self._map.poses:
-            raise Refused("there is no map yet; the camera has delivered no image")
         name, (x_m, y_m) = first.sighting.class_name, first.sighting.place
         text = f"“{name}” at ({x_m:.1f}, {y_m:.1f}) is not one"
         if all_of_class:
             text = f"none of {len(chosen)} detections of “{name}” is one"
-        for extent in chosen:
-            gallery.mark(extent.sighting.id, "rejected")
-        edit = _Rejecting(extents=chosen, mark=gallery.mark, text=text, place=first.sighting.place)
+        regions = tuple(
+            Region(
+                class_id=extent.sighting.class_id,
+                points=extent.points,
+                confidence=extent.confidence,
+            )
+            for extent in chosen
+        )
+        sightings = tuple(extent.sighting for extent in chosen)
+        self._reject(regions, sightings, text, first.sighting.place, by)
+
+    def reject_at(self, class_id: int, at: Position, *, all_of_class: bool, by: str) -> None:
+        """Free the region of a class at a place of the map, or all of its regions, and remember
+        that it takes better evidence there, whatever has shown it: a kept map has no detections."""
+        found = regions_of if all_of_class else partial(regions_at, at=at)
+        regions = found(self._map, class_id)
+        name, (x_m, y_m) = self._names().get(class_id, f"class {class_id}"), at
+        if not regions:
+            raise Refused(f"there is nothing of “{name}” on the map at ({x_m:.1f}, {y_m:.1f})")
+        sightings = tuple(
+            one
+            for one in self._detections().all()
+            if one.class_id == class_id
+            and one.verdict is None
+            and min(distance_m(region, *one.place) for region in regions) < REACH_M
+        )
+        text = f"“{name}” at ({x_m:.1f}, {y_m:.1f}) is not one"
+        if all_of_class:
+            text = f"none of {len(regions)} places of “{name}” is one"
+        self._reject(regions, sightings, text, at, by)
+
+    def _reject(
+        self,
+        regions: tuple[Region, ...],
+        sightings: tuple[Sighting, ...],
+        text: str,
+        place: Position,
+        by: str,
+    ) -> None:
+        if len(self._map.rejections.all) + len(regions) > MAX_REJECTIONS:
+            raise Refused(f"at most {MAX_REJECTIONS} rejections are kept; take some back first")
+        if not self._map.poses:
+            raise Refused("there is no map yet; the camera has delivered no image")
+        mark = self._detections().mark
+        for sighting in sightings:
+            mark(sighting.id, "rejected")
+        edit = _Rejecting(regions=regions, sightings=sightings, mark=mark, text=text, place=place)
         self._step(edit, by)
 
     @property

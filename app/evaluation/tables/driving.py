@@ -17,6 +17,7 @@ from app.evaluation.tables.table import (
     count,
     failures,
     interval,
+    listed,
     percent,
     seeds,
     single,
@@ -47,8 +48,21 @@ def _random_row(result: Result) -> Row:
         *(f"{count(result, key)} ({interval(result, key)})" for key in _SHOWN_RATES),
         f"{result['spl']:.2f}",
         f"{result['ideal_spl']:.2f}",
+        _items(result),
         failures(result),
     )
+
+
+def _items(result: Result) -> str:
+    """Return how many of the items that came into view the maps hold, and how many they hold that
+    are none, by 10 m of driving and by class."""
+    items = result["items"]
+    seen, missed, false = (
+        sum(counts[key] for counts in items.values()) for key in ("seen", "missed", "false")
+    )
+    driven_m = result["distance_m"] * result["episodes"]
+    wrong = {name: counts["false"] for name, counts in items.items() if counts["false"]}
+    return f"{seen - missed} of {seen}; {10 * false / driven_m:.2f} ({listed(wrong)})"
 
 
 def _mission_row(result: Result) -> Row:
@@ -114,7 +128,8 @@ RANDOM = Table(
     shows=is_random,
     columns=(
         *("world", *(RATES[key][0] for key in _SHOWN_RATES)),
-        *("SPL", "baseline", "failures by seed"),
+        *("SPL", "baseline", "items held of those in view; false ones per 10 m"),
+        "failures by seed",
     ),
     rows=single(_random_row),
     always=True,

@@ -364,7 +364,7 @@ def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
         depth=file.depth,
         size=file.size,
         aliases=aliases_for(file.class_names),
-        identity=file.sha256[:IDENTITY_DIGITS],
+        identity=file.features[:IDENTITY_DIGITS],
         config=config.prototype,
     )
     _, precision = engine.name.split()
@@ -394,6 +394,7 @@ def _random_network() -> NetworkFile:
         depth=NYUV2_DEPTH,
         size=nearest_size(_camera(SegmenterChoice())),
         sha256="0" * 64,
+        features="0" * 64,
         network=network,
     )
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import torch
 
 from navcore.errors import BadConfiguration
 from navcore.learning.training.recipe import Recipe
 from navcore.perception.esanet import EsaNet, build
 from navcore.perception.esanet.network.variants import variant_named
-from navcore.perception.esanet.weights.architecture import Architecture
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard
 
 
@@ -39,7 +36,7 @@ def transferred_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard
         return start.network
     network = new_network(recipe, wanted.num_classes)
     rows = _common_classes(known, wanted)
-    by_class = _class_tensors(wanted.architecture)
+    by_class = wanted.architecture.class_tensors()
     learned, tensors = start.network.state_dict(), network.state_dict()
     for key, tensor in tensors.items():
         if key not in by_class:
@@ -59,18 +56,3 @@ def _common_classes(known: WeightsCard, wanted: WeightsCard) -> list[tuple[int, 
         for number, name in enumerate(wanted.class_names)
         if name.casefold() in numbers
     ]
-
-
-def _class_tensors(architecture: Architecture) -> set[str]:
-    """Return the keys of the tensors with a row per class, whose shape depends on the number of
-    classes."""
-    other = (
-        dataclasses.replace(architecture, num_classes=architecture.num_classes + 1)
-        .skeleton()
-        .state_dict()
-    )
-    return {
-        key
-        for key, tensor in architecture.skeleton().state_dict().items()
-        if tensor.shape != other[key].shape
-    }

@@ -5,22 +5,31 @@ flat point carries evidence as a number of looks, which is log-odds in equal ste
 shows its class adds one, and one that measures the same floor in another colour takes one; at none
 the point is forgotten. Silence alone is no evidence: what is covered, far off, at the border of the
 image, too dark, or of the same colour in another light without its label stays as it is.
+
+The second colour of a pattern may be black, or the bare floor, whose pixels tell nothing when the
+marking is gone. It goes with the first colour: where that has faded, points of the second are
+forgotten that none of the first is left for within the largest gap of the pattern.
 """
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from navcore.compiled import compiled
 from navcore.config.mapping import ClearingRules, FadingConfig, FadingRules
-from navcore.geometry.arrays import FloatImage, Indices
+from navcore.geometry.arrays import FloatImage, Floats, Indices, Points
 from navcore.geometry.camera import Pinhole
 from navcore.geometry.transform import Matrix, invert
 from navcore.mapping.points.clearing import pixel_of
 from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_table import PointTable
-from navcore.mission.beware_list import NOTHING
+from navcore.mission.beware_list import NOTHING, ColourRule
+from navcore.perception.colour_segmenter import matches_colour
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
@@ -52,6 +61,38 @@ def faded(
         clearing,
         config.rules,
     )
+
+
+def left_alone(
+    points: PointTable, gone: Indices, patterns: Mapping[int, ColourRule], flat_m: float
+) -> Indices:
+    """Return the certain flat points of the second colour of a pattern that none of the first is
+    left for, once the (N,) points `gone` are forgotten. `patterns` are the rules by class id."""
+    live, found = points.live, [gone[:0]]
+    for class_id in np.unique(live["class_id"][gone]).tolist():
+        rule = patterns.get(class_id)
+        if rule is None or rule.pattern is None:
+            continue
+        certain = (live["confidence"] >= 1) & (live["z"] < flat_m)
+        own = np.setdiff1d(np.flatnonzero((live["class_id"] == class_id) & certain), gone)
+        rgb = np.column_stack([live[channel][own] for channel in "rgb"])
+        is_first = matches_colour(rgb[None], dataclasses.replace(rule, pattern=None))[0]
+        first, second = own[is_first], own[~is_first]
+        reach_m = rule.pattern.max_gap_m
+        near = second[_distances(live, second, gone) <= reach_m]
+        found.append(near[_distances(live, near, first) > reach_m])
+    return np.concatenate(found)
+
+
+def _distances(records: Records, of: Indices, to: Indices) -> Floats:
+    """Return (N,) the distance of points from the nearest of others along the floor, metres."""
+    if not len(of) or not len(to):
+        return np.full(len(of), np.inf)
+    return np.asarray(cKDTree(_places(records, to)).query(_places(records, of))[0])
+
+
+def _places(records: Records, which: Indices) -> Points:
+    return np.column_stack([records["x"][which], records["y"][which]])
 
 
 @compiled

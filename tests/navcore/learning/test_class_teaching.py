@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 
 import numpy as np
@@ -17,7 +18,11 @@ from navcore.learning.teaching.taught_rows import TaughtRows
 from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.network.preprocess import Size
-from navcore.perception.esanet.weights.weights_file import TrainedNetwork, load
+from navcore.perception.esanet.weights.weights_file import (
+    TrainedNetwork,
+    digest_of_features,
+    load,
+)
 
 SIZE = Size(height=64, width=96)
 KNOWN = 12
@@ -95,6 +100,17 @@ def test_the_logits_of_all_other_classes_stay_as_they_are(start: TrainedNetwork)
     # A convolution of one channel more may add up in another order.
     assert torch.allclose(now[:, :KNOWN], was, atol=1e-4)
     assert bool((now[:, KNOWN] > was.max(dim=1).values).any())
+
+
+def test_a_taught_network_has_the_features_that_examples_were_made_of(
+    start: TrainedNetwork,
+) -> None:
+    grown = grown_network(start, ["shoe"])
+    grown.network.decoder.conv_out.weight.data[-1] += 1.0
+    assert digest_of_features(grown) == digest_of_features(start)
+    other = copy.deepcopy(start)
+    other.network.encoder_rgb.conv1.weight.data[0, 0, 0, 0] += 1.0
+    assert digest_of_features(other) != digest_of_features(start)
 
 
 def test_the_loss_is_the_cross_entropy_of_the_network(start: TrainedNetwork) -> None:

@@ -88,7 +88,7 @@ def test_the_file_of_the_list_is_exported_and_imported(client: httpx.Client) -> 
     damaged = wrong(client.put(f"{BEWARE}.toml", content=wide), 422)
     assert f"line {line}: beware[10].min_size_m: 9.0 is out of range" in damaged["message"]
     assert "UTF-8" in wrong(client.put(f"{BEWARE}.toml", content=b"\xff"), 422)["message"]
-    assert "bewares of nothing" in wrong(client.put(f"{BEWARE}.toml", content=""), 409)["message"]
+    assert "would be empty" in wrong(client.put(f"{BEWARE}.toml", content=""), 409)["message"]
     assert "mug" in names(client)
     assert client.put(f"{BEWARE}.toml?force=true", content="").json()["classes"] == []
 

@@ -269,7 +269,7 @@ def test_an_if_match_that_is_no_version_is_refused(client: httpx.Client, version
     suppress_health_check=[HealthCheck.function_scoped_fixture],
     derandomize=True,
 )
-@given(path=st.sampled_from(["map/erase", "sightings/1/reject"]), value=values)
+@given(path=st.sampled_from(["map/erase", "map/reject", "sightings/1/reject"]), value=values)
 def test_no_json_value_makes_an_edit_of_the_map_fail(
     lasting: tuple[httpx.Client, FakeOperations], path: str, value: Any
 ) -> None:

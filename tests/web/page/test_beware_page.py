@@ -79,6 +79,21 @@ def test_a_class_is_edited_with_a_preview_and_one_undo_takes_the_last_edit_back(
     expect(row(page, "bottle")).to_have_count(0)
 
 
+def test_the_last_class_goes_when_it_is_asked_for_again(
+    page: Page, operations: FakeOperations
+) -> None:
+    for name in names(operations)[1:]:
+        operations.beware.remove(name)
+    (last,) = names(operations)
+    row(page, last).get_by_test_id("beware-edit").click()
+    page.get_by_test_id("entry-remove").click()
+    expect(page.get_by_text("the beware list would be empty")).to_be_visible()
+    assert names(operations) == [last]
+    page.get_by_test_id("toast-action").click()
+    expect(row(page, last)).to_have_count(0)
+    assert names(operations) == []
+
+
 def test_the_inspector_says_whether_the_colour_of_a_class_that_the_network_knows_counts_alone(
     page: Page, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
 ) -> None:

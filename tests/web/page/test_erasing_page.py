@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 from playwright.sync_api import Page, Route, expect
 
-from tests.web.fake_operations import FakeOperations
+from navcore.mapping.points.erasing import Erased
+from navcore.mapping.points.point_table import POINT
+from tests.web.fake_operations import RED_FLOOR, FakeOperations
 from tests.web.page.chromium import await_map, click_map
 from tests.web.page.test_map_touch import IN_SQUARE, add_zone, press_item, right_click
 
@@ -25,6 +28,36 @@ def test_a_place_is_erased_from_its_menu_and_taken_back(
     right_click(page, -1.0, 0.0)
     press_item(page, "edit-redo")
     expect(page.get_by_test_id("toasts")).to_contain_text("It is done again.")
+
+
+def keep_red_floor(operations: FakeOperations) -> None:
+    """Have the map hold red floor from x −0.8 to −0.2 m and y −0.3 to 0.3 m."""
+    x_m, y_m = np.mgrid[-0.75:-0.2:0.1, -0.25:0.3:0.1]
+    records = np.zeros(x_m.size, dtype=POINT)
+    records["base_x"], records["base_y"] = x_m.ravel() + 6.0, y_m.ravel()  # of the pose at x −6 m
+    records["class_id"], records["confidence"] = RED_FLOOR, 1.0
+    operations.point_map.layers.add_classes(records["class_id"])
+    operations.point_map.put_back(Erased(records=records, prior_xy=np.empty((0, 2)), cells=0))
+
+
+def test_what_the_map_holds_is_called_none_from_its_menu(
+    page: Page, operations: FakeOperations
+) -> None:
+    keep_red_floor(operations)
+    held = operations.point_map.layers.bools
+    assert held(RED_FLOOR).any()
+    await_map(page)
+    right_click(page, -0.5, 0.0)
+    expect(page.get_by_test_id("map-menu-what")).to_contain_text("ed floor of the beware list")
+    press_item(page, "not-one")
+    expect(page.get_by_test_id("toasts")).to_contain_text("The place of the red floor is free.")
+    assert not held(RED_FLOOR).any()
+    assert operations.map_edits.history.undo == "“red floor” at (-0.5, 0.0) is not one"
+    page.get_by_test_id("toast-action").click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("Undone: “red floor” at")
+    assert held(RED_FLOOR).any()
+    right_click(page, 6.0, 4.0)
+    expect(page.get_by_test_id("map-not-one")).to_have_count(0)
 
 
 def test_a_zone_is_emptied_by_keyboard(page: Page, operations: FakeOperations) -> None:

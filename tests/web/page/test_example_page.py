@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -55,6 +57,33 @@ class TestWithNetwork:
         page.keyboard.press("Control+z")
         expect(row(page, "crate")).to_have_count(0)
         assert "crate" not in names(operations)
+
+    def test_a_class_of_another_network_says_so_and_is_shown_again(
+        self, page: Page, operations: FakeOperations
+    ) -> None:
+        await_map(page)
+        page.get_by_test_id("beware-this").click()
+        click_camera(page, *BOX)
+        expect(page.get_by_test_id("entry-eyes")).to_have_text("Detected by: example")
+        page.get_by_test_id("entry-name").fill("crate")
+        expect(page.get_by_test_id("entry-apply")).to_be_enabled()
+        page.keyboard.press("Enter")
+        expect(row(page, "crate").get_by_test_id("found-by")).to_have_text("example")
+
+        prototype = operations.beware.list.named("crate").prototype
+        assert prototype is not None
+        foreign = dataclasses.asdict(prototype) | {"network": "other"}
+        operations.beware.edit("crate", {"prototype": foreign})
+        expect(row(page, "crate").get_by_test_id("found-by")).to_have_text("▲ not detected")
+        row(page, "crate").get_by_test_id("beware-edit").click()
+        eyes = page.get_by_test_id("entry-eyes")
+        expect(eyes).to_have_text("▲ It was shown to another network. Click the thing again.")
+        click_camera(page, *BOX)
+        expect(eyes).to_have_text("Detected by: example")
+        expect(page.get_by_test_id("entry-apply")).to_be_enabled()
+        page.keyboard.press("Enter")
+        expect(row(page, "crate").get_by_test_id("found-by")).to_have_text("example")
+        expect(page.get_by_test_id("entry")).to_be_hidden()
 
 
 def test_without_a_network_the_page_says_why_the_button_is_off(page: Page) -> None:

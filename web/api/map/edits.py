@@ -12,7 +12,7 @@ from web.api.router import api_router
 from web.auth.roles import CurrentVisitor
 from web.gateway.problems import refusals
 from web.interface.operations import RobotService
-from web.schemas.map.edits import EditDone, EditsOut, EraseIn, MapEditsOut, RejectIn
+from web.schemas.map.edits import EditDone, EditsOut, EraseIn, MapEditsOut, RejectAtIn, RejectIn
 
 
 def map_edits_router(operations: RobotService) -> APIRouter:
@@ -44,6 +44,15 @@ def map_edits_router(operations: RobotService) -> APIRouter:
         there only with a higher confidence. Kept with the map."""
         operations.map_edits.reject(
             sighting_id, all_of_class=body.all_of_class, by=visitor.signature
+        )
+        return edits()
+
+    @router.post("/map/reject", response_model=MapEditsOut, responses=refusals(409, 422))
+    def reject_at(body: RejectAtIn, visitor: CurrentVisitor) -> MapEditsOut:
+        """Reject what the map holds of a class at a place, or with `all_of_class` anywhere: it is
+        free from the next tick on, and the class counts there only with a higher confidence."""
+        operations.map_edits.reject_at(
+            body.class_id, body.at, all_of_class=body.all_of_class, by=visitor.signature
         )
         return edits()
 

@@ -63,7 +63,9 @@ export function show(beware) {
       setText(name, entry.label ?? entry.name);
       foundBy.title = isFound
         ? t("What detects it in the camera image")
-        : t("Not detected by this model");
+        : entry.prototype
+          ? t("It was shown to another network. Click the thing again.")
+          : t("Not detected by this model");
       const isPattern = entry.colour?.pattern && entry.found_by === "colour rule";
       const eyes = isPattern ? t("pattern of colours") : sentence(entry.found_by);
       setText(foundBy, isFound ? eyes : t("▲ not detected"));

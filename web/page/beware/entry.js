@@ -4,11 +4,11 @@
 import { post, request } from "../core/link/api.js";
 import { element, set, setText } from "../core/dom.js";
 import { number, sentence, t } from "../core/text/language.js";
-import { attempt } from "../core/toasts.js";
+import { attempt, attemptTwice } from "../core/toasts.js";
 import { isDrawing, onDraft, setMode } from "../zones/draft.js";
 import { asker, changeText } from "../zones/preview.js";
 import { onRule, ruleOf, showRule } from "./colour_picker.js";
-import { exampleOf, onExample, showExample } from "./example.js";
+import { exampleOf, onExample, point, showExample } from "./example.js";
 
 const form = element("entry");
 const field = (name) => element(`entry-${name}`);
@@ -59,6 +59,7 @@ export function open(entry, listVersion, limits) {
   element("entry-remove").hidden = !entry;
   showRule(entry?.colour ?? null);
   showExample(entry?.prototype ?? null);
+  if (isForeign()) point();
   describe();
   if (!entry) field("name").focus();
 }
@@ -100,6 +101,10 @@ const missing = () => {
 
 const isKnown = () => Boolean(stored?.found_by.startsWith("network"));
 
+// An example that was made with another network is kept, but nothing can be compared with it.
+const isForeign = () =>
+  Boolean(exampleOf()) && stored?.prototype === exampleOf() && stored.found_by === "nothing";
+
 function withNetwork(rule) {
   if (!rule || rule.fallback) return "network";
   return rule.alone ? "network and colour rule" : "network, weighed with colour rule";
@@ -109,7 +114,7 @@ function withNetwork(rule) {
 function eyes() {
   // The network goes on to know a class that is renamed.
   if (isKnown()) return sentence(withNetwork(ruleOf()));
-  if (!ruleOf()) return exampleOf() && t("example");
+  if (!ruleOf()) return !isForeign() && exampleOf() && t("example");
   return ruleOf().pattern ? t("pattern of colours") : t("colour rule");
 }
 
@@ -121,7 +126,9 @@ function describe() {
     note,
     by
       ? t("Detected by: {by}", { by })
-      : t("▲ Nothing can see it yet: the network does not know it, and it has no colour rule and no example."),
+      : isForeign()
+        ? t("▲ It was shown to another network. Click the thing again.")
+        : t("▲ Nothing can see it yet: the network does not know it, and it has no colour rule and no example."),
   );
   note.classList.toggle("lost", note.textContent.startsWith("▲"));
   const lacking = missing();
@@ -208,7 +215,10 @@ form.onsubmit = (event) => {
     }
   });
 };
-element("entry-remove").onclick = () => attempt(() => send("DELETE", address()));
+element("entry-remove").onclick = () => {
+  const path = address();
+  attemptTwice(t("Empty the list"), (query) => send("DELETE", path + query));
+};
 element("entry-cancel").onclick = close;
 form.addEventListener("input", describe);
 onRule(describe);

@@ -1,9 +1,9 @@
 // The beware list as a TOML file: written, and read with what is wrong in it named by line.
 
-import { abortableFetch } from "../core/link/api.js";
+import { abortableFetch, refusalOf } from "../core/link/api.js";
 import { download, element } from "../core/dom.js";
 import { t } from "../core/text/language.js";
-import { attempt, notify } from "../core/toasts.js";
+import { attempt, attemptTwice, notify } from "../core/toasts.js";
 
 const PATH = "/api/v1/beware.toml";
 let refresh = () => {};
@@ -13,10 +13,10 @@ export function build(onNewList) {
   refresh = onNewList;
 }
 
-async function importText(text) {
+async function importText(text, query) {
   const headers = { "Content-Type": "application/toml" };
-  const response = await abortableFetch(PATH, { method: "PUT", headers, body: text });
-  if (!response.ok) throw new Error((await response.json()).error.message);
+  const response = await abortableFetch(PATH + query, { method: "PUT", headers, body: text });
+  if (!response.ok) throw await refusalOf(response);
   element("beware-files").hidePopover();
   notify(t("The list of the file is in force."), { good: true });
   refresh();
@@ -27,7 +27,7 @@ element("beware-file").onchange = (event) =>
     const [file] = event.target.files;
     const text = await file.text();
     event.target.value = "";
-    await importText(text);
+    await attemptTwice(t("Empty the list"), (query) => importText(text, query));
   });
 element("beware-export").onclick = () =>
   attempt(async () => {

@@ -5,7 +5,7 @@ import { get, post } from "../core/link/api.js";
 import { element, make } from "../core/dom.js";
 import { formatDateTime } from "../core/text/format.js";
 import { sentence, t } from "../core/text/language.js";
-import { attempt, notify } from "../core/toasts.js";
+import { attempt, attemptTwice, notify } from "../core/toasts.js";
 
 const menu = element("beware-versions");
 const list = make("ul", { class: "list", "data-testid": "beware-versions-list" });
@@ -46,8 +46,8 @@ function rowOf(entry, isNewest) {
     });
   const back = make("button", { type: "button", "data-testid": "beware-restore" }, t("Bring back"));
   back.onclick = () =>
-    attempt(async () => {
-      await post(`/beware/versions/${entry.version}/restore`);
+    attemptTwice(t("Empty the list"), async (query) => {
+      await post(`/beware/versions/${entry.version}/restore${query}`);
       menu.hidePopover();
       notify(t("Version {version} is in force again.", entry), { good: true });
       refresh();

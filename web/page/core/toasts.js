@@ -46,6 +46,21 @@ export function showRefusal(error) {
   notify(error.message, { action: error.code === "not_in_control" ? take : null });
 }
 
+// Run an action of the operator with the query of its request: what is asked for again before it is
+// done is done with force once the operator says so.
+export const attemptTwice = (label, action) =>
+  attempt(async () => {
+    try {
+      await action("");
+    } catch (error) {
+      if (error.code !== "needs_force") throw error;
+      notify(error.message, {
+        action: { label, run: () => attempt(() => action("?force=true")) },
+        stays: true,
+      });
+    }
+  });
+
 // Run an action of the operator; a refusal is shown.
 export async function attempt(action) {
   try {

@@ -2,12 +2,12 @@
 // one can be corrected for the next training.
 
 import { swatchOf } from "../beware/swatch.js";
-import { edit, get, post, request } from "../core/link/api.js";
+import { get, post, request } from "../core/link/api.js";
 import { element, make, setText } from "../core/dom.js";
 import { formatAge } from "../core/text/format.js";
 import { number, t, tn } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
-import { offerUndo } from "../core/undo.js";
+import { reject } from "../map/pointer/reject.js";
 import { openMissed } from "./missed_object.js";
 
 // While the tab is closed, the counts are updated only every so many ticks.
@@ -212,7 +212,7 @@ const rejectButtons = (id, name) => [
     {
       title: t("This is no {name}: free its place, and ask for better evidence there", { name }),
       "data-testid": "reject",
-      onclick: () => reject(id, false, t("The place of the {name} is free.", { name })),
+      onclick: () => rejectSighting(id, name, false),
     },
     t("✕ Not one"),
   ),
@@ -221,18 +221,14 @@ const rejectButtons = (id, name) => [
     {
       title: t("None of all that was taken for a {name} here is one", { name }),
       "data-testid": "reject-all",
-      onclick: () => reject(id, true, t("Every place of a {name} is free.", { name })),
+      onclick: () => rejectSighting(id, name, true),
     },
     t("✕ None of this kind"),
   ),
 ];
 
-const reject = (id, isAll, done) =>
-  attempt(async () => {
-    const made = await edit("POST", `/sightings/${id}/reject`, { all_of_class: isAll });
-    offerUndo(`${done} ${t("It counts there only when the robot is surer.")}`, made);
-    await tick(true);
-  });
+const rejectSighting = (id, name, isAll) =>
+  reject(`/sightings/${id}/reject`, { all_of_class: isAll }, name, () => tick(true));
 
 const notA = (name) =>
   /^[aeiou]/i.test(name) ? t("Not an {name} → …", { name }) : t("Not a {name} → …", { name });

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, StrictBool
+from pydantic import BaseModel, Field, StrictBool
 
 from navcore.mapping.points.erasing import Erasable
 from web.interface.drafts import RejectedPlace
 from web.interface.operations import AllEdits, MapEdits
 from web.interface.wire import DOCUMENTED
-from web.schemas.fields import Closed
+from web.schemas.fields import Closed, Corner
 from web.schemas.zones import Geometry
 
 
@@ -27,6 +27,15 @@ class RejectIn(Closed):
 
     all_of_class: StrictBool = False
     """Whether all present detections of its class are rejected with it."""
+
+
+class RejectAtIn(RejectIn):
+    """Place of the map where nothing of a class is."""
+
+    class_id: int = Field(strict=True, ge=1, le=255)
+    """Class id of the beware list."""
+    at: Corner
+    """Position (x, y) in metres of the map frame."""
 
 
 class EditsOut(BaseModel):

@@ -37,6 +37,9 @@ class NetworkFile:
     """Working size that images are resized to."""
     sha256: str
     """SHA-256 of the file, hexadecimal."""
+    features: str
+    """SHA-256 of what makes the features (`weights_file.digest_of_features`); that of the file
+    where it is not known."""
     network: EsaNet | None = None
     """The network; None if the file is ONNX."""
     onnx: bytes | None = None
@@ -50,7 +53,9 @@ class NetworkFile:
         if self.onnx is not None:
             return self.onnx
         assert self.network is not None
-        card = OnnxCard(class_names=self.class_names, depth=self.depth, size=self.size)
+        card = OnnxCard(
+            class_names=self.class_names, depth=self.depth, size=self.size, features=self.features
+        )
         return onnx_file.exported(self.network, card, ranges=self.ranges if in_bytes else None)
 
     def smaller(self, config: InferenceConfig = DEFAULT_CONFIG) -> NetworkFile | None:
@@ -75,12 +80,14 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
     """
     if path.suffix == onnx_file.SUFFIX:
         content, onnx_card = onnx_file.read_onnx(path)
+        sha256 = hashlib.sha256(content).hexdigest()
         return NetworkFile(
             title=path.name,
             class_names=onnx_card.class_names,
             depth=onnx_card.depth,
             size=onnx_card.size,
-            sha256=hashlib.sha256(content).hexdigest(),
+            sha256=sha256,
+            features=onnx_card.features or sha256,
             onnx=content,
         )
     from navcore.perception.esanet.weights import weights_file as weights
@@ -97,6 +104,7 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
         depth=card.depth,
         size=card.size or nearest_size(camera),
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        features=weights.digest_of_features(trained),
         network=trained.network,
         ranges=card.ranges,
     )

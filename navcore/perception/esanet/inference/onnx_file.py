@@ -46,6 +46,8 @@ class OnnxCard:
     """Depth statistics of the training data."""
     size: Size
     """Size (h, w) of the inputs."""
+    features: str = ""
+    """SHA-256 of what makes the features; empty where it is not known."""
 
     def __post_init__(self) -> None:
         check_size(self.size, STRIDE)

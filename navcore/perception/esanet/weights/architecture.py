@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -44,6 +44,16 @@ class Architecture:
         """Return the network without memory for its weights (torch's meta device)."""
         with torch.device("meta"):
             return EsaNet(variant_named(self.variant), self.num_classes, width=self.width)
+
+    def class_tensors(self) -> set[str]:
+        """Return the keys of the tensors with a row per class, whose shape depends on the number of
+        classes: what makes classes of the features."""
+        more = replace(self, num_classes=self.num_classes + 1).skeleton().state_dict()
+        return {
+            key
+            for key, tensor in self.skeleton().state_dict().items()
+            if tensor.shape != more[key].shape
+        }
 
 
 def infer_architecture(tensors: Mapping[str, Tensor], where: str) -> Architecture:

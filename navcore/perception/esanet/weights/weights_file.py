@@ -208,6 +208,18 @@ def digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:
     return hashed.hexdigest()
 
 
+def digest_of_features(trained: TrainedNetwork) -> str:
+    """Return the SHA-256 of what makes the features, before classes are made of them: networks of
+    the same have the same features, whatever classes were taught to them."""
+    of_classes = trained.card.architecture.class_tensors()
+    tensors = {
+        key: tensor.float() if tensor.is_floating_point() else tensor
+        for key, tensor in trained.network.state_dict().items()
+        if key not in of_classes
+    }
+    return digest(tensors, {})
+
+
 def _as_metadata(card: WeightsCard) -> dict[str, str]:
     """Return the card as metadata: JSON per field, because safetensors stores only strings; fields
     that are None are left out."""

@@ -144,6 +144,45 @@ def test_a_rejection_is_undone_with_points_memory_and_verdict(
     assert mat_cells(holder) == 0 and len(editor.rejected) == 2
 
 
+def test_what_a_kept_map_holds_is_rejected_at_its_place_without_a_detection(
+    holder: Holder, told: list[str]
+) -> None:
+    both = seen(holder, mats())
+    editor = editor_of(holder, DetectionGallery(), told)  # as after a start in a kept map
+    cells = np.argwhere(layer_grid(holder.map, LIST, ()).beware[MAT.class_id])
+    x_m, y_m = SPEC.centres(cells)[0].tolist()
+    with pytest.raises(Refused, match="nothing of “mat” on the map at"):
+        editor.reject_at(MAT.class_id, (x_m + 5.0, y_m), all_of_class=False, by="Ana")
+    editor.reject_at(MAT.class_id, (x_m, y_m + 0.1), all_of_class=False, by="Ana")
+    holder.tick()
+    one = mat_cells(holder)
+    assert 0 < one < both and told[-1].endswith("cells are free.")
+    assert [seen(holder, mats()) for _ in range(5)] == [one] * 5
+    assert seen(holder, mats(0.99)) > one
+    editor.undo(by="Bo")
+    holder.tick()
+    editor.reject_at(MAT.class_id, (x_m, y_m), all_of_class=True, by="Ana")
+    holder.tick()
+    assert mat_cells(holder) == 0
+    assert "none of 2 places of “mat” is one" in told[-1]
+
+
+def test_rejecting_a_place_marks_the_detections_there(
+    editor: MapEditor, holder: Holder, gallery: DetectionGallery
+) -> None:
+    seen(holder, mats())
+    first = gallery.extent(1)
+    editor.reject_at(MAT.class_id, first.sighting.place, all_of_class=False, by="Ana")
+    holder.tick()
+    assert [one.verdict for one in sorted(gallery.all(), key=lambda one: one.id)] == [
+        "rejected",
+        None,
+    ]
+    editor.undo(by="Bo")
+    holder.tick()
+    assert not editor.rejected and gallery.counts() == {MAT.class_id: 2}
+
+
 def test_a_rejection_can_be_forgotten_and_remembered_again(
     editor: MapEditor, holder: Holder
 ) -> None:

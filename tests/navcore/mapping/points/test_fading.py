@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,13 @@ from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.point_table import POINT
 from navcore.mapping.storage.map_file import load, save
 from navcore.mapping.views.observation import observe
+from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from tests.navcore.laws import law
 from tests.navcore.mapping.test_point_map import assert_same, layers, rebuilt
-from tests.navcore.scene import RED_ID, RED_LIST, SPEC, Box, Paint, picture
+from tests.navcore.scene import GREY, RED_ID, RED_LIST, SPEC, Box, Paint, picture
 
 SPILL = Paint(x=(1.2, 1.7), y=(-0.3, 0.3))
 FIRST, MOST = FadingConfig().first, FadingConfig().most
@@ -121,6 +123,70 @@ def test_only_the_part_that_was_mopped_fades() -> None:
     for _ in range(2 * MOST):
         left = look(point_map, half)
     assert 0.3 * cells < left < 0.75 * cells
+
+
+YELLOW, BLACK, BLUE = (240, 200, 0), (15, 15, 15), (20, 60, 220)
+SHIPPED = default_beware_list()
+
+
+def tape(y_m: tuple[float, float], x_m: float = 1.3) -> list[Paint]:
+    """Return stripes of yellow and black, 10 cm each."""
+    edges = np.arange(y_m[0], y_m[1] + 0.01, 0.1)
+    return [
+        Paint(x=(x_m, x_m + 0.2), y=(low, high), colour=(YELLOW, BLACK)[k % 2])
+        for k, (low, high) in enumerate(pairwise(edges.tolist()))
+    ]
+
+
+BAY = [
+    Paint(x=(1.0, 1.9), y=(-0.5, 0.5), colour=BLUE),
+    Paint(x=(1.1, 1.8), y=(-0.4, 0.4), colour=GREY),
+]
+
+
+class TestPatterns:
+    """The second colour of a pattern goes with the first."""
+
+    def look(self, point_map: PointMap, name: str, *paint: Paint) -> int:
+        """Return the number of cells of an entry of the shipped list after one more image."""
+        entry = dataclasses.replace(SHIPPED.named(name), enabled=True)
+        beware, frame = BewareList(classes=(entry,)), picture(*paint)
+        labels = ColourSegmenter().segment(frame, beware)
+        point_map.insert(observe(frame, labels, beware, SPEC, ObservationConfig()), frame, labels)
+        cells = layer_grid(point_map, beware, ()).beware[entry.class_id].sum()
+        return int(cells)
+
+    @pytest.mark.parametrize(
+        ("name", "paint", "least"),
+        [("yellow-black tape", tape((-0.6, 0.6)), 20), ("reserved bay", BAY, 60)],
+        ids=["tape", "bay"],
+    )
+    def test_a_marking_that_is_gone_fades_whole(
+        self, name: str, paint: list[Paint], least: int
+    ) -> None:
+        point_map = PointMap(SPEC, MappingConfig())
+        cells = self.look(point_map, name, *paint)
+        assert cells > least
+        left = [self.look(point_map, name) for _ in range(FIRST)]
+        assert left[-2] == cells and left[-1] == 0
+        assert self.look(point_map, name, *paint) == cells  # and counts at once when it is back
+
+    def test_a_part_that_is_left_keeps_both_colours(self) -> None:
+        point_map, name = PointMap(SPEC, MappingConfig()), "yellow-black tape"
+        whole = self.look(point_map, name, *tape((-0.6, 0.6)))
+        for _ in range(2 * MOST):
+            left = self.look(point_map, name, *tape((-0.6, 0.0)))
+        assert 0.4 * whole < left < 0.75 * whole
+
+    @pytest.mark.parametrize("share", [1.0, 0.5])
+    def test_a_marking_that_is_there_stays_when_its_label_is_lost(self, share: float) -> None:
+        point_map, name = PointMap(SPEC, MappingConfig()), "yellow-black tape"
+        cells = self.look(point_map, name, *tape((-0.6, 0.6)))
+        shaded = picture(*tape((-0.6, 0.6)))
+        shaded = dataclasses.replace(shaded, rgb=(share * shaded.rgb).astype(np.uint8))
+        for _ in range(2 * MOST):
+            look(point_map, shaded, unlabelled(shaded))
+        assert self.look(point_map, name, *tape((-0.6, 0.6))) == cells
 
 
 def test_the_evidence_is_kept_with_the_map_and_a_point_is_as_large_as_before(

@@ -80,6 +80,7 @@ def network_file(**changes: object) -> NetworkFile:
         depth=NYUV2_DEPTH,
         size=SIZE,
         sha256="0" * 64,
+        features="f" * 64,
         network=network(),
     )
     return dataclasses.replace(made, **changes)  # type: ignore[arg-type]

@@ -53,10 +53,13 @@ export async function edit(method, path, body, headers = {}) {
     const message = t("the console does not answer; as far as this page knows, nothing was changed");
     throw new Refusal(0, { error: { message } });
   }
+  if (!answer.ok) throw await refusalOf(answer);
   const value = parsed(await answer.text());
-  if (!answer.ok) throw new Refusal(answer.status, value);
   return { value, undoNumber: answer.headers.get("Undo-Number") };
 }
+
+// The error of an answer that refuses.
+export const refusalOf = async (answer) => new Refusal(answer.status, parsed(await answer.text()));
 
 function parsed(text) {
   try {

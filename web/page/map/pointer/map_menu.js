@@ -10,8 +10,9 @@ import { proposeCircle, setMode } from "../../zones/draft.js";
 import { removeZone, switchZone } from "../../zones/zones.js";
 import { choicesFor, discAt, historyItems } from "./erase.js";
 import { startMeasuring, startPlacing } from "./pick.js";
+import { rejectItems } from "./reject.js";
 import { select } from "./selection.js";
-import { describe, targetAt } from "./targets.js";
+import { classAt, describe, targetAt } from "./targets.js";
 import { canvas, toWorld } from "../view.js";
 import { world } from "../world.js";
 
@@ -44,6 +45,8 @@ function itemsOf(at, target) {
     }
     add("goal-here", t("⚑ Goal here"), () => addGoal(at));
     add("zone-here", t("⬠ Zone here"), () => proposeCircle(at));
+    const held = classAt(at);
+    if (held) items.push(...rejectItems(held, at));
     add("erase-here", t("⌫ Erase here …"), () => choose(choicesFor(discAt(at))));
     add("robot-here", t("◎ The robot is here …"), () => startPlacing(at));
   }

@@ -101,10 +101,16 @@ function targetText(target) {
   return t("zone “{name}”: {terms}", { name, terms }) + (enabled ? "" : `, ${t("switched off")}`);
 }
 
+// The class of the beware list that the map holds at a point, or undefined.
+export function classAt(at) {
+  const cell = world.map && cellAt(world.map, at);
+  return cell && world.classes.find(({ class_id: id }) => [cell.first, cell.second].includes(id));
+}
+
 function cellText(at) {
   const cell = world.map && cellAt(world.map, at);
   if (!cell) return t("outside the map");
-  const found = world.classes.find((entry) => [cell.first, cell.second].includes(entry.class_id));
+  const found = classAt(at);
   if (found) return t("{name} of the beware list", { name: found.label ?? found.name });
   if (cell.flags & OBSTACLE) return t("an obstacle");
   if (cell.flags & PRIOR) return t("an obstacle of the prior map, not seen yet");
