@@ -50,6 +50,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("POST", r"/sightings/snapshots", "held an image for labelling"),
     ("PATCH", r"/map/poses", "corrected poses of the map"),
     ("POST", r"/map/erase", "erased an area of the map"),
+    ("POST", r"/map/reject", "said that something on the map is not what it was taken for"),
     ("POST", r"/edits/undo", "took back the last edit"),
     ("POST", r"/edits/redo", "repeated an edit"),
     ("PUT", r"/path/settings", "changed the settings of the path"),

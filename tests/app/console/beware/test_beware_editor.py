@@ -122,8 +122,8 @@ def test_a_removed_class_that_is_added_again_has_its_id(tmp_path: Path) -> None:
         (lambda editor: editor.add({"name": " "}), "1 to 80 printable"),
         (lambda editor: editor.add({"name": "x", "margin_m": 9.0}), "margin_m: 9.0 is out of"),
         (lambda editor: editor.order(["cup"]), "every class once"),
-        (lambda editor: editor.replace(BewareList(classes=())), "bewares of nothing"),
-        (lambda editor: editor.import_toml(""), "bewares of nothing"),
+        (lambda editor: editor.replace(BewareList(classes=())), "would be empty"),
+        (lambda editor: editor.import_toml(""), "would be empty"),
         (lambda editor: editor.import_toml("[[beware]"), "not readable as TOML.*line 1"),
     ],
 )
