@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from app.episode.episode import EpisodeSettings
     from app.evaluation.campaign import Fleet
     from app.evaluation.perception.detection_counts import Walks
+    from app.runtime.start.segmentation import Perception
     from navcore.config.navigator import NavigatorConfig
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
@@ -351,28 +352,31 @@ def _detection(settings: EvaluateSettings) -> bool:
     return _walked(settings, suite, walks_by_default=40)
 
 
-def _one_click(settings: EvaluateSettings) -> bool:
-    from app.evaluation.perception.one_click import walks
+def _perception(settings: EvaluateSettings) -> Perception:
+    """Return what sees the images of a suite in which nothing drives."""
     from app.runtime.start.engine_memory import EngineMemory
     from app.runtime.start.segmentation import compose
+
+    choice = settings.segmentation.choice(camera=settings.stream)
+    return compose(choice, memory=EngineMemory.of_user())
+
+
+def _one_click(settings: EvaluateSettings) -> bool:
+    from app.evaluation.perception.one_click import walks
 
     if settings.beware is not None:
         raise BadConfiguration(
             "--beware names the classes that are known, and in the suite 'one-click' none are"
         )
-    choice = settings.segmentation.choice(camera=settings.stream)
-    perception = compose(choice, memory=EngineMemory.of_user())
-    return _walked(settings, walks(perception, settings.stream.size), walks_by_default=20)
+    suite = walks(_perception(settings), settings.stream.size)
+    return _walked(settings, suite, walks_by_default=20)
 
 
 def _light(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.light import evaluate_light
-    from app.runtime.start.engine_memory import EngineMemory
-    from app.runtime.start.segmentation import compose
 
-    choice = settings.segmentation.choice(camera=settings.stream)
     told = evaluate_light(
-        compose(choice, memory=EngineMemory.of_user()),
+        _perception(settings),
         beware_list(settings.beware),
         seeds=range(settings.seed, settings.seed + (settings.episodes or 12)),
         out=_out(settings, settings.suite),
@@ -400,12 +404,10 @@ def _teaching(settings: EvaluateSettings) -> bool:
 
 def _table_tops(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.table_tops import evaluate_table_tops
-    from app.runtime.start.engine_memory import EngineMemory
-    from app.runtime.start.segmentation import compose
 
     assert settings.images is not None
     told = evaluate_table_tops(
-        compose(settings.segmentation.choice(), memory=EngineMemory.of_user()),
+        _perception(settings),
         beware_list(settings.beware),
         settings.images,
         out=_out(settings, TABLES_SUITE),
@@ -419,13 +421,9 @@ def _table_tops(settings: EvaluateSettings) -> bool:
 
 def _prints(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.prints import evaluate_prints
-    from app.runtime.start.engine_memory import EngineMemory
-    from app.runtime.start.segmentation import compose
 
     told = evaluate_prints(
-        compose(
-            settings.segmentation.choice(camera=settings.stream), memory=EngineMemory.of_user()
-        ),
+        _perception(settings),
         beware_list(settings.beware),
         seeds=range(settings.seed, settings.seed + (settings.episodes or 30)),
         out=_out(settings, PRINTS_SUITE),

@@ -133,6 +133,23 @@ def mean_of(reports: Sequence[Report], value: Callable[[Report], float]) -> floa
     return round(statistics.fmean(value(report) for report in reports), 4)
 
 
+def origin_of(
+    suite: str, segmenter: str, size: tuple[int, int], reports: Sequence[Report]
+) -> dict[str, Any]:
+    """Return the beginning of the summary of a suite in which a camera looks at worlds by seed:
+    what made the figures, with images of `size` (columns, rows)."""
+    return {
+        "command": command_line(),
+        "scenario": suite,
+        "segmenter": segmenter,
+        "images": list(size),
+        "versions": sorted({report["version"] for report in reports}),
+        "machines": sorted({report["machine"] for report in reports}),
+        "episodes": len(reports),
+        "seeds": [report["seed"] for report in reports],
+    }
+
+
 def write_summary(summary: Report, out: Path) -> None:
     """Write `summary.json`; raises `BadConfiguration` when the folder cannot be written."""
     try:

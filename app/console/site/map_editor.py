@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Protocol
 
 import numpy as np
 import shapely
 
 from app.console.edit_history import Edit, EditStack
-from app.console.site.map_regions import REACH_M, Region, distance_m, regions_at, regions_of
+from app.console.site.map_regions import REACH_M, Region, distance_m, regions_of
 from app.insight.detections import DetectionExtent
 from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.mapping.point_map import PointMap
@@ -234,8 +233,7 @@ class MapEditor:
     def reject_at(self, class_id: int, at: Position, *, all_of_class: bool, by: str) -> None:
         """Free the region of a class at a place of the map, or all of its regions, and remember
         that it takes better evidence there, whatever has shown it: a kept map has no detections."""
-        found = regions_of if all_of_class else partial(regions_at, at=at)
-        regions = found(self._map, class_id)
+        regions = regions_of(self._map, class_id, None if all_of_class else at)
         name, (x_m, y_m) = self._names().get(class_id, f"class {class_id}"), at
         if not regions:
             raise Refused(f"there is nothing of “{name}” on the map at ({x_m:.1f}, {y_m:.1f})")

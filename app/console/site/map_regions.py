@@ -31,35 +31,42 @@ class Region:
     """Highest confidence of what has shown it, 0 to 1."""
 
 
-def regions_of(point_map: PointMap, class_id: int) -> tuple[Region, ...]:
-    """Return the regions of a class; what is larger than a region may be becomes several."""
+def regions_of(
+    point_map: PointMap, class_id: int, at: tuple[float, float] | None = None
+) -> tuple[Region, ...]:
+    """Return the regions of a class, or with `at` only the one at this place, the nearest within
+    `REACH_M`; empty without one. Connected cells that are too many for one region become several.
+    """
     plane = point_map.layers.bools(class_id)
     count, names = cv2.connectedComponents(plane.astype(np.uint8), connectivity=8)
+    cells = np.argwhere(plane)
+    points, own = point_map.spec.centres(cells), names[plane]
+    wanted = np.arange(1, count)
+    if at is not None:
+        away_m = np.hypot(*(points - at).T)
+        near = away_m <= min(REACH_M, away_m.min(initial=np.inf))
+        wanted = np.unique(own[near])[:1]
     seen = point_map.beware_points
     seen = seen[(seen["class_id"] == class_id) & (seen["cell"] >= 0)]
     surest = np.zeros(count)
     np.maximum.at(surest, names.ravel()[seen["cell"]], seen["confidence"])
+    return tuple(
+        Region(
+            class_id=class_id,
+            points=part,
+            confidence=max(float(surest[name]), LEAST_CONFIDENCE),
+        )
+        for name in wanted.tolist()
+        for part in _parts(points[own == name])
+    )
 
-    def of(name: int) -> Iterator[Region]:
-        points = point_map.spec.centres(np.argwhere(names == name))
-        for first in range(0, len(points), MAX_POINTS):
-            yield Region(
-                class_id=class_id,
-                points=points[first : first + MAX_POINTS],
-                confidence=max(float(surest[name]), LEAST_CONFIDENCE),
-            )
 
-    return tuple(region for name in range(1, count) for region in of(name))
+def _parts(points: Points) -> Iterator[Points]:
+    """Return points in parts of at most `MAX_POINTS`."""
+    for first in range(0, len(points), MAX_POINTS):
+        yield points[first : first + MAX_POINTS]
 
 
 def distance_m(region: Region, x_m: float, y_m: float) -> float:
     """Return the distance of a place from a region, metres."""
     return float(np.hypot(*(region.points - (x_m, y_m)).T).min())
-
-
-def regions_at(point_map: PointMap, class_id: int, at: tuple[float, float]) -> tuple[Region, ...]:
-    """Return the region of a class at a place, the nearest one within `REACH_M`; empty without
-    one."""
-    found = [(distance_m(region, *at), region) for region in regions_of(point_map, class_id)]
-    least = min((away for away, _ in found), default=np.inf)
-    return tuple(region for away, region in found if away == least <= REACH_M)

@@ -14,9 +14,9 @@ from rich.console import Console as Terminal
 from rich.table import Table
 from scipy import stats
 
-from app.evaluation.campaign import HERE, Campaign, write_summary
+from app.evaluation.campaign import HERE, Campaign, origin_of, write_summary
 from app.evaluation.summary import Interval, rate_interval
-from app.runtime.record.provenance import command_line, machine, version
+from app.runtime.record.provenance import machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.mission.beware_list import BewareList
 from navcore.robot.camera_stream import CameraStream
@@ -114,18 +114,11 @@ class Walks:
             drive_alone=drive,
         )
         reports = campaign.run(seeds, fleet=HERE, out=out)
-        told = {
-            "command": command_line(),
-            "scenario": self.suite,
-            "segmenter": self.perception.identity,
-            "images": list(self.size),
-            "versions": sorted({report["version"] for report in reports}),
-            "machines": sorted({report["machine"] for report in reports}),
-            "episodes": len(reports),
-            "seeds": list(seeds),
-        } | summary([DetectionCounts.of(report) for report in reports], self.names)
+        counts = [DetectionCounts.of(report) for report in reports]
+        origin = origin_of(self.suite, self.perception.identity, self.size, reports)
+        told = origin | summary(counts, self.names)
         write_summary(told, out)
-        show([DetectionCounts.of(report) for report in reports], told, self.names)
+        show(counts, told, self.names)
         return told
 
 

@@ -16,12 +16,12 @@ import numpy.typing as npt
 from rich.console import Console as Terminal
 from rich.table import Table
 
-from app.evaluation.campaign import HERE, Campaign, write_summary
+from app.evaluation.campaign import HERE, Campaign, origin_of, write_summary
 from app.evaluation.perception.detection import ENOUGH_PX, walk_of_seed
 from app.evaluation.perception.detection_counts import DetectionCounts
 from app.evaluation.perception.detection_counts import summary as rates_of
 from app.evaluation.perception.light_figures import row_of
-from app.runtime.record.provenance import command_line, machine, version
+from app.runtime.record.provenance import machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
@@ -94,15 +94,7 @@ def evaluate_light(
         drive_alone=drive,
     )
     reports = campaign.run(seeds, fleet=HERE, out=out)
-    told = {
-        "command": command_line(),
-        "scenario": SUITE,
-        "segmenter": perception.identity,
-        "images": list(size),
-        "versions": sorted({report["version"] for report in reports}),
-        "machines": sorted({report["machine"] for report in reports}),
-        "episodes": len(reports),
-        "seeds": list(seeds),
+    told = origin_of(SUITE, perception.identity, size, reports) | {
         "disturbances": {name: _summary(reports, name) for name in disturbances},
     }
     write_summary(told, out)

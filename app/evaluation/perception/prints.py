@@ -20,11 +20,11 @@ import numpy as np
 from rich.console import Console as Terminal
 from rich.table import Table
 
-from app.evaluation.campaign import HERE, Campaign, write_summary
+from app.evaluation.campaign import HERE, Campaign, origin_of, write_summary
 from app.evaluation.perception.detection import ENOUGH_PX
 from app.evaluation.perception.print_figures import DISTANCES_M, limit
 from app.evaluation.perception.print_sites import KINDS, Sight, Site, renderer_of, sights, site_of
-from app.runtime.record.provenance import command_line, machine, version
+from app.runtime.record.provenance import machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
 from navcore.geometry.arrays import Bools
@@ -101,15 +101,7 @@ def evaluate_prints(
         drive_alone=look,
     )
     reports = campaign.run(seeds, fleet=HERE, out=out)
-    told: dict[str, Any] = {
-        "command": command_line(),
-        "scenario": SUITE,
-        "segmenter": perception.identity,
-        "images": list(size),
-        "versions": sorted({report["version"] for report in reports}),
-        "machines": sorted({report["machine"] for report in reports}),
-        "episodes": len(reports),
-        "seeds": list(seeds),
+    told = origin_of(SUITE, perception.identity, size, reports) | {
         "printed": {entry.name: _summary(entry, reports) for entry in entries},
     }
     write_summary(told, out)
