@@ -181,6 +181,7 @@ class LiveOperations:
             controller,
             view=self._recorder,
             spec=lambda: controller.navigator.map.spec,
+            inflate=controller.navigator.inflate_draft,
             saved=SavedMissions(site),
         )
         self.zones = ZoneEditor(controller, store=site, watcher=self._recorder, number=self._number)

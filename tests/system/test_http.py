@@ -168,28 +168,14 @@ def test_bad_input_is_refused_by_what_is_wrong_and_nothing_stored_is_lost(
     assert client.get("/api/v1/state").json()["queue"] == []
 
 
-def test_a_goal_inside_a_zone_is_refused_as_soon_as_the_zone_is_drawn(
+def test_a_goal_in_a_zone_just_drawn_is_refused_with_a_position_beside_it(
     client: httpx.Client,
 ) -> None:
     client.post("/api/v1/zones", json=square(2.0, -3.0))
     refused = client.post("/api/v1/goals", json={"x_m": 2.3, "y_m": -2.7})
     assert refused.status_code == 422
     assert "beware zone" in refused.text
-
-
-def test_a_goal_inside_a_zone_is_refused_with_a_position_beside_it(client: httpx.Client) -> None:
-    client.post("/api/v1/zones", json=square(2.0, -3.0))
-    goal = {"x_m": 2.3, "y_m": -2.7}
-
-    def beside() -> dict[str, float] | None:
-        position: dict[str, float] | None = (
-            client.post("/api/v1/goals", json=goal).json().get("nearest")
-        )
-        return position
-
-    # The position is found on the map of the next tick.
-    state_when(client, lambda state: beside() is not None, 5.0)
-    assert client.post("/api/v1/goals", json=beside()).status_code == 201
+    assert client.post("/api/v1/goals", json=refused.json()["nearest"]).status_code == 201
 
 
 def test_values_that_are_not_finite_are_refused(client: httpx.Client) -> None:

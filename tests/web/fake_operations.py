@@ -138,7 +138,13 @@ class FakeOperations:
         store, self.calendar_s = MemoryStore(), 1e9
         number = itertools.count(1).__next__
         self.view = FakeView()
-        self.goals = Goals(self, view=self.view, spec=lambda: SPEC, saved=SavedMissions(store))
+        self.goals = Goals(
+            self,
+            view=self.view,
+            spec=lambda: SPEC,
+            inflate=lambda grid: Costmap.of(grid, inflated(grid), version=0),
+            saved=SavedMissions(store),
+        )
         self.zones = ZoneEditor(
             self,
             store=store,
@@ -400,7 +406,7 @@ class FakeOperations:
         price = self.path_settings.unknown_price if unknown_price is None else unknown_price
 
         def plan(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> PathPreview:
-            outcome, points = self._planned(_inflated(grid), pose, goal, price)
+            outcome, points = self._planned(inflated(grid), pose, goal, price)
             length = self._length(points)
             time_s = None if length is None else travel_time_s(points, zones, HUSKY)
             return PathPreview(
@@ -546,7 +552,7 @@ class FakeOperations:
         counts = self._counts
         counts["serial"] += 1
         grid = _grid(self._world, self._intent.beware, self.zones.stored)
-        blocked = _inflated(grid)
+        blocked = inflated(grid)
         old = self.view.picture
         if (
             old is None
@@ -668,7 +674,7 @@ def _grid(
     return with_zones(open_floor, tuple(zones))
 
 
-def _inflated(grid: OccupancyGrid) -> BoolGrid:
+def inflated(grid: OccupancyGrid) -> BoolGrid:
     return inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M)
 
 

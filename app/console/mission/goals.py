@@ -12,9 +12,11 @@ import shapely
 from app.console.mission.saved_missions import SavedMissions
 from app.runtime.control.operator_state import StateHolder
 from navcore.costmap.cell_description import IN_ZONE, blocked_goal, check_goal_free
+from navcore.costmap.costmap import Costmap
 from navcore.errors import BadGeometry
-from navcore.grid.grid import GridSpec
+from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.mission import Goal, Mission
+from navcore.mission.zone import Zone, zone_masks
 from navcore.mission.zone_growth import distance_m
 from web.interface.drafts import GoalChanges, SavedMission
 from web.interface.snapshots import TickSnapshot
@@ -37,10 +39,13 @@ class Goals:
         *,
         view: MapView,
         spec: Callable[[], GridSpec],
+        inflate: Callable[[OccupancyGrid], Costmap],
         saved: SavedMissions,
     ) -> None:
-        """`spec` returns the present grid of the map, which grows to the goals."""
+        """`spec` returns the present grid of the map, which grows to the goals; `inflate` makes a
+        costmap of a grid."""
         self._holder, self._view, self._spec, self._saved = holder, view, spec, saved
+        self._inflate = inflate
 
     def add(self, x_m: float, y_m: float, *, yaw_rad: float | None = None, name: str = "") -> Goal:
         """Queue a goal; refused where the known map or a zone does not let the robot stand."""
@@ -98,18 +103,25 @@ class Goals:
         ).mission
 
     def _check_free(self, x_m: float, y_m: float) -> None:
+        goal = (x_m, y_m)
         if not (math.isfinite(x_m) and math.isfinite(y_m)):
             raise BadGeometry("the goal is not finite; give metres of the map frame")
         picture = self._view.picture
         if picture is not None:
             check_goal_free(
-                picture.grid,
-                picture.blocked,
-                (x_m, y_m),
-                robot=picture.pose,
-                seen=picture.seen,
+                picture.grid, picture.blocked, goal, robot=picture.pose, seen=picture.seen
             )
         # A zone that was drawn since that tick holds already.
-        for zone in self._holder.intent.zones:
-            if zone.closed and distance_m(zone, shapely.points([(x_m, y_m)]))[0] <= zone.margin_m:
-                raise blocked_goal((x_m, y_m), IN_ZONE, nearest=None)
+        zones = self._holder.intent.zones
+        if any(_is_inside(zone, goal) for zone in zones):
+            if picture is not None:
+                plain, wide = zone_masks(zones, picture.grid_spec)
+                drawn = dataclasses.replace(picture.grid, zones=plain, wide_zones=wide)
+                blocked = self._inflate(drawn).blocked
+                check_goal_free(drawn, blocked, goal, robot=picture.pose, seen=picture.seen)
+            raise blocked_goal(goal, IN_ZONE, nearest=None)
+
+
+def _is_inside(zone: Zone, point: tuple[float, float]) -> bool:
+    """Return whether a zone forbids to stand at a point of the map frame, its margin included."""
+    return zone.closed and bool(distance_m(zone, shapely.points([point]))[0] <= zone.margin_m)

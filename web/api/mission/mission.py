@@ -53,8 +53,7 @@ def mission_router(operations: RobotService) -> APIRouter:
     def add_goal(goal: GoalIn) -> Goal:
         """Queue a goal, to which the map grows; refused too far away and in an obstacle or zone.
 
-        Such a refusal names the `nearest` free position, except in a zone that no tick has seen
-        yet.
+        Such a refusal names the `nearest` free position, if there is a map yet.
         """
         return operations.goals.add(goal.x_m, goal.y_m, yaw_rad=goal.yaw_rad, name=goal.name)
 

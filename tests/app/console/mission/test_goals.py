@@ -6,16 +6,17 @@ import dataclasses
 
 import pytest
 
-from app.console.mission.goals import Goals
+from app.console.mission.goals import Goals, MapView
 from app.console.mission.saved_missions import SavedMissions
 from app.runtime.control.operator_state import OperatorState
+from navcore.costmap.costmap import Costmap
 from navcore.errors import BlockedGoal
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Mission
 from navcore.mission.zone import Zone, ZoneKind
 from tests.app.console.state import PlainHolder
 from tests.navcore.scene import SPEC
-from tests.web.fake_operations import MemoryStore
+from tests.web.fake_operations import FakeOperations, MemoryStore, inflated
 
 SQUARE = ((1.0, -0.5), (2.0, -0.5), (2.0, 0.5), (1.0, 0.5))
 
@@ -26,8 +27,14 @@ class NoTick:
     picture = None
 
 
-def goals_of(holder: PlainHolder) -> Goals:
-    return Goals(holder, view=NoTick(), spec=lambda: SPEC, saved=SavedMissions(MemoryStore()))
+def goals_of(holder: PlainHolder, view: MapView | None = None) -> Goals:
+    return Goals(
+        holder,
+        view=view or NoTick(),
+        spec=lambda: SPEC,
+        inflate=lambda grid: Costmap.of(grid, inflated(grid), version=0),
+        saved=SavedMissions(MemoryStore()),
+    )
 
 
 def holder_of(*zones: Zone) -> PlainHolder:
@@ -37,6 +44,12 @@ def holder_of(*zones: Zone) -> PlainHolder:
 KEEP_OUT = Zone(id="a", name="wet floor", polygon=SQUARE)
 WIDE = Zone(id="a", name="wet floor", polygon=SQUARE, margin_m=0.4)
 BOUNDARY = Zone(id="a", name="the hall", polygon=SQUARE, kind=ZoneKind.STAY_INSIDE)
+HALL = Zone(
+    id="a",
+    name="the hall",
+    polygon=((-4.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-4.0, 2.0)),
+    kind=ZoneKind.STAY_INSIDE,
+)
 OFF = Zone(id="a", name="wet floor", polygon=SQUARE, enabled=False)
 SLOW = Zone(id="a", name="the ramp", polygon=SQUARE, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.3)
 
@@ -60,3 +73,12 @@ def test_a_goal_where_a_new_zone_forbids_to_stand_is_refused(zone: Zone, x_m: fl
 def test_a_goal_elsewhere_is_queued(zone: Zone, x_m: float) -> None:
     goal = goals_of(holder_of(zone)).add(x_m, 0.0)
     assert (goal.x_m, goal.y_m) == (x_m, 0.0)
+
+
+@pytest.mark.parametrize(("zone", "x_m"), [(KEEP_OUT, 1.5), (WIDE, 2.35), (HALL, 2.1)])
+def test_the_refusal_names_a_position_beside_the_new_zone(zone: Zone, x_m: float) -> None:
+    goals = goals_of(holder_of(zone), FakeOperations().view)
+    with pytest.raises(BlockedGoal) as refused:
+        goals.add(x_m, 0.0)
+    assert refused.value.nearest is not None
+    assert goals.add(*refused.value.nearest).id > 0
