@@ -43,6 +43,7 @@ from navcore.planning.gap_viewpoint import viewpoint_before_gap
 from navcore.planning.global_planner import GlobalPlanner
 from navcore.planning.weighted_planner import plan_weighted
 from navcore.robot.frame import Frame
+from navcore.robot.laser_scan import LaserScan
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import RecentObstacles, time_to_contact
 
@@ -252,4 +253,7 @@ def _image(*, stamp_ns: int, x_m: float, floor_z_m: float = 0.0) -> Frame:
         T_base_camera=mount,
         pose=pose,
         twist=STANDSTILL,
+        scan=LaserScan(
+            ranges_m=np.full(720, WALL_M, dtype=np.float32), x_m=0.0, max_range_m=2 * WALL_M
+        ),
     )

@@ -34,6 +34,7 @@ from sim.sensors.faults import Fault, FaultSchedule
 from sim.sensors.gnss import GnssReceiver
 from sim.sensors.gnss_settings import GnssKind, carried
 from sim.sensors.imu import Accelerometer
+from sim.sensors.laser_scanner import LaserScanner
 from sim.sensors.stereo_noise import StereoErrors
 
 STEPS_PER_S = 240
@@ -95,6 +96,7 @@ class Simulator:
             try:
                 self._build(seed, odometry_origin)
                 self.camera = self._make_camera(camera_size, errors or StereoErrors(), seed)
+                self._scanner = self._make_scanner(seed)
             except BaseException:
                 pybullet.disconnect(physicsClientId=self.client)
                 raise
@@ -164,6 +166,7 @@ class Simulator:
             roll_rad=roll_rad,
             pitch_rad=pitch_rad,
             fixes=() if self._receiver is None else self._receiver.fixes,
+            scan=None if self._scanner is None else self._scanner.scan(pose),
         )
 
     def true_labels(self) -> dict[str, npt.NDArray[np.bool_]]:
@@ -261,6 +264,12 @@ class Simulator:
             lighting=self.scenario.lighting,
             colour_lens=self.profile.stream.colour_lens,
         )
+
+    def _make_scanner(self, seed: int) -> LaserScanner | None:
+        if self.profile.scanner is None:
+            return None
+        rng = generator(seed, Source.SCANNER)
+        return LaserScanner(self.world.seen, self.profile.scanner, rng, self.ground)
 
     def _build(self, seed: int, odometry_origin: Pose2 | None) -> None:
         pybullet.setGravity(0, 0, -GRAVITY_MPS2, physicsClientId=self.client)

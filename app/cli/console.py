@@ -14,6 +14,7 @@ from app.cli.options import (
     NavigationOption,
     OdometryOption,
     PriorOption,
+    ScannerOption,
     ScenarioOption,
     SeedOption,
     SegmenterOptions,
@@ -84,6 +85,7 @@ class ConsoleSettings:
     ] = None
     seed: SeedOption = 0
     camera: ConsoleCameraOption = "auto"
+    scanner: ScannerOption = False
     segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
     prior: PriorOption = None
     kept: OwnMapOption = None
@@ -122,6 +124,7 @@ def console(settings: ConsoleSettings) -> None:
             site=settings.site,
             seed=settings.seed,
             camera=camera,
+            scanner=settings.scanner,
             choice=settings.segmentation.choice(live=True, camera=camera),
             prior=settings.prior,
             kept=settings.kept,
@@ -150,8 +153,9 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
         load_beware_list(settings.beware)
     if settings.kept is not None:
         prepare(settings.kept.parent)
-    if settings.recording is not None and settings.camera != "auto":
+    if settings.recording is not None and (settings.camera != "auto" or settings.scanner):
+        option = "--scanner" if settings.scanner else "--camera"
         raise BadConfiguration(
-            "--camera is for the simulated robot; a recording has its own images"
+            f"{option} is for the simulated robot; a recording has its own images"
         )
     return None if settings.camera == "auto" else camera_stream(settings.camera)

@@ -23,6 +23,7 @@ from app.cli.options import (
     PriorOption,
     RandomOption,
     SavedMapOption,
+    ScannerOption,
     ScenarioOption,
     SeedOption,
     SegmenterOptions,
@@ -30,6 +31,7 @@ from app.cli.options import (
     ZonesOption,
     beware_list,
     camera_stream,
+    equipped,
     point,
     prepare,
 )
@@ -70,6 +72,7 @@ class DriveSettings:
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
     camera: CameraOption = None
+    scanner: ScannerOption = False
     latency: LatencyOption = "live"
     yielding: YieldingOption = False
 
@@ -88,7 +91,8 @@ def drive(settings: DriveSettings) -> None:
     from navcore.robot.profile import HUSKY
     from sim.scenario.load import load_scenario
 
-    camera = camera_stream(settings.camera, HUSKY.stream)
+    robot = equipped(HUSKY, scanner=settings.scanner)
+    camera = camera_stream(settings.camera, robot.stream)
     goals = tuple(point(text, "--goal") for text in settings.goal or [])
     files = [file for file in (settings.report, settings.kept) if file is not None]
     for folder in [*(file.parent for file in files), *([settings.plots] if settings.plots else [])]:
@@ -113,7 +117,7 @@ def drive(settings: DriveSettings) -> None:
     # Last, because this takes seconds, and the checks above take none.
     perception = prepared_perception(settings.segmentation.choice(camera=camera), config=tuning)
     episode = episode_of(
-        task, settings.seed, robot=HUSKY, beware=beware, perception=perception, config=config
+        task, settings.seed, robot=robot, beware=beware, perception=perception, config=config
     )
     try:
         keyframes, world = Keyframes(episode), episode.controller.navigator.map

@@ -20,16 +20,18 @@ from app.cli.options import (
     NavigationOption,
     OdometryOption,
     RandomOption,
+    ScannerOption,
     SegmenterOptions,
     YieldingOption,
     ZonesOption,
     beware_list,
     camera_stream,
+    equipped,
 )
 from app.episode.ablations import Ablation
 from navcore.errors import BadConfiguration
 from navcore.robot.camera_stream import CameraStream
-from navcore.robot.profile import load_profile
+from navcore.robot.profile import RobotProfile, load_profile
 from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
@@ -130,6 +132,7 @@ class EvaluateSettings:
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
     camera: CameraOption = None
+    scanner: ScannerOption = False
     latency: LatencyOption = "live"
     yielding: YieldingOption = False
     kept_map: Annotated[
@@ -148,7 +151,12 @@ class EvaluateSettings:
     @property
     def stream(self) -> CameraStream:
         """Size and rate of the camera's images."""
-        return camera_stream(self.camera, load_profile(self.robot).stream)
+        return camera_stream(self.camera, self.profile.stream)
+
+    @property
+    def profile(self) -> RobotProfile:
+        """The robot with its sensors."""
+        return equipped(load_profile(self.robot), scanner=self.scanner)
 
 
 def evaluate(settings: EvaluateSettings) -> None:
@@ -261,6 +269,11 @@ def _check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             "--navigation sets how a robot drives, and in the suite "
             f"{settings.suite!r} nothing does"
         )
+    if settings.scanner and (not drives or settings.suite == LOCALISATION_SUITE):
+        raise BadConfiguration(
+            "--scanner is for robots that meet people, and in the suite "
+            f"{settings.suite!r} none does"
+        )
     if not drives and settings.odometry is not OdometryGrade.TYPICAL:
         raise BadConfiguration(
             f"--odometry is for robots that drive, and in the suite {settings.suite!r} nothing does"
@@ -336,7 +349,7 @@ def _episode_settings(
     return EpisodeSettings(
         beware=beware_list(settings.beware),
         config=config,
-        robot=load_profile(settings.robot),
+        robot=settings.profile,
         odometry=settings.odometry,
         latency=latency_of(settings.latency),
         camera=settings.stream,
@@ -500,13 +513,14 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         "" if settings.gnss is None else f"gnss-{settings.gnss}",
         "" if settings.camera is None else f"camera-{settings.stream}",
         "" if settings.latency == "live" else f"latency-{settings.latency}",
+        "scanner" if settings.scanner else "",
         "yielding" if settings.yielding else "",
         "kept-map" if settings.kept_map else "",
     ]
     needs_segmenter = settings.ablation not in NEEDS_NO_SEGMENTER
     summary = evaluate_scenario(
         task,
-        robot=settings.robot,
+        robot=settings.profile,
         seeds=range(
             settings.seed, settings.seed + (count or (10 if settings.experiment is None else 1))
         ),

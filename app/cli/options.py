@@ -29,6 +29,7 @@ from sim.sensors.gnss_settings import GnssKind
 
 if TYPE_CHECKING:
     from app.fleet.engine import Engine
+    from navcore.robot.profile import RobotProfile
     from sim.scenario.schema import Scenario
 
 Settings = TypeVar("Settings")
@@ -87,6 +88,13 @@ CameraOption = Annotated[
         help="Image size and rate of the depth camera: 424x240, 640x480 or 848x480, at 10, 15, 30 "
         "or 60 images a second, e.g. 848x480@15, and +colour for a colour lens of its own; as in "
         "the robot's profile when left out.",
+    ),
+]
+ScannerOption = Annotated[
+    bool,
+    typer.Option(
+        "--scanner",
+        help="The robot carries a laser scanner that sees people all round, not only ahead.",
     ),
 ]
 LatencyOption = Annotated[
@@ -262,6 +270,15 @@ def camera_stream(text: str | None, default: CameraStream | None = None) -> Came
     `BadConfiguration`."""
     default = default or CameraStream()
     return default if text is None else stream_of(text, default)
+
+
+def equipped(robot: RobotProfile, *, scanner: bool) -> RobotProfile:
+    """Return the robot of a profile, with `--scanner` with a laser scanner if it has none."""
+    from navcore.robot.laser_scan import ScannerMount
+
+    if not scanner:
+        return robot
+    return dataclasses.replace(robot, scanner=robot.scanner or ScannerMount())
 
 
 def point(text: str, option: str) -> tuple[float, float]:

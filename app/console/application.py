@@ -55,6 +55,7 @@ from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.navigator import Navigator, Stages
 from navcore.robot.camera_stream import CameraStream
+from navcore.robot.laser_scan import ScannerMount
 from navcore.robot.profile import HUSKY
 from navcore.warmup import warm_up
 from sim.robot.husky import husky_urdf
@@ -114,6 +115,8 @@ class ConsoleOptions:
     """GNSS receiver of the simulated robot; None for that of the world."""
     camera: CameraStream | None = None
     """Size and rate of the simulated camera's images; None for what this machine can follow."""
+    scanner: bool = False
+    """Whether the simulated robot carries a laser scanner."""
     choice: SegmenterChoice = field(default_factory=SegmenterChoice)
     """Options of the segmenter."""
     prior: Path | None = None
@@ -274,7 +277,9 @@ def _back_end(options: ConsoleOptions, config: NavigatorConfig, perception: Perc
     return simulated(
         options.scenario,
         seed=options.seed,
-        profile=dataclasses.replace(HUSKY, stream=stream),
+        profile=dataclasses.replace(
+            HUSKY, stream=stream, scanner=ScannerMount() if options.scanner else None
+        ),
         odometry=options.odometry,
         gnss=options.gnss,
     )

@@ -121,6 +121,7 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "latency": record.latency,
         "map": "new" if record.first_day is None else "kept",
         "camera": str(record.simulator.profile.stream),
+        "scanner": "none" if record.simulator.profile.scanner is None else "all round",
         "people": _manner_of(record.scenario),
         "gnss": "none" if record.simulator.gnss is None else record.simulator.gnss.kind,
         "start": list(record.scenario.start),

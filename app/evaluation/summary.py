@@ -68,7 +68,7 @@ ITEM_COUNTS = ("there", "seen", "not_passed", "missed", "false")
 """Counts of the objects of a class in a report."""
 SAME = (
     *("scenario", "robot", "segmenter", "ablation", "odometry", "gnss", "latency", "people"),
-    *("camera", "map"),
+    *("camera", "scanner", "map"),
 )
 """Keys whose value all episodes of a campaign share."""
 
@@ -238,6 +238,7 @@ def _read(folder: Path) -> dict[str, Any]:
             "latency": "none",
             "people": "yield",
             "map": "new",
+            "scanner": "none",
         }
         summary = {**earlier, "camera": str(CameraStream()), **summary}
     missing = {*SAME, "episodes", "seeds", "failures", *RATES, *MEANS} - set(

@@ -13,7 +13,7 @@ import multiprocessing
 import signal
 import threading
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -24,10 +24,10 @@ from navcore.config.safety import DEFAULT_SAFETY
 from navcore.errors import BewareNavError
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Pose2, Twist
-from navcore.robot.camera_stream import CameraStream
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
-from navcore.robot.profile import HUSKY, RobotProfile
+from navcore.robot.laser_scan import LaserScan
+from navcore.robot.profile import RobotProfile
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.sensors.gnss_settings import GnssKind
@@ -70,7 +70,7 @@ class SimulatorProcess:
         self._link, far_end = context.Pipe()
         self._process = context.Process(
             target=_serve,
-            args=(far_end, scenario, seed, str(odometry), gnss, profile.stream),
+            args=(far_end, scenario, seed, str(odometry), gnss, profile),
             daemon=True,
             name="simulator",
         )
@@ -155,7 +155,7 @@ def _serve(
     seed: int,
     odometry: str,
     gnss: GnssKind | None,
-    stream: CameraStream,
+    profile: RobotProfile,
 ) -> None:
     """Run the simulator in real time: send each frame, execute the messages."""
     # Ctrl-C is for the console, which sends zero and then closes the link.
@@ -165,7 +165,7 @@ def _serve(
     with Simulator(
         world,
         seed=seed,
-        robot=replace(HUSKY, stream=stream),
+        robot=profile,
         odometry=odometry,
         gnss=gnss,
     ) as simulator:
@@ -225,6 +225,7 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
         "fixes": [_encoded_fix(fix, stamp_ns - frame.stamp_ns) for fix in frame.fixes],
         "stamp_ns": stamp_ns,
         "is_part_uncoloured": frame.uncoloured is not None,
+        "scan": None if frame.scan is None else _encoded_scan(frame.scan),
         # JSON has no infinity: a clearance that was never measured is null.
         "referee": {
             key: None if isinstance(value, float) and not math.isfinite(value) else value
@@ -236,6 +237,17 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
     unknown = b"" if frame.uncoloured is None else frame.uncoloured.tobytes()
     pixels = frame.depth_m.tobytes() + frame.rgb.tobytes() + unknown
     return len(text).to_bytes(4, "little") + text + pixels
+
+
+def _encoded_scan(scan: LaserScan) -> dict[str, Any]:
+    """Return a scan as JSON, with null where nothing was measured: JSON has no infinity."""
+    ranges = [value if math.isfinite(value) else None for value in scan.ranges_m.tolist()]
+    return {"ranges_m": ranges, "x_m": scan.x_m, "max_range_m": scan.max_range_m}
+
+
+def _decoded_scan(fields: dict[str, Any]) -> LaserScan:
+    ranges = [math.inf if value is None else value for value in fields["ranges_m"]]
+    return LaserScan(**{**fields, "ranges_m": np.array(ranges, dtype=np.float32)})
 
 
 def _encoded_fix(fix: PositionFix, lead_ns: int) -> dict[str, Any]:
@@ -277,4 +289,5 @@ def _decode(message: bytes) -> tuple[Frame, dict[str, Any]]:
         roll_rad=header["tilt"][0],
         pitch_rad=header["tilt"][1],
         fixes=tuple(_decoded_fix(fix) for fix in header["fixes"]),
+        scan=None if header["scan"] is None else _decoded_scan(header["scan"]),
     ), header["referee"]

@@ -12,6 +12,7 @@ import importlib
 import inspect
 import itertools
 import pkgutil
+import types
 import typing
 from collections.abc import Iterator
 from pathlib import Path
@@ -117,11 +118,12 @@ def _sections(kind: type, where: str) -> Iterator[tuple[type, str]]:
 
 
 def _nested(kind: type) -> dict[str, type]:
-    hints = typing.get_type_hints(kind)
+    """Return the dataclass of each field that has one, or may have one."""
     return {
-        field.name: hints[field.name]
-        for field in dataclasses.fields(kind)
-        if inspect.isclass(hints[field.name]) and dataclasses.is_dataclass(hints[field.name])
+        name: inner
+        for name, hint in typing.get_type_hints(kind).items()
+        for inner in (typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,))
+        if inspect.isclass(inner) and dataclasses.is_dataclass(inner)
     }
 
 

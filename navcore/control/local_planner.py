@@ -330,14 +330,14 @@ def _no_faster(motion: Motion, limit_mps: float, profile: RobotProfile) -> Motio
 
 def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
     """While waiting, turn to keep the nearest person in view, also one who has just left it: out of
-    sight they could be anywhere.
+    sight they could be anywhere. A robot with a scanner sees them all round.
 
     One whose way led by the robot is not looked for, neither soon nor before it sets off: one who
     comes back walks into the turning robot as often as into one that sets off unseeing, and where
     people walk to and fro beside it, it would wait twice as long.
     """
     sought = checker.people.expected_discs[:, :2] - (checker.profile.camera.x_m, 0.0)
-    if len(sought) == 0:
+    if len(sought) == 0 or checker.profile.scanner is not None:
         return motion
     x, y = sought[np.hypot(*sought.T).argmin()].tolist()
     bearing, in_view = math.atan2(y, x), math.radians(checker.control.turn.face_person_deg)

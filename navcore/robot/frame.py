@@ -14,6 +14,7 @@ from navcore.errors import BadFrame
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2, Twist, tilt_matrix
 from navcore.robot.fix import PositionFix, check_fix
+from navcore.robot.laser_scan import LaserScan, check_scan
 
 BLIND_SHARE = 0.98
 """Largest share of missing depth in a valid image; above, the lens is covered or the projector
@@ -52,6 +53,8 @@ class Frame:
     """Absolute positions measured in the last second, in order of time: a reader that skips frames
     misses none, and the stamps tell which are new. In the map's frame, even before the frame is
     placed."""
+    scan: LaserScan | None = None
+    """Newest laser scan; None of a robot without a scanner."""
 
     def placed(self, T_map_odom: Pose2) -> Frame:
         """Return the frame with its pose in the map frame instead of odometry's; the same frame
@@ -137,6 +140,8 @@ def check_frame(frame: Frame) -> None:
         )
     for fix in frame.fixes:
         check_fix(fix)
+    if frame.scan is not None:
+        check_scan(frame.scan)
 
 
 @compiled

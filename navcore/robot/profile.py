@@ -1,4 +1,4 @@
-"""Robot profile: body, limits and camera of a platform."""
+"""Robot profile: body, limits and sensors of a platform."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Matrix, camera_mount
 from navcore.robot.camera_stream import CameraStream
+from navcore.robot.laser_scan import ScannerMount
 from navcore.toml_config import from_table, ranged, read_toml
 
 
@@ -78,6 +79,8 @@ class RobotProfile:
     """Accuracy of the camera's depth."""
     stream: CameraStream = field(default_factory=CameraStream)
     """Size and rate of the camera's images."""
+    scanner: ScannerMount | None = None
+    """Laser scanner that sees all round; None without one."""
 
     @property
     def circumscribed_radius_m(self) -> float:

@@ -1,10 +1,10 @@
-"""Time to contact by the newest depth images alone: no map, no planner.
+"""Time to contact by the newest depth images and laser scan alone: no map, no planner.
 
 Only measurements higher than 10 cm above the ground in the area that the footprint sweeps along the
 commanded arc count, with a small clearance, and only where several points agree; and the edge
 beyond which the ground drops. The camera does not see what is right before the robot's corners, or
-low before its front: what has just gone out of sight there is remembered for a while. Obstacles
-that were never seen are unknown here.
+low before its front: what has just gone out of sight there is remembered for a while. A laser scan
+shows all round what is as high as the scanner. Obstacles that were never seen are unknown here.
 """
 
 from __future__ import annotations
@@ -85,16 +85,18 @@ class RecentObstacles:
     out of sight before it."""
     seen_ns: Indices = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     """(N,) stamps in nanoseconds of the frames that showed the points."""
+    scanned: NearPoints = field(default_factory=lambda: NO_POINTS)
+    """(M, 2) x and y in metres of the base frame of what the newest laser scan shows."""
     pose: Pose2 | None = None
     """T_map_base of the newest frame by odometry; None before the first."""
 
     def after(self, frame: Frame, config: CollisionMonitorConfig = _DEFAULT) -> RecentObstacles:
         """Return the obstacles after one more frame, one that passes `check_frame`: points that it
         no longer looks at stay for `memory_s`."""
-        shown = near_points(frame, config)
+        shown, scanned = near_points(frame, config), _scanned(frame, config)
         stamps = np.full(len(shown), frame.stamp_ns)
         if self.pose is None or not len(self.points):
-            return RecentObstacles(points=shown, seen_ns=stamps, pose=frame.pose)
+            return RecentObstacles(points=shown, seen_ns=stamps, scanned=scanned, pose=frame.pose)
         moved = frame.pose.from_parent(self.pose.to_parent(self.points.astype(np.float64)))
         kept = _remembered(
             moved,
@@ -109,8 +111,26 @@ class RecentObstacles:
         return RecentObstacles(
             points=np.vstack([shown, moved[kept].astype(np.float32)]),
             seen_ns=np.concatenate([stamps, self.seen_ns[kept]]),
+            scanned=scanned,
             pose=frame.pose,
         )
+
+    @property
+    def all_points(self) -> NearPoints:
+        """(N + M, 2) x and y in metres of the base frame of all obstacles."""
+        return np.vstack([self.points, self.scanned]) if len(self.scanned) else self.points
+
+
+def _scanned(frame: Frame, config: CollisionMonitorConfig) -> NearPoints:
+    """Return the (M, 2) x and y in metres of the base frame of a frame's scan within range.
+
+    A scan is coarser than the image: two rays that agree are an obstacle, one may be noise.
+    """
+    if frame.scan is None:
+        return NO_POINTS
+    hits = frame.scan.hits()
+    near = hits[np.hypot(*hits.T) < config.range_m].astype(np.float32)
+    return np.repeat(near, math.ceil(config.min_points / 2), axis=0)
 
 
 def time_to_contact(

@@ -43,6 +43,7 @@ class Source(IntEnum):
     SLIP = 7
     ACCELEROMETER = 8
     GNSS = 9
+    SCANNER = 10
 
 
 def generator(seed: int, source: Source) -> np.random.Generator:

@@ -13,6 +13,7 @@ from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist, camera_
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
 from navcore.robot.frame import Frame
+from navcore.robot.laser_scan import LaserScan, ScannerMount
 
 Colour = tuple[int, int, int]
 Span = tuple[float, float]
@@ -92,6 +93,22 @@ def picture(
         T_base_camera=mount,
         pose=pose,
         twist=twist,
+    )
+
+
+def scanned(*things: Box, pose: Pose2 = ORIGIN) -> LaserScan:
+    """Return the scan of a robot at `pose`, without noise."""
+    mount = ScannerMount(noise_m=0.0)
+    # Off the axes by a hair: a ray along a side of a box would divide by zero.
+    angles = 2 * np.pi * np.arange(mount.rays) / mount.rays + pose.yaw_rad + 1e-7
+    rays = np.stack([np.cos(angles), np.sin(angles), np.full(mount.rays, 1e-9)], axis=-1)[None]
+    eye = np.array([*pose.to_parent(np.array([mount.x_m, 0.0])), mount.z_m])
+    ranges = np.full(mount.rays, np.inf)
+    for thing in things:
+        ranges = np.minimum(ranges, _entry(thing, eye, rays)[0])
+    ranges[ranges > mount.max_range_m] = np.inf
+    return LaserScan(
+        ranges_m=ranges.astype(np.float32), x_m=mount.x_m, max_range_m=mount.max_range_m
     )
 
 

@@ -55,7 +55,10 @@ def origin_of(suite: str, reports: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "command": command_line(),
         "scenario": suite,
-        **{key: reports[0][key] for key in ("segmenter", "odometry", "gnss", "latency", "people")},
+        **{
+            key: reports[0][key]
+            for key in ("segmenter", "odometry", "gnss", "latency", "people", "scanner")
+        },
         "versions": sorted({report["version"] for report in reports}),
         "machines": sorted({report["machine"] for report in reports}),
         "episodes": len(reports),

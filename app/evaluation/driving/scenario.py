@@ -22,7 +22,7 @@ from app.runtime.start.segmentation import Perception, colour_perception, compos
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.mission.beware_list import BewareList
-from navcore.robot.profile import load_profile
+from navcore.robot.profile import HUSKY, RobotProfile
 from sim.scenario.schema import Scenario
 
 RANDOM, GIVEN = "random", "given"
@@ -36,8 +36,8 @@ class Evaluation:
 
     task: Task
     """World, goals, zones, ablation and time limit."""
-    robot: str
-    """Name of the robot profile."""
+    robot: RobotProfile
+    """Body, limits and sensors of the robot."""
     beware: BewareList
     """Classes that the robot must avoid."""
     config: NavigatorConfig
@@ -54,7 +54,7 @@ def evaluate_scenario(
     beware: BewareList,
     fleet: Fleet = HERE,
     perception: Perception | None = None,
-    robot: str = "husky",
+    robot: RobotProfile = HUSKY,
     draw_first: int = 1,
     config: NavigatorConfig | None = None,
 ) -> dict[str, Any]:
@@ -66,14 +66,13 @@ def evaluate_scenario(
     perception = perception or colour_perception()
     # Each worker composes the same segmenter again, with the chosen engine and one thread.
     choice = dataclasses.replace(perception.choice, threads=1)
-    profile = load_profile(robot)
     segmenter = str(task.ablation) if task.ablation in NEEDS_NO_SEGMENTER else perception.identity
-    config, drawn = config or config_for(profile), frozenset(seeds[:draw_first])
+    config, drawn = config or config_for(robot), frozenset(seeds[:draw_first])
     common = Evaluation(task=task, robot=robot, beware=beware, config=config, drawn=drawn)
     campaign = Campaign(
         suite=RANDOM if task.random else GIVEN,
         key="seed",
-        rules=(task, beware.classes, profile, config, segmenter),
+        rules=(task, beware.classes, robot, config, segmenter),
         holds="another world, task, ablation, odometry, robot, configuration, beware list, "
         "segmenter or time limit",
         drive=partial(_drive, common=common, perception=perception),
@@ -136,11 +135,10 @@ def _drive(seed: int, *, common: Evaluation, perception: Perception) -> DrivenEp
     from app.episode.keyframes import Keyframes
     from app.evaluation.plots import plot_episode
 
-    profile = load_profile(common.robot)
     episode = episode_of(
         common.task,
         seed,
-        robot=profile,
+        robot=common.robot,
         beware=common.beware,
         perception=perception,
         config=common.config,

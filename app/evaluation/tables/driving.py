@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from app.evaluation.summary import RATES
 from app.evaluation.tables.kinds import (
+    has_scanner,
     is_crossings,
     is_doors,
     is_paper,
@@ -27,8 +28,9 @@ _SHOWN_RATES = tuple(key for key in RATES if key != "struck_rate")
 
 
 def world(result: Result) -> str:
-    """Return the world of a result, and whether it is of the second day there."""
-    return f"`{result['scenario']}`" + ", second day" * is_second_day(result)
+    """Return the world of a result, and what sets it apart from others in that world."""
+    day, sensor = ", second day" * is_second_day(result), ", with a scanner" * has_scanner(result)
+    return f"`{result['scenario']}`{day}{sensor}"
 
 
 def _short_row(result: Result) -> Row:
@@ -72,7 +74,7 @@ def _mission_row(result: Result) -> Row:
     )
     clearance_m = result["min_clearance_m"]
     return (
-        f"`{result['scenario']}`, seed {', '.join(map(str, result['seeds']))}",
+        f"{world(result)}, seed {', '.join(map(str, result['seeds']))}",
         f"{result['goals_reached']} of {result['goals']}",
         f"{', '.join(errors_m)} m",
         str(result["collisions"]),
@@ -88,7 +90,7 @@ def _mission_row(result: Result) -> Row:
 def _doors_row(result: Result) -> Row:
     missed = ", ".join(map(str, result["not_at_first_try_seeds"]))
     return (
-        f"`{result['scenario']}`",
+        world(result),
         seeds(result),
         f"{count(result, 'first_try')} ({interval(result, 'first_try')})",
         str(result["collisions"]),
@@ -100,7 +102,7 @@ def _doors_row(result: Result) -> Row:
 def _crossings_row(result: Result) -> Row:
     episodes, (low, high) = result["episodes"], result["drove_into_people_ci95"]
     return (
-        f"`{result['scenario']}`",
+        world(result),
         seeds(result),
         f"{result['drove_into_people']} of {episodes} ({percent(low)} to {percent(high)})",
         ", ".join(map(str, result["drove_into_people_seeds"])) or "none",

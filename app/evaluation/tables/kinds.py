@@ -46,6 +46,11 @@ def is_second_day(result: Result) -> bool:
     return result.get("map") == "kept"
 
 
+def has_scanner(result: Result) -> bool:
+    """Return whether a result is of a robot with a laser scanner."""
+    return result.get("scanner") == "all round"
+
+
 def is_recorded(result: Result) -> bool:
     """Return whether a result is of a recording of a real camera."""
     return "frames" in result
@@ -76,6 +81,7 @@ def file_name(result: Result) -> str:
     kinds = (
         "paper" if is_paper(result) else "",
         "second-day" if is_second_day(result) else "",
+        "scanner" if has_scanner(result) else "",
         f"localisation-{result['odometry']}" if is_localisation(result) else "",
         "{}x{}".format(*result["images"]) if is_finer else "",
     )

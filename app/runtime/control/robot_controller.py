@@ -408,7 +408,7 @@ class RobotController:
             stopped_by=intent.stopped_by,
             command=command,
             sensors=self._watched,
-            obstacles=self._recent_obstacles.points,
+            obstacles=self._recent_obstacles.all_points,
             keep_outs=KeepOuts() if hand is not None else self._keep_outs(),
             blocked_since_ns=self._blocked_since_ns,
         )

@@ -1,6 +1,7 @@
-"""Upright clusters of a person's size in a depth image, and whether they stand where floor was.
+"""Upright clusters of a person's size in a frame, and whether they stand where floor was.
 
-The image is put on a coarse grid around the camera, in the map frame. The grid remembers for some
+The depth image, and the laser scan where the camera does not look, are put on a coarse grid around
+the camera, in the map frame. The grid remembers for some
 seconds where floor was seen and since when a cell has been occupied: what has been there for long
 is a wall or a chair and belongs to no cluster, and what occupies floor that was seen a moment ago
 has come there by itself.
@@ -16,8 +17,10 @@ import numpy as np
 
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, PersonDetectorConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, sorted_distinct
+from navcore.geometry.transform import invert
 from navcore.perception.ground import flat_ground
 from navcore.perception.people.detection_grid import (
+    BODY_M,
     MOVABLE,
     NEW,
     SIDE,
@@ -26,14 +29,14 @@ from navcore.perception.people.detection_grid import (
     GridLimits,
     Mask,
     bin_pixels,
+    bin_scan,
     component_totals,
     recall_cells,
 )
 from navcore.robot.frame import Frame
+from navcore.robot.laser_scan import LaserScan
 
 _DEFAULT = DEFAULT_PERCEPTION.people.detector
-_BODY_M = 0.5
-"""Height in metres at which a person must be in view."""
 _MIN_RANGE_M = 0.2
 """Least distance in metres from the camera that is divided by."""
 _KEY = 1 << 32
@@ -99,6 +102,9 @@ class PersonDetector:
         bin_pixels(
             frame.depth_m, ground_m, is_person, t, lens.pinhole, limits, origin, counts, sums
         )
+        area_px = lens.fx * lens.fy / 2
+        if frame.scan is not None:
+            self._bin_scan(frame, frame.scan, limits, origin, counts, sums, area_px)
         kinds = np.zeros((SIDE, SIDE), dtype=np.uint8)
         self._now_s = now_s
         recall_cells(
@@ -110,7 +116,6 @@ class PersonDetector:
             kinds,
         )
         grid = _Grid(kinds=kinds, counts=counts, sums=sums, origin=origin, eye=t[:2, 3])
-        area_px = lens.fx * lens.fy / 2
         movable = (kinds >= MOVABLE).view(np.uint8)
         found, crowded = self._clusters(movable, grid, area_px, frame)
         if not crowded.any():
@@ -165,15 +170,50 @@ class PersonDetector:
 
     def looks_at(self, frame: Frame, x_m: float, y_m: float, half_width_m: float) -> bool:
         """Return whether a person at a position of the map frame would be in view and in range, in
-        full width."""
+        full width, of the camera, or of the scanner with nothing before them."""
+        if frame.scan is not None:
+            x, y = frame.pose.from_parent(np.array([x_m, y_m])).tolist()
+            if frame.scan.reaches(x, y, half_width_m):
+                return True
         camera = frame.T_map_camera
-        x, _, depth = camera[:3, :3].T @ (np.array([x_m, y_m, _BODY_M]) - camera[:3, 3])
+        x, _, depth = camera[:3, :3].T @ (np.array([x_m, y_m, BODY_M]) - camera[:3, 3])
         lens = frame.intrinsics
         left, right = (
             (x + offset) * lens.fx + lens.cx * depth for offset in (-half_width_m, half_width_m)
         )
         in_range = 0 < depth <= self._config.max_range_m
         return bool(in_range and left >= 0 and right < lens.width * depth)
+
+    def _bin_scan(
+        self,
+        frame: Frame,
+        scan: LaserScan,
+        limits: GridLimits,
+        origin: Indices,
+        counts: Counts,
+        sums: Floats,
+        area_px: float,
+    ) -> None:
+        """Add a scan to the pixels; `area_px` is as in `_clusters`. Each ray counts as the pixels
+        of the strip of a body that it stands for."""
+        lens = frame.intrinsics
+        angles = frame.pose.yaw_rad + scan.step_rad * np.arange(len(scan.ranges_m))
+        scanner = frame.pose.to_parent(np.array([scan.x_m, 0.0])).tolist()
+        body_m = limits.body_high_m - limits.body_low_m
+        bin_scan(
+            np.column_stack([np.cos(angles), np.sin(angles), scan.ranges_m.astype(np.float64)]),
+            (scanner[0], scanner[1]),
+            body_m * scan.step_rad * area_px,
+            (
+                invert(frame.T_map_camera),
+                -(lens.cx + 0.5) / lens.fx,
+                (lens.width - 0.5 - lens.cx) / lens.fx,
+            ),
+            limits,
+            origin,
+            counts,
+            sums,
+        )
 
     def _occupied_for_s(self, cells: Cells, now_s: float) -> Floats:
         """Return (K,) how long cells have been occupied in seconds; −∞ when they are not."""

@@ -95,6 +95,7 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "barn", "--gnss", "rtk"), "suite of its own"),
         (("evaluate", "finding", "--odometry", "poor"), "--odometry"),
         (("evaluate", "finding", "--latency", "none"), "--latency"),
+        (("evaluate", "finding", "--scanner"), "--scanner"),
         (("evaluate", "crossings", "--yielding"), "suite of its own"),
         (("evaluate", "office", "--camera", "640x360"), "camera '640x360': expected one of"),
         (("evaluate", "finding", "--camera", "@15"), "without a rate"),

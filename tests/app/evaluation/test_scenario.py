@@ -161,6 +161,7 @@ def made_up(seed: int, **changes: Any) -> dict[str, Any]:
         "ablation": "none",
         "odometry": "typical",
         "gnss": "none",
+        "scanner": "none",
         "latency": "none",
         "people": "none",
         "camera": "424x240@10",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import time
@@ -15,8 +16,10 @@ from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
+from navcore.robot.laser_scan import LaserScan
 from navcore.robot.profile import HUSKY
 from sim.simulator import STEPS_PER_S
+from tests.navcore.scene import picture
 
 AHEAD = Twist(v_mps=0.4, w_radps=0.0)
 
@@ -90,6 +93,18 @@ def test_a_lag_that_is_made_up_puts_no_frames_closer_together_than_the_camera_to
 def test_a_world_that_does_not_come_up_is_told_and_leaves_nothing_behind() -> None:
     with pytest.raises(SimulatorFailed, match="no frame"):
         SimulatorProcess("nowhere", seed=0, profile=HUSKY)
+
+
+def test_a_laser_scan_crosses_the_link() -> None:
+    scan = LaserScan(
+        ranges_m=np.array([1.25, np.inf, 0.3] * 12, dtype=np.float32), x_m=0.1, max_range_m=8.0
+    )
+    got, _ = _decode(_encode(dataclasses.replace(picture(), scan=scan), 0, {}))
+    assert got.scan is not None
+    np.testing.assert_array_equal(got.scan.ranges_m, scan.ranges_m)
+    assert got.scan.ranges_m.dtype == np.float32
+    assert (got.scan.x_m, got.scan.max_range_m) == (0.1, 8.0)
+    assert _decode(_encode(picture(), 0, {}))[0].scan is None
 
 
 def test_roll_pitch_and_fixes_cross_the_link_with_stamps_of_the_machine() -> None:

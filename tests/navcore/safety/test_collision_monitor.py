@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.robot.driver import Command
+from navcore.robot.laser_scan import LaserScan
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import (
     NO_POINTS,
@@ -25,9 +26,9 @@ from navcore.safety.collision_monitor import (
 )
 from navcore.safety.gate import Cause, GateDecision, GateInput, gate
 from tests.navcore.laws import law
-from tests.navcore.scene import Box, picture
+from tests.navcore.scene import Box, picture, scanned
 
-NOW = 10_000_000_000
+NOW, TENTH_NS = 10_000_000_000, 100_000_000
 FRONT_M, SIDE_M = HUSKY.length_m / 2, HUSKY.width_m / 2
 FULL = Twist(v_mps=1.0, w_radps=0.0)
 AHEAD_M = DEFAULT_SAFETY.collision.padding_ahead_m
@@ -50,6 +51,30 @@ def judged(
         obstacles=points,
     )
     return gate(facts, sent=asked if sent is None else sent, period_s=0.05, profile=HUSKY)
+
+
+def test_a_robot_that_reverses_stops_before_what_only_the_scanner_sees() -> None:
+    behind = Box(x=(-1.2, -1.0), y=(-0.5, 0.5), z=(0.0, 1.0))
+    back = Twist(v_mps=-0.5, w_radps=0.0)
+    seen = dataclasses.replace(picture(behind), scan=scanned(behind))
+    contact_s = time_to_contact(RecentObstacles().after(seen).all_points, back, HUSKY)
+    assert contact_s == pytest.approx((1.0 - FRONT_M - AHEAD_M) / 0.5, abs=0.1)
+    # The control: the camera alone knows nothing of what is behind.
+    blind = RecentObstacles().after(picture(behind))
+    assert time_to_contact(blind.all_points, back, HUSKY) == math.inf
+
+
+def test_what_the_scanner_no_longer_sees_is_forgotten_at_once_and_one_ray_is_noise() -> None:
+    behind = Box(x=(-1.2, -1.0), y=(-0.5, 0.5), z=(0.0, 1.0))
+    back = Twist(v_mps=-0.5, w_radps=0.0)
+    after = RecentObstacles().after(dataclasses.replace(picture(), scan=scanned(behind)))
+    gone = after.after(dataclasses.replace(picture(stamp_ns=TENTH_NS), scan=scanned()))
+    assert time_to_contact(gone.all_points, back, HUSKY) == math.inf
+    ranges = np.full(720, np.inf, dtype=np.float32)
+    ranges[360] = 0.8
+    speck = LaserScan(ranges_m=ranges, x_m=0.0, max_range_m=8.0)
+    one = RecentObstacles().after(dataclasses.replace(picture(), scan=speck))
+    assert time_to_contact(one.all_points, back, HUSKY) == math.inf
 
 
 @pytest.mark.parametrize("distance_m", [0.1, 0.4, 0.8])
