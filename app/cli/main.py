@@ -15,7 +15,7 @@ import typer
 from app.bench.parts import BenchPart
 from app.cli.console import console
 from app.cli.drive import drive
-from app.cli.evaluate import evaluate
+from app.cli.evaluate.command import evaluate
 from app.cli.learning.dataset import dataset_cli
 from app.cli.learning.segment import segment
 from app.cli.learning.train import train

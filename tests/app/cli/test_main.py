@@ -146,7 +146,7 @@ def test_an_interrupted_evaluation_says_so_and_ends_with_130(
     def interrupted(*_: object) -> bool:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("app.cli.evaluate._evaluated", interrupted)
+    monkeypatch.setattr("app.cli.evaluate.command._evaluated", interrupted)
     answer = bewarenav("evaluate", "office")
     assert answer.returncode == 130
     assert "the same command drives the rest" in answer.stderr

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from app.cli.drive import DriveSettings, drive
-from app.cli.evaluate import EvaluateSettings, evaluate
+from app.cli.evaluate.command import evaluate
+from app.cli.evaluate.settings import EvaluateSettings
 from app.cli.options import SegmenterOptions
 from app.console import backend
 from app.console.site.site_map import beware_of

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.cli.evaluate import EvaluateSettings, _check_options
+from app.cli.evaluate.settings import EvaluateSettings, check_options
 from app.evaluation.perception import print_sites, prints
 from app.evaluation.perception.print_figures import DISTANCES_M, by_distance, row_of
 from app.evaluation.perception.print_sites import (
@@ -179,7 +179,7 @@ def test_what_cannot_be_judged_is_refused(tmp_path: Path, believer: Believer) ->
     with pytest.raises(BadConfiguration, match="a class that is switched on"):
         evaluate_prints(perception, BewareList(classes=(off, spill)), seeds=[SEED], out=tmp_path)
     with pytest.raises(BadConfiguration, match="judges no commands"):
-        _check_options(EvaluateSettings(suite=SUITE, latency="none"), (SUITE,))
+        check_options(EvaluateSettings(suite=SUITE, latency="none"), (SUITE,))
 
 
 def _seen(renderer: SceneRenderer, number: int) -> tuple[Frame, Bools]:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from app.cli.evaluate import EvaluateSettings, _check_options
+from app.cli.evaluate.settings import EvaluateSettings, check_options
 from app.evaluation.perception.table_tops import SUITE, evaluate_table_tops
 from app.evaluation.tables.kinds import file_name, is_random
 from app.evaluation.tables.pages import full_table
@@ -83,4 +83,4 @@ def test_what_cannot_be_judged_is_refused(tmp_path: Path) -> None:
         evaluate_table_tops(perception(LooksAtRed()), LIST, tmp_path, out=tmp_path / "out")
     for suite, folder in (("office", tmp_path), (SUITE, None)):
         with pytest.raises(BadConfiguration, match="--images"):
-            _check_options(EvaluateSettings(suite=suite, images=folder), (SUITE,))
+            check_options(EvaluateSettings(suite=suite, images=folder), (SUITE,))

@@ -1,0 +1,207 @@
+"""Argument and options of `bewarenav evaluate`, the names of its suites, and which options go with
+which suite."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from app.cli.options import (
+    AblationOption,
+    BewareOption,
+    CameraOption,
+    EngineOptions,
+    GnssOption,
+    LatencyOption,
+    NavigationOption,
+    OdometryOption,
+    RandomOption,
+    ScannerOption,
+    SegmenterOptions,
+    YieldingOption,
+    ZonesOption,
+    camera_stream,
+    equipped,
+)
+from app.episode.ablations import Ablation
+from navcore.errors import BadConfiguration
+from navcore.robot.camera_stream import CameraStream
+from navcore.robot.profile import RobotProfile, load_profile
+from sim.robot.odometry_grade import OdometryGrade
+
+DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
+PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
+LIGHT_SUITE, TEACHING_SUITE, TABLES_SUITE = "light", "teaching", "table-tops"
+PRINTS_SUITE = "prints"
+VIEWING = (
+    *(DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE, TEACHING_SUITE),
+    *(TABLES_SUITE, PRINTS_SUITE),
+)
+"""Suites in which a camera sees things and nothing drives."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluateSettings:
+    """The argument and the options of the command."""
+
+    suite: Annotated[
+        str,
+        typer.Argument(
+            help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
+            "crossings, doors, finding, light, localisation, one-click, prints, table-tops, "
+            "teaching and paper."
+        ),
+    ]
+    experiment: Annotated[
+        Literal["indoor", "forest"] | None,
+        typer.Option(help="Experiment of the paper: the world that S → G1 → G2 → G3 lead through."),
+    ] = None
+    scenario: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE.toml", help="World of localisation, office by default."),
+    ] = None
+    worlds: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="The worlds of barn or dynabarn.")
+    ] = None
+    images: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The real images of table-tops.")
+    ] = None
+    robot: Annotated[
+        str,
+        typer.Option(metavar="husky|jackal", help="Robot that drives; suites are scaled to it."),
+    ] = "husky"
+    episodes: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=10_000,
+            help="Number of episodes: seeds of a scenario (10 by default) or of paper (1), or "
+            "worlds of a suite.",
+        ),
+    ] = None
+    seed: Annotated[
+        int,
+        typer.Option(min=0, help="Seed of the first episode, counting up; of every world of barn."),
+    ] = 0
+    where: EngineOptions = field(default_factory=EngineOptions)
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            metavar="i/n",
+            help="Drive the i-th of n shares of the episodes; `merge` joins their folders.",
+        ),
+    ] = None
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of episodes.jsonl, summary.json and figures."),
+    ] = None
+    max_time: Annotated[
+        float,
+        typer.Option(metavar="S", min=1.0, help="Time limit of an episode in simulated seconds."),
+    ] = 600.0
+    beware: BewareOption = None
+    segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
+    navigation: NavigationOption = None
+    random: RandomOption = False
+    zones: ZonesOption = None
+    ablation: AblationOption = Ablation.NONE
+    odometry: OdometryOption = OdometryGrade.TYPICAL
+    gnss: GnssOption = None
+    camera: CameraOption = None
+    scanner: ScannerOption = False
+    latency: LatencyOption = "live"
+    yielding: YieldingOption = False
+    kept_map: Annotated[
+        bool,
+        typer.Option(
+            "--kept-map",
+            help="Second day: the robot has mapped the world of each seed by a drive to its goals "
+            "and back, and starts in that map.",
+        ),
+    ] = False
+    figures: Annotated[
+        int,
+        typer.Option(min=0, help="Number of first episodes to draw; failed ones are always drawn."),
+    ] = 1
+
+    @property
+    def stream(self) -> CameraStream:
+        """Size and rate of the camera's images."""
+        return camera_stream(self.camera, self.profile.stream)
+
+    @property
+    def profile(self) -> RobotProfile:
+        """The robot with its sensors."""
+        return equipped(load_profile(self.robot), scanner=self.scanner)
+
+
+def check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
+    own_task = settings.random or settings.zones is not None or settings.gnss is not None
+    own_task = own_task or settings.yielding or settings.kept_map
+    if settings.suite in suites and (own_task or settings.ablation is not Ablation.NONE):
+        raise BadConfiguration(
+            "--random, --zones, --gnss, --yielding, --kept-map and --ablation are for scenarios, "
+            f"{settings.suite!r} is a suite of its own"
+        )
+    if settings.scenario is not None and settings.suite != LOCALISATION_SUITE:
+        raise BadConfiguration(
+            "--scenario names the world of the suite 'localisation'; other worlds are the argument"
+        )
+    if (settings.images is None) == (settings.suite == TABLES_SUITE):
+        raise BadConfiguration(
+            f"--images DIR names what the suite {TABLES_SUITE!r} looks at, and is for it alone"
+        )
+    if settings.latency != "live" and settings.suite in (*VIEWING, LOCALISATION_SUITE):
+        raise BadConfiguration(
+            "--latency is the time from an image to a command, and the suite "
+            f"{settings.suite!r} judges no commands"
+        )
+    if settings.suite == PAPER_SUITE and (settings.experiment is None or settings.random):
+        raise BadConfiguration(
+            "the suite paper needs --experiment indoor or forest, and its goals are given: "
+            "no --random"
+        )
+    if settings.experiment is not None and settings.suite != PAPER_SUITE:
+        raise BadConfiguration("--experiment is for the suite 'paper'; worlds are the argument")
+    if settings.suite == LOCALISATION_SUITE and (settings.shard or settings.where.engine == "ray"):
+        raise BadConfiguration(
+            "--shard and --engine ray are for suites of separate episodes, and the parts of "
+            "'localisation' share recorded drives; take --workers"
+        )
+    spread = settings.shard is not None or settings.where != EngineOptions()
+    if spread and settings.suite in VIEWING:
+        raise BadConfiguration(
+            "--shard, --workers and --engine are for suites of separate episodes, and "
+            f"{settings.suite!r} runs as a whole"
+        )
+    if settings.camera is not None and settings.suite in (
+        LOCALISATION_SUITE,
+        TEACHING_SUITE,
+        TABLES_SUITE,
+    ):
+        raise BadConfiguration(
+            f"--camera is not for the suite {settings.suite!r}: its images have a size of their own"
+        )
+    if settings.suite in VIEWING and settings.stream.rate_hz != CameraStream().rate_hz:
+        raise BadConfiguration(
+            f"--camera {settings.camera}: the suite {settings.suite!r} takes an image every "
+            "decimetre; give a size without a rate"
+        )
+    drives = settings.suite not in VIEWING
+    if not drives and settings.navigation is not None:
+        raise BadConfiguration(
+            "--navigation sets how a robot drives, and in the suite "
+            f"{settings.suite!r} nothing does"
+        )
+    if settings.scanner and (not drives or settings.suite == LOCALISATION_SUITE):
+        raise BadConfiguration(
+            "--scanner is for robots that meet people, and in the suite "
+            f"{settings.suite!r} none does"
+        )
+    if not drives and settings.odometry is not OdometryGrade.TYPICAL:
+        raise BadConfiguration(
+            f"--odometry is for robots that drive, and in the suite {settings.suite!r} nothing does"
+        )
