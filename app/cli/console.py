@@ -14,12 +14,14 @@ from app.cli.options import (
     NavigationOption,
     OdometryOption,
     PriorOption,
+    RobotOption,
     ScannerOption,
     ScenarioOption,
     SeedOption,
     SegmenterOptions,
     camera_stream,
     prepare,
+    robot_profile,
 )
 from navcore.errors import BadConfiguration
 from navcore.robot.camera_stream import CameraStream
@@ -85,6 +87,7 @@ class ConsoleSettings:
     ] = None
     seed: SeedOption = 0
     camera: ConsoleCameraOption = "auto"
+    robot: RobotOption = "husky"
     scanner: ScannerOption = False
     segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
     prior: PriorOption = None
@@ -124,7 +127,7 @@ def console(settings: ConsoleSettings) -> None:
             site=settings.site,
             seed=settings.seed,
             camera=camera,
-            scanner=settings.scanner,
+            robot=robot_profile(settings.robot, scanner=settings.scanner),
             choice=settings.segmentation.choice(live=True, camera=camera),
             prior=settings.prior,
             kept=settings.kept,
@@ -143,12 +146,15 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
     None for what this machine can follow."""
     from navcore.config.navigator import load_config
     from navcore.mission.beware_list import load_beware_list
+    from sim.robot.chassis import chassis_for
     from sim.scenario.load import load_scenario
 
+    robot = robot_profile(settings.robot, scanner=settings.scanner)
     if settings.recording is None:
         load_scenario(settings.scenario)
+        chassis_for(robot)
     if settings.navigation is not None:
-        load_config(settings.navigation)
+        load_config(settings.navigation, robot)
     if settings.beware is not None:
         load_beware_list(settings.beware)
     if settings.kept is not None:
@@ -158,4 +164,4 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
         raise BadConfiguration(
             f"{option} is for the simulated robot; a recording has its own images"
         )
-    return None if settings.camera == "auto" else camera_stream(settings.camera)
+    return None if settings.camera == "auto" else camera_stream(settings.camera, robot.stream)

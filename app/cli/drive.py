@@ -22,6 +22,7 @@ from app.cli.options import (
     OdometryOption,
     PriorOption,
     RandomOption,
+    RobotOption,
     SavedMapOption,
     ScannerOption,
     ScenarioOption,
@@ -31,9 +32,9 @@ from app.cli.options import (
     ZonesOption,
     beware_list,
     camera_stream,
-    equipped,
     point,
     prepare,
+    robot_profile,
 )
 from app.episode.ablations import Ablation
 from sim.robot.odometry_grade import OdometryGrade
@@ -72,6 +73,7 @@ class DriveSettings:
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
     camera: CameraOption = None
+    robot: RobotOption = "husky"
     scanner: ScannerOption = False
     latency: LatencyOption = "live"
     yielding: YieldingOption = False
@@ -88,10 +90,9 @@ def drive(settings: DriveSettings) -> None:
     from app.runtime.start.preparation import prepared_perception
     from navcore.config.navigator import load_config
     from navcore.config.perception.perception import DEFAULT_PERCEPTION
-    from navcore.robot.profile import HUSKY
     from sim.scenario.load import load_scenario
 
-    robot = equipped(HUSKY, scanner=settings.scanner)
+    robot = robot_profile(settings.robot, scanner=settings.scanner)
     camera = camera_stream(settings.camera, robot.stream)
     goals = tuple(point(text, "--goal") for text in settings.goal or [])
     files = [file for file in (settings.report, settings.kept) if file is not None]
@@ -112,7 +113,7 @@ def drive(settings: DriveSettings) -> None:
     )
     check_goals(task.world)
     beware = beware_list(settings.beware, task.scenario)
-    config = None if settings.navigation is None else load_config(settings.navigation)
+    config = None if settings.navigation is None else load_config(settings.navigation, robot)
     tuning = DEFAULT_PERCEPTION if config is None else config.perception
     # Last, because this takes seconds, and the checks above take none.
     perception = prepared_perception(settings.segmentation.choice(camera=camera), config=tuning)

@@ -90,6 +90,14 @@ CameraOption = Annotated[
         "the robot's profile when left out.",
     ),
 ]
+RobotOption = Annotated[
+    str,
+    typer.Option(
+        "--robot",
+        metavar="husky|jackal|FILE.toml",
+        help="The robot, or a profile of your own; the simulator models husky and jackal.",
+    ),
+]
 ScannerOption = Annotated[
     bool,
     typer.Option(
@@ -272,10 +280,13 @@ def camera_stream(text: str | None, default: CameraStream | None = None) -> Came
     return default if text is None else stream_of(text, default)
 
 
-def equipped(robot: RobotProfile, *, scanner: bool) -> RobotProfile:
-    """Return the robot of a profile, with `--scanner` with a laser scanner if it has none."""
+def robot_profile(name_or_path: str, *, scanner: bool) -> RobotProfile:
+    """Return the robot of `--robot`, with `--scanner` with a laser scanner if it has none; raises
+    `BadConfiguration`."""
     from navcore.robot.laser_scan import ScannerMount
+    from navcore.robot.profile import load_profile
 
+    robot = load_profile(name_or_path)
     if not scanner:
         return robot
     return dataclasses.replace(robot, scanner=robot.scanner or ScannerMount())

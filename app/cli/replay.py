@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.options import LevelOption, SegmenterOptions, finite_point, prepare
+from app.cli.options import LevelOption, RobotOption, SegmenterOptions, finite_point, prepare
 from navcore.files import write_whole
 
 if TYPE_CHECKING:
@@ -46,9 +46,7 @@ class ReplaySettings:
         ),
     ] = None
     picture: Annotated[bool, typer.Option("--picture", help="Draw replay.png into --out.")] = False
-    robot: Annotated[
-        str, typer.Option(metavar="NAME|FILE.toml", help="Robot whose size the path is for.")
-    ] = "husky"
+    robot: RobotOption = "husky"
     every: Annotated[int, typer.Option(min=1, max=1000, help="Use every N-th frame only.")] = 1
     level: LevelOption = False
     segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)

@@ -50,15 +50,14 @@ from app.storage import Store
 from app.storage.site_store import SiteStore
 from app.teaching.networks.live_networks import composed_at_start
 from app.teaching.service import versions_in
-from navcore.config.navigator import NavigatorConfig, load_config
+from navcore.config.navigator import NavigatorConfig, config_for, load_config
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.navigator import Navigator, Stages
 from navcore.robot.camera_stream import CameraStream
-from navcore.robot.laser_scan import ScannerMount
-from navcore.robot.profile import HUSKY
+from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.warmup import warm_up
-from sim.robot.husky import husky_urdf
+from sim.robot.chassis import chassis_for
 from sim.robot.odometry_grade import OdometryGrade
 from sim.sensors.gnss_settings import GnssKind
 from web.auth.access import Access
@@ -114,9 +113,10 @@ class ConsoleOptions:
     gnss: GnssKind | None = None
     """GNSS receiver of the simulated robot; None for that of the world."""
     camera: CameraStream | None = None
-    """Size and rate of the simulated camera's images; None for what this machine can follow."""
-    scanner: bool = False
-    """Whether the simulated robot carries a laser scanner."""
+    """Size and rate of the simulated camera's images; None for what this machine can follow, with
+    the robot's own on a slow one."""
+    robot: RobotProfile = HUSKY
+    """Body, limits and sensors of the robot."""
     choice: SegmenterChoice = field(default_factory=SegmenterChoice)
     """Options of the segmenter."""
     prior: Path | None = None
@@ -156,7 +156,9 @@ def console(
     with ExitStack() as stack:
         listener = stack.enter_context(listener or reserve(options.host, options.port))
         config = (
-            NavigatorConfig() if options.navigation is None else load_config(options.navigation)
+            config_for(options.robot)
+            if options.navigation is None
+            else load_config(options.navigation, options.robot)
         )
         if options.recording is not None and options.navigation is None:
             config = for_recordings(config)
@@ -183,7 +185,9 @@ def console(
         background = ThreadBackground()
         background.start()
         stack.callback(background.stop)
-        controller = _controller_of(site, back_end, perception, config, stages, background)
+        controller = _controller_of(
+            site, back_end, options.robot, perception, config, stages, background
+        )
         point_map, names = controller.navigator.map, controller.intent.beware.names
         keeper = _load_map(point_map, site, options, names)
         expected = expected_place(site) if options.kept is None else None
@@ -201,7 +205,7 @@ def console(
             controller=controller,
             store=store,
             recorder=recorder,
-            robot_urdf=husky_urdf(),
+            robot_urdf=chassis_for(options.robot).urdf(),
             perception=perception,
             data=options.data,
             config=config,
@@ -271,15 +275,13 @@ def _back_end(options: ConsoleOptions, config: NavigatorConfig, perception: Perc
         return recorded(options.recording, config=config, level=options.level)
     stream = options.camera
     if stream is None:
-        chosen = choose_stream(perception.image_ms, HUSKY.stream)
+        chosen = choose_stream(perception.image_ms, options.robot.stream)
         log.info("camera: %s", chosen.text())
         stream = chosen.stream
     return simulated(
         options.scenario,
         seed=options.seed,
-        profile=dataclasses.replace(
-            HUSKY, stream=stream, scanner=ScannerMount() if options.scanner else None
-        ),
+        profile=dataclasses.replace(options.robot, stream=stream),
         odometry=options.odometry,
         gnss=options.gnss,
     )
@@ -309,6 +311,7 @@ def _load_map(
 def _controller_of(
     site: SiteStore,
     back_end: BackEnd,
+    robot: RobotProfile,
     perception: LivePerception,
     config: NavigatorConfig,
     stages: Stages,
@@ -319,7 +322,7 @@ def _controller_of(
     timer = StageTimer()
     navigator = Navigator(
         spec=back_end.spec,
-        profile=HUSKY,
+        profile=robot,
         segmenter=perception,
         config=config,
         stages=timer.wrap(stages),
@@ -331,7 +334,7 @@ def _controller_of(
         unknown_price=stored_unknown_price(site),
     )
     return RobotController(
-        navigator=navigator, profile=HUSKY, intent=intent, timer=timer, background=background
+        navigator=navigator, profile=robot, intent=intent, timer=timer, background=background
     )
 
 

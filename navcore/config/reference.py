@@ -52,8 +52,7 @@ vary them. The safety gate has its own on purpose: it depends on no setting of w
 ROBOT = """\
 # Robot profile
 
-A robot is a TOML file in `navcore/robot/profiles`, chosen with `--robot`; `replay` also takes a
-path that ends in `.toml`.
+A robot is a TOML file in `navcore/robot/profiles`, or one of your own, chosen with `--robot`.
 """
 
 

@@ -27,7 +27,6 @@ from app.cli.evaluate.settings import (
 from app.cli.options import beware_list
 from app.episode.ablations import Ablation
 from navcore.errors import BadConfiguration
-from navcore.robot.profile import load_profile
 from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
@@ -60,9 +59,7 @@ def evaluate(settings: EvaluateSettings) -> None:
     version()  # of the files that are loaded now, whatever changes while episodes are driven
     check_options(settings, (*SUITES, CROSSINGS_SUITE, DOORS_SUITE, *VIEWING, LOCALISATION_SUITE))
     config = (
-        None
-        if settings.navigation is None
-        else load_config(settings.navigation, load_profile(settings.robot))
+        None if settings.navigation is None else load_config(settings.navigation, settings.profile)
     )
     try:
         succeeded = _evaluated(settings, config)

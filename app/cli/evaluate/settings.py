@@ -19,17 +19,18 @@ from app.cli.options import (
     NavigationOption,
     OdometryOption,
     RandomOption,
+    RobotOption,
     ScannerOption,
     SegmenterOptions,
     YieldingOption,
     ZonesOption,
     camera_stream,
-    equipped,
+    robot_profile,
 )
 from app.episode.ablations import Ablation
 from navcore.errors import BadConfiguration
 from navcore.robot.camera_stream import CameraStream
-from navcore.robot.profile import RobotProfile, load_profile
+from navcore.robot.profile import RobotProfile
 from sim.robot.odometry_grade import OdometryGrade
 
 DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
@@ -69,10 +70,7 @@ class EvaluateSettings:
     images: Annotated[
         Path | None, typer.Option(metavar="DIR", help="The real images of table-tops.")
     ] = None
-    robot: Annotated[
-        str,
-        typer.Option(metavar="husky|jackal", help="Robot that drives; suites are scaled to it."),
-    ] = "husky"
+    robot: RobotOption = "husky"
     episodes: Annotated[
         int | None,
         typer.Option(
@@ -135,7 +133,7 @@ class EvaluateSettings:
     @property
     def profile(self) -> RobotProfile:
         """The robot with its sensors."""
-        return equipped(load_profile(self.robot), scanner=self.scanner)
+        return robot_profile(self.robot, scanner=self.scanner)
 
 
 def check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:

@@ -16,12 +16,13 @@ from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Pose2, Twist
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
-from navcore.robot.laser_scan import LaserScan
-from navcore.robot.profile import HUSKY
+from navcore.robot.laser_scan import LaserScan, ScannerMount
+from navcore.robot.profile import HUSKY, load_profile
 from sim.simulator import STEPS_PER_S
 from tests.navcore.scene import picture
 
 AHEAD = Twist(v_mps=0.4, w_radps=0.0)
+JACKAL = dataclasses.replace(load_profile("jackal"), scanner=ScannerMount())
 
 
 @pytest.fixture
@@ -93,6 +94,16 @@ def test_a_lag_that_is_made_up_puts_no_frames_closer_together_than_the_camera_to
 def test_a_world_that_does_not_come_up_is_told_and_leaves_nothing_behind() -> None:
     with pytest.raises(SimulatorFailed, match="no frame"):
         SimulatorProcess("nowhere", seed=0, profile=HUSKY)
+
+
+def test_the_process_simulates_the_robot_of_the_profile_with_its_sensors() -> None:
+    robot = SimulatorProcess("empty_room", seed=0, profile=JACKAL)
+    try:
+        frame = robot.newest_frame()
+        assert frame is not None and frame.scan is not None
+        assert frame.T_base_camera[2, 3] == pytest.approx(JACKAL.camera.z_m)
+    finally:
+        robot.close()
 
 
 def test_a_laser_scan_crosses_the_link() -> None:
