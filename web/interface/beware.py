@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -32,6 +32,23 @@ class BewareVersion:
     """Description of the edit; empty where that is not known."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BewareDraft:
+    """Edit of the list that is not applied: another list to begin with, then changes of single
+    classes."""
+
+    version: int | None = None
+    """Stored version to begin with; None for the list in force."""
+    toml: str | None = None
+    """TOML document to begin with; None for the list in force."""
+    defaults: bool = False
+    """Whether to begin with the list of a new site."""
+    changes: Mapping[str, Mapping[str, object] | None] = field(default_factory=dict)
+    """Changed fields of some classes, by name; None for a class to remove."""
+    add: Mapping[str, object] | None = None
+    """Class to add, given as plain values without its id; None to add none."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ListPreview:
     """Effect of another beware list; nothing is applied."""
@@ -40,6 +57,8 @@ class ListPreview:
     """(N, 2) middles in metres of the map frame of cells that would be occupied and are not."""
     go: npt.NDArray[np.float64]
     """(N, 2) middles in metres of the map frame of cells that are occupied and would not be."""
+    nearer: int = 0
+    """Number of cells that stay occupied and to which the robot would come nearer."""
     path: PathPreview | None = None
     """Path to the present goal with the other list; None without a goal."""
     present: PathPreview | None = None
@@ -192,11 +211,8 @@ class BewareEdits(Protocol):
     def restore(self, version: int, *, force: bool = False, by: str = OPERATOR) -> BewareList:
         """Bring back a stored version, as the next one; raises `NotKnown`."""
 
-    def drafted(
-        self, changes: Mapping[str, Mapping[str, object] | None], added: Mapping[str, object] | None
-    ) -> BewareList:
-        """Return the list after changes of some classes, by name, None for a removal, and with a
-        class added; nothing is applied."""
+    def drafted(self, draft: BewareDraft) -> BewareList:
+        """Return the list after an edit; nothing is applied. Raises what the edit would raise."""
 
     def undo(self, *, by: str = OPERATOR) -> str:
         """Undo the newest edit and return its description; `Refused` without one."""

@@ -2,6 +2,7 @@
 
 import { togglePanel } from "./access/admin_panel.js";
 import { close as closeEntry } from "./beware/entry.js";
+import { cancel as cancelProposal } from "./beware/proposal.js";
 import { element, make } from "./core/dom.js";
 import { t } from "./core/text/language.js";
 import { closeOverlay } from "./core/menus.js";
@@ -101,6 +102,7 @@ const ALWAYS = {
     dropOffer();
     if (draft.mode === "navigate") select(null);
     closeEntry();
+    cancelProposal();
     setMode("navigate");
   },
   m: () => switchView(),

@@ -19,7 +19,7 @@ from navcore.mission.beware_list import (
 )
 from navcore.mission.prototype import Prototype
 from web.images import palette
-from web.interface.beware import BewareEdits, ListPreview
+from web.interface.beware import BewareDraft, BewareEdits, ListPreview
 from web.interface.wire import DOCUMENTED, Points, Position, rounded, served, values_of
 from web.schemas.drafts import PathPreviewOut, PixelIn, difference
 from web.schemas.fields import Body, Changes, Closed, Entry, Limits, body_model
@@ -38,6 +38,8 @@ Example = Annotated[Prototype, Body()]
 
 MAX_CELLS, MAX_CLICKS = 5000, 16
 """Largest number of cells in an answer, and of clicks that a class is made of."""
+MAX_VERSION = 1_000_000_000
+"""Largest version of the list."""
 
 
 class BewareListIn(Closed):
@@ -124,8 +126,14 @@ class OrderIn(Closed):
 
 
 class BewareDraftIn(Closed):
-    """Edit of the list to preview."""
+    """Edit of the list to preview: another list to begin with, at most one, then changes."""
 
+    version: Annotated[int, Field(strict=True, ge=0, le=MAX_VERSION)] | None = None
+    """Stored version to begin with; null for the list in force."""
+    toml: StrictStr | None = None
+    """Content of a TOML file to begin with; null for the list in force."""
+    defaults: StrictBool = False
+    """Whether to begin with the list of a new site."""
     changes: Annotated[
         dict[str, BewareChanges | None],
         Field(max_length=LARGEST_CLASS_ID, default_factory=dict),
@@ -133,6 +141,16 @@ class BewareDraftIn(Closed):
     """Changed fields of some classes, by name; null for a class to remove."""
     add: NewEntry | None = None
     """Class to add; null to add none."""
+
+    def draft(self) -> BewareDraft:
+        """Return the edit."""
+        return BewareDraft(
+            version=self.version,
+            toml=self.toml,
+            defaults=self.defaults,
+            changes=self.changes,
+            add=self.add,
+        )
 
 
 class ListPreviewOut(BaseModel):
@@ -150,6 +168,10 @@ class ListPreviewOut(BaseModel):
     `MAX_CELLS`."""
     go_count: int
     """Number of cells that would be free."""
+    nearer_count: int
+    """Number of cells that stay occupied and to which the robot would come nearer."""
+    changes: tuple[str, ...]
+    """What the edit changes in the list."""
     path: PathPreviewOut | None
     """Path to the present goal with the edit; null without a goal."""
     present: PathPreviewOut | None
@@ -162,8 +184,8 @@ class ListPreviewOut(BaseModel):
     """Titles of the waiting goals that have a path now and would have none."""
 
     @staticmethod
-    def of(preview: ListPreview) -> ListPreviewOut:
-        """Return the answer for a preview."""
+    def of(preview: ListPreview, changes: tuple[str, ...]) -> ListPreviewOut:
+        """Return the answer for a preview of some changes."""
         path, present = preview.path, preview.present
         length_m, time_s = (
             difference(getattr(path, key, None), getattr(present, key, None))
@@ -174,6 +196,8 @@ class ListPreviewOut(BaseModel):
             appear_count=len(preview.appear),
             go=_thinned(preview.go),
             go_count=len(preview.go),
+            nearer_count=preview.nearer,
+            changes=changes,
             path=None if path is None else PathPreviewOut.of(path),
             present=None if present is None else PathPreviewOut.of(present),
             change_m=length_m,

@@ -23,7 +23,7 @@ from navcore.mission.beware_list import (
     parse_beware_list,
 )
 from navcore.perception.labels import LabelSource, Segmenter
-from web.interface.beware import OPERATOR, BewareVersion, ColourRules, Examples
+from web.interface.beware import OPERATOR, BewareDraft, BewareVersion, ColourRules, Examples
 from web.interface.drafts import EditHistory
 
 Removed = list[Erased]
@@ -183,15 +183,13 @@ class BewareEditor:
     ) -> BewareList:
         """Replace the list in force by that of a TOML document."""
         with self._edits.editing():
-            read = parse_beware_list(text, "the file")
-            wanted = self._expected(expected_version).adopted(read.classes)
+            wanted = _imported(self._expected(expected_version), text)
             return self._step(wanted, by, force=force, what="import of a file")
 
     def restore_defaults(self, *, by: str = OPERATOR) -> BewareList:
         """Replace the list in force by that of a new site."""
         with self._edits.editing():
-            wanted = self.list.adopted(self._defaults.classes)
-            return self._step(wanted, by, what="default list")
+            return self._step(self._defaulted(), by, what="default list")
 
     def versions(self) -> tuple[BewareVersion, ...]:
         """Return all stored versions, newest first."""
@@ -200,22 +198,32 @@ class BewareEditor:
     def restore(self, version: int, *, force: bool = False, by: str = OPERATOR) -> BewareList:
         """Bring back a stored version, as the next one."""
         with self._edits.editing():
-            for stored in self.versions():
-                if stored.list.version == version:
-                    wanted = self.list.replaced(stored.list.classes)
-                    return self._step(wanted, by, force=force, what=f"back to version {version}")
-            raise NotKnown(f"the beware list has no version {version}")
+            wanted = self._restored(version)
+            return self._step(wanted, by, force=force, what=f"back to version {version}")
 
-    def drafted(
-        self, changes: Mapping[str, Mapping[str, object] | None], added: Mapping[str, object] | None
-    ) -> BewareList:
-        """Return the list after some changes, without applying them."""
+    def drafted(self, draft: BewareDraft) -> BewareList:
+        """Return the list after an edit, without applying it."""
         beware = self.list
-        for name, fields in changes.items():
+        if draft.version is not None:
+            beware = self._restored(draft.version)
+        if draft.toml is not None:
+            beware = _imported(beware, draft.toml)
+        if draft.defaults:
+            beware = self._defaulted()
+        for name, fields in draft.changes.items():
             beware = beware.removed(name) if fields is None else _edited(beware, name, fields)
-        drafted = beware if added is None else beware.added(added)
+        drafted = beware if draft.add is None else beware.added(draft.add)
         self._check_colours(self.list, drafted)
         return drafted
+
+    def _restored(self, version: int) -> BewareList:
+        for stored in self.versions():
+            if stored.list.version == version:
+                return self.list.replaced(stored.list.classes)
+        raise NotKnown(f"the beware list has no version {version}")
+
+    def _defaulted(self) -> BewareList:
+        return self.list.adopted(self._defaults.classes)
 
     def undo(self, *, by: str = OPERATOR) -> str:
         """Restore the list before the newest edit, as a new version."""
@@ -274,6 +282,11 @@ class BewareEditor:
         self._store.save_beware(beware, unix_s=now_s, by=by, what=what)
         self._holder.change(lambda state: dataclasses.replace(state, beware=beware))
         return self._follower.follow(before, beware, put_back)
+
+
+def _imported(beware: BewareList, text: str) -> BewareList:
+    """Return a list with the entries of a TOML document instead of its own."""
+    return beware.adopted(parse_beware_list(text, "the file").classes)
 
 
 def _edited(beware: BewareList, name: str, changes: Mapping[str, object]) -> BewareList:

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadGeometry
-from navcore.geometry.arrays import Points
+from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.polyline import length_m
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
-from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
+from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.grid.growth import is_possible, padded, reaching
 from navcore.mission.mission import Goal, checked
 from navcore.mission.zone import Zone, zone_masks
@@ -95,11 +95,13 @@ def compare_lists(
 ) -> ListPreview:
     """Compare the grid of the beware list in force with that of another one: the cells, the path to
     the first goal, and the goals that would be cut off."""
-    before, after = (_beware_cells(grid) for grid in (present, drafted))
+    before_m, after_m = (_kept_clear_m(grid) for grid in (present, drafted))
+    before, after = before_m >= 0, after_m >= 0
     spec = present.spec
     cells = ListPreview(
         appear=spec.centres(np.argwhere(after & ~before)),
         go=spec.centres(np.argwhere(before & ~after)),
+        nearer=int((after & (after_m < before_m)).sum()),
     )
     if not goals:
         return cells
@@ -118,12 +120,14 @@ def compare_lists(
     return dataclasses.replace(cells, present=paths[0][0], path=paths[0][1], cut_off=cut_off)
 
 
-def _beware_cells(grid: OccupancyGrid) -> BoolGrid:
-    """Return the (rows, cols) cells of all classes of the beware list."""
-    cells = np.zeros_like(grid.geometric)
-    for layer in grid.beware.values():
-        cells = cells | layer
-    return cells
+def _kept_clear_m(grid: OccupancyGrid) -> Floats:
+    """Return the (rows, cols) margin of each occupied cell beyond the robot's own, in metres, and
+    −1 for free cells. What has no class any more, but height, is an obstacle still."""
+    margins_m = np.where(grid.geometric, 0.0, -1.0)
+    for class_id, layer in grid.beware.items():
+        margin_m = grid.margins_m.get(class_id, 0.0)
+        margins_m = np.where(layer, np.maximum(margins_m, margin_m), margins_m)
+    return margins_m
 
 
 def blocking_zones(

@@ -146,6 +146,36 @@ def test_a_preview_says_which_cells_and_how_the_path_changes_and_applies_nothing
     assert "no class 'forklift'" in wrong(unknown, 422)["message"]
 
 
+def test_a_preview_says_what_another_list_changes(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    file = client.get("/api/v1/beware.toml").text
+    client.patch(f"{BEWARE}/red floor", json={"enabled": False, "margin_m": 0.5})
+    told = ["“red floor” switched on", "“red floor”: margin 0.5 m → 0 m"]
+    for draft in ({"version": 0}, {"defaults": True}, {"toml": file}):
+        answer = client.post(f"{BEWARE}/preview", json=draft).json()
+        assert answer["appear_count"] > 300 and answer["changes"] == told
+    unknown = client.post(f"{BEWARE}/preview", json={"version": 7})
+    assert "no version 7" in wrong(unknown, 404)["message"]
+    damaged = client.post(f"{BEWARE}/preview", json={"toml": file.replace("0.5", "50", 1)})
+    assert "line 6" in wrong(damaged, 422)["message"]
+    assert client.get(BEWARE).json()["version"] == 1
+
+
+def test_a_preview_counts_the_cells_to_which_the_robot_may_come_nearer(
+    client: httpx.Client,
+) -> None:
+    wide = {"changes": {"red floor": {"margin_m": 0.8}}}
+    assert client.post(f"{BEWARE}/preview", json=wide).json()["nearer_count"] == 0
+    client.patch(f"{BEWARE}/red floor", json={"margin_m": 0.8})
+    narrow = {"changes": {"red floor": {"margin_m": 0.1}}}
+    answer = client.post(f"{BEWARE}/preview", json=narrow).json()
+    assert answer["nearer_count"] > 300 and answer["go_count"] == 0
+    off = {"changes": {"red floor": {"enabled": False}}}
+    answer = client.post(f"{BEWARE}/preview", json=off).json()
+    assert answer["nearer_count"] == 0 and answer["go_count"] > 300
+
+
 def test_a_preview_names_the_goals_that_would_be_cut_off(
     client: httpx.Client, operations: FakeOperations
 ) -> None:

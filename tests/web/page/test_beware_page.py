@@ -7,11 +7,13 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Locator, Page, Route, expect
 
-from navcore.mission.beware_list import as_toml
+from navcore.errors import Refused
+from navcore.mission.beware_list import BewareList, as_toml
 from navcore.perception.labels import LabelSource
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, eventually, middle_of
 from tests.web.page.states import SIZES, open_tab
+from web.interface.beware import ListPreview
 
 
 def row(page: Page, name: str) -> Locator:
@@ -87,6 +89,8 @@ def test_the_last_class_goes_when_it_is_asked_for_again(
     (last,) = names(operations)
     row(page, last).get_by_test_id("beware-edit").click()
     page.get_by_test_id("entry-remove").click()
+    expect(page.get_by_test_id("proposal-note")).to_contain_text("the robot may drive there")
+    page.get_by_test_id("proposal-apply").click()
     expect(page.get_by_text("the beware list would be empty")).to_be_visible()
     assert names(operations) == [last]
     page.get_by_test_id("toast-action").click()
@@ -218,3 +222,118 @@ def test_versions_come_back_and_a_damaged_file_is_refused_by_line(
     expect(page.get_by_test_id("toasts")).to_contain_text("margin_m: 50.0 is out of range")
     expect(page.get_by_test_id("toasts")).to_contain_text("line ")
     assert operations.beware.list.version == 3
+
+
+def proposal(page: Page) -> Locator:
+    """Return the words of the edit that is not applied yet."""
+    return page.get_by_test_id("proposal-note")
+
+
+def test_a_class_that_is_switched_off_says_what_becomes_free_before_it_applies(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    operations.goals.add(3.0, 0.0)
+    check = row(page, "red floor").get_by_role("checkbox")
+    check.uncheck()
+    expect(proposal(page)).to_contain_text("“red floor” switched off")
+    expect(proposal(page)).to_contain_text("cells go, and the robot may drive there")
+    expect(proposal(page)).to_contain_text("the path would be")
+    assert operations.beware.list.version == 0
+    cancel = page.get_by_test_id("proposal-cancel")
+    cancel.press("Enter")
+    expect(proposal(page)).to_have_count(0)
+    expect(check).to_be_checked()
+    expect(check).to_be_focused()
+    check.press("Enter")  # as a press of the checkbox
+    expect(proposal(page)).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(proposal(page)).to_have_count(0)
+    expect(check).to_be_checked()
+    assert operations.beware.list.version == 0
+    check.uncheck()
+    page.get_by_test_id("proposal-apply").click()
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 1")
+    expect(row(page, "red floor")).to_have_class("off")
+    check.check()  # the other way, it says what appears
+    expect(proposal(page)).to_contain_text("cells appear")
+    check.uncheck()  # as it was, so there is no edit
+    expect(proposal(page)).to_have_count(0)
+    assert operations.beware.list.version == 1
+
+
+def test_edits_of_several_rows_are_tried_together_and_undone_one_by_one(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    row(page, "red floor").get_by_role("checkbox").uncheck()
+    row(page, "cup").get_by_role("checkbox").uncheck()
+    expect(proposal(page)).to_contain_text("“red floor” switched off; “cup” switched off")
+    operations.beware.edit("book", {"margin_m": 0.3})  # by another operator, and none of these
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 1")
+    page.get_by_test_id("proposal-apply").click()
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 3")
+    assert not operations.beware.list.named("red floor").enabled
+    page.get_by_test_id("beware-undo").click()
+    expect(row(page, "cup").get_by_role("checkbox")).to_be_checked()
+    expect(row(page, "red floor").get_by_role("checkbox")).not_to_be_checked()
+
+
+def test_an_edit_that_changes_nothing_on_the_map_applies_at_once(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    row(page, "cup").get_by_role("checkbox").uncheck()
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 1")
+    margin = row(page, "red floor").get_by_role("spinbutton").first
+    margin.fill("0.4")  # it keeps farther away, and there is no path to bend
+    margin.press("Enter")
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 2")
+    margin.fill("0.1")
+    margin.press("Enter")
+    expect(proposal(page)).to_contain_text("the robot may come nearer to")
+    page.get_by_test_id("proposal-cancel").click()
+    expect(margin).to_have_value("0.4")
+    assert operations.beware.list.named("red floor").margin_m == 0.4
+
+
+def test_whole_lists_are_tried_before_they_are_in_force(
+    page: Page, operations: FakeOperations, tmp_path: Path
+) -> None:
+    await_map(page)
+    operations.beware.edit("red floor", {"enabled": False})
+    page.get_by_test_id("beware-defaults").click()
+    expect(proposal(page)).to_contain_text("“red floor” switched on")
+    page.locator("[popovertarget=beware-versions]").click()
+    page.get_by_test_id("beware-restore").click()
+    expect(page.locator("#beware-versions")).to_be_hidden()
+    expect(proposal(page)).to_contain_text("cells appear")
+    page.get_by_test_id("proposal-cancel").click()
+    file = tmp_path / "list.toml"
+    file.write_text(as_toml(operations.beware.versions()[-1].list), encoding="utf-8")
+    page.locator("[popovertarget=beware-files]").click()
+    page.get_by_test_id("beware-file").set_input_files(file)
+    expect(proposal(page)).to_contain_text("cells appear")
+    assert operations.beware.list.version == 1
+    page.get_by_test_id("proposal-apply").click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("The list of the file is in force")
+    assert operations.beware.list.named("red floor").enabled
+
+
+def test_without_a_map_an_edit_says_so_and_can_be_applied(
+    page: Page, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without_map(beware: BewareList) -> ListPreview:
+        raise Refused("there is no map now; the camera delivers no image")
+
+    await_map(page)
+    monkeypatch.setattr(operations, "preview_list", without_map)
+    row(page, "cup").get_by_role("checkbox").uncheck()
+    expect(proposal(page)).to_contain_text("There is no map now")
+    page.get_by_test_id("proposal-apply").click()
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 1")
+    row(page, "book").get_by_test_id("beware-edit").click()
+    page.get_by_test_id("entry-margin").fill("0.3")
+    expect(page.get_by_test_id("entry-note")).to_contain_text("there is no map now")
+    page.get_by_test_id("entry-apply").click()
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 2")

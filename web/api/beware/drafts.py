@@ -20,6 +20,7 @@ from web.images.camera import camera_jpg, mask_png, narrowed
 from web.interface.beware import BewareVersion, RecentLook
 from web.interface.operations import RobotService
 from web.schemas.beware import (
+    MAX_VERSION,
     BewareDraftIn,
     BewareOut,
     ClickIn,
@@ -42,19 +43,22 @@ MAX_LOOKS = 7
 """Number of images on which a colour rule is shown, the newest among them."""
 THUMBNAIL_PX = 160
 """Largest width of the older images in pixels."""
-Version = Annotated[int, Path(ge=0, le=1_000_000_000)]
+Version = Annotated[int, Path(ge=0, le=MAX_VERSION)]
 
 
 def beware_drafts_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
     router = api_router("beware list")
 
-    @router.post("/beware/preview", response_model=ListPreviewOut, responses=refusals(409, 422))
+    @router.post(
+        "/beware/preview", response_model=ListPreviewOut, responses=refusals(404, 409, 422)
+    )
     def preview(draft: BewareDraftIn) -> ListPreviewOut:
         """Return what an edit of the list would change on the map and on the path; nothing is
         applied. A colour rule is tried on the images of the last minutes."""
-        beware = operations.beware.drafted(draft.changes, draft.add)
-        return ListPreviewOut.of(operations.preview_list(beware))
+        beware = operations.beware.drafted(draft.draft())
+        changes = changes_between(operations.beware.list, beware)
+        return ListPreviewOut.of(operations.preview_list(beware), changes)
 
     @router.post("/beware/colour", response_model=RuleOut, responses=refusals(409, 422))
     def propose_rule(pixel: PixelIn) -> RuleOut:

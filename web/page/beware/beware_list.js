@@ -8,23 +8,30 @@ import * as entryForm from "./entry.js";
 import { point } from "./example.js";
 import * as files from "./files.js";
 import { handleOf } from "./order.js";
+import { cancel, propose, renew } from "./proposal.js";
 import { swatchOf } from "./swatch.js";
 import * as versions from "./versions.js";
 
 let refresh = () => {};
 let limits = {};
 let version = null;
+// Edits of the rows that are not applied yet, and those being applied: name → changed fields.
+let drafted = {};
+let sent = {};
 
 // `onNewList` loads and shows the list again after a change.
 export function build(onNewList) {
   refresh = onNewList;
   for (const part of [entryForm, files, versions]) part.build(onNewList);
-  for (const action of ["undo", "redo", "defaults"]) {
-    element(`beware-${action}`).onclick = async () => {
-      await attempt(() => post(`/beware/${action}`));
-      refresh();
-    };
-  }
+  const call = async (action) => {
+    await post(`/beware/${action}`);
+    refresh();
+  };
+  for (const action of ["undo", "redo"])
+    element(`beware-${action}`).onclick = () => attempt(() => call(action));
+  const send = () => call("defaults");
+  element("beware-defaults").onclick = () =>
+    propose({ question: { defaults: true }, send, host: element("beware-tools") });
   element("beware-add").onclick = () => entryForm.open(null, null, limits);
   element("beware-this").onclick = () => {
     entryForm.open(null, null, limits);
@@ -33,6 +40,7 @@ export function build(onNewList) {
 }
 
 export function show(beware) {
+  const isNew = version !== beware.version;
   ({ limits, version } = beware);
   set(element("beware-add"), { disabled: false });
   set(element("beware-this"), { disabled: beware.no_examples !== null });
@@ -45,7 +53,8 @@ export function show(beware) {
     itemOf,
     (child, entry) => {
       // A list that was sent before an edit of this row does not undo the edit on the page.
-      if (child.isPending) return;
+      if (entry.name in drafted || entry.name in sent) return;
+      child.classList.remove("drafted");
       if (child.classList.contains("dragged")) return;
       const [check, margin, confidence] = child.querySelectorAll("input");
       check.checked = entry.enabled;
@@ -55,9 +64,8 @@ export function show(beware) {
         max: String(100 * limits.min_confidence.high),
       });
       setValue(margin, entry.margin_m);
-      setValue(confidence, Math.round(100 * entry.min_confidence));
+      setValue(confidence, percentOf(entry));
       child.classList.toggle("off", !entry.enabled);
-      child.dataset.version = beware.version;
       const [name, foundBy] = child.querySelector(".label").children;
       const isFound = entry.found_by !== "nothing";
       setText(name, entry.label ?? entry.name);
@@ -75,41 +83,84 @@ export function show(beware) {
   setText(element("beware-version"), t("version {version}", beware));
   element("beware-undo").disabled = !beware.can_undo;
   element("beware-redo").disabled = !beware.can_redo;
+  if (isNew) renew();
+}
+
+const percentOf = (entry) => Math.round(100 * entry.min_confidence);
+
+// Draft changed fields of a row, together with those of other rows; a field as it is stored is no
+// change.
+function draft(row, changes) {
+  const entry = row.item;
+  const fields = Object.entries({ ...drafted[entry.name], ...changes }).filter(
+    ([key, value]) => value !== entry[key],
+  );
+  delete drafted[entry.name];
+  if (fields.length) drafted[entry.name] = Object.fromEntries(fields);
+  row.classList.toggle("drafted", fields.length > 0);
+  if (!Object.keys(drafted).length) cancel();
+  else propose({ question: { changes: drafted }, send: sendRows, withdraw: withdrawRows, host: row });
+}
+
+async function sendRows() {
+  [sent, drafted] = [drafted, {}];
+  let at = version;
+  try {
+    for (const [name, fields] of Object.entries(sent)) {
+      const path = `/beware/${encodeURIComponent(name)}`;
+      ({ version: at } = await request("PATCH", path, fields, { "If-Match": `"${at}"` }));
+    }
+  } catch (error) {
+    restore(sent);
+    throw error;
+  } finally {
+    sent = {};
+    refresh();
+  }
+}
+
+function withdrawRows() {
+  const withdrawn = drafted;
+  drafted = {};
+  restore(withdrawn);
+}
+
+// Have rows show what is in force again, also in a field that has the focus.
+function restore(edits) {
+  for (const row of element("beware").children) if (row.dataset.name in edits) row.restore();
 }
 
 function itemOf(entry) {
   const item = make("li", { "data-testid": "beware-class", "data-name": entry.name });
-  const patch = async (changes) => {
-    const path = `/beware/${encodeURIComponent(entry.name)}`;
-    item.isPending = true;
-    await attempt(() =>
-      request("PATCH", path, changes, { "If-Match": `"${item.dataset.version}"` }),
-    );
-    item.isPending = false;
-    refresh();
-  };
   const check = make("input", {
     type: "checkbox",
     title: t("Keep away from it"),
     "aria-label": t("Keep away from {name}", entry),
     "data-testid": `beware-${entry.class_id}`,
   });
-  check.onchange = () => patch({ enabled: check.checked });
+  check.onchange = () => draft(item, { enabled: check.checked });
   const refused = make("small", { class: "refused", role: "alert", hidden: "" });
   const margin = numberInput(t("Margin around {name} in metres", entry), 0.05);
   const confidence = numberInput(t("Least confidence for {name} in percent", entry), 5);
+  item.restore = () => {
+    const fields = { ...item.item, ...drafted[entry.name] };
+    check.checked = fields.enabled;
+    margin.value = fields.margin_m;
+    confidence.value = percentOf(fields);
+    item.classList.toggle("drafted", entry.name in drafted);
+  };
   // A figure that is refused gives way to the stored one, so that the field shows what is in force.
-  const send = async (input, key, scale, unit) => {
+  const send = (input, key, scale, unit) => {
     const { low, high } = limits[key] ?? { low: 0, high: 0 };
     const value = input.value === "" ? NaN : Number(input.value) / scale;
     const fits = value >= low && value <= high;
     set(refused, { hidden: fits });
     input.setAttribute("aria-invalid", String(!fits));
-    if (fits) return patch({ [key]: value });
-    input.value = Math.round(1000 * scale * item.item[key]) / 1000;
+    draft(item, { [key]: fits ? value : item.item[key] });
+    if (fits) return;
+    item.restore();
     const range = { name: input.title, low: decimal(scale * low), high: decimal(scale * high), unit };
     setText(refused, t("{name}: {low} to {high} {unit}.", range));
-    return undefined;
   };
   margin.onchange = () => send(margin, "margin_m", 1, "m");
   confidence.onchange = () => send(confidence, "min_confidence", 100, "%");

@@ -3,12 +3,13 @@
 
 import { post, request } from "../core/link/api.js";
 import { element, set, setText } from "../core/dom.js";
-import { number, sentence, t } from "../core/text/language.js";
-import { attempt, attemptTwice } from "../core/toasts.js";
+import { sentence, t } from "../core/text/language.js";
+import { attempt } from "../core/toasts.js";
 import { isDrawing, onDraft, setMode } from "../zones/draft.js";
-import { asker, changeText } from "../zones/preview.js";
 import { onRule, ruleOf, showRule } from "./colour_picker.js";
+import { effectAsker, showOnMap } from "./effect.js";
 import { exampleOf, onExample, point, showExample } from "./example.js";
+import { cancel as cancelProposal, onProposal, propose } from "./proposal.js";
 
 const form = element("entry");
 const field = (name) => element(`entry-${name}`);
@@ -22,15 +23,10 @@ const NUMBERS = {
 };
 const REQUIRED = ["margin", "confidence"];
 
-// What the map shows of the draft.
-export const listDraft = { appear: [], go: [], path: [] };
-const listeners = [];
-export const onListDraft = (listener) => listeners.push(listener);
-
 let stored = null;
 let version = null;
 let refresh = () => {};
-const ask = asker("/beware/preview", verdict);
+const ask = effectAsker();
 
 export function build(onNewList) {
   refresh = onNewList;
@@ -41,6 +37,7 @@ export const openName = () => (form.hidden ? null : (stored?.name ?? ""));
 // Edit an entry, or a new one for null.
 export function open(entry, listVersion, limits) {
   if (isDrawing()) setMode("navigate");
+  cancelProposal();
   stored = entry;
   version = listVersion;
   form.hidden = false;
@@ -71,7 +68,7 @@ export function close() {
   showRule(null, false);
   showExample(null);
   ask(null);
-  showOnMap({ appear: [], go: [], path: [] });
+  showOnMap();
 }
 
 // Fields of the entry that differ from the stored one; null for a value that is none.
@@ -138,7 +135,7 @@ function describe() {
   say(lacking, false);
   if (lacking || !isChanged) {
     ask(null);
-    showOnMap({ appear: [], go: [], path: [] });
+    showOnMap();
     return;
   }
   ask(stored ? { changes: { [stored.name]: changed } } : { add: given(changed) }, (answer) => {
@@ -156,38 +153,9 @@ function say(text, bad) {
   note.classList.toggle("bad", Boolean(bad));
 }
 
-function showOnMap({ appear = [], go = [], path = [] }) {
-  Object.assign(listDraft, { appear, go, path });
-  for (const listener of listeners) listener();
-}
-
-// The effect of another list in words.
-export function verdict(answer) {
-  const parts = [];
-  if (answer.appear_count) parts.push(t("{n} cells appear", { n: answer.appear_count }));
-  if (answer.go_count) parts.push(t("{n} cells go", { n: answer.go_count }));
-  if (!parts.length) parts.push(t("no cell of the map changes"));
-  if (answer.cut_off.length)
-    parts.push(t("{goals} would be cut off", { goals: answer.cut_off.join(", ") }));
-  else if (answer.path?.found && answer.change_m !== null)
-    parts.push(
-      t("the path would be {length} m ({change})", {
-        length: number(answer.path.length_m, 1),
-        change: changeText(answer),
-      }),
-    );
-  return {
-    text: parts.join("; "),
-    bad: answer.cut_off.length > 0,
-    path: answer.path?.path ?? [],
-    appear: answer.appear,
-    go: answer.go,
-  };
-}
-
-async function send(method, path, body) {
+async function store() {
   try {
-    await request(method, path, body, version === null ? {} : { "If-Match": `"${version}"` });
+    await request("PATCH", address(), changes(), { "If-Match": `"${version}"` });
   } catch (error) {
     if (error.code === "outdated") {
       version = error.body.stored_version;
@@ -207,7 +175,7 @@ form.onsubmit = (event) => {
   event.preventDefault();
   if (element("entry-apply").disabled) return;
   attempt(async () => {
-    if (stored) await send("PATCH", address(), changes());
+    if (stored) await store();
     else {
       await post("/beware", given(changes()));
       close();
@@ -216,11 +184,20 @@ form.onsubmit = (event) => {
   });
 };
 element("entry-remove").onclick = () => {
-  const path = address();
-  attemptTwice(t("Empty the list"), (query) => send("DELETE", path + query));
+  const [path, { name }, headers] = [address(), stored, { "If-Match": `"${version}"` }];
+  close();
+  propose({
+    question: { changes: { [name]: null } },
+    send: async (query) => {
+      await request("DELETE", path + query, undefined, headers);
+      refresh();
+    },
+    host: [...element("beware").children].find((row) => row.dataset.name === name),
+  });
 };
 element("entry-cancel").onclick = close;
 form.addEventListener("input", describe);
 onRule(describe);
 onExample(describe);
 onDraft(() => isDrawing() && close());
+onProposal(close);

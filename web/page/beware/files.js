@@ -3,7 +3,8 @@
 import { abortableFetch, refusalOf } from "../core/link/api.js";
 import { download, element } from "../core/dom.js";
 import { t } from "../core/text/language.js";
-import { attempt, attemptTwice, notify } from "../core/toasts.js";
+import { attempt, notify } from "../core/toasts.js";
+import { propose } from "./proposal.js";
 
 const PATH = "/api/v1/beware.toml";
 let refresh = () => {};
@@ -17,7 +18,6 @@ async function importText(text, query) {
   const headers = { "Content-Type": "application/toml" };
   const response = await abortableFetch(PATH + query, { method: "PUT", headers, body: text });
   if (!response.ok) throw await refusalOf(response);
-  element("beware-files").hidePopover();
   notify(t("The list of the file is in force."), { good: true });
   refresh();
 }
@@ -27,7 +27,9 @@ element("beware-file").onchange = (event) =>
     const [file] = event.target.files;
     const text = await file.text();
     event.target.value = "";
-    await attemptTwice(t("Empty the list"), (query) => importText(text, query));
+    element("beware-files").hidePopover();
+    const send = (query) => importText(text, query);
+    propose({ question: { toml: text }, send, host: element("beware-tools") });
   });
 element("beware-export").onclick = () =>
   attempt(async () => {

@@ -5,7 +5,8 @@ import { get, post } from "../core/link/api.js";
 import { element, make } from "../core/dom.js";
 import { formatDateTime } from "../core/text/format.js";
 import { sentence, t } from "../core/text/language.js";
-import { attempt, attemptTwice, notify } from "../core/toasts.js";
+import { attempt, notify } from "../core/toasts.js";
+import { propose } from "./proposal.js";
 
 const menu = element("beware-versions");
 const list = make("ul", { class: "list", "data-testid": "beware-versions-list" });
@@ -45,13 +46,16 @@ function rowOf(entry, isNewest) {
       changes.hidden = false;
     });
   const back = make("button", { type: "button", "data-testid": "beware-restore" }, t("Bring back"));
-  back.onclick = () =>
-    attemptTwice(t("Empty the list"), async (query) => {
-      await post(`/beware/versions/${entry.version}/restore${query}`);
-      menu.hidePopover();
-      notify(t("Version {version} is in force again.", entry), { good: true });
-      refresh();
-    });
+  const bringBack = async (query) => {
+    await post(`/beware/versions/${entry.version}/restore${query}`);
+    notify(t("Version {version} is in force again.", entry), { good: true });
+    refresh();
+  };
+  back.onclick = () => {
+    menu.hidePopover();
+    const question = { version: entry.version };
+    propose({ question, send: bringBack, host: element("beware-tools") });
+  };
   row.append(compare, back);
   return row;
 }

@@ -1,7 +1,7 @@
 // The map from above, layer by layer. It needs no graphics card, and the operator can do every task
 // on it.
 
-import { onListDraft } from "../beware/entry.js";
+import { onListDraft } from "../beware/effect.js";
 import { drawScheduler } from "../core/draw_scheduler.js";
 import { isLight, onTheme } from "../core/theme.js";
 import { onOffer } from "../mission/goals.js";

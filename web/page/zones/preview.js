@@ -10,8 +10,9 @@ const MIN_CHANGE_M = 0.05;
 const MIN_CHANGE_S = 0.5;
 
 // Return what asks a route for the effect of a draft, once the draft has not changed for a moment;
-// only the newest question is answered, with what `read` makes of it. A question of `null` cancels.
-export function asker(route, read) {
+// only the newest question is answered, with what `read` makes of the answer or `readRefusal` of the
+// error; null says nothing. A question of `null` cancels.
+export function asker(route, read, readRefusal = readWrong) {
   let timer = 0;
   let newest = 0;
   return (question, onAnswer) => {
@@ -24,19 +25,18 @@ export function asker(route, read) {
         const answer = await post(route, question);
         if (asked === newest) onAnswer(read(answer, question));
       } catch (error) {
-        // Without a goal or a map there is nothing to preview; a draft that is wrong says why (422).
-        if (asked === newest && error.status === 422)
-          onAnswer({
-            text: error.message,
-            bad: true,
-            path: [],
-            present: [],
-            crossing: error.body?.crossing ?? null,
-          });
+        const answer = asked === newest ? readRefusal(error) : null;
+        if (answer) onAnswer(answer);
       }
     }, DELAY_MS);
   };
 }
+
+// Without a goal or a map there is nothing to preview; a draft that is wrong says why (422).
+const readWrong = ({ status, message, body }) =>
+  status === 422
+    ? { text: message, bad: true, path: [], present: [], crossing: body?.crossing ?? null }
+    : null;
 
 export const readPreview = (answer, question) => ({
   ...verdict(answer, question),
@@ -78,10 +78,12 @@ const unseen = ({ unseen_m: length }) =>
     : "";
 
 // Small differences of two smoothed paths mean nothing.
-export function changeText({ change_m: metres, change_s: seconds }) {
+function changesOf({ change_m: metres, change_s: seconds }) {
   const parts = [
     Math.abs(metres) >= MIN_CHANGE_M ? formatSigned(metres, 1, "m") : "",
     Math.abs(seconds) >= MIN_CHANGE_S ? formatSigned(seconds, 0, "s") : "",
   ];
-  return parts.filter(Boolean).join(", ") || t("no difference");
+  return parts.filter(Boolean).join(", ");
 }
+export const changeText = (answer) => changesOf(answer) || t("no difference");
+export const isChange = (answer) => changesOf(answer) !== "";

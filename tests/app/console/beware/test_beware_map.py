@@ -29,7 +29,7 @@ from navcore.robot.profile import HUSKY
 from tests.app.console.state import PlainHolder, beware_editor
 from tests.navcore.laws import law
 from tests.navcore.scene import SPEC, Box, Paint, picture
-from web.interface.beware import BewareVersion
+from web.interface.beware import BewareDraft, BewareVersion
 
 RED = ColourRule(hue_deg=(345.0, 15.0), max_height_m=0.05)
 WARM = ColourRule(hue_deg=(330.0, 70.0), max_height_m=0.2)
@@ -170,7 +170,7 @@ def test_a_preview_shows_the_cells_that_applying_gives() -> None:
             "order": ({}, {"name": "yellow", "colour": {"hue_deg": [40.0, 60.0]}}),
         }
         changes, added = drafts[name]
-        drafted = drive.editor.drafted(changes, added)
+        drafted = drive.editor.drafted(BewareDraft(changes=changes, add=added))
         present, then = follower.grids(lambda: drive.occupancy, drive.editor.list, drafted)
         version = drive.editor.list.version
         if added is None:

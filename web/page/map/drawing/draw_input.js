@@ -3,7 +3,7 @@
 import { midpoints } from "../../core/geometry.js";
 import { decimal } from "../../core/text/language.js";
 import { isLight } from "../../core/theme.js";
-import { listDraft } from "../../beware/entry.js";
+import { listDraft } from "../../beware/effect.js";
 import { draft, outline } from "../../zones/draft.js";
 import { placeLabel } from "./labels.js";
 import { arrow, COLOURS, cross, dot, fill, flag, line, pen } from "./strokes.js";
