@@ -1,5 +1,6 @@
 """Colour rule from a clicked pixel: the connected region of nearly its colour, and the range of
-hue, saturation and value that contains it."""
+hue, saturation and value that contains it. White and grey have no hue, black no saturation either,
+so their regions differ from what is around them in value alone."""
 
 from __future__ import annotations
 
@@ -8,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, ColourPickingConfig
-from navcore.errors import Refused
 from navcore.geometry.arrays import Bools, FloatImage, Floats
 from navcore.mission.beware_list import FLAT_M, ColourRule
 from navcore.perception.region_growing import grown
@@ -27,8 +27,6 @@ def rule_at(
     """Return the rule of the region around a pixel of an (H, W, 3) image; `heights_m` is (H, W)
     above the floor, not finite where nothing was measured. It counts alone, whatever a network says
     of what the operator has pointed at.
-
-    Raises `Refused` for a pixel that is too grey or too dark to have a hue.
     """
     hue, saturation, value = _hsv(rgb)
     height, width = hue.shape
@@ -39,29 +37,36 @@ def rule_at(
     # The median of hue is that of the differences to the clicked pixel: hue is an angle.
     seed = float(hue[row, col] + np.median(_turn(hue[around], float(hue[row, col]))))
     sure, bright = float(np.median(saturation[around])), float(np.median(value[around]))
-    if bright < config.min_value:
-        raise Refused("what was clicked is too dark to have a colour; click something brighter")
-    if sure < config.min_saturation:
-        raise Refused("what was clicked is too grey to have a colour; click something coloured")
-    near = (
-        (np.abs(_turn(hue, seed)) <= config.hue_deg)
-        & (np.abs(saturation - sure) <= config.saturation)
-        & (np.abs(value - bright) <= config.value)
-    )
+    is_black = bright < config.min_value
+    has_hue = not is_black and sure >= config.min_saturation
+    if has_hue:
+        near = (np.abs(_turn(hue, seed)) <= config.hue_deg) & (
+            np.abs(saturation - sure) <= config.saturation
+        )
+    else:
+        near = (saturation < config.min_saturation) | is_black
+    near &= np.abs(value - bright) <= (config.value if has_hue else config.grey_value)
     near[row, col] = True
     region = grown(row, col, _closed(near)) & near
-    turns = _turn(hue[region], seed)
-    share = (100 * config.outside_share, 100 * (1 - config.outside_share))
-    low, high = np.percentile(turns, share)
-    first, last = low - config.slack_deg, high + config.slack_deg
-    least = [
-        max(float(np.percentile(channel[region], share[0])) - config.slack, 0.0)
+
+    def limits(channel: Floats, slack: float) -> tuple[float, float]:
+        share = (100 * config.outside_share, 100 * (1 - config.outside_share))
+        low, high = np.percentile(channel[region], share)
+        return float(low) - slack, float(high) + slack
+
+    first, last = limits(_turn(hue, seed), config.slack_deg)
+    saturations, values = (
+        [round(min(max(end, 0.0), 1.0), 2) for end in limits(channel, config.slack)]
         for channel in (saturation, value)
-    ]
+    )
     return ColourRule(
-        hue_deg=(round((seed + first) % 360), round((seed + last) % 360)),
-        min_saturation=round(least[0], 2),
-        min_value=round(least[1], 2),
+        hue_deg=(round((seed + first) % 360), round((seed + last) % 360))
+        if has_hue
+        else (0.0, 360.0),
+        min_saturation=saturations[0] if has_hue else 0.0,
+        max_saturation=1.0 if has_hue or is_black else saturations[1],
+        min_value=0.0 if is_black else values[0],
+        max_value=1.0 if has_hue else values[1],
         max_height_m=_largest_height_m(heights_m[region], config),
         alone=True,
     )

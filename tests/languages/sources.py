@@ -35,6 +35,7 @@ SENTENCES = (
     "app/console/beware/colour_rules.py",
     "app/console/edit_history.py",
     "app/console/beware/examples.py",
+    "app/console/beware/recent_frames.py",
     "app/console/mission/goals.py",
     "app/console/site/map_editor.py",
     "app/console/operations.py",

@@ -582,7 +582,7 @@ class FakeOperations:
         )
         self.recent.note(frame, 0, self.point_map.poses[0])
         self.view.picture = TickSnapshot(
-            serial=counts["serial"],
+            serial=frame.stamp_ns,
             pose=self._pose,
             T_map_camera=self._pose.matrix() @ T_BASE_CAMERA,
             intrinsics=INTRINSICS,

@@ -96,9 +96,9 @@ class ExampleClick:
 class ColourRules(Protocol):
     """Colour rules from clicks, tried on the newest image and on those of the last minutes."""
 
-    def proposed(self, right: float, down: float) -> ColourRule:
-        """Return the rule for what is at a position in the newest image, given as shares of width
-        and height; raises `Refused` for a grey pixel, and without an image."""
+    def proposed(self, right: float, down: float, *, frame: str | None = None) -> ColourRule:
+        """Return the rule for what is at a position in the newest image or in a named one, given as
+        shares of width and height; raises `Refused` without that image."""
 
     def looks(self, rule: ColourRule, at_most: int) -> Sequence[RecentLook]:
         """Return what a rule takes in the newest image and in some older ones, newest first."""

@@ -236,10 +236,10 @@ Keys = Annotated[list[Annotated[str, Field(max_length=64)]], Field(max_length=MA
 
 
 class ClickIn(PixelIn):
-    """Click on a thing in the camera image."""
+    """Click into the camera image."""
 
     frame: Annotated[str, Field(max_length=32)] | None = None
-    """Name of the image, as a look has it; null for the newest one."""
+    """Name of the image, from its header `Frame` or from a look; null for the newest one."""
 
 
 class ClickOut(BaseModel):

@@ -8,7 +8,7 @@ import numpy as np
 
 from app.console.beware.recent_frames import RecentFrames
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
-from navcore.errors import BadConfiguration, Refused
+from navcore.errors import BadConfiguration
 from navcore.geometry.arrays import Bools
 from navcore.mission.beware_list import BewareClass, ColourRule
 from navcore.perception.colour_rule import rule_at
@@ -24,18 +24,15 @@ class LiveColourRules:
     def __init__(self, recent: RecentFrames, config: PerceptionConfig = DEFAULT_PERCEPTION) -> None:
         self._recent, self._config = recent, config
 
-    def proposed(self, right: float, down: float) -> ColourRule:
-        """Return the rule for what is at a position in the newest image."""
-        newest = self._recent.newest
-        if newest is None:
-            raise Refused("the camera has delivered no image yet; wait for one")
-        frame = newest.frame
-        height, width = frame.depth_m.shape
+    def proposed(self, right: float, down: float, *, frame: str | None = None) -> ColourRule:
+        """Return the rule for what is at a position in the newest image, or in a named one."""
+        picture = self._recent.named(frame).frame
+        height, width = picture.depth_m.shape
         return rule_at(
             min(int(down * height), height - 1),
             min(int(right * width), width - 1),
-            rgb=frame.rgb,
-            heights_m=heights_above_floor(frame),
+            rgb=picture.rgb,
+            heights_m=heights_above_floor(picture),
             config=self._config.colour_picking,
         )
 
@@ -49,7 +46,7 @@ class LiveColourRules:
                 rgb=one.frame.rgb,
                 mask=self._taken(one.frame, rule),
                 age_s=(recent[0].frame.stamp_ns - one.frame.stamp_ns) / 1e9,
-                frame=str(one.frame.stamp_ns),
+                frame=one.name,
             )
             for one in chosen
         ]
@@ -70,7 +67,7 @@ class LiveColourRules:
             if share >= most:
                 raise BadConfiguration(
                     f"the colour rule of “{entry.name}” takes {share:.0%} of all pixels of the "
-                    "last images; narrow its hue, or raise its saturation or brightness"
+                    "last images; narrow its ranges of hue, saturation or brightness"
                 )
 
     def _taken(self, frame: Frame, rule: ColourRule) -> Bools:

@@ -94,7 +94,7 @@ class LiveExamples:
     ) -> ExampleClick:
         """Return what a click takes in the newest image, or in a kept one."""
         self._required()
-        one = self._frame(frame)
+        one = self._recent.named(frame)
         height, width = one.frame.depth_m.shape
         row, col = min(int(down * height), height - 1), min(int(right * width), width - 1)
         pixels = object_at(one.frame, row, col, self._config.prototype)
@@ -104,7 +104,7 @@ class LiveExamples:
             self._clicks[key] = _Click(recent=one, pixels=pixels)
             while len(self._clicks) > MAX_CLICKS:
                 self._clicks.popitem(last=False)
-        return ExampleClick(key=key, frame=str(one.frame.stamp_ns), mask=pixels)
+        return ExampleClick(key=key, frame=one.name, mask=pixels)
 
     def made(self, taken: Sequence[str], away: Sequence[str] = ()) -> Prototype:
         """Return the prototype of what some clicks have taken without what others have."""
@@ -129,7 +129,7 @@ class LiveExamples:
     def looks(self, prototype: Prototype, at_most: int) -> Sequence[RecentLook]:
         """Return what a prototype takes in the newest image and in older ones, evenly chosen."""
         network = self._required()
-        newest = self._frame(None)
+        newest = self._recent.named(None)
         if prototype.network != network.identity:
             raise Refused("the class was made with another network; click the thing again")
         older = [one for one in self._spread() if one is not newest]
@@ -139,7 +139,7 @@ class LiveExamples:
                 rgb=one.frame.rgb,
                 mask=self.pixels(one.frame, prototype),
                 age_s=(newest.frame.stamp_ns - one.frame.stamp_ns) / 1e9,
-                frame=str(one.frame.stamp_ns),
+                frame=one.name,
             )
             for one in (newest, *older[::step][: at_most - 1])
         ]
@@ -175,17 +175,6 @@ class LiveExamples:
         if network is None:
             raise Refused(NO_NETWORK)
         return network
-
-    def _frame(self, stamp: str | None) -> RecentFrame:
-        newest = self._recent.newest
-        if newest is None:
-            raise Refused("the camera has delivered no image yet; wait for one")
-        if stamp is None:
-            return newest
-        for one in self._recent.all:
-            if str(one.frame.stamp_ns) == stamp:
-                return one
-        raise Refused("that image is no longer kept; click in a newer one")
 
     def _click(self, key: str) -> _Click:
         with self._lock:

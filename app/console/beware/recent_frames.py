@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from navcore.errors import Refused
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.robot.frame import Frame
 
@@ -23,6 +24,10 @@ STEP_RAD = 0.2
 """Turn from the frame before that makes one worth keeping, radians."""
 STANDING_S = 10.0
 """Time after which a frame is kept in any case, seconds: the world may have changed."""
+SHOWN_S = 3.0
+"""Age up to which every frame is held, seconds: it may be on a screen, where it is clicked."""
+SHOWN_PIXELS = MAX_PIXELS // 3
+"""Largest number of pixels of these frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,6 +41,11 @@ class RecentFrame:
     T_id_base: Pose2
     """Pose of the robot in the frame of the pose ID's pose, so that a correction moves it along."""
 
+    @property
+    def name(self) -> str:
+        """Name of the frame, by which a click refers to it: its stamp in nanoseconds."""
+        return str(self.frame.stamp_ns)
+
     def placed(self, poses: Sequence[Pose2]) -> Frame:
         """Return the frame at the present pose of its ID."""
         pose = poses[self.pose_id] @ self.T_id_base
@@ -47,12 +57,16 @@ class RecentFrames:
 
     def __init__(self) -> None:
         self._kept: deque[RecentFrame] = deque(maxlen=MAX_FRAMES)
-        self._newest: RecentFrame | None = None
+        self._shown: deque[RecentFrame] = deque()
 
     def note(self, frame: Frame, pose_id: int, T_map_id: Pose2) -> None:
         """Note a frame that is placed in the map, with the pose ID of its points."""
         one = RecentFrame(frame=frame, pose_id=pose_id, T_id_base=T_map_id.inverse() @ frame.pose)
-        self._newest = one
+        self._shown.append(one)
+        while len(self._shown) > max(1, SHOWN_PIXELS // frame.depth_m.size) or (
+            self._age_s(self._shown[0], one) > SHOWN_S
+        ):
+            self._shown.popleft()
         while self._kept and self._age_s(self._kept[0], one) > MAX_AGE_S:
             self._kept.popleft()
         if not self._kept or self._is_new(self._kept[-1], one):
@@ -63,17 +77,31 @@ class RecentFrames:
     def forget(self) -> None:
         """Forget all frames: the robot is at another site now."""
         self._kept.clear()
-        self._newest = None
+        self._shown.clear()
 
     @property
     def newest(self) -> RecentFrame | None:
         """Newest frame; None before the first."""
-        return self._newest
+        shown = tuple(self._shown)
+        return shown[-1] if shown else None
+
+    def named(self, name: str | None) -> RecentFrame:
+        """Return the frame with a name, the newest one for None. Raises `Refused` where it is no
+        longer held, and before the first."""
+        newest = self.newest
+        if newest is None:
+            raise Refused("the camera has delivered no image yet; wait for one")
+        if name is None:
+            return newest
+        for one in (*tuple(self._shown)[::-1], *self.kept):
+            if one.name == name:
+                return one
+        raise Refused("that image is no longer kept: the picture has moved on; click again")
 
     @property
     def all(self) -> tuple[RecentFrame, ...]:
         """All frames, newest first."""
-        newest, kept = self._newest, tuple(self._kept)[::-1]
+        newest, kept = self.newest, self.kept
         return kept if newest is None or newest is kept[0] else (newest, *kept)
 
     @property

@@ -188,6 +188,9 @@ class ColourPickingConfig:
     """Largest difference of saturation to the clicked pixel within its region."""
     value: float = ranged(0.01, 1.0, default=0.35)
     """Largest difference of brightness to the clicked pixel within its region."""
+    grey_value: float = ranged(0.01, 1.0, default=0.1)
+    """Largest difference of brightness to a clicked pixel without a hue within its region: white
+    tape and a grey floor differ in nothing else."""
     outside_share: float = ranged(0.0, 0.4, default=0.02)
     """Share of the region's pixels at either end of hue, saturation and brightness that the rule
     leaves out."""
@@ -196,9 +199,9 @@ class ColourPickingConfig:
     slack: float = ranged(0.0, 0.5, default=0.08)
     """Saturation and brightness by which the rule is wider than its region."""
     min_saturation: float = ranged(0.0, 1.0, default=0.18)
-    """Saturation below which a clicked pixel is grey: it has no hue."""
+    """Saturation below which a clicked pixel is white or grey: it has no hue."""
     min_value: float = ranged(0.0, 1.0, default=0.1)
-    """Brightness below which a clicked pixel is too dark to have a hue."""
+    """Brightness below which a clicked pixel is black: it has neither hue nor saturation."""
     above_m: float = ranged(0.0, 1.0, default=0.05)
     """Height in metres that the rule allows above the top of its region."""
     max_share: float = ranged(0.05, 1.0, default=0.5)

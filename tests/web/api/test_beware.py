@@ -10,6 +10,7 @@ import httpx
 import numpy as np
 import pytest
 
+from tests.web import fake_operations
 from tests.web.api.test_api import wrong, zone
 from tests.web.fake_operations import FakeOperations
 
@@ -202,11 +203,28 @@ def test_a_click_into_the_picture_makes_a_colour_rule_that_takes_what_was_clicke
     taken = mask[..., 3] > 0
     assert taken[112:148, 122:218].all() and looks[0]["share"] == round(taken.mean(), 4) > 0.05
     assert not taken[:90].any()
-    grey = client.post(f"{BEWARE}/colour", json={"right": 0.9, "down": 0.95})
-    assert "too grey" in wrong(grey, 409)["message"]
+    grey = client.post(f"{BEWARE}/colour", json={"right": 0.9, "down": 0.95}).json()["rule"]
+    assert grey["hue_deg"] == [0, 360] and grey["max_saturation"] < 0.3
     blue = client.post(f"{BEWARE}/colour/looks", json=BLUE).json()["looks"][0]
     assert blue["share"] == 0
     assert wrong(client.post(f"{BEWARE}/colour", json={"right": 7, "down": 0}), 422)
+
+
+def test_a_click_refers_to_the_image_that_was_shown(
+    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown = client.get("/api/v1/camera.jpg").headers["Frame"]
+    rule = client.post(f"{BEWARE}/colour", json=RED).json()["rule"]
+    blue = np.full((180, 320, 3), (20, 20, 220), dtype=np.uint8)
+    monkeypatch.setattr(fake_operations, "_frame", lambda: (blue, np.zeros_like(blue[..., 0])))
+    operations.step()
+    newest = client.get("/api/v1/camera.jpg").headers["Frame"]
+    assert newest != shown
+    assert client.post(f"{BEWARE}/colour", json={**RED, "frame": shown}).json()["rule"] == rule
+    other = client.post(f"{BEWARE}/colour", json={**RED, "frame": newest}).json()["rule"]
+    assert 200 < other["hue_deg"][0] < 250
+    gone = client.post(f"{BEWARE}/colour", json={**RED, "frame": "7"})
+    assert "the picture has moved on" in wrong(gone, 409)["message"]
 
 
 def test_one_undo_takes_back_the_last_edit_whatever_it_was_of(client: httpx.Client) -> None:

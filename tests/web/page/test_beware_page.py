@@ -154,7 +154,7 @@ def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(
     expect(page.get_by_test_id("entry-share")).to_contain_text("6.9 %")
     expect(page.get_by_test_id("camera-mask")).to_be_visible()
     expect(page.get_by_test_id("draft")).to_be_hidden()
-    page.get_by_test_id("entry-saturation").fill("99")
+    page.get_by_test_id("entry-first-saturation-from").fill("99")
     expect(page.get_by_test_id("entry-share")).to_contain_text("0.0 %")
     page.get_by_test_id("entry-apply").click()
     expect(row(page, "tape")).to_be_visible()
@@ -163,6 +163,45 @@ def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(
     assert rule is not None and rule.min_saturation == 0.99
     click_image(page, 0.53, 0.72)  # control: now the same click drafts a zone
     expect(page.get_by_test_id("draft")).to_be_visible()
+
+
+def test_the_limits_of_both_colours_of_a_pattern_are_picked_and_moved(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.get_by_test_id("beware-add").click()
+    page.get_by_test_id("entry-name").fill("tape")
+    page.get_by_test_id("entry-pick").click()
+    with page.expect_request("**/beware/colour") as sent:
+        click_image(page, 0.9, 0.95)  # the grey floor
+    clicked = sent.value.post_data_json
+    assert clicked is not None
+    assert clicked["frame"] == page.get_by_test_id("camera").get_attribute("data-frame")
+    hue, value = (f"entry-first-{name}" for name in ("hue", "value"))
+    expect(page.get_by_test_id(f"{hue}-from")).to_have_value("0")
+    expect(page.get_by_test_id(f"{hue}-to")).to_have_value("360")
+    page.get_by_test_id(f"{value}-from").fill("70")  # takes the other end along
+    expect(page.get_by_test_id(f"{value}-to")).to_have_value("70")
+    page.get_by_test_id("entry-pick-second").click()
+    click_image(page, 0.53, 0.72)  # what is red
+    second = page.get_by_test_id("entry-second-hue-from")
+    expect(second).to_be_visible()
+    assert int(second.input_value()) > 340
+    page.get_by_test_id("entry-second-value-to").fill("80")
+    page.get_by_test_id("entry-gap").fill("0.5")
+    page.get_by_test_id("entry-apply").click()
+    expect(row(page, "tape")).to_be_visible()
+    rule = operations.beware.list.named("tape").colour
+    assert rule is not None and rule.pattern is not None
+    assert (rule.min_value, rule.max_value) == (0.7, 0.7)
+    assert (rule.pattern.max_value, rule.pattern.max_gap_m) == (0.8, 0.5)
+    row(page, "tape").get_by_test_id("beware-edit").click()
+    page.get_by_test_id("entry-unpattern").click()
+    expect(second).to_be_hidden()
+    page.get_by_test_id("entry-apply").click()
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 2")
+    rule = operations.beware.list.named("tape").colour
+    assert rule is not None and rule.pattern is None
 
 
 def test_rows_are_moved_by_keys_and_mouse(page: Page, operations: FakeOperations) -> None:

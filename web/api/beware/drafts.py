@@ -37,7 +37,6 @@ from web.schemas.beware import (
     VersionOut,
     VersionsOut,
 )
-from web.schemas.drafts import PixelIn
 
 MAX_LOOKS = 7
 """Number of images on which a colour rule is shown, the newest among them."""
@@ -61,10 +60,11 @@ def beware_drafts_router(operations: RobotService) -> APIRouter:
         return ListPreviewOut.of(operations.preview_list(beware), changes)
 
     @router.post("/beware/colour", response_model=RuleOut, responses=refusals(409, 422))
-    def propose_rule(pixel: PixelIn) -> RuleOut:
+    def propose_rule(click: ClickIn) -> RuleOut:
         """Return a colour rule for what is at a position in the camera image: the range of the
         connected region of nearly its colour. Nothing is applied."""
-        return RuleOut(rule=operations.beware.colours.proposed(pixel.right, pixel.down))
+        colours = operations.beware.colours
+        return RuleOut(rule=colours.proposed(click.right, click.down, frame=click.frame))
 
     @router.post("/beware/colour/looks", response_model=LooksOut, responses=refusals(422))
     def try_rule(rule: Rule) -> LooksOut:

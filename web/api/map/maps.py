@@ -156,7 +156,8 @@ def maps_router(operations: RobotService) -> APIRouter:
         overlay: Annotated[Literal["none", "tint", "segmentation"], Query()] = "none",
     ) -> Response:
         """Return the camera image; with `overlay=segmentation`, each enabled class is named and
-        tinted by its confidence, with `overlay=tint` only tinted: `camera/labels` has the names."""
+        tinted by its confidence, with `overlay=tint` only tinted: `camera/labels` has the names.
+        The header `Frame` names the image, so that a click can refer to it."""
         tick, beware = newest(), operations.beware.list
         if overlay == "none":
             data = camera.get(tick.serial, lambda: camera_jpg(tick.rgb))
@@ -166,7 +167,8 @@ def maps_router(operations: RobotService) -> APIRouter:
                 (tick.serial, beware.version),
                 lambda: camera_jpg(with_overlay(tick, beware, named=named)),
             )
-        return Response(data, media_type="image/jpeg")
+        headers = {"Frame": str(tick.serial)}
+        return Response(data, media_type="image/jpeg", headers=headers)
 
     @router.get("/camera/labels", response_model=CameraLabelsOut, responses=_NOTHING_YET)
     def get_camera_labels() -> CameraLabelsOut:

@@ -7,20 +7,29 @@ import { formatAge } from "../core/text/format.js";
 import { number, t } from "../core/text/language.js";
 import { isNarrow, selectTab } from "../core/page_tabs.js";
 import { attempt } from "../core/toasts.js";
+import { clickIn } from "../insight/camera.js";
 
 const DELAY_MS = 120;
 const PERIOD_MS = 1000;
 const image = element("camera");
 const mask = element("camera-mask");
-const button = element("entry-pick");
 const strip = element("entry-looks");
 const share = element("entry-share");
 const field = (name) => element(`entry-${name}`);
-// Field → its value in the rule, and the rule's value in the field.
-const SLIDERS = ["hue-first", "hue-last", "saturation", "value"];
+const PICKS = { first: field("pick"), second: field("pick-second") };
+// Ranges of a colour: name, text and largest figure of the two sliders, degrees or percent.
+const HUE = "hue";
+const RANGES = [
+  [HUE, t("Hue"), 360],
+  ["saturation", t("Saturation"), 100],
+  ["value", t("Brightness"), 100],
+];
+// The second colour of a new pattern is next to the first one within this distance, metres.
+const GAP_M = 0.3;
 
 let rule = null;
 let shown = false;
+let picking = null;
 let newest = 0;
 let timer = 0;
 let onChange = () => {};
@@ -34,40 +43,101 @@ export const onRule = (listener) => {
 export function showRule(next, isOpen = true) {
   rule = next;
   shown = isOpen;
-  setPicking(false);
+  setPicking(null);
   fillFields();
   look();
 }
 
-const isPicking = () => button.getAttribute("aria-pressed") === "true";
-
-function setPicking(picks) {
-  button.setAttribute("aria-pressed", String(picks));
-  document.body.classList.toggle("picking", picks);
-  if (picks && isNarrow()) selectTab("camera");
+// Take the next click into the image for the "first" or the "second" colour; null for none.
+function setPicking(which) {
+  picking = which;
+  for (const [name, button] of Object.entries(PICKS))
+    button.setAttribute("aria-pressed", String(name === which));
+  document.body.classList.toggle("picking", which !== null);
+  if (which && isNarrow()) {
+    selectTab("camera");
+    image.scrollIntoView({ block: "nearest" });
+  }
 }
 
+// The sliders of a colour: `read` returns its ranges as a rule has them, `show` sets them.
+function slidersOf(box, which) {
+  const sliders = RANGES.map(([name, text, most]) => {
+    const ends = [t("{range} from", { range: text }), t("{range} to", { range: text })].map(
+      (title, i) =>
+        make("input", {
+          type: "range",
+          min: "0",
+          max: String(most),
+          title,
+          "aria-label": title,
+          "data-testid": `entry-${which}-${name}-${["from", "to"][i]}`,
+        }),
+    );
+    // Only hues go round; any other range that is turned over takes the other end along.
+    const change = (moved, other, isOver) => {
+      if (name !== HUE && isOver(Number(moved.value), Number(other.value))) other.value = moved.value;
+      readFields();
+    };
+    ends[0].oninput = () => change(ends[0], ends[1], (from, to) => from > to);
+    ends[1].oninput = () => change(ends[1], ends[0], (to, from) => to < from);
+    box.append(make("div", { class: "range" }, make("span", {}, text), ...ends));
+    return ends;
+  });
+  const valuesOf = (ends, scale) => ends.map((end) => Number(end.value) / scale);
+  return {
+    read: () => {
+      const [hues, saturations, values] = sliders.map((ends, i) => valuesOf(ends, i ? 100 : 1));
+      return {
+        hue_deg: hues,
+        min_saturation: saturations[0],
+        max_saturation: saturations[1],
+        min_value: values[0],
+        max_value: values[1],
+      };
+    },
+    show: (colour) => {
+      const shares = ["saturation", "value"].map((name) =>
+        [colour[`min_${name}`], colour[`max_${name}`]].map((value) => 100 * value),
+      );
+      [colour.hue_deg, ...shares].forEach((values, i) =>
+        values.forEach((value, end) => set(sliders[i][end], { value: String(Math.round(value)) })),
+      );
+    },
+  };
+}
+
+const first = slidersOf(field("first"), "first");
+const second = slidersOf(field("second"), "second");
+
 function fillFields() {
-  element("entry-rule").hidden = rule === null;
-  element("entry-unrule").hidden = rule === null;
+  const pattern = rule?.pattern ?? null;
+  field("rule").hidden = rule === null;
+  field("unrule").hidden = rule === null;
+  field("pattern").hidden = pattern === null;
+  field("unpattern").hidden = pattern === null;
   if (!rule) return;
-  const [first, last] = rule.hue_deg;
-  const values = [first, last, 100 * rule.min_saturation, 100 * rule.min_value];
-  SLIDERS.forEach((name, i) => set(field(name), { value: String(Math.round(values[i])) }));
+  first.show(rule);
   set(field("height"), { value: String(rule.max_height_m) });
   field("alone").checked = Boolean(rule.alone);
+  if (!pattern) return;
+  second.show(pattern);
+  set(field("gap"), { value: String(pattern.max_gap_m) });
 }
 
 function readFields() {
-  const [first, last, saturation, value] = SLIDERS.map((name) => Number(field(name).value));
-  rule = {
+  const { pattern } = rule;
+  change({
     ...rule,
-    hue_deg: [first, last],
-    min_saturation: saturation / 100,
-    min_value: value / 100,
+    ...first.read(),
     max_height_m: Number(field("height").value),
     alone: field("alone").checked,
-  };
+    pattern: pattern && { ...pattern, ...second.read(), max_gap_m: Number(field("gap").value) },
+  });
+}
+
+function change(next) {
+  rule = next;
   onChange();
   look();
 }
@@ -124,27 +194,35 @@ function show([live, ...older]) {
   );
 }
 
-button.onclick = () => setPicking(!isPicking());
-element("entry-unrule").onclick = () => {
-  showRule(null);
+for (const [which, button] of Object.entries(PICKS))
+  button.onclick = () => setPicking(picking === which ? null : which);
+field("unrule").onclick = () => pick(null);
+field("unpattern").onclick = () => pick({ ...rule, pattern: null });
+for (const name of ["height", "alone", "gap"]) field(name).oninput = readFields;
+
+function pick(next) {
+  showRule(next);
   onChange();
-};
-for (const name of [...SLIDERS, "height", "alone"]) field(name).oninput = readFields;
+}
+
+// The rule with the colour that was clicked.
+function withColour(clicked) {
+  if (picking === "first") return { ...clicked, pattern: rule?.pattern ?? null };
+  const { hue_deg, min_saturation, max_saturation, min_value, max_value } = clicked;
+  const colour = { hue_deg, min_saturation, max_saturation, min_value, max_value };
+  return { ...rule, pattern: { max_gap_m: GAP_M, ...rule.pattern, ...colour } };
+}
+
 // Before the click that drafts a zone.
 image.parentElement.addEventListener(
   "click",
   (event) => {
-    if (event.target !== image || !isPicking()) return;
+    if (event.target !== image || !picking) return;
     event.stopImmediatePropagation();
-    const box = image.getBoundingClientRect();
-    const pixel = {
-      right: Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1),
-      down: Math.min(Math.max((event.clientY - box.top) / box.height, 0), 1),
-    };
+    const click = clickIn(event);
     attempt(async () => {
-      const answer = await post("/beware/colour", pixel);
-      showRule(answer.rule);
-      onChange();
+      const { rule: clicked } = await post("/beware/colour", click);
+      if (picking) pick(withColour(clicked));
     });
   },
   true,

@@ -7,6 +7,7 @@ import { formatAge } from "../core/text/format.js";
 import { number, t, tn } from "../core/text/language.js";
 import { isNarrow, selectTab } from "../core/page_tabs.js";
 import { attempt } from "../core/toasts.js";
+import { clickIn, positionIn } from "../insight/camera.js";
 
 const PERIOD_MS = 2000;
 const MAX_CLICKS = 16;
@@ -57,23 +58,18 @@ function setPointing(points) {
   if (points && isNarrow()) selectTab("camera");
 }
 
-async function take(event, shown, frame) {
+// Take a click into the camera image, or into a named older one.
+async function take(event, click, isLive) {
   // What is typed next is its name, also while the console has not answered: letters and the space
   // bar are keys of the page elsewhere.
   element("entry-name").focus();
-  const box = shown.getBoundingClientRect();
-  const share = (at) => Math.min(Math.max(at, 0), 1);
-  const click = await post("/beware/example/click", {
-    right: share((event.clientX - box.left) / box.width),
-    down: share((event.clientY - box.top) / box.height),
-    frame,
-  });
+  const made = await post("/beware/example/click", click);
   if (!pointing) return;
   const taken = takesAway.checked || event.shiftKey ? away : clicks;
-  taken.push(click.key);
+  taken.push(made.key);
   if (taken.length > MAX_CLICKS) taken.shift();
-  if (!frame) {
-    mask.src = click.mask;
+  if (isLive) {
+    mask.src = made.mask;
     mask.hidden = false;
   }
   await learn();
@@ -131,7 +127,10 @@ function show([live, ...older]) {
         "figure",
         {
           "data-testid": "entry-example-look",
-          onclick: (event) => pointing && attempt(() => take(event, shown, one.frame)),
+          onclick: (event) => {
+            const click = { ...positionIn(shown, event), frame: one.frame };
+            if (pointing) attempt(() => take(event, click, false));
+          },
         },
         make("span", {}, shown, cover),
         make(
@@ -150,7 +149,7 @@ image.parentElement.addEventListener(
   (event) => {
     if (event.target !== image || !pointing) return;
     event.stopImmediatePropagation();
-    attempt(() => take(event, image));
+    attempt(() => take(event, clickIn(event), true));
   },
   true,
 );

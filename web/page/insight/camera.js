@@ -17,22 +17,37 @@ const load = oneAtATime(async () => {
   const isNamed = element("overlay").checked;
   const overlay = isNamed ? "tint" : "none";
   const shown = serial;
-  const [bitmap, { labels }] = await Promise.all([
-    bitmapOf(`/api/v1/camera.jpg?overlay=${overlay}&v=${shown}`),
+  const [{ bitmap, frame }, { labels }] = await Promise.all([
+    imageOf(`/api/v1/camera.jpg?overlay=${overlay}&v=${shown}`),
     isNamed ? get("/camera/labels") : { labels: [] },
   ]);
   draw(bitmap);
-  image.dataset.serial = shown;
+  Object.assign(image.dataset, { serial: shown, frame });
   showNames(labels);
   await pause(IMAGE_MS);
 });
 
 // An <img> would leave every image decoded in the browser's cache, 4 MB for ten of them.
-async function bitmapOf(address) {
+async function imageOf(address) {
   const answer = await abortableFetch(address);
   if (!answer.ok) throw new Error(t("no camera image"));
-  return createImageBitmap(await answer.blob());
+  const bitmap = await createImageBitmap(await answer.blob());
+  return { bitmap, frame: answer.headers.get("Frame") };
 }
+
+// Where a click is in an image, as shares of its width and height.
+export function positionIn(shown, { clientX, clientY }) {
+  const box = shown.getBoundingClientRect();
+  const share = (at) => Math.min(Math.max(at, 0), 1);
+  return {
+    right: share((clientX - box.left) / box.width),
+    down: share((clientY - box.top) / box.height),
+  };
+}
+
+// The same in the camera image, with the name of the image that is shown: the next one may be there
+// before the click arrives.
+export const clickIn = (event) => ({ ...positionIn(image, event), frame: image.dataset.frame });
 
 function draw(bitmap) {
   const { width, height } = bitmap;

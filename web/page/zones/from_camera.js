@@ -3,6 +3,7 @@
 import { post } from "../core/link/api.js";
 import { element } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
+import { positionIn } from "../insight/camera.js";
 import { propose } from "./draft.js";
 
 const SHOWN_MS = 4000;
@@ -11,12 +12,7 @@ const outline = element("camera-outline");
 let timer = 0;
 
 image.addEventListener("click", (event) => {
-  const box = image.getBoundingClientRect();
-  const clamp = (share) => Math.min(Math.max(share, 0), 1);
-  const pixel = {
-    right: clamp((event.clientX - box.left) / box.width),
-    down: clamp((event.clientY - box.top) / box.height),
-  };
+  const pixel = positionIn(image, event);
   attempt(async () => {
     const region = await post("/camera/region", pixel);
     showOutline(region.outline);

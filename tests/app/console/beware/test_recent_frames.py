@@ -5,8 +5,17 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
-from app.console.beware.recent_frames import MAX_AGE_S, MAX_FRAMES, STANDING_S, STEP_M, RecentFrames
+from app.console.beware.recent_frames import (
+    MAX_AGE_S,
+    MAX_FRAMES,
+    SHOWN_S,
+    STANDING_S,
+    STEP_M,
+    RecentFrames,
+)
+from navcore.errors import Refused
 from navcore.geometry.transform import IDENTITY, Pose2
 from tests.navcore.scene import picture
 
@@ -43,3 +52,17 @@ def test_a_robot_that_stands_leaves_a_frame_now_and_then_and_forgets_those_of_mi
     stamps_s = [one.frame.stamp_ns / 1e9 for one in frames.all]
     assert len(frames.all) <= MAX_AGE_S / STANDING_S + 2
     assert max(stamps_s) - min(stamps_s) <= MAX_AGE_S
+
+
+def test_every_image_that_may_still_be_on_a_screen_is_found_by_its_name() -> None:
+    frames = noted(100, step_m=0.0, period_s=0.2)
+    newest_ns = 99 * 200_000_000
+    for steps in range(int(SHOWN_S / 0.2)):
+        stamp_ns = newest_ns - steps * 200_000_000
+        assert frames.named(str(stamp_ns)).frame.stamp_ns == stamp_ns
+    assert frames.named(None) is frames.newest
+    with pytest.raises(Refused, match="the picture has moved on"):
+        frames.named(str(newest_ns - 5_000_000_000))
+    frames.forget()
+    with pytest.raises(Refused, match="no image yet"):
+        frames.named(None)
