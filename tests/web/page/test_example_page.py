@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -57,6 +58,38 @@ class TestWithNetwork:
         page.keyboard.press("Control+z")
         expect(row(page, "crate")).to_have_count(0)
         assert "crate" not in names(operations)
+
+    def test_three_clicks_make_a_class_each_in_the_image_that_was_shown(
+        self, page: Page, operations: FakeOperations
+    ) -> None:
+        await_map(page)
+        page.get_by_test_id("beware-this").click()
+        note = page.get_by_test_id("entry-example-note")
+        for count in range(1, 4):
+            operations.step()  # the next image
+            frame = str(operations.picture().serial)  # type: ignore[union-attr]
+            expect(page.get_by_test_id("camera")).to_have_attribute("data-frame", frame)
+            with page.expect_request("**/beware/example/click") as sent:
+                click_camera(page, BOX[0] + 0.01 * count, BOX[1])
+            click = sent.value.post_data_json
+            assert click is not None and click["frame"] == frame
+            expect(note).to_contain_text(f"{count} click")
+        page.get_by_test_id("entry-name").fill("crate")
+        expect(page.get_by_test_id("entry-apply")).to_be_enabled()
+        page.keyboard.press("Enter")
+        expect(row(page, "crate").get_by_test_id("found-by")).to_have_text("example")
+        made = operations.beware.list.named("crate").prototype
+        assert made is not None and made.clicks == 3
+
+    def test_a_click_into_an_image_that_is_gone_says_that_the_picture_has_moved_on(
+        self, page: Page
+    ) -> None:
+        await_map(page)
+        page.get_by_test_id("beware-this").click()
+        expect(page.get_by_test_id("camera")).to_have_attribute("data-frame", re.compile(r"\d"))
+        page.get_by_test_id("camera").evaluate("(image) => { image.dataset.frame = '7'; }")
+        click_camera(page, *BOX)
+        expect(page.get_by_test_id("toasts")).to_contain_text("the picture has moved on")
 
     def test_a_class_of_another_network_says_so_and_is_shown_again(
         self, page: Page, operations: FakeOperations
