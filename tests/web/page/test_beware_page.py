@@ -318,6 +318,19 @@ def test_edits_of_several_rows_are_tried_together_and_undone_one_by_one(
     expect(row(page, "red floor").get_by_role("checkbox")).not_to_be_checked()
 
 
+def test_an_edit_of_a_class_that_is_gone_is_gone_too(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    row(page, "red floor").get_by_role("checkbox").uncheck()
+    expect(proposal(page)).to_be_visible()
+    operations.beware.remove("red floor")  # by another operator
+    expect(row(page, "red floor")).to_have_count(0)
+    row(page, "cup").get_by_role("checkbox").uncheck()
+    expect(page.get_by_test_id("beware-version")).to_have_text("version 2")
+    assert not operations.beware.list.named("cup").enabled
+
+
 def test_an_edit_that_changes_nothing_on_the_map_applies_at_once(
     page: Page, operations: FakeOperations
 ) -> None:

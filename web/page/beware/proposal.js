@@ -51,9 +51,12 @@ export function propose({ question, send, withdraw = null, host }) {
   renew();
 }
 
-// Ask what it would do, again where the list is another one now.
+// Ask what it would do, again where the list is another one now; without its row it is no edit.
 export function renew() {
-  if (!proposed) return;
+  if (!proposed?.host?.isConnected) {
+    cancel();
+    return;
+  }
   clearTimeout(timer);
   if (panel.parentElement !== proposed.host) panel.remove();
   // Most answers come before there is anything to read.
