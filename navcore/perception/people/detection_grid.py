@@ -17,8 +17,6 @@ SIDE = 128
 """Number of cells along each side of the grid; beyond, its memory repeats itself."""
 FIXED, MOVABLE, NEW = range(1, 4)
 """Kinds of occupied cells: for long, for a while, and where floor was shortly before."""
-BODY_M = 0.5
-"""Height in metres at which a person must be in view."""
 _TOGETHER = 16
 """Number of columns of the image that are copied together."""
 _NEITHER, _FLOOR, _BODY = (np.uint8(kind) for kind in range(3))
@@ -187,21 +185,19 @@ def bin_scan(
     rays: Floats,
     scanner: tuple[float, float],
     pixels_m: float,
-    camera: tuple[Floats, float, float],
     limits: GridLimits,
     origin: Indices,
     counts: Counts,
     sums: Floats,
 ) -> None:
-    """Add a laser scan where the camera does not look: along each ray floor, as no body stands
-    there, and at its end a body as high as a person.
+    """Add a laser scan to the pixels: along each ray floor, as no body stands there, and at its end
+    a body as high as a person, where the camera shows none.
 
     `rays` is (N, 3) the x and y of the direction and the range in metres, ∞ for none, `scanner` the
     position from which they come, all in the map frame; a ray that ends at 1 m counts as `pixels_m`
-    pixels, one that ends elsewhere inversely to its length. `camera`: T_camera_map, and the slopes
-    from the optical axis to the left and to the right border of the image.
+    pixels, one that ends elsewhere inversely to its length.
     """
-    T_camera_map, left, right = camera
+    shown = counts[:, :, 0] > 0
     cell_m, reach_m = limits.cell_m, limits.max_range_m
     x, y = scanner
     for n in range(len(rays)):
@@ -211,13 +207,13 @@ def bin_scan(
             along_m = step * cell_m / 2
             at_x, at_y = x + along_m * rays[n, 0], y + along_m * rays[n, 1]
             row, col = _cell_of(at_x, at_y, cell_m, origin)
-            if row >= 0 and not _is_in_view(at_x, at_y, T_camera_map, left, right, reach_m):
+            if row >= 0:
                 counts[row, col, 2] = 1
         if range_m > reach_m:
             continue
         at_x, at_y = x + range_m * rays[n, 0], y + range_m * rays[n, 1]
         row, col = _cell_of(at_x, at_y, cell_m, origin)
-        if row >= 0 and not _is_in_view(at_x, at_y, T_camera_map, left, right, reach_m):
+        if row >= 0 and not shown[row, col]:
             pixels = max(1, round(pixels_m / range_m))
             counts[row, col, 0] += pixels
             sums[row, col, 0] += pixels * at_x
@@ -232,17 +228,6 @@ def _cell_of(x: float, y: float, cell_m: float, origin: Indices) -> tuple[int, i
     if 0 <= row < SIDE and 0 <= col < SIDE:
         return row, col
     return -1, -1
-
-
-@inlined
-def _is_in_view(
-    x: float, y: float, T_camera_map: Floats, left: float, right: float, reach_m: float
-) -> bool:
-    """Return whether the camera looks at a position of the map, at the height of a body."""
-    t = T_camera_map
-    across = t[0, 0] * x + t[0, 1] * y + t[0, 2] * BODY_M + t[0, 3]
-    depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * BODY_M + t[2, 3]
-    return bool(0 < depth <= reach_m and left * depth <= across <= right * depth)
 
 
 @compiled

@@ -1,7 +1,7 @@
 """Upright clusters of a person's size in a frame, and whether they stand where floor was.
 
-The depth image, and the laser scan where the camera does not look, are put on a coarse grid around
-the camera, in the map frame. The grid remembers for some
+The depth image, and the laser scan where that shows nothing, are put on a coarse grid around the
+camera, in the map frame. The grid remembers for some
 seconds where floor was seen and since when a cell has been occupied: what has been there for long
 is a wall or a chair and belongs to no cluster, and what occupies floor that was seen a moment ago
 has come there by itself.
@@ -17,10 +17,8 @@ import numpy as np
 
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, PersonDetectorConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, sorted_distinct
-from navcore.geometry.transform import invert
 from navcore.perception.ground import flat_ground
 from navcore.perception.people.detection_grid import (
-    BODY_M,
     MOVABLE,
     NEW,
     SIDE,
@@ -37,6 +35,8 @@ from navcore.robot.frame import Frame
 from navcore.robot.laser_scan import LaserScan
 
 _DEFAULT = DEFAULT_PERCEPTION.people.detector
+_BODY_M = 0.5
+"""Height in metres at which a person must be in view."""
 _MIN_RANGE_M = 0.2
 """Least distance in metres from the camera that is divided by."""
 _KEY = 1 << 32
@@ -176,7 +176,7 @@ class PersonDetector:
             if frame.scan.reaches(x, y, half_width_m):
                 return True
         camera = frame.T_map_camera
-        x, _, depth = camera[:3, :3].T @ (np.array([x_m, y_m, BODY_M]) - camera[:3, 3])
+        x, _, depth = camera[:3, :3].T @ (np.array([x_m, y_m, _BODY_M]) - camera[:3, 3])
         lens = frame.intrinsics
         left, right = (
             (x + offset) * lens.fx + lens.cx * depth for offset in (-half_width_m, half_width_m)
@@ -196,7 +196,6 @@ class PersonDetector:
     ) -> None:
         """Add a scan to the pixels; `area_px` is as in `_clusters`. Each ray counts as the pixels
         of the strip of a body that it stands for."""
-        lens = frame.intrinsics
         angles = frame.pose.yaw_rad + scan.step_rad * np.arange(len(scan.ranges_m))
         scanner = frame.pose.to_parent(np.array([scan.x_m, 0.0])).tolist()
         body_m = limits.body_high_m - limits.body_low_m
@@ -204,11 +203,6 @@ class PersonDetector:
             np.column_stack([np.cos(angles), np.sin(angles), scan.ranges_m.astype(np.float64)]),
             (scanner[0], scanner[1]),
             body_m * scan.step_rad * area_px,
-            (
-                invert(frame.T_map_camera),
-                -(lens.cx + 0.5) / lens.fx,
-                (lens.width - 0.5 - lens.cx) / lens.fx,
-            ),
             limits,
             origin,
             counts,
@@ -225,12 +219,19 @@ class PersonDetector:
         """Return the person-sized components of a mask, and the (SIDE, SIDE) cells of those that
         are too large; `area_px` is the number of evaluated pixels of 1 m × 1 m at 1 m."""
         config = self._config
-        total, names, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        joined = mask
+        if frame.scan is not None:  # which shows two legs of a person apart
+            square = np.ones((3, 3), dtype=np.uint8)
+            joined = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, square).astype(np.uint8)
+        total, names, boxes, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
+        names[mask == 0] = 0
+        sizes = np.bincount(names.ravel(), minlength=total)
         found, crowded = [], np.zeros(mask.shape, dtype=np.bool_)
         totals = component_totals(
             np.asarray(names, dtype=np.int32), total, grid.kinds, grid.counts, grid.sums
         )
-        for name, (left, top, width, height, size) in enumerate(boxes.tolist()):
+        for name, (left, top, width, height, _) in enumerate(boxes.tolist()):
+            size = int(sizes[name])
             if name == 0 or size < _MIN_CELLS:
                 continue
             window = np.s_[top : top + height, left : left + width]

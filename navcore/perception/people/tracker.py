@@ -173,9 +173,10 @@ class PeopleTracker:
         # A person who was lost from sight at one position and is not seen at the predicted one may
         # have turned back in between, and takes a moment to be told from other things again.
         positions = (one.x_m, one.y_m), one.last_seen_at(frame.stamp_ns)
+        too_near = one.before_robot and frame.scan is None
         is_missed = unseen_s > 0 and all(
             self._detector.is_floor(*at, one.radius_m, frame.stamp_ns / 1e9)
-            or (not one.before_robot and self._detector.looks_at(frame, *at, one.radius_m))
+            or (not too_near and self._detector.looks_at(frame, *at, one.radius_m))
             for at in positions
         )
         one.missed_s = one.missed_s + step_s if is_missed else 0.0

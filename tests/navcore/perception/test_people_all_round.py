@@ -95,3 +95,13 @@ def test_a_robot_that_turns_among_walls_sees_no_people() -> None:
         frame = picture(*WALLS, pose=pose, stamp_ns=(i + 1) * TENTH_NS)
         frame = dataclasses.replace(frame, scan=scanned(*WALLS, pose=pose))
         assert not tracker.follow(frame, unlabelled(frame), NO_LIST)
+
+
+def test_a_person_who_came_up_to_the_robot_and_has_gone_is_given_up() -> None:
+    came: list[tuple[float, float] | None] = [(3.0 - 0.08 * i, 0.0) for i in range(24)]
+    walk = [*came, *[None] * 15]
+    assert follow(walk, scanner=True)[len(came) - 1]
+    assert not follow(walk, scanner=True)[-1]
+    # The control: too near for the camera they may still stand there.
+    (person,) = follow(walk, scanner=False)[-1]
+    assert person.x_m < 1.2
