@@ -71,6 +71,18 @@ class ColourPattern:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FloorLine:
+    """What tells a painted line from a floor or wall of its colour: it is narrow, and brighter than
+    the floor on both sides. White and grey have no hue to tell them by."""
+
+    max_width_m: float = ranged(0.02, 1.0)
+    """Largest width of a line in metres."""
+    min_contrast: float = ranged(0.05, 5.0)
+    """Least difference of brightness from the floor beside the line, as a share of that of the
+    floor (Weber contrast)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ColourRule:
     """Range of colours in HSV; the hue range may wrap around red, for example 345 to 15."""
 
@@ -93,6 +105,8 @@ class ColourRule:
     alone: bool = False
     """Whether the rule counts by itself even where a network knows the class; else the network and
     the rule weigh each other's evidence."""
+    line: FloorLine | None = None
+    """Limits of the lines that alone have this colour; None for areas of any width."""
     pattern: ColourPattern | None = None
     """Second colour that must alternate with this one along the floor; None for a plain colour."""
 
@@ -316,9 +330,9 @@ def as_table(entry: BewareClass) -> dict[str, object]:
 
 
 def _given(value: object) -> object:
-    """Return a value without the pattern of a rule that has none: TOML has no null."""
+    """Return a value without the parts of a rule that it has not: TOML has no null."""
     if isinstance(value, Mapping):
-        return {key: inner for key, inner in value.items() if (key, inner) != ("pattern", None)}
+        return {key: _given(inner) for key, inner in value.items() if inner is not None}
     return value
 
 

@@ -1,4 +1,4 @@
-"""Patterns of two colours on the floor: striped tape, hatched areas, outlines of bays, symbols.
+"""Patterns on the floor: striped tape, hatched areas, outlines of bays, symbols, and bright lines.
 
 What is measured: the floor is put on a grid of square cells by depth, each cell of the colour that
 most of its pixels have. A cell lies *between* if along one of four directions (x, y and the two
@@ -6,6 +6,10 @@ diagonals) the other colour is on both sides of it, no farther apart than `max_g
 a connected area of cells of the two colours within half of `max_gap_m` of such cells, in which both
 colours lie between the other and each covers `min_share`. So neither a plain colour, nor a single
 line, nor the edge of a shadow is one: they have no cell between on one of the two sides.
+
+A bright line is what a morphological opening of the brightness of these cells takes away: along one
+of the four directions, every stretch of `max_width_m` over it reaches darker floor. So neither a
+bright floor is a line, nor one half of it in the light of a lamp.
 """
 
 from __future__ import annotations
@@ -17,8 +21,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.config.perception.perception import ColourSegmenterConfig
-from navcore.geometry.arrays import Bools, Indices
-from navcore.mission.beware_list import ColourPattern
+from navcore.geometry.arrays import Bools, Floats, Indices
+from navcore.mission.beware_list import ColourPattern, FloorLine
 from navcore.robot.frame import Frame
 
 Cells = npt.NDArray[np.uint8]
@@ -52,6 +56,79 @@ class FloorGrid:
         return FloorGrid(seen, rows, cols, config.pattern_cell_m)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Window:
+    """The part of a floor grid around the low pixels of a colour."""
+
+    near: Bools
+    """(N,) low pixels of the window among those on the grid."""
+    cells: Indices
+    """(M,) cell of each of these, row · columns + column."""
+    shape: tuple[int, int]
+    """Rows and columns."""
+
+    @staticmethod
+    def around(own: Bools, low: Bools, grid: FloorGrid, reach: int) -> _Window:
+        """Return the window of the (N,) pixels of a colour, of which some are low, and of `reach`
+        cells on every side."""
+        rows, cols = grid.rows, grid.cols
+        (top, bottom), (left, right) = (
+            (at[own & low].min() - reach, at[own & low].max() + reach) for at in (rows, cols)
+        )
+        near = low & (rows >= top) & (rows <= bottom) & (cols >= left) & (cols <= right)
+        shape = (int(bottom - top) + 1, int(right - left) + 1)
+        return _Window(near, (rows[near] - top) * shape[1] + cols[near] - left, shape)
+
+    def sums(self, weights: npt.NDArray[np.generic] | None = None) -> Floats:
+        """Return the (rows, columns) sums of (N,) weights of pixels, by default their number."""
+        own = None if weights is None else weights[self.near]
+        count = self.shape[0] * self.shape[1]
+        sums = np.bincount(self.cells, own, minlength=count)
+        return sums.reshape(self.shape).astype(np.float64)
+
+    def most(self, pixels: Bools) -> Cells:
+        """Return the cells in which at least half of the pixels are of a set."""
+        whole = self.sums()
+        return np.asarray((2 * self.sums(pixels) >= whole) & (whole > 0), dtype=np.uint8)
+
+    def pixels_in(self, cells: Cells) -> Bools:
+        """Return (N,) which pixels lie in some cells."""
+        inside = np.zeros(len(self.near), dtype=np.bool_)
+        inside[self.near] = cells.ravel()[self.cells] > 0
+        return inside
+
+
+def line_pixels(
+    own: Bools, value: npt.NDArray[np.uint8], floor: Bools, grid: FloorGrid, line: FloorLine
+) -> Bools:
+    """Return the (H, W) pixels of lines among those of a colour `own`.
+
+    `value` is the (H, W) brightness, `floor` the (H, W) pixels that are low enough.
+    """
+    found = np.zeros(own.shape, dtype=np.bool_)
+    first, low = own[grid.seen], floor[grid.seen]
+    if not (first & low).any():
+        return found
+    width = 2 * (round(line.max_width_m / grid.cell_m) // 2) + 3  # odd, longer than the line
+    window = _Window.around(first, low, grid, width)
+    whole = window.sums()
+    # What is not seen is no darker floor.
+    mean = np.full(window.shape, 255, dtype=np.float32)
+    np.divide(window.sums(value[grid.seen]), whole, out=mean, where=whole > 0, casting="same_kind")
+    sides = [cv2.morphologyEx(mean, cv2.MORPH_OPEN, along) for along in _segments(width)]
+    known, area = (whole > 0).astype(np.float32), (4 * width + 1, 4 * width + 1)
+    around = cv2.blur(mean * known, area) / np.maximum(cv2.blur(known, area), 1e-6)
+    beside = np.maximum(np.min(sides, axis=0), around)
+    bright = window.most(first) & (mean >= (1 + line.min_contrast) * beside)
+    # Cells at the rim of a line are partly floor.
+    rim = (1 + line.min_contrast / 2) * beside
+    near = window.near
+    taken = window.pixels_in(_grown(bright, 1)) & first
+    taken[near] &= value[grid.seen][near] >= rim.ravel()[window.cells]
+    found[grid.seen] = taken
+    return found
+
+
 def pattern_pixels(
     own: Bools, other: Bools, floor: Bools, grid: FloorGrid, pattern: ColourPattern
 ) -> Bools:
@@ -65,22 +142,10 @@ def pattern_pixels(
         return found
     # Nothing farther from the first colour than a gap belongs to a marking.
     gap = max(round(pattern.max_gap_m / grid.cell_m), 1)
-    rows, cols = grid.rows, grid.cols
-    (top, bottom), (left, right) = (
-        (at[first & low].min() - gap, at[first & low].max() + gap) for at in (rows, cols)
-    )
-    near = low & (rows >= top) & (rows <= bottom) & (cols >= left) & (cols <= right)
-    shape = (int(bottom - top) + 1, int(right - left) + 1)
-    cells = (rows[near] - top) * shape[1] + cols[near] - left
-    whole, *counts = (
-        np.bincount(cells, weights, minlength=shape[0] * shape[1])
-        for weights in (None, first[near], second[near])
-    )
-    a, b = (((2 * n >= whole) & (whole > 0)).astype(np.uint8).reshape(shape) for n in counts)
+    window = _Window.around(first, low, grid, gap)
+    a, b = window.most(first), window.most(second)
     marked = _markings(a, b & (1 - a), pattern, gap, grid.cell_m)
-    taken = np.zeros(len(rows), dtype=np.bool_)
-    taken[near] = marked.ravel()[cells] > 0
-    found[grid.seen] = taken & (first | second)
+    found[grid.seen] = window.pixels_in(marked) & (first | second)
     return found
 
 
@@ -92,16 +157,19 @@ def _markings(
         first = _long_parts(first, pattern.min_line_m / cell_m)
     second_between = _between(first, gap) & second
     first_between = _between(second, gap) & first
-    area = second_between | first & _grown(second_between | first_between, gap // 2)
-    if not pattern.takes_any:
-        area |= second & _grown(area, gap // 2)
+    core = second_between | first & _grown(second_between | first_between, gap // 2)
+    area = core if pattern.takes_any else core | second & _grown(core, gap // 2)
     # Far off, rows of pixels lie farther apart than cells.
     names = cv2.connectedComponents(_grown(area, 1), connectivity=8)[1]
     kept = np.zeros_like(area)
     for name in np.intersect1d(names[second_between > 0], names[first_between > 0]):
         part = (names == name) & (area > 0)
         share, sides = first[part].mean(), [np.ptp(at) + 1 for at in np.nonzero(part)]
-        is_shared = pattern.min_share <= share <= 1 - pattern.min_share
+        # Around a plain area, the floor may have the second colour: little of it lies between.
+        between = second_between[part].sum() / core[part].sum()
+        is_shared = (
+            pattern.min_share <= share <= 1 - pattern.min_share and between >= pattern.min_share / 2
+        )
         if is_shared and cell_m * max(sides) <= pattern.max_size_m:
             kept[part] = 1
     return kept
@@ -115,13 +183,19 @@ def _grown(cells: Cells, by: int) -> Cells:
 def _between(cells: Cells, gap: int) -> Cells:
     """Return the cells with cells of a set on both sides, at most `gap` cells between them."""
     side = gap + 1 + gap % 2
-    lines = [np.zeros((side, side), dtype=np.uint8) for _ in range(2)]
-    lines[0][side // 2], lines[1][:, side // 2] = 1, 1
-    short = 2 * round(side / 2 / np.sqrt(2)) + 1
-    lines += [np.eye(short, dtype=np.uint8), np.eye(short, dtype=np.uint8)[::-1].copy()]
     padded = cv2.copyMakeBorder(cells, side, side, side, side, cv2.BORDER_CONSTANT, value=0)
-    closed = np.max([cv2.morphologyEx(padded, cv2.MORPH_CLOSE, line) for line in lines], axis=0)
+    closed = np.max(
+        [cv2.morphologyEx(padded, cv2.MORPH_CLOSE, line) for line in _segments(side)], axis=0
+    )
     return np.asarray(closed[side:-side, side:-side], dtype=np.uint8)
+
+
+def _segments(side: int) -> list[Cells]:
+    """Return segments of so many cells along x, y and the two diagonals."""
+    along = [np.zeros((side, side), dtype=np.uint8) for _ in range(2)]
+    along[0][side // 2], along[1][:, side // 2] = 1, 1
+    short = 2 * round(side / 2 / np.sqrt(2)) + 1
+    return [*along, np.eye(short, dtype=np.uint8), np.eye(short, dtype=np.uint8)[::-1].copy()]
 
 
 def _long_parts(cells: Cells, min_cells: float) -> Cells:

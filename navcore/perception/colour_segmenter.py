@@ -12,7 +12,7 @@ import numpy.typing as npt
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.geometry.arrays import Bools, FloatImage
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, ColourPattern, ColourRule
-from navcore.perception.colour_pattern import FloorGrid, pattern_pixels
+from navcore.perception.colour_pattern import FloorGrid, line_pixels, pattern_pixels
 from navcore.perception.depth_filter import heights_above_floor, remove_small_regions
 from navcore.perception.ground import ground_heights
 from navcore.perception.labels import Labels, LabelSource, with_full_confidence
@@ -84,11 +84,17 @@ def colour_masks(
         fits, max_height_m = _matches(hsv, entry.colour), entry.colour.max_height_m
         if not fits.any():
             continue
-        if entry.colour.pattern is not None and (fits & (heights_m <= max_height_m)).any():
-            other = _matches(hsv, entry.colour.pattern) & ~fits
-            floor = heights_m <= max_height_m
+        floor = heights_m <= max_height_m
+        line, pattern = entry.colour.line, entry.colour.pattern
+        if line is not None or pattern is not None:
+            if not (fits & floor).any():
+                continue
             grid = grid or FloorGrid.of(frame, config.colour)
-            fits = pattern_pixels(fits, other, floor, grid, entry.colour.pattern)
+            if line is not None:
+                fits = line_pixels(fits, hsv[2], floor, grid, line)
+            if pattern is not None:
+                other = _matches(hsv, pattern) & ~fits
+                fits = pattern_pixels(fits, other, floor, grid, pattern)
         low, above = fits, heights_m
         if (fits & (above > max_height_m)).any():
             above = heights_m - ground_heights(frame, config.colour.max_slope, config.ground)

@@ -12,20 +12,43 @@ from shapely.geometry.base import BaseGeometry
 
 from sim.models.solids import Colour
 
-PaintPattern = Literal["tape", "hatched", "bay", "high-voltage", "radiation"]
+PaintPattern = Literal[
+    "tape",
+    "red-white-tape",
+    "hatched",
+    "bay",
+    "white-bay",
+    "high-voltage",
+    "radiation",
+    "yellow",
+    "blue",
+    "green",
+    "white-line",
+]
 """Pattern of a floor marking."""
 YELLOW: Colour = (245, 200, 10)
+RED: Colour = (200, 20, 20)
 BLUE: Colour = (25, 85, 205)
+GREEN: Colour = (20, 140, 60)
+WHITE: Colour = (245, 245, 242)
 BLACK: Colour = (22, 22, 24)
 MAGENTA: Colour = (170, 15, 120)
 PATTERN_COLOURS: dict[str, Colour] = {
     "tape": YELLOW,
+    "red-white-tape": RED,
     "hatched": YELLOW,
     "bay": BLUE,
+    "white-bay": WHITE,
     "high-voltage": YELLOW,
     "radiation": YELLOW,
+    "yellow": YELLOW,
+    "blue": BLUE,
+    "green": GREEN,
+    "white-line": WHITE,
 }
 """Default main colour of each pattern."""
+PLAIN = ("yellow", "blue", "green", "white-line")
+"""Patterns whose whole area is painted."""
 STRIPE_M = 0.1
 """Width of a stripe of tape and of every line."""
 HATCH_M = 0.4
@@ -51,15 +74,18 @@ def painted_parts(
 ) -> list[Part]:
     """Return the painted parts of a polygon in metres; what is left out is bare floor.
 
-    Tape has stripes of `colour` and black; a hatched area has lines of `colour` and an edge line,
-    a bay only the edge line; a symbol lies in the middle of an area of `colour`, its upper side
-    towards +y.
+    Tape has stripes of `colour` and of black or white; a hatched area has lines of `colour` and an
+    edge line, a bay only the edge line; a symbol lies in the middle of an area of `colour`, its
+    upper side towards +y.
     """
     area = shapely.Polygon(polygon)
-    if pattern == "tape":
-        return _both(area, _stripes(area, STRIPE_M, 2 * STRIPE_M), colour, BLACK)
+    if pattern in PLAIN:
+        return [(colour, area)]
+    if pattern in ("tape", "red-white-tape"):
+        second = BLACK if pattern == "tape" else WHITE
+        return _both(area, _stripes(area, STRIPE_M, 2 * STRIPE_M), colour, second)
     edge = area.difference(area.buffer(-STRIPE_M, join_style="mitre"))
-    if pattern == "bay":
+    if pattern in ("bay", "white-bay"):
         return [(colour, edge)]
     if pattern == "hatched":
         lines = _stripes(area, STRIPE_M, HATCH_M)

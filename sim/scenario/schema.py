@@ -68,10 +68,16 @@ SURFACE_COLOURS: dict[str, Colour] = {
 """Default colour of a marking by its surface."""
 PATTERN_CLASSES: dict[PaintPattern, str] = {
     "tape": "yellow-black tape",
+    "red-white-tape": "red-white tape",
     "hatched": "hatched area",
     "bay": "reserved bay",
+    "white-bay": "white-lined bay",
     "high-voltage": "high-voltage symbol",
     "radiation": "radiation symbol",
+    "yellow": "yellow floor",
+    "blue": "blue floor",
+    "green": "green floor",
+    "white-line": "white line",
 }
 """Class in the beware list of a marking by its pattern."""
 SHEEN_SHARE = {"paint": 0.0, "water": 0.55, "mud": 0.1, "chemical": 0.3}

@@ -145,7 +145,7 @@ def test_the_generated_world_of_the_page_is_a_world(example: Callable[[str, str]
 def test_the_beware_list_of_the_page_is_one_and_says_what_the_default_says(
     example: Callable[[str, str], Path],
 ) -> None:
-    for name in ("red floor", "yellow-black tape"):
+    for name in ("red floor", "yellow-black tape", "white line"):
         shown = load_beware_list(example("navcore/formats/README.md", f'name = "{name}"'))
         assert shown.classes == (default_beware_list().named(name),)
 
