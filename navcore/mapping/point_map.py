@@ -14,6 +14,7 @@ The occupied cells (`navcore.mapping.layers`) follow every insertion and removal
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping
 
@@ -39,9 +40,9 @@ from navcore.mapping.explored.patch import DRIVEN, FLOOR, MEASURED, VISIBLE
 from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mapping.layers import MapLayers
 from navcore.mapping.points.clearing import find_outdated
-from navcore.mapping.points.coloured import is_taken
+from navcore.mapping.points.coloured import PastView, is_taken
 from navcore.mapping.points.confidence import initial_confidence, update_confidence
-from navcore.mapping.points.erasing import Erased, put_back, take
+from navcore.mapping.points.erasing import Erased, ErasedArea, put_back, take
 from navcore.mapping.points.fading import faded, left_alone
 from navcore.mapping.points.placing import base_points, place, pose_rows
 from navcore.mapping.points.point_links import Records
@@ -57,6 +58,9 @@ from navcore.mission.beware_list import NOTHING, BewareList, ColourRule
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
+
+MOST_ERASED_AREAS = 50
+"""Largest number of erased areas that are remembered, until the frames before them are gone."""
 
 
 class PointMap:
@@ -86,6 +90,9 @@ class PointMap:
         self._over_budget = False
         self._patterns: Mapping[int, ColourRule] = {}  # rules with a pattern, by class id
         self._snapshot = 0  # number of the newest snapshot
+        self._erased_areas: tuple[ErasedArea, ...] = ()
+        self.erasures = 0
+        """Number of the newest erasure of points of the beware list."""
         self.scans: Callable[[], StoredScans] = lambda: NO_SCANS
         """Returns the scans that are stored with the map, as what makes them has set it."""
         self.version = 0
@@ -203,19 +210,31 @@ class PointMap:
         taken = take(
             self._points, points_in(self._points.first, self._points.records, cells, kinds)
         )
+        is_area = bool(kinds[NOTHING + 1 :].any())
+        if is_area:
+            self.erasures += 1
+            area = ErasedArea(number=self.erasures, cells=cells, kinds=kinds)
+            self._erased_areas = (*self._erased_areas, area)[-MOST_ERASED_AREAS:]
         prior = self.layers.erase_prior(cells) if kinds[NOTHING] else cells[:0]
         self._changed_by_hand(cells, prior)
         return Erased(
             records=taken,
             prior_xy=self.spec.centres(np.column_stack(np.divmod(prior, self.spec.cols))),
             cells=len(np.union1d(taken["cell"], prior)),
+            number=self.erasures,
+            is_area=is_area,
         )
 
     def put_back(self, erased: Erased) -> None:
-        """Put back what `erase` has removed from this map, with the poses from which it was seen;
-        what the camera has seen there since stays as it is."""
+        """Put back what `erase` or `forget_coloured` has removed from this map, with the poses from
+        which it was seen; what the camera has seen there since stays as it is, and what was erased
+        since stays away."""
         taken = erased.records.copy()
         place(taken, taken["pose_id"], pose_rows(self.pose_ids.poses), self.spec)
+        if erased.is_area:
+            areas = (area for area in self._erased_areas if area.number != erased.number)
+            self._erased_areas = tuple(areas)
+        taken = self._not_erased_since(erased.number, taken)
         put_back(self._points, taken)
         rows, cols = (self.spec.cell(x, y) for x, y in erased.prior_xy), self.spec.cols
         prior = np.array([row * cols + col for row, col in rows], dtype=np.int64)
@@ -264,28 +283,47 @@ class PointMap:
         return np.asarray(live[live["class_id"] != NOTHING])
 
     def forget_coloured(
-        self, class_id: int, rule: ColourRule, before: ColourRule | None = None
+        self, class_id: int, rule: ColourRule, before: ColourRule | None, past: PastView
     ) -> Erased:
         """Remove and return the points of a class that its colour rule has found and that its new
         rule does not take; `before` is the rule until now."""
         live = self._points.live
         indices = np.flatnonzero((live["class_id"] == class_id) & (live["confidence"] >= 1))
-        gone = indices[~is_taken(live[indices], rule, before)]
+        gone = indices[~self.is_taken(live[indices], rule, before, past)]
         taken = take(self._points, gone)
         cells = np.unique(taken["cell"][taken["cell"] >= 0]).astype(np.int64)
         self._changed_by_hand(cells, cells[:0])
-        return Erased(records=taken, prior_xy=np.empty((0, 2)), cells=len(cells))
+        return Erased(
+            records=taken, prior_xy=np.empty((0, 2)), cells=len(cells), number=self.erasures
+        )
 
-    def past_points(self, observation: Observation, pose_id: int) -> Records:
-        """Return the beware points that a past frame with a known pose ID shows, placed on the
-        present grid; raises `ValueError` for an unknown ID."""
+    def is_taken(
+        self, points: Records, rule: ColourRule, before: ColourRule | None, past: PastView
+    ) -> Bools:
+        """Return (N,) whether a new colour rule takes points that the rule until now took."""
+        return is_taken(points, rule, before, past, self._rules.clearing, self._rules.fading.rules)
+
+    def past_points(
+        self, observation: Observation, pose_id: int, T_map_id: Pose2, erasures: int
+    ) -> Records:
+        """Return the beware points that a past frame with a known pose ID shows, where they are
+        now, without what was erased since. The observation is that of the frame at its capture,
+        when the pose of the ID was `T_map_id` and the newest erasure had the number `erasures`.
+        Raises `ValueError` for an unknown ID."""
         if not 0 <= pose_id < len(self.pose_ids):
             raise ValueError(f"pose ID {pose_id} is not on the map")
-        rows, at = pose_rows([self.pose_ids[pose_id]]), np.zeros(len(observation.rgb), np.int32)
-        points_base = base_points(observation.points_map, at, rows)
-        new = self._records(observation, points_base, at, rows)
+        at = np.zeros(len(observation.rgb), np.int32)
+        points_base = base_points(observation.points_map, at, pose_rows([T_map_id]))
+        new = self._records(observation, points_base, at, pose_rows([self.pose_ids[pose_id]]))
         new["pose_id"], new["looks"] = pose_id, self._rules.fading.first
-        return np.asarray(new[new["class_id"] != NOTHING])
+        return self._not_erased_since(erasures, new[new["class_id"] != NOTHING])
+
+    def _not_erased_since(self, number: int, points: Records) -> Records:
+        """Return points without those in areas that were erased after the erasure of a number."""
+        for area in self._erased_areas:
+            if area.number > number:
+                points = points[~area.holds(points)]
+        return points
 
     def add_past(self, points: Records) -> None:
         """Add `past_points` where the map has none of their class."""
@@ -344,6 +382,9 @@ class PointMap:
         rows = pose_rows(self.pose_ids.poses)
         self.layers.refresh(self._points, replace_points(self._points, beside, rows, self.spec))
         self.rejections.place(rows, self.spec)
+        self._erased_areas = tuple(
+            dataclasses.replace(area, cells=growth.flat(area.cells)) for area in self._erased_areas
+        )
         self._snapshot += 1
         self.version += 1
 
@@ -430,6 +471,7 @@ class PointMap:
         self.terrain.clear(self.spec)
         self.scans = lambda: state.scans
         self.rejections.load(state.rejections, rows, self.spec)
+        self._erased_areas = ()
         self._snapshot += 1
         self.version += 1
 

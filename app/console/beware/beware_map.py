@@ -22,9 +22,10 @@ from navcore.geometry.arrays import FloatImage
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.mapping.layers import least_confidence
 from navcore.mapping.point_map import PointMap
-from navcore.mapping.points.coloured import is_taken
+from navcore.mapping.points.coloured import PastView
 from navcore.mapping.points.erasing import Erased
 from navcore.mapping.points.point_links import Records
+from navcore.mapping.points.point_table import POINT
 from navcore.mapping.views.observation import Observation, observe
 from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
 from navcore.perception.colour_segmenter import colour_masks, disjoint_layers, matches_colour
@@ -34,6 +35,7 @@ from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.perception.prototype import prototype_labels
 from navcore.robot.frame import Frame
 
+NO_POINTS = np.zeros(0, dtype=POINT)
 WAIT_S = 3.0
 """Longest wait of a preview for the thread of the map, seconds."""
 
@@ -67,6 +69,16 @@ class RuleChange:
     """Rule in use until now; None without one."""
 
 
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PastLook:
+    """What a frame of the last minutes shows under new rules."""
+
+    observation: Observation
+    """Its points."""
+    of: RecentFrame
+    """The frame."""
+
+
 class BewareMap:
     """Lets the map follow the colour rules, and previews that."""
 
@@ -97,14 +109,14 @@ class BewareMap:
         seen = self._seen([change.entry for change in changes]) + self._seen_by_example(new)
 
         def edit(point_map: PointMap) -> None:
+            past = self._past_view(point_map, seen)
             removed.extend(
-                point_map.forget_coloured(change.entry.class_id, change.rule, change.before)
+                point_map.forget_coloured(change.entry.class_id, change.rule, change.before, past)
                 for change in changes
             )
             for erased in restored:
                 point_map.put_back(erased)
-            for past in _placed(point_map, seen):
-                point_map.add_past(past)
+            point_map.add_past(past.points)
 
         self._holder.edit_map(edit)
         return removed
@@ -120,13 +132,13 @@ class BewareMap:
         changes = self._changes(before, after)
         seen = self._seen([change.entry for change in changes])
         seen += self._seen_by_example(self._new_examples(before, after))
-        taken: list[tuple[Costmap, Records, list[Records]]] = []
+        taken: list[tuple[Costmap, Records, PastView]] = []
         done = threading.Event()
 
         def copy(point_map: PointMap) -> None:
             costmap = occupancy()
             if costmap is not None and costmap.spec == point_map.spec:
-                taken.append((costmap, point_map.beware_points, _placed(point_map, seen)))
+                taken.append((costmap, point_map.beware_points, self._past_view(point_map, seen)))
             done.set()
 
         self._holder.edit_map(copy)
@@ -136,8 +148,8 @@ class BewareMap:
         stays = np.ones(len(points), dtype=np.bool_)
         for change in changes:
             found = (points["class_id"] == change.entry.class_id) & (points["confidence"] >= 1)
-            stays[found] = is_taken(points[found], change.rule, change.before)
-        points = np.concatenate([points[stays], *past])
+            stays[found] = self._map.is_taken(points[found], change.rule, change.before, past)
+        points = np.concatenate([points[stays], past.points])
         least = least_confidence(after, self._config.map.confidence.certain)
         counts = (points["cell"] >= 0) & (points["confidence"] >= least[points["class_id"]])
         points, present = points[counts], costmap.grid
@@ -161,24 +173,38 @@ class BewareMap:
         source = self._segmenter.source_of(entry)
         return entry.colour if source in (LabelSource.COLOUR, LabelSource.BOTH) else None
 
-    def _seen(self, entries: list[BewareClass]) -> list[tuple[Observation, int]]:
-        """Return what the recent frames show of the colour rules of some entries, each with the
-        pose ID of its frame."""
+    def _past_view(self, point_map: PointMap, seen: list[PastLook]) -> PastView:
+        """Return the recent frames on the present map, which another site may have replaced, and
+        the points that they show."""
+        poses = point_map.poses
+        frames = tuple(one.placed(poses) for one in self._recent.all if one.pose_id < len(poses))
+        points = [
+            point_map.past_points(
+                look.observation, look.of.pose_id, look.of.T_map_id, look.of.erasures
+            )
+            for look in seen
+            if look.of.pose_id < len(poses)
+        ]
+        return PastView(frames=frames, points=np.concatenate([NO_POINTS, *points]))
+
+    def _seen(self, entries: list[BewareClass]) -> list[PastLook]:
+        """Return what the recent frames show of the colour rules of some entries, oldest first: a
+        voxel belongs to the first pose that measured it."""
         poses, config = self._map.poses, self._config
         beware, seen = BewareList(classes=tuple(entries)), []
-        for one in self._recent.all if entries else ():
+        for one in self._recent.all[::-1] if entries else ():
             if one.pose_id >= len(poses) or not any(
                 entry.colour is not None and matches_colour(one.frame.rgb, entry.colour).any()
                 for entry in entries
             ):
                 continue
-            frame = one.placed(poses)
+            frame = one.frame
             masks = colour_masks(frame, heights_above_floor(frame), entries, config.perception)
             if not masks:
                 continue
             layers = disjoint_layers(masks, frame.depth_m.shape)
             labels = dataclasses.replace(layers[0], hypotheses=layers)
-            seen.append((self._observed(frame, labels, beware), one.pose_id))
+            seen.append(PastLook(observation=self._observed(one, labels, beware), of=one))
         return seen
 
     def _new_examples(self, before: BewareList, after: BewareList) -> list[BewareClass]:
@@ -193,30 +219,25 @@ class BewareMap:
             and (entry.class_id in old or entry.class_id not in known)
         ]
 
-    def _seen_by_example(self, entries: list[BewareClass]) -> list[tuple[Observation, int]]:
-        """Return what some of the recent frames show of entries by example, each with the pose ID
-        of its frame."""
+    def _seen_by_example(self, entries: list[BewareClass]) -> list[PastLook]:
+        """Return what some of the recent frames show of entries by example."""
         beware, seen, poses = BewareList(classes=tuple(entries)), [], self._map.poses
         for one in self._examples.spread() if entries else ():
             if one.pose_id >= len(poses):
                 continue
-            frame, settings = one.placed(poses), self._config.perception.prototype
+            frame, settings = one.frame, self._config.perception.prototype
             labels = prototype_labels(frame, self._examples.described(frame), entries, settings)
             if labels.class_ids.any():
-                seen.append((self._observed(frame, labels, beware), one.pose_id))
+                seen.append(PastLook(observation=self._observed(one, labels, beware), of=one))
         return seen
 
-    def _observed(self, frame: Frame, labels: Labels, beware: BewareList) -> Observation:
-        config = self._config
-        labels = self._map.rejections.without(frame, labels)
+    def _observed(self, one: RecentFrame, labels: Labels, beware: BewareList) -> Observation:
+        """Return what labels of a frame put on the map, at its capture, but for what is rejected
+        now."""
+        config, frame = self._config, one.frame
+        labels = self._map.rejections.without(one.placed(self._map.poses), labels)
         ground_m = ground_heights(frame, config.points.max_slope, config.perception.ground)
         return observe(frame, labels, beware, self._map.spec, config.points, ground_m)
-
-
-def _placed(point_map: PointMap, seen: list[tuple[Observation, int]]) -> list[Records]:
-    """Return the points of past frames on the present map, which another site may have replaced."""
-    known = len(point_map.poses)
-    return [point_map.past_points(*one) for one in seen if one[1] < known]
 
 
 def _cells_of(points: Records, class_id: int, spec: GridSpec) -> BoolGrid:

@@ -40,6 +40,13 @@ class RecentFrame:
     """Pose ID of its points."""
     T_id_base: Pose2
     """Pose of the robot in the frame of the pose ID's pose, so that a correction moves it along."""
+    erasures: int
+    """Number of the newest erasure of the map before the frame."""
+
+    @property
+    def T_map_id(self) -> Pose2:
+        """Pose of the pose ID at the capture."""
+        return self.frame.pose @ self.T_id_base.inverse()
 
     @property
     def name(self) -> str:
@@ -59,9 +66,15 @@ class RecentFrames:
         self._kept: deque[RecentFrame] = deque(maxlen=MAX_FRAMES)
         self._shown: deque[RecentFrame] = deque()
 
-    def note(self, frame: Frame, pose_id: int, T_map_id: Pose2) -> None:
-        """Note a frame that is placed in the map, with the pose ID of its points."""
-        one = RecentFrame(frame=frame, pose_id=pose_id, T_id_base=T_map_id.inverse() @ frame.pose)
+    def note(self, frame: Frame, pose_id: int, T_map_id: Pose2, erasures: int = 0) -> None:
+        """Note a frame that is placed in the map, with the pose ID of its points and the number of
+        the newest erasure of the map."""
+        one = RecentFrame(
+            frame=frame,
+            pose_id=pose_id,
+            T_id_base=T_map_id.inverse() @ frame.pose,
+            erasures=erasures,
+        )
         self._shown.append(one)
         while len(self._shown) > max(1, SHOWN_PIXELS // frame.depth_m.size) or (
             self._age_s(self._shown[0], one) > SHOWN_S

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from navcore.geometry.arrays import Indices, Points
+from navcore.geometry.arrays import Bools, Indices, Points
 from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_queries import points_in
 from navcore.mapping.points.point_table import PointTable
@@ -34,6 +34,24 @@ class Erasable(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ErasedArea:
+    """Cells in which points of some classes were erased: what frames before have seen there does
+    not come back with another colour rule. They are kept for as long as those frames, for minutes,
+    and a correction does not move them."""
+
+    number: int
+    """Number of the erasure."""
+    cells: Indices
+    """(N,) cells, row · cols + col."""
+    kinds: npt.NDArray[np.bool_]
+    """(256,) erased classes."""
+
+    def holds(self, points: Records) -> Bools:
+        """Return (N,) whether points lie in the area and are of its classes."""
+        return np.asarray(self.kinds[points["class_id"]] & np.isin(points["cell"], self.cells))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Erased:
     """Points and cells of the prior map that were erased; they belong to one map."""
 
@@ -44,6 +62,10 @@ class Erased:
     """(K, 2) middles of the erased cells of the prior map in metres of the map frame."""
     cells: int
     """Number of cells that held any of this."""
+    number: int = 0
+    """Number of the newest erasure of beware points then."""
+    is_area: bool = False
+    """Whether that is this one."""
 
     @property
     def bytes_used(self) -> int:
@@ -65,10 +87,10 @@ def put_back(points: PointTable, taken: Records) -> None:
     every_class = np.ones(256, dtype=np.bool_)
     held = points.live[points_in(points.first, points.records, cells, every_class)]
     beside = taken["cell"] < 0
-    points.append(taken[beside | ~np.isin(_voxels(taken), _voxels(held))])
+    points.append(taken[beside | ~np.isin(voxels(taken), voxels(held))])
 
 
-def _voxels(points: Records) -> npt.NDArray[np.int64]:
+def voxels(points: Records) -> npt.NDArray[np.int64]:
     """Return (N,) numbers that are equal for points of one class in one voxel."""
     cells, levels = points["cell"].astype(np.int64), points["level"].astype(np.int64)
     return np.asarray((cells * 256 + levels) * 256 + points["class_id"])
