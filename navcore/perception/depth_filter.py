@@ -91,6 +91,11 @@ def reject_flat_regions(
         mask = class_ids == entry.class_id
         if not mask.any():
             continue
+        if entry.min_size_m is not None:
+            whole, mask = mask, remove_small_regions(mask, frame, entry.min_size_m)
+            keep &= ~whole | mask
+        if entry.min_height_m is entry.max_size_m is None:
+            continue
         count, names, boxes, _ = cv2.connectedComponentsWithStats(
             mask.view(np.uint8), connectivity=8
         )
@@ -104,9 +109,6 @@ def reject_flat_regions(
                 depth_m=frame.depth_m[window],
                 heights_m=heights_m[window],
             )
-            if entry.min_size_m is not None and _is_small(region, frame, entry.min_size_m):
-                keep[window] &= ~region.inside
-                continue
             if entry.max_size_m is not None:
                 keep[window] &= ~_long_surfaces(region, frame, entry.max_size_m, config)
             if entry.min_height_m is None or area < config.min_pixels:
@@ -152,8 +154,10 @@ def remove_small_regions(mask: Bools, frame: Frame, min_size_m: float) -> Bools:
     """Return the (H, W) mask without its regions that are shorter than the least size in metres:
     all at once, for a floor may have many of them.
 
-    Pixels that touch one another, at a corner too, or have one pixel between them, are a region.
-    Regions at the border of the image and without a measured pixel stay.
+    Their length is that across the line of sight or, of what lies on the floor and leads away from
+    the camera, that along it. Pixels that touch one another, at a corner too, or have up to two
+    pixels between them, are a region: far off, a cable is thinner than a pixel and its label a row
+    of pieces. Regions at the border of the image and without a measured pixel stay.
     """
     close = cv2.dilate(mask.view(np.uint8), np.ones((3, 3), dtype=np.uint8))
     count, names, boxes, _ = cv2.connectedComponentsWithStats(close, connectivity=8)
@@ -191,29 +195,6 @@ def _recession(frame: Frame, reach_px: int, config: DepthFilterConfig) -> float:
     """
     camera_m = max(float(frame.T_map_camera[2, 3]), _MIN_CAMERA_HEIGHT_M)
     return config.bleed_factor * reach_px / (frame.intrinsics.fy * camera_m)
-
-
-def _is_small(region: _Region, frame: Frame, min_size_m: float) -> bool:
-    """Return whether a region that the border of the image does not cut is shorter than the least
-    size of its class.
-
-    Its length is that across the line of sight or, of an object that lies on the floor and leads
-    away from the camera, that along it.
-    """
-    left, top, width, height = region.box
-    if (
-        left == 0
-        or top == 0
-        or left + width == frame.intrinsics.width
-        or top + height == frame.intrinsics.height
-    ):
-        return False
-    depths = region.depth_m[region.inside]
-    depths = depths[depths > 0]
-    if len(depths) == 0:
-        return False
-    near, middle, far = np.percentile(depths, (10, 50, 90))
-    return bool(max(max(width, height) * middle / frame.intrinsics.fx, far - near) < min_size_m)
 
 
 def _long_surfaces(

@@ -68,6 +68,18 @@ def test_a_small_region_of_a_long_class_is_rejected_and_a_long_one_stays_in_any_
     assert kept(noisy(picture(across)), CABLE) == kept(noisy(picture(away)), CABLE) == 1.0
 
 
+def test_pieces_of_a_thing_that_is_thinner_than_a_pixel_are_as_long_as_the_thing() -> None:
+    def pieces(gap_m: float) -> list[Paint]:
+        left = (-0.25 + (0.05 + gap_m) * k for k in range(7))
+        return [Paint(x=(1.4, 1.46), y=(y, y + 0.05), colour=PINK) for y in left]
+
+    broken = picture(*pieces(0.03))
+    pink = (broken.rgb == PINK).all(axis=2).view(np.uint8)
+    assert cv2.connectedComponents(pink, connectivity=8)[0] == 8  # the floor and seven
+    assert kept(noisy(broken), CABLE) == 1.0
+    assert kept(noisy(picture(*pieces(0.1))), CABLE) == 0.0  # control: things apart
+
+
 def test_a_surface_longer_than_its_class_is_rejected_also_where_the_image_cuts_it() -> None:
     table = Box(x=(1.0, 1.6), y=(-0.7, 0.7), z=(0.3, 0.35), colour=PINK)
     beside = dataclasses.replace(table, y=(-0.4, 1.4))
