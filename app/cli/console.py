@@ -41,8 +41,9 @@ OwnListOption = Annotated[
     Path | None,
     typer.Option(
         "--beware",
-        metavar="FILE.toml",
-        help="Put this beware list in force at the site, as one edit; earlier lists are kept.",
+        metavar="office|indoor|outdoor|FILE.toml",
+        help="Put this beware list in force at the site, as one edit, a ready-made one or a file; "
+        "earlier lists are kept.",
     ),
 ]
 
@@ -115,7 +116,7 @@ def console(settings: ConsoleSettings) -> None:
     ):
         camera = _check(settings)
         from app.console.application import ConsoleOptions, run_console
-        from navcore.mission.beware_list import load_beware_list
+        from navcore.mission.beware_sets import beware_list_of
 
         options = ConsoleOptions(
             scenario=settings.scenario,
@@ -131,7 +132,7 @@ def console(settings: ConsoleSettings) -> None:
             choice=settings.segmentation.choice(live=True, camera=camera),
             prior=settings.prior,
             kept=settings.kept,
-            beware=None if settings.beware is None else load_beware_list(settings.beware),
+            beware=None if settings.beware is None else beware_list_of(settings.beware),
             navigation=settings.navigation,
             odometry=settings.odometry,
             gnss=settings.gnss,
@@ -145,7 +146,7 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
     """Refuse wrong options and files before anything slow is loaded; return the camera's stream,
     None for what this machine can follow."""
     from navcore.config.navigator import load_config
-    from navcore.mission.beware_list import load_beware_list
+    from navcore.mission.beware_sets import beware_list_of
     from sim.robot.chassis import chassis_for
     from sim.scenario.load import load_scenario
 
@@ -156,7 +157,7 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
     if settings.navigation is not None:
         load_config(settings.navigation, robot)
     if settings.beware is not None:
-        load_beware_list(settings.beware)
+        beware_list_of(settings.beware)
     if settings.kept is not None:
         prepare(settings.kept.parent)
     if settings.recording is not None and (settings.camera != "auto" or settings.scanner):

@@ -22,7 +22,8 @@ import typer
 from app.episode.ablations import Ablation
 from app.runtime.start.segmenter_choice import Backend, Kind, SegmenterChoice
 from navcore.errors import BadConfiguration
-from navcore.mission.beware_list import BewareList, default_beware_list, load_beware_list
+from navcore.mission.beware_list import BewareList, default_beware_list
+from navcore.mission.beware_sets import beware_list_of
 from navcore.robot.camera_stream import CameraStream, stream_of
 from sim.robot.odometry_grade import OdometryGrade
 from sim.sensors.gnss_settings import GnssKind
@@ -122,7 +123,12 @@ YieldingOption = Annotated[
     ),
 ]
 BewareOption = Annotated[
-    Path | None, typer.Option("--beware", metavar="FILE.toml", help="Beware list to drive with.")
+    Path | None,
+    typer.Option(
+        "--beware",
+        metavar="office|indoor|outdoor|FILE.toml",
+        help="Beware list to drive with: a ready-made one by its name, or a file.",
+    ),
 ]
 RandomOption = Annotated[
     bool,
@@ -264,10 +270,10 @@ def _filled(settings_type: Any, values: Mapping[str, Any]) -> Any:
 
 
 def beware_list(path: Path | None, world: Scenario | None = None) -> BewareList:
-    """Return the beware list of a file, else the one that a world starts with, else the shipped
-    one."""
+    """Return the beware list of a name or file, else the one that a world starts with, else the
+    shipped one."""
     if path is not None:
-        return load_beware_list(path)
+        return beware_list_of(path)
     from sim.scenario.beware import starting_beware_list
 
     return default_beware_list() if world is None else starting_beware_list(world)
