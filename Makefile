@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test test-long test-fleet test-teaching check lint kernels bench bench-compare reliability campaign screenshots screenshots-check pictures setup debian clean
+.PHONY: run test test-long test-fleet check lint kernels bench bench-compare reliability campaign screenshots screenshots-check pictures setup debian clean
 
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
@@ -23,10 +23,6 @@ test-long: setup
 test-fleet: setup
 	@.ci/install $(BIN)/python --constraint constraints.txt --editable '.[dev,fleet]'
 	$(BIN)/pytest -q tests/app/fleet
-
-# A class that the network never knew is taught in Chromium, from the camera to the path. Minutes, so it is no part of `test`.
-test-teaching: setup debian
-	$(BIN)/pytest -q tests/system/teach_a_class.py
 
 # For daily work: the linters, the types, and the tests of the rooms that differ from the last commit.
 check: lint

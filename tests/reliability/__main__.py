@@ -15,7 +15,7 @@ from tests.reliability.main import measure_reliability
 
 def reliability(
     row: Annotated[
-        list[int] | None, typer.Option(min=1, max=25, help="Only this row; repeat for more.")
+        list[int] | None, typer.Option(min=1, max=26, help="Only this row; repeat for more.")
     ] = None,
     factor: Annotated[
         float, typer.Option(min=0.01, max=1000.0, help="Multiplies the number of trials.")

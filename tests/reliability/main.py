@@ -14,7 +14,16 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from navcore.warmup import warm_up
-from tests.reliability import ending, hostile, planning, startup, stopping, storage, teleop
+from tests.reliability import (
+    beside_training,
+    ending,
+    hostile,
+    planning,
+    startup,
+    stopping,
+    storage,
+    teleop,
+)
 from tests.reliability.result import Measurement
 
 
@@ -209,6 +218,13 @@ ROWS = (
         promise="nothing outside is read, nothing is executed",
         measure=hostile.path_traversal,
         trials=500,
+    ),
+    Promise(
+        number=26,
+        fault="a training runs beside the console, while the robot drives",
+        promise="no command comes later than 0.25 s after the one before (wall clock)",
+        measure=beside_training.training_beside,
+        trials=600,
     ),
 )
 

@@ -1,4 +1,4 @@
-"""Rows 12 to 19 and 22 to 25 of `tests/reliability/README.md` with few trials, each with its
+"""Rows 12 to 19 and 22 to 26 of `tests/reliability/README.md` with few trials, each with its
 control."""
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import pytest
 from app.console.operations import LiveOperations
 from navcore.config.safety import GateConfig, SafetyConfig
 from navcore.safety.gate import gate
-from tests.reliability import fault_runs, hostile, startup, storage, teleop
+from tests.reliability import beside_training, fault_runs, hostile, startup, storage, teleop
 from web.api.mission import control
 from web.gateway import problems
 
@@ -128,3 +128,14 @@ def test_row_25_no_path_leads_out_and_no_weights_run_a_program() -> None:
 def test_row_25_weights_that_are_unpickled_run_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hostile, "load", lambda path: pickle.loads(path.read_bytes()))
     assert not hostile.path_traversal(1).met
+
+
+@pytest.mark.long
+def test_row_26_a_training_computes_beside_the_console_while_its_commands_are_timed() -> None:
+    # Their period is measured by `make reliability`.
+    assert beside_training.training_beside(200).trials == 200
+
+
+@pytest.mark.long
+def test_row_26_a_computation_that_holds_the_interpreter_delays_commands() -> None:
+    assert not beside_training.training_beside(100, in_a_process=False).met

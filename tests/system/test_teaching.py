@@ -1,16 +1,17 @@
 """The pipeline of the paper's figure 3 in a running simulator: frames are annotated, a class that
 the network never knew is taught, the network is exchanged without a restart, and the robot drives
-round what it would have driven over.
+round what it would have driven over. And a training is cancelled and resumed in the page.
 
-`make test-teaching` runs it. It takes minutes, as a training has the lowest priority. What is
-learned does not depend on the speed of the machine: the frames are those of a simulator that is
-stepped, from given poses, and are uploaded; the seed of the training is given. The parts of the
-pipeline, and all of it but page and drive, are tested in `tests/app/teaching`.
+Minutes, as a training has the lowest priority. What is learned does not depend on the speed of the
+machine: the frames are those of a simulator that is stepped, from given poses, and are uploaded;
+the seed of the training is given. The parts of the pipeline, and all of it but page and drive, are
+tested in `tests/app/teaching`.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import re
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,16 +27,30 @@ from playwright.sync_api import Page, expect, sync_playwright
 from app.console.application import ConsoleOptions, RunningConsole, console
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.frames.frame_archive import exported
+from app.teaching.frames.frame_store import FrameStore
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.network.preprocess import Size
 from navcore.perception.esanet.weights import weights_file
-from tests.app.teaching.shoe_room import LOOKS, SHOE, frames_of_the_shoe, room_file, shoe_in
+from tests.app.teaching.shoe_room import (
+    LOOKS,
+    SHOE,
+    annotated_frames,
+    frames_of_the_shoe,
+    room_file,
+    shoe_in,
+)
 from tests.system.conftest import state_when
 from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NO_BROWSER
 
-pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+pytestmark = [
+    pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed"),
+    pytest.mark.long,
+    pytest.mark.timeout(3600),
+]
 
 PATIENCE_S = 240.0
+TWO_POINTS = re.compile(r"^[\d.]+,[\d.]+ [\d.]+,[\d.]+")
+"""A curve of at least two points."""
 TRAINING_S = 900.0
 """A training has the lowest priority: beside other work it takes long."""
 
@@ -56,21 +71,17 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return room_file(tmp_path_factory.mktemp("world"))
 
 
-@pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory, world: Path) -> bytes:
-    """Frames of the shoe from given poses, as the export of captured frames."""
-    return exported(frames_of_the_shoe(tmp_path_factory.mktemp("frames"), world))
+@pytest.fixture
+def frames(tmp_path: Path, world: Path) -> FrameStore:
+    """Frames of the shoe from given poses."""
+    return frames_of_the_shoe(tmp_path / "frames", world)
 
 
-@pytest.fixture(scope="module")
-def shoe_room(
-    tmp_path_factory: pytest.TempPathFactory, small: Path, world: Path
-) -> Iterator[RunningConsole]:
+@pytest.fixture
+def shoe_room(tmp_path: Path, small: Path, world: Path) -> Iterator[RunningConsole]:
     """A console in the room with the shoe."""
     choice = SegmenterChoice(kind="network", weights=small, engine="torch f32", live=True)
-    options = ConsoleOptions(
-        scenario=str(world), port=0, data=tmp_path_factory.mktemp("shoe"), choice=choice
-    )
+    options = ConsoleOptions(scenario=str(world), port=0, data=tmp_path / "shoe", choice=choice)
     with console(options) as started:
         yield started
 
@@ -81,6 +92,12 @@ def eventually(holds: Callable[[], bool], patience_s: float = PATIENCE_S) -> Non
     while not holds():
         assert time.monotonic() < deadline, "it never happened"
         time.sleep(0.3)
+
+
+def add(program: httpx.Client, frames: FrameStore) -> int:
+    """Upload frames and return how many were added."""
+    answer = program.post("/api/v1/teach/frames.zip", content=exported(frames))
+    return int(answer.json()["added"])
 
 
 def off_the_line_m(program: httpx.Client) -> float:
@@ -138,22 +155,21 @@ def page(shoe_room: RunningConsole) -> Iterator[Page]:
 
 
 def test_a_class_is_taught_and_avoided(
-    shoe_room: RunningConsole, page: Page, archive: bytes
+    shoe_room: RunningConsole, page: Page, frames: FrameStore
 ) -> None:
     with httpx.Client(base_url=shoe_room.url, trust_env=False, timeout=PATIENCE_S) as program:
         post = program.post
         # With the network of the start it would drive over the shoe, which is on the list already.
         post("/api/v1/beware", json={"name": "shoe", "margin_m": 0.1})
         eventually(lambda: off_the_line_m(program) < 0.1)
-        assert post("/api/v1/teach/frames.zip", content=archive).json()["added"] == len(LOOKS)
+        assert add(program, frames) == len(LOOKS)
         page.reload()
 
         def stored() -> list[dict[str, Any]]:
             return list(program.get("/api/v1/teach/frames").json()["frames"])
 
-        frames = stored()
-        shown = {one["id"]: at for one in frames if (at := shoe_at(program, one["id"]))}
-        assert len(shown) == len(LOOKS), f"the shoe is in {len(shown)} of {len(frames)} frames"
+        shown = {one["id"]: at for one in stored() if (at := shoe_at(program, one["id"]))}
+        assert len(shown) == len(LOOKS), f"the shoe is in {len(shown)} of {len(stored())} frames"
         page.get_by_test_id("capture").click()
         eventually(lambda: len(stored()) == len(LOOKS) + 1)
         page.get_by_test_id("class").select_option("shoe")
@@ -188,3 +204,43 @@ def test_a_class_is_taught_and_avoided(
         assert np.hypot(*(driven - SHOE).T).min() > 0.4  # half of the robot is 0.33 m wide
         page.get_by_test_id("rollback").click()
         expect(page.get_by_test_id("exchange")).to_have_text("start is in use")
+
+
+def test_a_training_shows_its_curves_and_is_cancelled_and_resumed_in_the_page(
+    shoe_room: RunningConsole, page: Page, tmp_path: Path, world: Path
+) -> None:
+    frames = annotated_frames(tmp_path / "frames", world)
+    phase, curves = page.get_by_test_id("training-phase"), page.get_by_test_id("curves")
+    cancel, resume = (page.get_by_test_id(f"{name}-training") for name in ("cancel", "resume"))
+    with httpx.Client(base_url=shoe_room.url, trust_env=False, timeout=PATIENCE_S) as program:
+
+        def run() -> dict[str, Any]:
+            return dict(program.get("/api/v1/teach/training").json()["run"])
+
+        program.post("/api/v1/beware", json={"name": "shoe", "margin_m": 0.1})
+        assert add(program, frames) == len(LOOKS)
+        page.reload()
+        expect(cancel).to_be_hidden()
+        expect(resume).to_be_hidden()
+        page.get_by_test_id("rehearsal").fill("4")
+        page.get_by_test_id("train").click()
+        expect(cancel).to_be_visible()
+        expect(page.get_by_test_id("train")).to_be_disabled()
+        loss = curves.get_by_role("img", name="Loss")
+        expect(loss).to_be_visible(timeout=TRAINING_S * 1000)
+        eventually(lambda: len(run()["losses"]) > 1, TRAINING_S)
+        expect(loss.locator("polyline")).to_have_attribute("points", TWO_POINTS)
+
+        cancel.click()
+        expect(phase).to_have_text("taught 1: cancelled")
+        expect(cancel).to_be_hidden()
+        assert not run()["running"]
+        done = run()["losses"][-1]["step"]
+
+        resume.click()
+        expect(cancel).to_be_visible()
+        expect(resume).to_be_hidden()
+        eventually(lambda: run()["losses"][-1]["step"] > done, TRAINING_S)
+        assert run()["name"] == "taught 1" and run()["losses"][0]["step"] <= done
+        cancel.click()
+        expect(phase).to_have_text("taught 1: cancelled")

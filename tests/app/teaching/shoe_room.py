@@ -13,6 +13,7 @@ from app.teaching.frames.rules import CaptureRules
 from navcore.geometry.transform import Pose2
 from sim.scenario.load import load_scenario
 from sim.simulator import Simulator
+from web.interface.teaching import Annotation
 
 SHOE = (-0.9, 0.0)
 ROOM = """
@@ -60,11 +61,24 @@ def frames_of_the_shoe(folder: Path, world: Path) -> FrameStore:
     return store
 
 
+def annotated_frames(folder: Path, world: Path) -> FrameStore:
+    """Return these frames with the shoe annotated by its colour."""
+    store = frames_of_the_shoe(folder, world)
+    for one in store.all():
+        labels = np.asarray(_is_shoe(store.images(one.id)[0]), dtype=np.uint8)
+        store.annotate(one.id, Annotation(class_names=("shoe",), labels=labels))
+    return store
+
+
 def shoe_in(rgb: npt.NDArray[np.uint8]) -> tuple[int, int] | None:
     """Return row and column of the middle of the shoe in an image (H, W, 3); None where it does not
     show it."""
-    red, green, blue = (rgb[..., channel].astype(int) for channel in range(3))
-    rows, cols = np.nonzero((green > red + 40) & (blue > red + 40))
+    rows, cols = np.nonzero(_is_shoe(rgb))
     if len(rows) < 150 or rows.max() > rgb.shape[0] - 3:
         return None
     return int(np.median(rows)), int(np.median(cols))
+
+
+def _is_shoe(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
+    red, green, blue = (rgb[..., channel].astype(int) for channel in range(3))
+    return np.asarray((green > red + 40) & (blue > red + 40))
