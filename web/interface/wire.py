@@ -16,7 +16,7 @@ from pydantic import ConfigDict, InstanceOf, PlainSerializer, TypeAdapter
 
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec
-from navcore.mission.beware_list import BewareClass, ColourPattern, ColourRule
+from navcore.mission.beware_list import BewareClass, ColourPattern, ColourRule, FloorLine
 from navcore.mission.mission import Goal
 from navcore.mission.prototype import Prototype
 from navcore.planning.explanation.constraint_removal import Removal
@@ -95,7 +95,8 @@ def served(kind: type[_Kind]) -> type[_Kind]:
 
 
 _CORE = (
-    *(BewareClass, ColourPattern, ColourRule, Goal, GridSpec, Pose2, Prototype, Removal),
+    *(BewareClass, ColourPattern, ColourRule, FloorLine),
+    *(Goal, GridSpec, Pose2, Prototype, Removal),
     *(StopReason, Stretch, Twist),
 )
 """Values of the navigation core that answers hold."""
