@@ -38,7 +38,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("PUT", r"/beware\.toml", "imported a beware list"),
     ("PUT", r"/beware/order", "changed the order of the beware list"),
     ("POST", r"/beware/versions/(?P<name>\d+)/restore", "brought back beware list {name}"),
-    ("POST", r"/beware/defaults", "restored the default beware list"),
+    ("POST", r"/beware/defaults", "took a ready-made beware list"),
     ("POST", r"/beware/undo", "took back the last edit of the beware list"),
     ("POST", r"/beware/redo", "repeated an edit of the beware list"),
     ("DELETE", r"/beware/(?P<name>.+)", "removed “{name}” from the beware list"),

@@ -41,8 +41,9 @@ class BewareDraft:
     """Stored version to begin with; None for the list in force."""
     toml: str | None = None
     """TOML document to begin with; None for the list in force."""
-    defaults: bool = False
-    """Whether to begin with the list of a new site."""
+    ready_made: str | None = None
+    """Name of a ready-made list to begin with, see `take_ready_made`; None for the list in
+    force."""
     changes: Mapping[str, Mapping[str, object] | None] = field(default_factory=dict)
     """Changed fields of some classes, by name; None for a class to remove."""
     add: Mapping[str, object] | None = None
@@ -202,8 +203,9 @@ class BewareEdits(Protocol):
         """Replace the list by that of a TOML document, whose known names keep their ids here;
         raises `BadConfiguration` with the line and the field of what is wrong."""
 
-    def restore_defaults(self, *, by: str = OPERATOR) -> BewareList:
-        """Restore the list of a new site, as the next version."""
+    def take_ready_made(self, name: str, *, by: str = OPERATOR) -> BewareList:
+        """Replace the list by a ready-made one, as the next version: `default` is that of a new
+        site, others are those of `navcore.mission.beware_sets`. Raises `NotKnown`."""
 
     def versions(self) -> tuple[BewareVersion, ...]:
         """Return all stored versions, newest first."""

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, StrictBool, StrictStr
 
@@ -118,6 +118,10 @@ class BewareOut:
         )
 
 
+ListName = Literal["default", "office", "indoor", "outdoor"]
+"""Name of a ready-made list, `default` for that of a new site."""
+
+
 class OrderIn(Closed):
     """Order of the classes."""
 
@@ -132,8 +136,8 @@ class BewareDraftIn(Closed):
     """Stored version to begin with; null for the list in force."""
     toml: StrictStr | None = None
     """Content of a TOML file to begin with; null for the list in force."""
-    defaults: StrictBool = False
-    """Whether to begin with the list of a new site."""
+    ready_made: ListName | None = None
+    """Ready-made list to begin with; null for the list in force."""
     changes: Annotated[
         dict[str, BewareChanges | None],
         Field(max_length=LARGEST_CLASS_ID, default_factory=dict),
@@ -147,7 +151,7 @@ class BewareDraftIn(Closed):
         return BewareDraft(
             version=self.version,
             toml=self.toml,
-            defaults=self.defaults,
+            ready_made=self.ready_made,
             changes=self.changes,
             add=self.add,
         )

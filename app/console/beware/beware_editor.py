@@ -22,6 +22,7 @@ from navcore.mission.beware_list import (
     default_beware_list,
     parse_beware_list,
 )
+from navcore.mission.beware_sets import ready_made
 from navcore.perception.labels import LabelSource, Segmenter
 from web.interface.beware import OPERATOR, BewareDraft, BewareVersion, ColourRules, Examples
 from web.interface.drafts import EditHistory
@@ -186,10 +187,10 @@ class BewareEditor:
             wanted = _imported(self._expected(expected_version), text)
             return self._step(wanted, by, force=force, what="import of a file")
 
-    def restore_defaults(self, *, by: str = OPERATOR) -> BewareList:
-        """Replace the list in force by that of a new site."""
+    def take_ready_made(self, name: str, *, by: str = OPERATOR) -> BewareList:
+        """Replace the list in force by a ready-made one."""
         with self._edits.editing():
-            return self._step(self._defaulted(), by, what="default list")
+            return self._step(self._ready_made(name), by, what="ready-made list")
 
     def versions(self) -> tuple[BewareVersion, ...]:
         """Return all stored versions, newest first."""
@@ -208,8 +209,8 @@ class BewareEditor:
             beware = self._restored(draft.version)
         if draft.toml is not None:
             beware = _imported(beware, draft.toml)
-        if draft.defaults:
-            beware = self._defaulted()
+        if draft.ready_made is not None:
+            beware = self._ready_made(draft.ready_made)
         for name, fields in draft.changes.items():
             beware = beware.removed(name) if fields is None else _edited(beware, name, fields)
         drafted = beware if draft.add is None else beware.added(draft.add)
@@ -222,8 +223,11 @@ class BewareEditor:
                 return self.list.replaced(stored.list.classes)
         raise NotKnown(f"the beware list has no version {version}")
 
-    def _defaulted(self) -> BewareList:
-        return self.list.adopted(self._defaults.classes)
+    def _ready_made(self, name: str) -> BewareList:
+        lists = {"default": self._defaults, **ready_made()}
+        if name not in lists:
+            raise NotKnown(f"no ready-made list is called {name!r}, only {', '.join(lists)}")
+        return self.list.adopted(lists[name].classes)
 
     def undo(self, *, by: str = OPERATOR) -> str:
         """Restore the list before the newest edit, as a new version."""

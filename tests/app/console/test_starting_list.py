@@ -82,5 +82,5 @@ def test_restored_defaults_are_those_of_the_world(tmp_path: Path) -> None:
     editor = beware_editor(store.site, OFFICE, defaults=OFFICE)
     editor.edit("landmine", {"enabled": True})
     editor.edit("cup", {"enabled": False})
-    assert editor.restore_defaults().classes == OFFICE.classes
+    assert editor.take_ready_made("default").classes == OFFICE.classes
     store.close()

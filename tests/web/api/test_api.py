@@ -411,6 +411,17 @@ def test_an_empty_beware_list_needs_force_and_the_defaults_come_back(
     )
 
 
+def test_a_ready_made_list_is_taken_by_name(client: httpx.Client) -> None:
+    preview = {"ready_made": "outdoor"}
+    changes = client.post("/api/v1/beware/preview", json=preview).json()["changes"]
+    taken = client.post("/api/v1/beware/defaults?name=outdoor").json()["classes"]
+    on = {entry["name"] for entry in taken if entry["enabled"]}
+    assert "landmine" in on and "keyboard" not in on
+    assert any("keyboard" in change for change in changes)
+    wrong(client.post("/api/v1/beware/defaults?name=kitchen"), 422)
+    wrong(client.post("/api/v1/beware/preview", json={"ready_made": "kitchen"}), 422)
+
+
 def test_edits_of_the_beware_list_are_undone_one_by_one(
     client: httpx.Client, operations: FakeOperations
 ) -> None:

@@ -153,7 +153,7 @@ def test_a_preview_says_what_another_list_changes(
     file = client.get("/api/v1/beware.toml").text
     client.patch(f"{BEWARE}/red floor", json={"enabled": False, "margin_m": 0.5})
     told = ["“red floor” switched on", "“red floor”: margin 0.5 m → 0 m"]
-    for draft in ({"version": 0}, {"defaults": True}, {"toml": file}):
+    for draft in ({"version": 0}, {"ready_made": "default"}, {"toml": file}):
         answer = client.post(f"{BEWARE}/preview", json=draft).json()
         assert answer["appear_count"] > 300 and answer["changes"] == told
     unknown = client.post(f"{BEWARE}/preview", json={"version": 7})

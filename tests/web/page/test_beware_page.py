@@ -354,6 +354,7 @@ def test_whole_lists_are_tried_before_they_are_in_force(
 ) -> None:
     await_map(page)
     operations.beware.edit("red floor", {"enabled": False})
+    page.get_by_test_id("beware-ready-made").click()
     page.get_by_test_id("beware-defaults").click()
     expect(proposal(page)).to_contain_text("“red floor” switched on")
     page.locator("[popovertarget=beware-versions]").click()

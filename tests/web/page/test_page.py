@@ -228,6 +228,7 @@ def test_a_beware_list_without_a_class_gives_a_warning_and_defaults_come_back(
     operations.beware.replace(BewareList(classes=()), force=True)
     expect(warning).to_contain_text("keeps away from nothing")
     expect(page.get_by_test_id("beware-class")).to_have_count(0)
+    page.get_by_test_id("beware-ready-made").click()
     page.get_by_test_id("beware-defaults").click()
     page.get_by_test_id("proposal-apply").click()
     expect(page.get_by_test_id("beware-class")).to_have_count(len(shipped))

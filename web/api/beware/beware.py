@@ -15,7 +15,7 @@ from web.auth.roles import CurrentVisitor
 from web.gateway.etag import ExpectedVersion, etag, outdated
 from web.gateway.problems import refusals
 from web.interface.operations import RobotService
-from web.schemas.beware import BewareChanges, BewareListIn, BewareOut, NewEntry, OrderIn
+from web.schemas.beware import BewareChanges, BewareListIn, BewareOut, ListName, NewEntry, OrderIn
 from web.schemas.fields import MAX_NAME
 
 _REFUSALS = refusals(409, 422, 503)
@@ -86,9 +86,14 @@ def beware_router(operations: RobotService) -> APIRouter:
         return answer(operations.beware.order(body.names, by=visitor.signature), response)
 
     @router.post("/beware/defaults", response_model=BewareOut, responses=_REFUSALS)
-    def restore_defaults(response: Response, visitor: CurrentVisitor) -> BewareOut:
-        """Restore the list that a new site starts with, as one edit that can be undone."""
-        return answer(operations.beware.restore_defaults(by=visitor.signature), response)
+    def take_ready_made(
+        response: Response,
+        visitor: CurrentVisitor,
+        name: Annotated[ListName, Query(description="Which ready-made list.")] = "default",
+    ) -> BewareOut:
+        """Replace the list by that of a new site, or by another ready-made one, as one edit that
+        can be undone."""
+        return answer(operations.beware.take_ready_made(name, by=visitor.signature), response)
 
     @router.post("/beware/undo", response_model=BewareOut, responses=_REFUSALS)
     def undo(response: Response, visitor: CurrentVisitor) -> BewareOut:

@@ -4,6 +4,7 @@ import { post, request } from "../core/link/api.js";
 import { element, make, reconcile, set, setText, setValue } from "../core/dom.js";
 import { capitalised, decimal, sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
+import { kindOf } from "./colour_picker.js";
 import * as entryForm from "./entry.js";
 import { point } from "./example.js";
 import * as files from "./files.js";
@@ -29,9 +30,13 @@ export function build(onNewList) {
   };
   for (const action of ["undo", "redo"])
     element(`beware-${action}`).onclick = () => attempt(() => call(action));
-  const send = () => call("defaults");
-  element("beware-defaults").onclick = () =>
-    propose({ question: { defaults: true }, send, host: element("beware-tools") });
+  element("beware-ready-made").onclick = ({ target, currentTarget }) => {
+    const name = target.dataset.list;
+    if (!name) return;
+    currentTarget.hidePopover();
+    const send = () => call(`defaults?name=${name}`);
+    propose({ question: { ready_made: name }, send, host: element("beware-tools") });
+  };
   element("beware-add").onclick = () => entryForm.open(null, null, limits);
   element("beware-this").onclick = () => {
     entryForm.open(null, null, limits);
@@ -74,8 +79,8 @@ export function show(beware) {
         : entry.prototype
           ? t("It was shown to another network. Click the thing again.")
           : t("Not detected by this model");
-      const isPattern = entry.colour?.pattern && entry.found_by === "colour rule";
-      const eyes = isPattern ? t("pattern of colours") : sentence(entry.found_by);
+      const eyes =
+        entry.found_by === "colour rule" ? kindOf(entry.colour) : sentence(entry.found_by);
       setText(foundBy, isFound ? eyes : t("▲ not detected"));
       foundBy.classList.toggle("lost", !isFound);
     },

@@ -35,6 +35,13 @@ let timer = 0;
 let onChange = () => {};
 
 export const ruleOf = () => rule;
+
+// What a rule looks for.
+export function kindOf({ pattern, line }) {
+  if (pattern) return t("pattern of colours");
+  return line ? t("bright line") : t("colour rule");
+}
+
 export const onRule = (listener) => {
   onChange = listener;
 };

@@ -6,7 +6,7 @@ import { element, set, setText } from "../core/dom.js";
 import { sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { isDrawing, onDraft, setMode } from "../zones/draft.js";
-import { onRule, ruleOf, showRule } from "./colour_picker.js";
+import { kindOf, onRule, ruleOf, showRule } from "./colour_picker.js";
 import { effectAsker, showOnMap } from "./effect.js";
 import { exampleOf, onExample, point, showExample } from "./example.js";
 import { cancel as cancelProposal, onProposal, propose } from "./proposal.js";
@@ -112,7 +112,7 @@ function eyes() {
   // The network goes on to know a class that is renamed.
   if (isKnown()) return sentence(withNetwork(ruleOf()));
   if (!ruleOf()) return !isForeign() && exampleOf() && t("example");
-  return ruleOf().pattern ? t("pattern of colours") : t("colour rule");
+  return kindOf(ruleOf());
 }
 
 function describe() {
