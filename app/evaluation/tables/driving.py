@@ -113,7 +113,7 @@ def _crossings_row(result: Result) -> Row:
 
 
 SHORT = Table(
-    shows=is_random,
+    shows=lambda result: is_random(result) and not has_scanner(result),
     columns=(
         "world",
         "all goals reached",
