@@ -225,7 +225,9 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
         "fixes": [_encoded_fix(fix, stamp_ns - frame.stamp_ns) for fix in frame.fixes],
         "stamp_ns": stamp_ns,
         "is_part_uncoloured": frame.uncoloured is not None,
-        "scan": None if frame.scan is None else _encoded_scan(frame.scan),
+        "scan": None
+        if frame.scan is None
+        else {"x_m": frame.scan.x_m, "max_range_m": frame.scan.max_range_m},
         # JSON has no infinity: a clearance that was never measured is null.
         "referee": {
             key: None if isinstance(value, float) and not math.isfinite(value) else value
@@ -235,19 +237,9 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
     text = json.dumps(header).encode()
     text += b" " * (-(4 + len(text)) % 8)  # aligns the depth, as compiled code requires
     unknown = b"" if frame.uncoloured is None else frame.uncoloured.tobytes()
+    ranges = b"" if frame.scan is None else frame.scan.ranges_m.tobytes()
     pixels = frame.depth_m.tobytes() + frame.rgb.tobytes() + unknown
-    return len(text).to_bytes(4, "little") + text + pixels
-
-
-def _encoded_scan(scan: LaserScan) -> dict[str, Any]:
-    """Return a scan as JSON, with null where nothing was measured: JSON has no infinity."""
-    ranges = [value if math.isfinite(value) else None for value in scan.ranges_m.tolist()]
-    return {"ranges_m": ranges, "x_m": scan.x_m, "max_range_m": scan.max_range_m}
-
-
-def _decoded_scan(fields: dict[str, Any]) -> LaserScan:
-    ranges = [math.inf if value is None else value for value in fields["ranges_m"]]
-    return LaserScan(**{**fields, "ranges_m": np.array(ranges, dtype=np.float32)})
+    return len(text).to_bytes(4, "little") + text + pixels + ranges
 
 
 def _encoded_fix(fix: PositionFix, lead_ns: int) -> dict[str, Any]:
@@ -275,6 +267,7 @@ def _decode(message: bytes) -> tuple[Frame, dict[str, Any]]:
     header = json.loads(message[4:split])
     intrinsics = Intrinsics(**header["intrinsics"])
     shape, pixels = (intrinsics.height, intrinsics.width), intrinsics.height * intrinsics.width
+    end = split + (8 if header["is_part_uncoloured"] else 7) * pixels
     return Frame(
         stamp_ns=header["stamp_ns"],
         rgb=np.frombuffer(message, np.uint8, 3 * pixels, split + 4 * pixels).reshape(*shape, 3),
@@ -289,5 +282,7 @@ def _decode(message: bytes) -> tuple[Frame, dict[str, Any]]:
         roll_rad=header["tilt"][0],
         pitch_rad=header["tilt"][1],
         fixes=tuple(_decoded_fix(fix) for fix in header["fixes"]),
-        scan=None if header["scan"] is None else _decoded_scan(header["scan"]),
+        scan=None
+        if header["scan"] is None
+        else LaserScan(ranges_m=np.frombuffer(message[end:], np.float32), **header["scan"]),
     ), header["referee"]

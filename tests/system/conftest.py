@@ -63,3 +63,23 @@ def state_when(
             return state
         assert time.monotonic() < deadline, f"it never happened; the last state was {state}"
         time.sleep(0.05)
+
+
+def marked_room(name: str, colour: tuple[int, int, int], *, beware: bool) -> str:
+    """Return the world file of a room with a square on the floor between start and goal, something
+    to `beware` of or not for the referee."""
+    return f"""
+name = "room with {name}"
+size_m = [8.0, 6.0]
+start = [-3.0, 0.0, 0.0]
+goals = [[2.5, 0.0]]
+[map]
+size_m = [9.0, 7.0]
+[[walls]]
+points = [[-3.94, -2.94], [3.94, -2.94], [3.94, 2.94], [-3.94, 2.94], [-3.94, -2.94]]
+[[markings]]
+name = "{name}"
+polygon = [[-1.2, -0.5], [-0.2, -0.5], [-0.2, 0.5], [-1.2, 0.5]]
+colour = {list(colour)}
+beware = {str(beware).lower()}
+"""

@@ -11,26 +11,12 @@ import pytest
 from playwright.sync_api import Locator, Page, expect, sync_playwright
 
 from app.console.application import ConsoleOptions, RunningConsole, console
-from tests.system.conftest import BY_COLOUR
-from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NO_BROWSER, await_map, click_map
+from tests.system.conftest import BY_COLOUR, marked_room
+from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NEEDS_BROWSER, await_map, click_map
 
 PATIENCE_MS = 90_000
-ROOM = """
-name = "room with red floor"
-size_m = [8.0, 6.0]
-start = [-3.0, 0.0, 0.0]
-goals = [[2.5, 0.0]]
-[map]
-size_m = [9.0, 7.0]
-[[walls]]
-points = [[-3.94, -2.94], [3.94, -2.94], [3.94, 2.94], [-3.94, 2.94], [-3.94, -2.94]]
-[[markings]]
-name = "red floor"
-polygon = [[-1.2, -0.5], [-0.2, -0.5], [-0.2, 0.5], [-1.2, 0.5]]
-colour = [190, 20, 20]
-"""
 
-pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+pytestmark = NEEDS_BROWSER
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +24,7 @@ def red(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningConsole]:
     """A console in a room with red floor between start and goal."""
     folder = tmp_path_factory.mktemp("red")
     world = folder / "red.toml"
-    world.write_text(ROOM, encoding="utf-8")
+    world.write_text(marked_room("red floor", (190, 20, 20), beware=True), encoding="utf-8")
     options = ConsoleOptions(scenario=str(world), port=0, data=folder / "data", choice=BY_COLOUR)
     with console(options) as started:
         yield started

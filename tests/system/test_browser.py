@@ -13,13 +13,13 @@ import shapely
 from playwright.sync_api import expect, sync_playwright
 
 from app.console.application import RunningConsole
-from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NO_BROWSER, await_map, click_map
+from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NEEDS_BROWSER, await_map, click_map
 
 PATIENCE_MS = 90_000
 ZONE = ((-3.0, -0.6), (-2.2, -0.6), (-2.2, 0.2), (-3.0, 0.2))
 GOAL = (-2.6, 2.4)
 
-pytestmark = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
+pytestmark = NEEDS_BROWSER
 
 
 def test_an_operator_draws_a_zone_picks_a_goal_and_sees_the_robot_arrive_round_it(

@@ -40,10 +40,10 @@ from tests.app.teaching.shoe_room import (
     shoe_in,
 )
 from tests.system.conftest import state_when
-from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NO_BROWSER
+from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NEEDS_BROWSER
 
 pytestmark = [
-    pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed"),
+    NEEDS_BROWSER,
     pytest.mark.long,
     pytest.mark.timeout(3600),
 ]

@@ -104,7 +104,7 @@ class PersonDetector:
         )
         area_px = lens.fx * lens.fy / 2
         if frame.scan is not None:
-            self._bin_scan(frame, frame.scan, limits, origin, counts, sums, area_px)
+            _add_scan(frame, frame.scan, limits, origin, counts, sums, area_px)
         kinds = np.zeros((SIDE, SIDE), dtype=np.uint8)
         self._now_s = now_s
         recall_cells(
@@ -184,31 +184,6 @@ class PersonDetector:
         in_range = 0 < depth <= self._config.max_range_m
         return bool(in_range and left >= 0 and right < lens.width * depth)
 
-    def _bin_scan(
-        self,
-        frame: Frame,
-        scan: LaserScan,
-        limits: GridLimits,
-        origin: Indices,
-        counts: Counts,
-        sums: Floats,
-        area_px: float,
-    ) -> None:
-        """Add a scan to the pixels; `area_px` is as in `_clusters`. Each ray counts as the pixels
-        of the strip of a body that it stands for."""
-        angles = frame.pose.yaw_rad + scan.step_rad * np.arange(len(scan.ranges_m))
-        scanner = frame.pose.to_parent(np.array([scan.x_m, 0.0])).tolist()
-        body_m = limits.body_high_m - limits.body_low_m
-        bin_scan(
-            np.column_stack([np.cos(angles), np.sin(angles), scan.ranges_m.astype(np.float64)]),
-            (scanner[0], scanner[1]),
-            body_m * scan.step_rad * area_px,
-            limits,
-            origin,
-            counts,
-            sums,
-        )
-
     def _occupied_for_s(self, cells: Cells, now_s: float) -> Floats:
         """Return (K,) how long cells have been occupied in seconds; −∞ when they are not."""
         return np.asarray(now_s - self._memory.occupied_s[cells[:, 0] % SIDE, cells[:, 1] % SIDE])
@@ -280,6 +255,31 @@ class _Grid:
     """(2,) column and row of the first cell, counted from the origin of the map."""
     eye: Floats
     """(2,) position of the camera in metres of the map frame."""
+
+
+def _add_scan(
+    frame: Frame,
+    scan: LaserScan,
+    limits: GridLimits,
+    origin: Indices,
+    counts: Counts,
+    sums: Floats,
+    area_px: float,
+) -> None:
+    """Add a scan to the pixels; `area_px` is as for clusters. Each ray counts as the pixels
+    of the strip of a body that it stands for."""
+    angles = frame.pose.yaw_rad + scan.step_rad * np.arange(len(scan.ranges_m))
+    scanner = frame.pose.to_parent(np.array([scan.x_m, 0.0])).tolist()
+    body_m = limits.body_high_m - limits.body_low_m
+    bin_scan(
+        np.column_stack([np.cos(angles), np.sin(angles), scan.ranges_m.astype(np.float64)]),
+        (scanner[0], scanner[1]),
+        body_m * scan.step_rad * area_px,
+        limits,
+        origin,
+        counts,
+        sums,
+    )
 
 
 def _limits(config: PersonDetectorConfig) -> GridLimits:

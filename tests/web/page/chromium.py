@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from playwright.sync_api import Locator, Page, expect
 
 _WHOLE, _SHELL = Path("/usr/bin/chromium"), Path("/usr/bin/chromium-headless-shell")
@@ -19,7 +20,11 @@ ARGUMENTS = [
     "--no-first-run",
     "--disable-gpu",
 ]
-NO_BROWSER = not CHROMIUM.exists() and os.environ.get("CI") != "true"
+NEEDS_BROWSER = pytest.mark.skipif(
+    not CHROMIUM.exists() and os.environ.get("CI") != "true",
+    reason="Debian's chromium is not installed",
+)
+"""Mark of a test that needs Chromium; continuous integration never skips it."""
 PATIENCE_MS = 20_000
 IS_TOPMOST = """(element) => {
   const { left, right, top, bottom } = element.getBoundingClientRect();

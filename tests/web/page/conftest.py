@@ -7,10 +7,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
-from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NO_BROWSER, PATIENCE_MS
+from tests.web.page.chromium import ARGUMENTS, CHROMIUM, NEEDS_BROWSER, PATIENCE_MS
 from web.server import ConsoleServer
-
-NEEDS_BROWSER = pytest.mark.skipif(NO_BROWSER, reason="Debian's chromium is not installed")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
