@@ -1,10 +1,11 @@
 """Margins of beware cells that follow the robot's uncertainty since each cell was in view.
 
 What the camera sees now is where it is seen. What it saw before is as uncertain, relative to the
-robot, as odometry has become since, and no more than the position in the map has: the difference of
-two covariances in the map holds errors, as of the heading far behind, that moved robot and cell
-alike. What was in view stays known when the robot leaves it: on its way back a cell is as uncertain
-as the drive in between has made it, and not as the whole map.
+robot, as odometry has become since, and no more than the position has by its motion: the difference
+of two covariances in the map holds errors, as of the heading far behind, that moved robot and cell
+alike. Nor is it more uncertain than cell and robot are in the map, together. What was in view stays
+known when the robot leaves it: on its way back a cell is as uncertain as the drive in between has
+made it, and not as the whole map.
 """
 
 from __future__ import annotations
@@ -41,14 +42,15 @@ class _Seen:
     cells: Points
     """(N, 2) centres, map frame."""
     covariances: Floats
-    """(N, 2, 2) covariance of the robot's position in the map then, square metres."""
+    """(N, 2, 2, 2) covariance of the robot's position then, in the map and by motion, square
+    metres."""
     travels: Floats
     """(N, 3) travel by odometry until then; NaN for cells that were never in view."""
 
     @staticmethod
     def never(cells: Points) -> _Seen:
         """Return what is known of (N, 2) cells that were never in view."""
-        return _Seen(cells, np.zeros((len(cells), 2, 2)), np.full((len(cells), 3), np.nan))
+        return _Seen(cells, np.zeros((len(cells), 2, 2, 2)), np.full((len(cells), 3), np.nan))
 
     def only(self, which: Bools) -> _Seen:
         """Return some of the cells, (N,) true for those."""
@@ -57,7 +59,7 @@ class _Seen:
     def of(self, cells: Points, within_m: float) -> _Seen:
         """Return when (N, 2) other cells were in view: when the nearest of these was, within a
         distance."""
-        known = np.append(self.covariances, np.zeros((1, 2, 2)), axis=0)
+        known = np.append(self.covariances, np.zeros((1, 2, 2, 2)), axis=0)
         travels = np.append(self.travels, np.full((1, 3), np.nan), axis=0)
         # Most cells are here themselves, and need no search for a neighbour. Without one the index
         # is that of the row that was added.
@@ -118,7 +120,7 @@ class CellMargins:
         far = _away_m(self._seen.cells, frame) > rules.seen_within_m
         seen = self._seen.only(~far).of(cells, rules.neighbour_m)
         in_view = self._in_view(cells, frame)
-        seen.covariances[in_view], seen.travels[in_view] = place.covariance[:2, :2], self._travel
+        seen.covariances[in_view], seen.travels[in_view] = place.positions, self._travel
         self._seen = self._seen.only(far).joined(seen)
         near = seen.only(_away_m(cells, frame) <= rules.cells_within_m)
         near = near.beside(seen, rules.neighbour_m)
@@ -134,8 +136,10 @@ class CellMargins:
 
     def _variance(self, seen: _Seen, place: LocalisationEstimate, away_m: Floats) -> Floats:
         """Return the (N,) largest variances of cells relative to the robot, square metres."""
-        since_then = np.linalg.eigvalsh(place.covariance[:2, :2] - seen.covariances)
-        in_map = np.maximum(since_then[:, -1], 0.0)
+        in_map, by_motion = place.positions
+        together = np.linalg.eigvalsh(in_map + seen.covariances[:, 0])[:, -1]
+        since_then = np.linalg.eigvalsh(by_motion - seen.covariances[:, 1])[:, -1]
+        in_map = np.minimum(together, np.maximum(since_then, 0.0))
         by_odometry = travel_variance(self._travel - seen.travels, away_m, self._odometry)
         return np.asarray(np.fmin(in_map, by_odometry))
 

@@ -55,6 +55,10 @@ class LocalisationEstimate:
     covariance: Matrix = field(default_factory=_certain)
     """(3, 3) covariance of `T_map_base` relative to the map: x and y in metres along the map's
     axes, yaw in radians."""
+    covariance_by_motion: Matrix | None = None
+    """(3, 3) covariance without what the robot's own new map tells, which only grows until an
+    absolute position is known: by its growth the robot has become uncertain, at most, relative to
+    where it was. None where it is the same."""
     state: LocalisationState = LocalisationState.DEAD_RECKONING
     """How the robot knows its pose."""
     match_share: float | None = None
@@ -74,6 +78,13 @@ class LocalisationEstimate:
     def is_known(self) -> bool:
         """Whether the pose may be driven by."""
         return self.state in (LocalisationState.LOCATED, LocalisationState.DEAD_RECKONING)
+
+    @property
+    def positions(self) -> Matrix:
+        """(2, 2, 2) covariances of the position, in the map and by motion."""
+        by_motion = self.covariance_by_motion
+        both = (self.covariance, self.covariance if by_motion is None else by_motion)
+        return np.array([covariance[:2, :2] for covariance in both])
 
     def sigma_along_m(self, x: float, y: float) -> float:
         """Return the standard deviation of the position along a direction (x, y), metres."""

@@ -2,7 +2,10 @@
 
 A zone belongs to the place beside which it was drawn. What counts is how uncertain the robot's
 position has become since it was there, not how uncertain it is in the map: a zone drawn beside the
-robot is exact however far it has come by dead reckoning.
+robot is exact however far it has come by dead reckoning. Since then it has become no more uncertain
+than by its motion, and no more than place and robot are in the map, together: a zone that was drawn
+at the start is kept by the position in the map, which is well known again where the robot comes
+back.
 
 With the margin that the planner keeps besides, the growth is more than that of the safety gate:
 where the planner leads, the gate lets pass.
@@ -41,6 +44,7 @@ from navcore.mission.zone_growth import (
 from navcore.robot.profile import RobotProfile
 
 _ZERO = np.zeros((2, 2))
+_EXACT = np.zeros((2, 2, 2))
 _DEFAULT = ZoneMarginConfig()
 
 
@@ -49,7 +53,8 @@ class _Margin:
     """What is known of one version of a zone."""
 
     anchor: Matrix
-    """(2, 2) covariance of the robot's position when it was beside the zone."""
+    """(2, 2, 2) covariances of the robot's position when it was beside the zone, in the map and by
+    motion."""
     grown: Zone
     """The zone, grown by what the covariance asks for beyond the safety margin."""
     covariance: Matrix = field(default_factory=lambda: _ZERO)
@@ -134,9 +139,11 @@ class ZoneMargins:
         """Return the (2, 2) covariance of the robot's position relative to a zone, square
         metres."""
         margin = self._margins.get((zone.id, zone.version))
-        anchor = _ZERO if margin is None else margin.anchor
-        variances, axes = np.linalg.eigh(place.covariance[:2, :2] - anchor)
-        return np.asarray((axes * np.maximum(variances, 0.0)) @ axes.T)
+        in_map, by_motion = _EXACT if margin is None else margin.anchor
+        variances, axes = np.linalg.eigh(place.positions[1] - by_motion)
+        since = (axes * np.maximum(variances, 0.0)) @ axes.T
+        both = place.positions[0] + in_map
+        return np.asarray(min(since, both, key=lambda bound: float(np.linalg.eigvalsh(bound)[-1])))
 
     def covariances(
         self, zones: tuple[Zone, ...], place: LocalisationEstimate
@@ -159,7 +166,7 @@ class ZoneMargins:
         # An ellipse contains another one if the difference of the covariances has no negative
         # eigenvalue.
         suffices = np.linalg.eigvalsh(margin.covariance - needed)[0] >= 0
-        if not suffices or kept_m > 2 * (growth_m + config.step_m):
+        if not suffices or kept_m > config.kept_ratio * (growth_m + config.step_m):
             slack = (1 + config.slack) * needed + config.step_m**2 * np.eye(2)
             margin.covariance, margin.cleared = slack, None
             margin.grown = grow(zone, self._planned(slack))
@@ -195,9 +202,9 @@ class ZoneMargins:
         return free_m if gives_way else max(free_m, kept_m)
 
     def _anchor(self, zone: Zone) -> Matrix:
-        """Return the covariance that the robot had where it came nearest to a new zone."""
+        """Return the covariances that the robot had where it came nearest to a new zone."""
         if self._frozen or not self._trail:
-            return _ZERO
+            return _EXACT
         middle = np.mean(np.asarray(zone.polygon), axis=0)
         nearest = int(np.argmin(np.hypot(*(np.asarray(self._trail) - middle).T)))
         return self._covariances[nearest]
@@ -205,7 +212,7 @@ class ZoneMargins:
     def _note(self, place: LocalisationEstimate) -> None:
         here = place.T_map_base
         if self._trail and here.distance_to(*self._trail[-1]) < self._config.trail_spacing_m:
-            self._covariances[-1] = place.covariance[:2, :2]
+            self._covariances[-1] = place.positions
             return
         self._trail.append((here.x_m, here.y_m))
-        self._covariances.append(place.covariance[:2, :2])
+        self._covariances.append(place.positions)

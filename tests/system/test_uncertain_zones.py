@@ -50,7 +50,8 @@ def driven(
         poses.append(place.T_map_base)
         driven_m = max(pose.x_m for pose in poses) - from_m
         now_m = sigma_m * float(np.clip(driven_m / over_m, 0.0, 1.0))
-        return dataclasses.replace(place, covariance=np.diag([now_m**2, now_m**2, 1e-4]))
+        covariance = np.diag([now_m**2, now_m**2, 1e-4])
+        return dataclasses.replace(place, covariance=covariance, covariance_by_motion=None)
 
     poses: list[Pose2] = []
     episode = Episode(

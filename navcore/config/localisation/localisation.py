@@ -199,7 +199,7 @@ class TrackingConfig:
     """Number of measurements that a whole match against the robot's own new map counts as: its
     errors are those of the poses it was made from."""
     floor_m: float = ranged(0.0, 0.2, default=0.012)
-    """Standard deviation in metres that no match against the saved map falls below."""
+    """Standard deviation in metres that no match falls below."""
     floor_deg: float = ranged(0.0, 5.0, default=0.05)
     """The same for the heading in degrees."""
     gate_sigmas: float = ranged(1.0, 10.0, default=3.0)

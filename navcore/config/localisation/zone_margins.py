@@ -17,6 +17,10 @@ class ZoneMarginConfig:
     changes in steps: every change costs a new costmap."""
     slack: float = ranged(0.0, 2.0, default=0.25)
     """Share of the variance that is added for the same reason."""
+    kept_ratio: float = ranged(1.15, 10.0, default=1.25)
+    """Ratio to what is needed at present, and to `step_m` besides, above which the growth is given
+    back: a robot that has come back to a known place must not be kept from a passage there by what
+    it was uncertain before."""
     negligible_m: float = ranged(0.0, 0.1, default=0.01)
     """Growth in metres that is left out: the safety margin covers it."""
     trail_spacing_m: float = ranged(0.1, 10.0, default=0.5)

@@ -9,7 +9,7 @@ surfaces one behind the other, such as a box before a wall.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -99,6 +99,9 @@ class Keyframe:
     """The scan in the frame of that pose, which the robot's own differed from a little."""
     stamp_ns: int = 0
     """Time of the scan in nanoseconds."""
+    covariance: Matrix = field(default_factory=lambda: np.zeros((3, 3)))
+    """(3, 3) covariance of x, y and yaw of the robot's pose at the scan, but for the scale of
+    lengths, in map axes; zero where the pose is a constant, as in a saved map."""
 
 
 def scan_of(

@@ -8,14 +8,16 @@ made at their present poses.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from navcore.config.localisation.localisation import MatchConfig
 from navcore.geometry.arrays import Floats, Indices, sorted_distinct
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Matrix, Pose2
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.surface_grid import (
+    ERRORS,
     FACING_X,
     FACING_Y,
     HITS,
@@ -28,6 +30,7 @@ from navcore.localisation.scans.surface_grid import (
     X,
     Y,
     add_points,
+    mean_error,
 )
 
 _DEFAULT = MatchConfig()
@@ -38,7 +41,7 @@ _UNSURE = 0.05
 class ScanMap:
     """Keyframes by pose ID, and their surfaces in cells.
 
-    Memory: 56 bytes for each surface, 4 KB for each tile of 16 × 16 cells that holds one, and 40
+    Memory: 104 bytes for each surface, 4 KB for each tile of 16 × 16 cells that holds one, and 40
     bytes for each point of a keyframe's scan. A pose ID has one scan at most, so the map is bounded
     by the world and not by the driving.
     """
@@ -53,6 +56,7 @@ class ScanMap:
         self._directory = np.full((0, 0), -1, dtype=np.int32)
         self._heads = np.full((64, TILE, TILE, SECTORS), -1, dtype=np.int32)
         self._sums = np.zeros((4096, SUMS))
+        self._errors = np.zeros((4096, ERRORS))
         self._used = np.zeros(2, dtype=np.int64)
 
     @property
@@ -75,7 +79,9 @@ class ScanMap:
     @property
     def grid(self) -> SurfaceGrid:
         """The surfaces for compiled kernels; valid until the next change."""
-        return SurfaceGrid(self._cell_m, *self._origin, self._directory, self._heads, self._sums)
+        return SurfaceGrid(
+            self._cell_m, *self._origin, self._directory, self._heads, self._sums, self._errors
+        )
 
     @property
     def surfaces(self) -> Floats:
@@ -102,7 +108,21 @@ class ScanMap:
             scan.points_base.nbytes + scan.variance_m2.nbytes + scan.normals.nbytes
             for scan in (keyframe.scan for keyframe in self._keyframes.values())
         )
-        return scans + self._sums.nbytes + self._heads.nbytes + self._directory.nbytes
+        surfaces = self._sums.nbytes + self._errors.nbytes
+        return scans + surfaces + self._heads.nbytes + self._directory.nbytes
+
+    def covariance_at(self, pose: Pose2, scan: Scan, radius_m: float) -> Matrix:
+        """Return how uncertain the surfaces are that a scan shows at a T_map_base, within
+        `radius_m` of its points: the (3, 3) covariance of x, y and yaw that a pose has which they
+        give, besides that of the match."""
+        at = (pose.x_m, pose.y_m, pose.yaw_rad)
+        xx, xy, yy, xt, yt, tt = mean_error(
+            self.grid, at, scan.points_base, scan.normals, scan.variance_m2, scan.origin,
+            radius_m, 1,
+        )  # fmt: skip
+        about_origin = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
+        carried = _carried(pose)
+        return np.asarray(carried @ about_origin @ carried.T)
 
     def put(self, keyframe: Keyframe) -> None:
         """Set the scan of a pose ID, in place of the one it had."""
@@ -119,7 +139,7 @@ class ScanMap:
     def correct(self, poses: Mapping[int, Pose2]) -> None:
         """Move keyframes to corrected poses, by pose ID; IDs without a scan are ignored."""
         moved = [
-            Keyframe(pose_id=old.pose_id, T_map_base=pose, scan=old.scan, stamp_ns=old.stamp_ns)
+            replace(old, T_map_base=pose)
             for pose_id, pose in poses.items()
             if (old := self._keyframes.get(pose_id)) is not None and old.T_map_base != pose
         ]
@@ -143,8 +163,9 @@ class ScanMap:
         if sign > 0:
             self._reserve(points)
         add_points(
-            self.grid, points, facings, lines, 1.0 / keyframe.scan.variance_m2, self._used, sign
-        )
+            self.grid, points, facings, lines, 1.0 / keyframe.scan.variance_m2,
+            _about_origin(keyframe), self._used, sign,
+        )  # fmt: skip
 
     def _reserve(self, points: Floats) -> None:
         """Make capacity for points, whatever cells they fall into."""
@@ -166,6 +187,21 @@ class ScanMap:
             self._heads = np.concatenate([self._heads, np.full_like(self._heads, -1)])
         while self._used[1] + len(points) > len(self._sums):
             self._sums = np.concatenate([self._sums, np.zeros_like(self._sums)])
+            self._errors = np.concatenate([self._errors, np.zeros_like(self._errors)])
+
+
+def _carried(pose: Pose2) -> Matrix:
+    """Return the (3, 3) matrix that takes an error of the whole map about its origin to the error
+    of a pose: a turn moves what is far away."""
+    return np.array([[1.0, 0.0, -pose.y_m], [0.0, 1.0, pose.x_m], [0.0, 0.0, 1.0]])
+
+
+def _about_origin(keyframe: Keyframe) -> Floats:
+    """Return the (ERRORS,) covariance of the error that moves a keyframe, about the map's
+    origin."""
+    back = np.linalg.inv(_carried(keyframe.T_map_base))
+    covariance = back @ keyframe.covariance @ back.T
+    return np.ascontiguousarray(covariance[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]])
 
 
 def placed(scan: Scan, T_map_base: Pose2) -> tuple[Floats, Floats, Indices]:

@@ -28,6 +28,8 @@ WEIGHT, X, Y, FACING_X, FACING_Y, HITS, LINES = range(7)
 of points, number of them with a normal."""
 SUMS = 7
 """Number of columns."""
+ERRORS = 6
+"""Number of different elements of a covariance of x, y and yaw: xx, xy, yy, x yaw, y yaw, yaw."""
 Tiles = npt.NDArray[np.int32]
 """Numbers of tiles, or of surfaces within them; −1 for none."""
 
@@ -47,6 +49,9 @@ class SurfaceGrid(NamedTuple):
     """(T, TILE, TILE, SECTORS) number of each surface, −1 for none."""
     sums: Floats
     """(S, SUMS) sums of the surfaces."""
+    errors: Floats
+    """(S, ERRORS) sums of how uncertain the keyframes are whose points they are, by the weight of
+    each point: the covariance of an error that moves a whole keyframe, about the map's origin."""
 
 
 @inlined
@@ -76,9 +81,9 @@ def tile_at(grid: SurfaceGrid, row: int, col: int) -> int:
 @compiled
 def add_points(
     grid: SurfaceGrid, points: Floats, facings: Floats, lines: Indices, weights: Floats,
-    used: Indices, sign: float,
+    error: Floats, used: Indices, sign: float,
 ) -> None:  # fmt: skip
-    """Add (sign 1) or remove (−1) points of the map frame.
+    """Add (sign 1) or remove (−1) points of the map frame, of a keyframe with (ERRORS,) `error`.
 
     `used` is (2,) the number of tiles and of surfaces in use; directory and arrays must have the
     capacity for what may come.
@@ -107,8 +112,11 @@ def add_points(
         sums[FACING_Y] += sign * facings[k, 1]
         sums[HITS] += sign
         sums[LINES] += sign * lines[k]
-        if sums[HITS] < 0.5:
-            sums[:] = 0.0  # no rounding errors remain of what was removed
+        for i in range(ERRORS):
+            grid.errors[surface, i] += weight * error[i]
+        if sums[HITS] < 0.5:  # no rounding errors remain of what was removed
+            sums[:] = 0.0
+            grid.errors[surface] = 0.0
 
 
 @compiled
@@ -162,6 +170,43 @@ def nearest_surface(
                     if d2 < best_d2:
                         best, best_d2 = surface, d2
     return best
+
+
+@compiled
+def mean_error(
+    grid: SurfaceGrid, pose: tuple[float, float, float], points: Floats, normals: Floats,
+    variance: Floats, origin: Floats, radius_m: float, min_hits: int,
+) -> Floats:  # fmt: skip
+    """Return the (ERRORS,) mean error of the surfaces that a scan shows at a pose, by the weight of
+    its points.
+
+    The pose that a match gives errs by a mean of the errors of its surfaces, whose covariance is at
+    most the mean of theirs, however they depend on each other.
+    """
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    found, total = np.zeros(ERRORS), 0.0
+    for k in range(len(points)):
+        rx = cos * points[k, 0] - sin * points[k, 1]
+        ry = sin * points[k, 0] + cos * points[k, 1]
+        vx = cos * (origin[0] - points[k, 0]) - sin * (origin[1] - points[k, 1])
+        vy = sin * (origin[0] - points[k, 0]) + cos * (origin[1] - points[k, 1])
+        distance = max(math.hypot(vx, vy), 1e-6)
+        nx = cos * normals[k, 0] - sin * normals[k, 1]
+        ny = sin * normals[k, 0] + cos * normals[k, 1]
+        surface = nearest_surface(
+            grid,
+            pose[0] + rx,
+            pose[1] + ry,
+            (vx / distance, vy / distance),
+            (nx, ny),
+            radius_m,
+            min_hits,
+        )
+        if surface >= 0:
+            weight = 1.0 / variance[k]
+            found += weight * grid.errors[surface] / grid.sums[surface, WEIGHT]
+            total += weight
+    return found / max(total, 1e-12)
 
 
 @compiled

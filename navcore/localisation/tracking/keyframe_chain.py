@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+import numpy as np
+
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.transform import IDENTITY, Pose2
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.localisation.graph.edges import Edge
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep
+
+_CERTAIN: Matrix = np.zeros((3, 3))
 
 
 class KnownPoses(Protocol):
@@ -46,15 +50,22 @@ class KeyframeChain:
         """Follow odometry from the last keyframe."""
         self._since.advance(step)
 
-    def add(self, scan: Scan, T_map_base: Pose2, stamp_ns: int) -> Keyframe | None:
-        """Keep a scan if the pose is a new one; returns its keyframe, else None."""
+    def add(
+        self, scan: Scan, T_map_base: Pose2, stamp_ns: int, covariance: Matrix = _CERTAIN
+    ) -> Keyframe | None:
+        """Keep a scan if the pose, which is uncertain by (3, 3) `covariance`, is a new one; returns
+        its keyframe, else None."""
         pose_id = self._pose_ids.id_of(T_map_base)
         if pose_id < self._pose_ids.frozen or pose_id in self.map:
             return None
         pose = self._pose_ids[pose_id]
         offset = pose.inverse() @ T_map_base
         keyframe = Keyframe(
-            pose_id=pose_id, T_map_base=pose, scan=scan.seen_from(offset), stamp_ns=stamp_ns
+            pose_id=pose_id,
+            T_map_base=pose,
+            scan=scan.seen_from(offset),
+            stamp_ns=stamp_ns,
+            covariance=covariance,
         )
         if self._last is not None:
             self._connect(self._last, keyframe, offset)

@@ -185,7 +185,7 @@ class Localiser:
         count = 2 if fix.yaw_rad is None else 3
         residual = difference(measured, self._pose)[:count]
         rows, covariance = np.eye(3)[:count], np.asarray(fix.covariance)[:count, :count]
-        known = rows @ self._filter.covariance @ rows.T
+        known = rows @ self._filter.covariance_by_motion @ rows.T
         if is_lost or self._excludes(residual, known + covariance):
             if self._refused.add(fix.stamp_ns, residual[:2], covariance[:2, :2]):
                 self._move_to(measured, covariance, fix.source)
@@ -297,7 +297,7 @@ class Localiser:
             if is_possible and self._believes(result, absolute=absolute):
                 if absolute:
                     self._confirm(result)
-                self._fuse(result, absolute=absolute)
+                self._fuse(scan, result, absolute=absolute)
                 self._trust(step)
                 self._displacement.clear()
                 self._since_m = 0.0
@@ -321,7 +321,7 @@ class Localiser:
 
     def _match(self, scan: Scan, scan_map: ScanMap, *, absolute: bool) -> Match:
         config, own = self._config.match, self._require_filter()
-        covariance = own.covariance if absolute else own.covariance_within
+        covariance = own.covariance_by_motion if absolute else own.covariance_within
         scale = self._scale(len(scan), absolute=absolute)
         sigma_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
         sigma_rad = math.sqrt(covariance[2, 2])
@@ -352,24 +352,28 @@ class Localiser:
         ):
             return False
         shift = difference(result.pose, self._pose)
-        return not self._excludes(shift, self._require_filter().covariance + self._floor)
+        return not self._excludes(shift, self._require_filter().covariance_by_motion + self._floor)
 
-    def _fuse(self, result: Match, *, absolute: bool) -> None:
+    def _fuse(self, scan: Scan, result: Match, *, absolute: bool) -> None:
         moved_m, moved_rad = self._unmatched
         if moved_m < _MOVED_M and moved_rad < _MOVED_RAD:
             return  # the same view again would say the same with the same errors
         self._unmatched = (0.0, 0.0)
-        scale = self._scale(result.points, absolute=absolute)
-        self._require_filter().fuse_match(
-            result.pose, scale * result.information, self._floor, absolute=absolute
-        )
+        scale, own = self._scale(result.points, absolute=absolute), self._require_filter()
+        own.fuse_match(result.pose, scale * result.information, self._floor, absolute=absolute)
+        if not absolute:
+            surfaces = self._chain.map.covariance_at(result.pose, scan, self._config.match.fine_m)
+            own.bound(surfaces + self._error(result))
+
+    def _error(self, result: Match) -> Matrix:
+        """Return the (3, 3) covariance of a match besides that of the surfaces."""
+        information = self._scale(result.points, absolute=True) * result.information
+        return np.asarray(np.linalg.inv(information + _UNKNOWN) + self._floor)
 
     def _confirm(self, result: Match) -> None:
         """Forget the fixes that a believed match against the saved map contradicts."""
-        information = self._scale(result.points, absolute=True) * result.information
-        covariance = np.linalg.inv(information + _UNKNOWN) + self._floor
         shift = difference(result.pose, self._pose)
-        self._refused.confirm(shift[:2], covariance[:2, :2])
+        self._refused.confirm(shift[:2], self._error(result)[:2, :2])
 
     @property
     def _floor(self) -> Matrix:
@@ -417,7 +421,8 @@ class Localiser:
         self._recent.add(scan, frame.pose)
         if self._doubt_s == 0.0:
             pose = self._flow.T_map_odom @ frame.pose
-            self._chain.add(scan, pose, frame.stamp_ns)
+            covariance = self._require_filter().covariance_but_scale
+            self._chain.add(scan, pose, frame.stamp_ns, covariance)
 
     def lose(self, stamp_ns: int) -> None:
         """Forget the pose: the robot is lost until it is placed."""
@@ -427,15 +432,16 @@ class Localiser:
         """Return the estimate for the newest frame, whose scan fits the map by a share."""
         applied = self._flow.T_map_odom @ frame.pose
         behind = difference(self._pose, applied)
-        covariance = self._require_filter().covariance + np.outer(behind, behind)
+        besides = np.outer(behind, behind)
         # As long as fixes contradict it, the robot may be where they have it.
-        covariance[:2, :2] += np.outer(self._refused.offset, self._refused.offset)
+        besides[:2, :2] += np.outer(self._refused.offset, self._refused.offset)
         if len(self._saved):
-            covariance = covariance + self._floor
+            besides = besides + self._floor
         return LocalisationEstimate(
             T_map_odom=self._flow.T_map_odom,
             T_map_base=applied,
-            covariance=covariance,
+            covariance=self._require_filter().covariance + besides,
+            covariance_by_motion=self._require_filter().covariance_by_motion + besides,
             state=self._state,
             match_share=share,
             since_ns=self._since_ns,

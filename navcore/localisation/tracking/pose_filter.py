@@ -13,6 +13,7 @@ from navcore.localisation.tracking.odometry_model import (
     ERRORS,
     GYRO_BIAS,
     LEAST,
+    LENGTH_SCALE,
     SCAN_SCALE,
     STATES,
     YAW,
@@ -26,8 +27,14 @@ from navcore.localisation.tracking.odometry_model import (
 _DEFAULT = OdometryConfig()
 _LEAST_ERRORS = np.diag([1e-7, 1e-5, 1e-5]) ** 2
 """Least covariance of the constant errors, so that it can be inverted where none are expected."""
+_LEAST_SCALES = 1e-12 * np.eye(2)
+"""The same of the scales of lengths."""
 _REFERENCE = slice(STATES, STATES + 3)
 """Elements of the state that are the pose of the reference."""
+_POSES = np.array([X, Y, YAW, STATES, STATES + 1, STATES + 2])
+"""Elements that are poses."""
+_SCALES = np.array([LENGTH_SCALE, SCAN_SCALE])
+"""Elements by which the map errs as a whole."""
 
 
 class PoseFilter:
@@ -35,10 +42,13 @@ class PoseFilter:
     the reference, from which scans measure the motion since (stochastic cloning, Roumeliotis and
     Burdick 2002).
 
-    A match against the robot's own new map moves the mean, but makes the pose no more certain: that
-    map errs as the robot did. A second covariance, of the pose within that map, weighs such a
-    match. A motion that was measured by scans is true wherever the map lies, but for the error of
-    scale that all scans have in common.
+    There are three covariances. The first is by motion alone, since the last absolute position: a
+    match against the robot's own new map moves the mean, but makes the pose no more certain there,
+    since that map errs as the robot did. The second, of the pose within that map, weighs such a
+    match. The third is the best: by it the pose is no less certain than the keyframes were whose
+    surfaces the scan fits, which is less than by motion where the robot comes back. A motion that
+    was measured by scans is true wherever the map lies, but for the error of scale that all scans
+    have in common.
 
     What a motion, or a standstill, tells of the constant errors of odometry says that the robot was
     elsewhere all the way. The map that it has drawn does not move with that, so neither does the
@@ -53,6 +63,7 @@ class PoseFilter:
         self._covariance = np.zeros((_REFERENCE.stop, _REFERENCE.stop))
         self._covariance[:STATES, :STATES] = initial_covariance(config)
         self._within = self._covariance.copy()
+        self._best = self._covariance.copy()
         self.refer()
 
     @property
@@ -64,7 +75,19 @@ class PoseFilter:
     @property
     def covariance(self) -> Matrix:
         """(3, 3) covariance of the pose, in map axes."""
+        return np.asarray(self._best[:3, :3] + LEAST)
+
+    @property
+    def covariance_by_motion(self) -> Matrix:
+        """(3, 3) covariance of the pose without what the robot's own new map tells, in map axes."""
         return np.asarray(self._covariance[:3, :3] + LEAST)
+
+    @property
+    def covariance_but_scale(self) -> Matrix:
+        """(3, 3) covariance of the pose if the scale of lengths were known, in map axes."""
+        by_scale = self._by_scale()[:3]
+        shared = by_scale @ self._best[np.ix_(_SCALES, _SCALES)] @ by_scale.T
+        return np.asarray(self._best[:3, :3] - shared + LEAST)
 
     @property
     def covariance_within(self) -> Matrix:
@@ -92,14 +115,14 @@ class PoseFilter:
         copy = np.eye(len(self._state))
         copy[_REFERENCE] = copy[:3]
         self._state = copy @ self._state
-        self._covariance = copy @ self._covariance @ copy.T
-        self._within = copy @ self._within @ copy.T
+        self._turn(copy)
 
     def predict(self, step: OdometryStep) -> None:
         """Move by a step of odometry. At standstill the turn that the gyro reports is its bias."""
         before = self._state
         self._state, self._covariance = predict(before, self._covariance, step, self._config)
         _, self._within = predict(before, self._within, step, self._config)
+        _, self._best = predict(before, self._best, step, self._config)
         if step.is_standing(self._config):
             bias = np.zeros((1, len(before)))
             bias[0, GYRO_BIAS] = 1.0
@@ -113,7 +136,7 @@ class PoseFilter:
         spread = self._covariance.copy()
         spread[:3], spread[:, :3] = 0.0, 0.0
         spread[:3, :3] = covariance
-        self._covariance = self._within = spread
+        self._covariance = self._within = self._best = spread
         self.refer()
 
     def move(self, motion: Pose2) -> None:
@@ -123,9 +146,14 @@ class PoseFilter:
         cos, sin = math.cos(motion.yaw_rad), math.sin(motion.yaw_rad)
         turn[:2, :2] = ((cos, -sin), (sin, cos))
         self._state[:3] = (pose.x_m, pose.y_m, pose.yaw_rad)
-        self._covariance = turn @ self._covariance @ turn.T
-        self._within = turn @ self._within @ turn.T
+        self._turn(turn)
         self.refer()
+
+    def _turn(self, change: Matrix) -> None:
+        """Change all covariances as a linear map of the state does."""
+        self._covariance = change @ self._covariance @ change.T
+        self._within = change @ self._within @ change.T
+        self._best = change @ self._best @ change.T
 
     def fuse_match(
         self, matched: Pose2, information: Matrix, floor: Matrix, *, absolute: bool
@@ -153,7 +181,30 @@ class PoseFilter:
         spread = spread - cross @ (before - posterior) @ cross.T
         self._within = (spread + spread.T) / 2
         if absolute:
-            self._covariance = self._within
+            self._covariance = self._best = self._within
+
+    def bound(self, most: Matrix) -> None:
+        """Know the pose, but for the scale of lengths, in every direction at least as well as a
+        (3, 3) covariance in map axes says: that of the surfaces of the robot's own map which the
+        scan fits, and of the match. How often it is repeated makes no difference."""
+        lower = np.linalg.cholesky(self.covariance_but_scale)
+        inverse = np.linalg.inv(lower)
+        ratios, axes = np.linalg.eigh(inverse @ most @ inverse.T)
+        if ratios[0] >= 1.0:
+            return
+        factors = np.sqrt(np.clip(ratios, 0.0, 1.0))
+        shrink = lower @ (axes * factors) @ axes.T @ inverse
+        # Reference and pose err alike, so that the motion since stays as certain as it was.
+        both = np.kron(np.eye(2), shrink)
+        change = np.eye(len(self._state))
+        change[np.ix_(_POSES, _POSES)] = both
+        change[np.ix_(_POSES, _SCALES)] = (np.eye(6) - both) @ self._by_scale()
+        self._best = change @ self._best @ change.T
+
+    def _by_scale(self) -> Matrix:
+        """Return the (6, 2) expected change of the poses with the scales."""
+        scales = self._best[np.ix_(_SCALES, _SCALES)] + _LEAST_SCALES
+        return np.linalg.solve(scales, self._best[np.ix_(_SCALES, _POSES)]).T
 
     def fuse_motion(self, pull: Matrix, information: Matrix, *, gate: float) -> bool:
         """Fuse the motion since the reference as scans measured it, in axes of the reference:
@@ -188,6 +239,7 @@ class PoseFilter:
         self._state = self._state + gain @ pull
         self._state[YAW] = wrap_angle(self._state[YAW])
         self._covariance = _informed(self._covariance, gain, rows, information)
+        self._best = _informed(self._best, gain, rows, information)
         gain = anchored @ _gain(self._within, rows, information)
         self._within = _informed(self._within, gain, rows, information)
 
@@ -212,8 +264,9 @@ class PoseFilter:
         self._state = self._state + gain @ residual
         self._state[YAW] = wrap_angle(self._state[YAW])
         keep = np.eye(len(self._state)) - gain @ full
-        self._covariance = keep @ self._covariance @ keep.T + gain @ covariance @ gain.T
-        self._within = self._covariance
+        known = gain @ covariance @ gain.T
+        self._covariance = self._within = keep @ self._covariance @ keep.T + known
+        self._best = keep @ self._best @ keep.T + known
 
 
 def _gain(covariance: Matrix, rows: Matrix, information: Matrix) -> Matrix:

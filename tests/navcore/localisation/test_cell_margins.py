@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -44,6 +47,19 @@ def test_what_was_in_view_grows_by_the_uncertainty_since(margins: CellMargins) -
     margins.follow(AHEAD, turned(0.0), place(0.300))
     grown = 2 * np.sqrt(0.301**2 - 0.300**2)
     assert margins.follow(AHEAD, turned(3.0), place(0.301)).growth_m == pytest.approx([grown])
+
+
+def test_it_grows_by_no_more_than_robot_and_cell_are_uncertain_in_the_map(
+    margins: CellMargins,
+) -> None:
+    def at(in_map_m: float, by_motion_m: float) -> LocalisationEstimate:
+        return dataclasses.replace(
+            place(in_map_m), covariance_by_motion=by_motion_m**2 * np.diag([1.0, 1.0, 0.0])
+        )
+
+    margins.follow(AHEAD, turned(0.0), at(0.02, 0.1))
+    (by_map,) = margins.follow(AHEAD, turned(3.0), at(0.03, 0.4)).growth_m
+    assert by_map == pytest.approx(2 * math.hypot(0.02, 0.03))
 
 
 def test_it_grows_by_no_more_than_odometry_has_become_uncertain(margins: CellMargins) -> None:

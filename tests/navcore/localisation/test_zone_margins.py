@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -122,6 +123,42 @@ def test_growth_is_given_back_when_the_robot_is_certain_again() -> None:
     margins = margins_of(frozen=True)
     assert margins.follow((ZONE,), place(0.0, 0.2)) != (ZONE,)
     assert margins.follow((ZONE,), place(0.0, 0.0)) == (ZONE,)
+
+
+def growth_m(anchored: LocalisationEstimate, now: LocalisationEstimate) -> float:
+    """How far a zone that was drawn beside one place is grown at a later estimate, in metres."""
+    margins = margins_of()
+    margins.follow((ZONE,), anchored)
+    (grown,) = margins.follow((ZONE,), now)
+    return math.sqrt(Polygon(grown.polygon).area) - math.sqrt(Polygon(ZONE.polygon).area)
+
+
+def both(in_map_m: float, by_motion_m: float) -> LocalisationEstimate:
+    """An estimate whose position is uncertain by so much in the map, and by its motion."""
+    in_map, by_motion = (sigma_m**2 * np.eye(3) for sigma_m in (in_map_m, by_motion_m))
+    return LocalisationEstimate(covariance=in_map, covariance_by_motion=by_motion)
+
+
+def test_a_zone_drawn_at_the_start_is_kept_by_the_position_in_the_map() -> None:
+    start = both(0.0, 0.0)
+    came_back, never_was = both(0.05, 0.3), both(0.3, 0.3)
+    assert 0 < growth_m(start, came_back) < 0.1 < 0.3 < growth_m(start, never_was)
+
+
+def test_relative_to_a_place_far_in_the_map_both_positions_count() -> None:
+    """Certain at the start again, the robot still does not know where that place is."""
+    there, start = both(0.3, 0.3), both(0.0, 0.42)
+    assert growth_m(there, start) > 0.3
+    assert growth_m(there, there) == 0.0  # control: beside the place itself
+
+
+def test_a_passage_opens_when_the_robot_comes_back_to_where_it_is_more_certain() -> None:
+    margins = margins_of(frozen=True)
+    (before,) = margins.follow((ZONE,), place(0.0, 0.13))
+    (after,) = margins.follow((ZONE,), place(0.0, 0.08))
+    (fresh,) = margins_of(frozen=True).follow((ZONE,), place(0.0, 0.08))
+    assert after.polygon == fresh.polygon
+    assert Polygon(before.polygon).area > Polygon(after.polygon).area + 0.3
 
 
 GATE = DEFAULT_SAFETY.keep_out

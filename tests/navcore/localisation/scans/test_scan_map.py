@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,6 +32,17 @@ changes = st.lists(
 )
 
 
+def keyframe(k: int, at: Pose2 | None = None, sigma_m: float | None = None) -> Keyframe:
+    """One of the scans at a pose, by default its own, which is uncertain by the more the later."""
+    variance = (0.01 * k if sigma_m is None else sigma_m) ** 2
+    return Keyframe(
+        pose_id=k,
+        T_map_base=at or POSES[k],
+        scan=SCANS[k],
+        covariance=np.diag([variance, 2 * variance, variance / 10]),
+    )
+
+
 def surfaces_of(scan_map: ScanMap) -> np.ndarray:
     """The surfaces in an order that does not depend on the history."""
     rows = scan_map.surfaces
@@ -44,7 +57,7 @@ def test_after_any_changes_the_map_is_the_one_built_from_each_scan_at_its_pose(
     scan_map = ScanMap()
     for kind, pose_id, pose in steps:
         if kind == "put":
-            scan_map.put(Keyframe(pose_id=pose_id, T_map_base=pose, scan=SCANS[pose_id]))
+            scan_map.put(keyframe(pose_id, pose))
         elif kind == "remove":
             scan_map.remove(pose_id)
         else:
@@ -53,6 +66,30 @@ def test_after_any_changes_the_map_is_the_one_built_from_each_scan_at_its_pose(
     fresh.replace(scan_map.keyframes)
 
     assert np.allclose(surfaces_of(scan_map), surfaces_of(fresh), atol=1e-6)
+    for one in scan_map.keyframes:
+        kept, built = (m.covariance_at(one.T_map_base, one.scan, 0.1) for m in (scan_map, fresh))
+        assert np.allclose(kept, built, atol=1e-8)
+
+
+def test_surfaces_are_as_uncertain_as_the_keyframes_that_show_them() -> None:
+    scan_map = ScanMap()
+    scan_map.put(keyframe(4))
+    assert scan_map.covariance_at(POSES[4], SCANS[4], 0.1) == pytest.approx(keyframe(4).covariance)
+    scan_map.put(replace(keyframe(4, sigma_m=0.10), pose_id=5))
+    scan_map.put(replace(keyframe(4, sigma_m=0.20), pose_id=4))
+    both = scan_map.covariance_at(POSES[4], SCANS[4], 0.1)
+    mean = (keyframe(4, sigma_m=0.1).covariance + keyframe(4, sigma_m=0.2).covariance) / 2
+    assert both == pytest.approx(mean)
+
+
+def test_a_turn_of_a_keyframe_moves_what_is_far_from_it() -> None:
+    """Seen from 10 m ahead, the same surfaces are uncertain aside by 10 m times the heading."""
+    scan_map, turned = ScanMap(), np.diag([0.0, 0.0, 0.01**2])
+    scan_map.put(replace(keyframe(0, Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), covariance=turned))
+    ahead = Pose2(x_m=10.0, y_m=0.0, yaw_rad=0.0)
+    scan = SCANS[0].seen_from(ahead.inverse())
+    expected = 0.01**2 * np.array([[0.0, 0.0, 0.0], [0.0, 100.0, 10.0], [0.0, 10.0, 1.0]])
+    assert scan_map.covariance_at(ahead, scan, 0.1) == pytest.approx(expected)
 
 
 def test_a_map_is_bounded_by_its_pose_ids() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from navcore.config.localisation.localisation import OdometryConfig
 from navcore.geometry.camera import Intrinsics
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2, Twist, wrap_angle
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, Twist, difference, wrap_angle
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.scans.scan import Keyframe
 from navcore.localisation.tracking.localiser import Localiser
@@ -119,6 +119,25 @@ def test_without_a_map_the_pose_begins_as_odometry_and_stays_near_it() -> None:
         assert sigma_m >= 0.99 * OdometryConfig().length_floor * driven_m
         assert away_m(estimate, true) <= 3 * sigma_m + 0.01
     assert all(estimate.is_known for estimate, _ in results)
+
+
+def test_a_robot_that_comes_back_is_as_certain_as_it_was_there() -> None:
+    """Out along a corridor, round, and back: by motion alone it would only become less certain."""
+    true = drive([(1.5, 0.0), (16.0, 0.0), (3.0, 0.0), (8.0, 0.0)])
+    middle = [k for k, pose in enumerate(true) if abs(pose.x_m - 6.0) < 0.06]
+    out, again = middle[0], middle[-1]
+    squares = []
+    for scale, gyro in ((1.015, 1.005), (0.98, 0.99), (1.0, 1.01), (1.02, 1.0)):
+        trip = list(new_trip().go(true, odometry_of(true, scale=scale, gyro=gyro)))
+        first, last = trip[out][0], trip[again][0]
+        assert last.covariance_by_motion is not None
+        by_motion_m = np.sqrt(np.diag(last.covariance_by_motion)[:2])
+        assert last.sigma_m < 1.5 * first.sigma_m + 0.02
+        assert last.sigma_m < 0.6 * by_motion_m.max()
+        for estimate, pose in trip[1:]:
+            error = difference(estimate.T_map_base, pose)
+            squares.append(error @ np.linalg.solve(estimate.covariance, error))
+    assert np.mean(squares) < 3.0 and np.max(squares) < 16.3
 
 
 def share_of_error_left() -> float:

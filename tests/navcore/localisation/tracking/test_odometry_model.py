@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -166,6 +167,21 @@ def test_a_match_against_the_own_map_moves_the_pose_and_makes_it_no_more_certain
     assert saved.covariance[0, 0] < 0.1 * before[0, 0]
     # The floor: not even a million points make it better than the map.
     assert saved.covariance[0, 0] > 0.5 * floor[0, 0]
+
+
+def test_a_known_part_of_the_own_map_makes_the_pose_as_certain_as_it_is() -> None:
+    own = straight(200)
+    pose, by_motion, before = own.pose, own.covariance_by_motion, own.covariance_but_scale
+    most = np.diag([0.02, 0.5, 0.001]) ** 2  # nothing is known across
+    own.bound(most)
+    once = own.covariance_but_scale
+    assert once[0, 0] < 1.01 * most[0, 0] < before[0, 0]
+    assert np.linalg.eigvalsh(most - once)[0] > -1e-8
+    assert np.linalg.eigvalsh(before - once)[0] > -1e-8
+    own.bound(most)
+    assert own.covariance_but_scale == pytest.approx(once, rel=1e-3, abs=1e-7)
+    assert own.pose == pose and own.covariance_by_motion == pytest.approx(by_motion)
+    assert own.covariance == pytest.approx(by_motion - before + once, rel=1e-3, abs=1e-7)
 
 
 def test_a_located_robot_learns_the_scale_of_its_wheels() -> None:
