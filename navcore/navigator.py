@@ -7,8 +7,6 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception.perception import GroundConfig
@@ -211,6 +209,8 @@ class Navigator:
             self.zone_margins.restore_clearance()
         keep_outs = self.behaviour.keep_outs
         grown = self.zone_margins.follow(request.zones, place)
+        reach_m = self._config.local.reach_m + self._profile.circumscribed_radius_m
+        kept_zones = self.zone_margins.near(request.zones, place, reach_m)
         covering = self.zone_margins.covering_robot(request.zones, place) if request.goal else ()
         request = dataclasses.replace(request, zones=grown)
         zones = (*request.zones, *keep_outs)
@@ -233,7 +233,11 @@ class Navigator:
             )
         if self.zone_margins.keeps_clearance and route and isinstance(route.outcome, NoPath):
             self.zone_margins.give_up_clearance()
-        task = self._control_task(costmap, frame, route, people, request, covering)
+        task = dataclasses.replace(
+            self._control_task(costmap, frame, route, people, request, covering),
+            kept_cells=grown_cells,
+            kept_zones=kept_zones,
+        )
         motion = stages.control(self._controller, task)
         self.behaviour, motion = stages.supervise(
             self.behaviour,
@@ -354,10 +358,12 @@ class Navigator:
         self.behaviour = self.behaviour.after_reset()
 
     def _kept_from(self, grown: GrownCells, pose: Pose2, beware: BewareList) -> Costmap:
-        """Return the costmap that keeps the robot as far from beware cells as the safety gate
-        does, which lets it stay as near as it is."""
-        now_m = self._profile.distances_m(pose.from_parent(grown.cells))
-        return self._costmap.widen(grown.cells, np.minimum(grown.growth_m, now_m), beware)
+        """Return the costmap that keeps the robot from beware cells as the safety gate does, which
+        lets it stay as near as it is, and a little more, so that the local planner, which is the
+        stricter one, follows the path."""
+        besides_m = self._config.control.collision.kept_besides_m
+        kept = grown.kept_by(self._profile, pose, 2 * besides_m)
+        return self._costmap.widen(kept.cells, kept.growth_m, beware)
 
     def _zone_margins(self, *, frozen: bool = False) -> ZoneMargins:
         config = self._config

@@ -61,7 +61,7 @@ class ArcConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CollisionConfig:
-    """Tolerances of the collision check."""
+    """Tolerances and margins of the collision check."""
 
     tolerance_m: float = ranged(0.0, 0.02, default=0.002)
     """Clearance in metres that may be lost where the body is closer to something than the padding
@@ -69,6 +69,10 @@ class CollisionConfig:
     least_padding_m: float = ranged(0.001, 0.05, default=0.005)
     """Smallest padding in metres: between two sampled poses of an arc a corner bulges out by some
     millimetres."""
+    kept_besides_m: float = ranged(0.0, 0.2, default=0.02)
+    """Distance in metres that is kept from uncertain beware cells beyond what the safety gate asks
+    for, and twice as much by the path, since both know them by cells of a grid: what one commands,
+    the next lets pass."""
     turn_padding_share: float = ranged(0.0, 1.0, default=0.5)
     """Share of the padding kept when turning in place, where the body hardly moves."""
     front_contact_m: float = ranged(0.0, 0.05, default=0.007)

@@ -15,12 +15,15 @@ from navcore.costmap.costmap import Costmap
 from navcore.costmap.local_costmap import (
     footprint_overlaps,
     frontier,
+    kept_cells,
+    kept_zones,
     nearby,
     obstacle_masks,
     split_areas,
 )
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.localisation.cell_margins import NO_CELLS, GrownCells
 from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import GrownZone
@@ -51,6 +54,10 @@ class ControlTask:
     leaving: tuple[Zone, ...] | None = None
     """All zones in force while the robot leaves the one it stands in, or the growth of one; None
     otherwise. A robot that leaves may cross the area it stands in, and no other."""
+    kept_cells: GrownCells = NO_CELLS
+    """Beware cells near the robot, which it keeps from as the safety gate does."""
+    kept_zones: tuple[GrownZone, ...] = ()
+    """Zones near the robot, which it keeps from in the same way."""
     around: tuple[GrownZone, ...] = ()
     """Zones whose growth the robot is in, and drives out of before it goes on."""
     goal: tuple[float, float] | None = None
@@ -84,6 +91,11 @@ class Controller:
             within = {one.zone.id for one in task.around}
             zones = tuple(zone for zone in task.leaving if zone.id not in within)
             _, forbidden = split_areas(around, zones, self._profile, pose)
+        else:
+            besides_m = self._config.control.collision.kept_besides_m
+            kept = task.kept_cells.kept_by(self._profile, pose, besides_m)
+            forbidden |= kept_cells(around.spec, kept.cells, kept.growth_m)
+            forbidden |= kept_zones(around.spec, task.kept_zones)
         forbidden_points = nearby(forbidden, around, pose, reach_m)
         cell_m = around.spec.resolution_m
         if len(task.track) == 0 and not task.around:

@@ -9,11 +9,14 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 import numpy.typing as npt
+import shapely
+from shapely.geometry import Polygon
 
-from navcore.geometry.arrays import Points
+from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_by
 from navcore.mission.zone import Zone, forbidden_cells
+from navcore.mission.zone_growth import GrownZone, grow
 from navcore.robot.profile import RobotProfile
 
 
@@ -41,6 +44,53 @@ def beware_cells(grid: OccupancyGrid) -> Points:
     if not layers:
         return np.empty((0, 2))
     return grid.spec.centres(np.argwhere(np.logical_or.reduce(layers)))
+
+
+def kept_cells(spec: GridSpec, cells: Points, clearance_m: Floats) -> BoolGrid:
+    """Return the (rows, cols) cells that the body must not touch for it to keep (N,) clearances in
+    metres from (N, 2) centres of beware cells, map frame; neighbours have about the same.
+
+    A body that is half a diagonal of a cell away from the centres of what is returned keeps them,
+    to a centimetre or two.
+    """
+    kept, half_m = np.zeros((spec.rows, spec.cols), dtype=np.bool_), _half_diagonal_m(spec)
+    cols, rows = np.floor((cells - (spec.origin_x_m, spec.origin_y_m)) / spec.resolution_m).T
+    inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
+    inside &= clearance_m > half_m
+    if not inside.any():
+        return kept
+    rows, cols = rows[inside].astype(np.int64), cols[inside].astype(np.int64)
+    away = np.ones(kept.shape, dtype=np.uint8)
+    away[rows, cols] = 0
+    away_px, labels = cv2.distanceTransformWithLabels(
+        away, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    least_m = np.zeros(int(labels.max()) + 1)
+    least_m[labels[rows, cols]] = clearance_m[inside] - half_m
+    return np.asarray(away_px * spec.resolution_m < least_m[labels])
+
+
+def kept_zones(spec: GridSpec, zones: Iterable[GrownZone]) -> BoolGrid:
+    """Return the same for zones as the safety gate grows them."""
+    kept, half_m = np.zeros((spec.rows, spec.cols), dtype=np.bool_), _half_diagonal_m(spec)
+    for one in zones:
+        outside = one.zone.forbids_outside
+        grown = Polygon(grow(one.zone, one.spread).polygon).buffer(half_m if outside else -half_m)
+        left, bottom, right, top = grown.bounds if not grown.is_empty else (0.0,) * 4
+        first, last = spec.cell(left, bottom), spec.cell(right, top)
+        rows = np.arange(max(first[0], 0), min(last[0] + 1, spec.rows))
+        cols = np.arange(max(first[1], 0), min(last[1] + 1, spec.cols))
+        cells = np.stack(np.meshgrid(rows, cols, indexing="ij"), axis=-1)
+        x, y = spec.centres(cells.reshape(-1, 2)).T
+        within = np.zeros_like(kept)
+        part = shapely.contains_xy(grown, x, y).reshape(cells.shape[:2])
+        within[rows[:, None], cols[None, :]] = part
+        kept |= ~within if outside else within
+    return kept
+
+
+def _half_diagonal_m(spec: GridSpec) -> float:
+    return spec.resolution_m * math.sqrt(0.5)
 
 
 def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_m: float) -> Points:

@@ -23,6 +23,7 @@ from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.tracking.odometry_model import OdometryStep, travel_of, travel_variance
 from navcore.robot.frame import Frame
+from navcore.robot.profile import RobotProfile
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +34,18 @@ class GrownCells:
     """(N, 2) centres, map frame."""
     growth_m: Floats = field(default_factory=lambda: np.zeros(0))
     """(N,) growth in metres by the uncertainty of the position relative to each cell."""
+
+    def kept_by(self, profile: RobotProfile, pose: Pose2, besides_m: float) -> GrownCells:
+        """Return the cells with the growth that a robot at a pose keeps, and a distance in metres
+        besides; it may stay as near as it is, and move along there."""
+        now_m = profile.distances_m(pose.from_parent(self.cells)) - besides_m
+        return GrownCells(
+            self.cells, np.clip(self.growth_m + besides_m, 0.0, np.maximum(now_m, 0.0))
+        )
+
+
+NO_CELLS = GrownCells()
+"""No beware cell is near."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

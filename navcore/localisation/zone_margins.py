@@ -39,12 +39,16 @@ from navcore.mission.zone_growth import (
     distance_m,
     grow,
     largest_axis_m,
+    relative_distance,
     spread_of,
 )
 from navcore.robot.profile import RobotProfile
 
 _ZERO = np.zeros((2, 2))
 _EXACT = np.zeros((2, 2, 2))
+_BESIDES_M = 0.02
+"""Distance in metres by which a zone is kept less than the robot is away, so that a grid of cells
+leaves it room to move along."""
 _DEFAULT = ZoneMarginConfig()
 
 
@@ -111,6 +115,26 @@ class ZoneMargins:
     def restore_clearance(self) -> None:
         """Keep clearances again, as for another goal."""
         self._gives_up = False
+
+    def near(
+        self, zones: tuple[Zone, ...], place: LocalisationEstimate, reach_m: float
+    ) -> tuple[GrownZone, ...]:
+        """Return the closed zones within `reach_m` of the robot's middle as the safety gate grows
+        them, or by less where the robot is nearer: it may stay as near as it is, and move along
+        there. `follow` has to be called before."""
+        here, found = place.T_map_base, []
+        outline = here.to_parent(self._footprint)[None]
+        middle = np.array([shapely.points(here.x_m, here.y_m)])
+        for zone in zones:
+            needed = self.covariance(zone, place)
+            spread = spread_of(covering(needed), self._gate.sigmas)
+            growth_m = largest_axis_m(spread)
+            is_grown = growth_m > self._config.negligible_m and zone.closed
+            if is_grown and float(distance_m(zone, middle)[0]) <= reach_m + growth_m:
+                now = float(relative_distance(zone, spread, outline)[0])
+                share = np.clip(now - _BESIDES_M / growth_m, 0.0, 1.0)
+                found.append(GrownZone(zone, share * spread))
+        return tuple(found)
 
     def covering_robot(
         self, zones: tuple[Zone, ...], place: LocalisationEstimate

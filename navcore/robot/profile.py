@@ -100,10 +100,11 @@ class RobotProfile:
         return math.hypot(max(ahead, 0.0), max(beside, 0.0))
 
     def distances_m(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Return (N,) distances in metres of (N, 2) points of the base frame from the footprint
-        along its axes, negative under it."""
-        x, y = np.abs(points).T
-        return np.asarray(np.maximum(x - self.length_m / 2, y - self.width_m / 2))
+        """Return (N,) distances in metres of (N, 2) points of the base frame from the footprint,
+        negative under it."""
+        beyond = np.abs(points) - (self.length_m / 2, self.width_m / 2)
+        outside = np.hypot(*np.maximum(beyond, 0.0).T)
+        return np.asarray(outside + np.minimum(beyond.max(axis=1, initial=-np.inf), 0.0))
 
 
 ROBOTS = Path(__file__).parent / "profiles"

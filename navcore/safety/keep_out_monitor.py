@@ -174,8 +174,7 @@ def _near_cells(keep_outs: KeepOuts, pose: Pose2, reach_m: float) -> KeepOuts:
     cells, growth_m = keep_outs.cells, _growth_of(keep_outs)
     if len(cells):
         away_m = np.hypot(cells[:, 0] - pose.x_m, cells[:, 1] - pose.y_m)
-        # Distances from the footprint are along its axes, so at its corners up to √2 times as far.
-        near = away_m <= reach_m + math.sqrt(2.0) * growth_m
+        near = away_m <= reach_m + growth_m
         cells, growth_m = cells[near], growth_m[near]
     return dataclasses.replace(keep_outs, cells=cells, cell_growth_m=growth_m)
 
