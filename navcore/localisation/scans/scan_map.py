@@ -111,15 +111,18 @@ class ScanMap:
         surfaces = self._sums.nbytes + self._errors.nbytes
         return scans + surfaces + self._heads.nbytes + self._directory.nbytes
 
-    def covariance_at(self, pose: Pose2, scan: Scan, radius_m: float) -> Matrix:
+    def covariance_at(self, pose: Pose2, scan: Scan, radius_m: float) -> Matrix | None:
         """Return how uncertain the surfaces are that a scan shows at a T_map_base, within
         `radius_m` of its points: the (3, 3) covariance of x, y and yaw that a pose has which they
-        give, besides that of the match."""
+        give, besides that of the match; None where it shows none."""
         at = (pose.x_m, pose.y_m, pose.yaw_rad)
-        xx, xy, yy, xt, yt, tt = mean_error(
+        errors, weight = mean_error(
             self.grid, at, scan.points_base, scan.normals, scan.variance_m2, scan.origin,
             radius_m, 1,
         )  # fmt: skip
+        if weight == 0.0:
+            return None
+        xx, xy, yy, xt, yt, tt = errors
         about_origin = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
         carried = _carried(pose)
         return np.asarray(carried @ about_origin @ carried.T)

@@ -176,9 +176,9 @@ def nearest_surface(
 def mean_error(
     grid: SurfaceGrid, pose: tuple[float, float, float], points: Floats, normals: Floats,
     variance: Floats, origin: Floats, radius_m: float, min_hits: int,
-) -> Floats:  # fmt: skip
+) -> tuple[Floats, float]:  # fmt: skip
     """Return the (ERRORS,) mean error of the surfaces that a scan shows at a pose, by the weight of
-    its points.
+    its points, and the sum of these weights, 0 where it shows none.
 
     The pose that a match gives errs by a mean of the errors of its surfaces, whose covariance is at
     most the mean of theirs, however they depend on each other.
@@ -206,7 +206,7 @@ def mean_error(
             weight = 1.0 / variance[k]
             found += weight * grid.errors[surface] / grid.sums[surface, WEIGHT]
             total += weight
-    return found / max(total, 1e-12)
+    return found / max(total, 1e-12), total
 
 
 @compiled

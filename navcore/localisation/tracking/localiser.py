@@ -361,8 +361,10 @@ class Localiser:
         self._unmatched = (0.0, 0.0)
         scale, own = self._scale(result.points, absolute=absolute), self._require_filter()
         own.fuse_match(result.pose, scale * result.information, self._floor, absolute=absolute)
-        if not absolute:
-            surfaces = self._chain.map.covariance_at(result.pose, scan, self._config.match.fine_m)
+        if absolute:
+            return
+        surfaces = self._chain.map.covariance_at(result.pose, scan, self._config.match.fine_m)
+        if surfaces is not None:
             own.bound(surfaces + self._error(result))
 
     def _error(self, result: Match) -> Matrix:
@@ -421,7 +423,8 @@ class Localiser:
         self._recent.add(scan, frame.pose)
         if self._doubt_s == 0.0:
             pose = self._flow.T_map_odom @ frame.pose
-            covariance = self._require_filter().covariance_but_scale
+            behind = difference(self._pose, pose)
+            covariance = self._require_filter().covariance_but_scale + np.outer(behind, behind)
             self._chain.add(scan, pose, frame.stamp_ns, covariance)
 
     def lose(self, stamp_ns: int) -> None:

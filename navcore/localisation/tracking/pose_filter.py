@@ -187,13 +187,14 @@ class PoseFilter:
         """Know the pose, but for the scale of lengths, in every direction at least as well as a
         (3, 3) covariance in map axes says: that of the surfaces of the robot's own map which the
         scan fits, and of the match. How often it is repeated makes no difference."""
-        lower = np.linalg.cholesky(self.covariance_but_scale)
-        inverse = np.linalg.inv(lower)
+        variances, own = np.linalg.eigh(self.covariance_but_scale)
+        sigmas = np.sqrt(np.maximum(variances, LEAST[YAW, YAW]))
+        root, inverse = own * sigmas, (own / sigmas).T
         ratios, axes = np.linalg.eigh(inverse @ most @ inverse.T)
         if ratios[0] >= 1.0:
             return
         factors = np.sqrt(np.clip(ratios, 0.0, 1.0))
-        shrink = lower @ (axes * factors) @ axes.T @ inverse
+        shrink = root @ (axes * factors) @ axes.T @ inverse
         # Reference and pose err alike, so that the motion since stays as certain as it was.
         both = np.kron(np.eye(2), shrink)
         change = np.eye(len(self._state))

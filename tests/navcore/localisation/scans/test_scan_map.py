@@ -68,6 +68,7 @@ def test_after_any_changes_the_map_is_the_one_built_from_each_scan_at_its_pose(
     assert np.allclose(surfaces_of(scan_map), surfaces_of(fresh), atol=1e-6)
     for one in scan_map.keyframes:
         kept, built = (m.covariance_at(one.T_map_base, one.scan, 0.1) for m in (scan_map, fresh))
+        assert kept is not None and built is not None
         assert np.allclose(kept, built, atol=1e-8)
 
 
@@ -88,6 +89,7 @@ def test_a_turn_of_a_keyframe_moves_what_is_far_from_it() -> None:
     scan_map.put(replace(keyframe(0, Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)), covariance=turned))
     ahead = Pose2(x_m=10.0, y_m=0.0, yaw_rad=0.0)
     scan = SCANS[0].seen_from(ahead.inverse())
+    assert scan_map.covariance_at(Pose2(x_m=99.0, y_m=0.0, yaw_rad=0.0), scan, 0.1) is None
     expected = 0.01**2 * np.array([[0.0, 0.0, 0.0], [0.0, 100.0, 10.0], [0.0, 10.0, 1.0]])
     assert scan_map.covariance_at(ahead, scan, 0.1) == pytest.approx(expected)
 
