@@ -30,8 +30,10 @@ class LaneRetreat:
     """Whether the robot backs off along the driven path."""
     since_ns: int = 0
     """Stamp in nanoseconds at which it began."""
+    free_ns: int = 0
+    """Stamp in nanoseconds at which its way back was free last."""
     failed_at: Pose2 | None = None
-    """Pose, map frame, where the last retreat took too long; no other begins there."""
+    """Pose, map frame, where the last retreat failed; no other begins there."""
 
     def after(
         self,
@@ -60,15 +62,18 @@ class LaneRetreat:
         in_lane = not _is_clear(here, walked, clear_m)[0]
         possible = in_lane and _leads_out(trail, walked, clear_m, rules.longest_m)
         if self.active:
-            if possible and (stamp_ns - self.since_ns) / 1e9 < rules.longest_s:
-                return self
+            free = motion.outcome is not ControllerState.BLOCKED
+            now = replace(self, free_ns=stamp_ns) if free else self
+            lasts_s, blocked_s = ((stamp_ns - t) / 1e9 for t in (now.since_ns, now.free_ns))
+            if possible and lasts_s < rules.longest_s and blocked_s < rules.blocked_s:
+                return now
             return LaneRetreat(failed_at=pose if in_lane else None)
         failed = self.failed_at
         if failed is not None and failed.distance_to(pose.x_m, pose.y_m) < rules.retry_m:
             return self
         waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
         if waits and possible and waited_s >= people_config.lane_s:
-            return replace(self, active=True, since_ns=stamp_ns, failed_at=None)
+            return LaneRetreat(active=True, since_ns=stamp_ns, free_ns=stamp_ns)
         return replace(self, failed_at=None)
 
 

@@ -80,6 +80,8 @@ class LaneRetreatConfig:
     """Length in metres of the driven path within which it must lead out of the lane."""
     longest_s: float = ranged(1.0, 600.0, default=60.0)
     """Time in seconds after which a retreat counts as failed: people may hold it up for long."""
+    blocked_s: float = ranged(0.1, 60.0, default=3.0)
+    """The same where the way back is blocked by something else."""
     retry_m: float = ranged(0.05, 5.0, default=0.5)
     """Distance in metres from where a retreat failed within which no other begins."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from app.evaluation.tables.table import Result
+from app.runtime.record.provenance import shipped_sha256
 from navcore.robot.camera_stream import CameraStream
 
 
@@ -19,6 +20,12 @@ def is_walked(result: Result) -> bool:
 def is_lit(result: Result) -> bool:
     """Return whether a result is of the walks under each disturbance of the light."""
     return "disturbances" in result
+
+
+def is_before(result: Result) -> bool:
+    """Return whether a result is of a network before the one that ships, which it shall be compared
+    with."""
+    return is_lit(result) and f"network sha256 {shipped_sha256()}," not in result["segmenter"]
 
 
 def is_doors(result: Result) -> bool:
@@ -82,6 +89,7 @@ def file_name(result: Result) -> str:
         "paper" if is_paper(result) else "",
         "second-day" if is_second_day(result) else "",
         "scanner" if has_scanner(result) else "",
+        "before" if is_before(result) else "",
         f"localisation-{result['odometry']}" if is_localisation(result) else "",
         "{}x{}".format(*result["images"]) if is_finer else "",
     )

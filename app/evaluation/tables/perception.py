@@ -8,6 +8,7 @@ from app.evaluation.perception.light_figures import row_of
 from app.evaluation.perception.print_figures import COLUMNS
 from app.evaluation.perception.print_figures import row_of as print_row_of
 from app.evaluation.tables.kinds import (
+    is_before,
     is_labelled,
     is_lit,
     is_printed,
@@ -47,8 +48,9 @@ def _walks_row(result: Result) -> Row:
 
 def _light_rows(result: Result) -> list[Row]:
     size = "{} × {}".format(*result["images"])
+    network = "before" if is_before(result) else "shipped"
     return [
-        (size, seeds(result), name, *row_of(measured))
+        (network, size, seeds(result), name, *row_of(measured))
         for name, measured in result["disturbances"].items()
     ]
 
@@ -126,7 +128,10 @@ WALKS = Table(
 )
 LIGHT = Table(
     shows=is_lit,
-    columns=("images", "seeds", "light", "mIoU", "found in time", "of thin ones", "false per 10 m"),
+    columns=(
+        *("network", "images", "seeds", "light"),
+        *("mIoU", "found in time", "of thin ones", "false per 10 m"),
+    ),
     rows=_light_rows,
 )
 RECORDINGS = Table(

@@ -10,9 +10,11 @@ import pytest
 from app.evaluation.perception.detection_counts import DetectionCounts, summary
 from app.evaluation.tables.kinds import (
     file_name,
+    is_before,
     is_crossings,
     is_doors,
     is_labelled,
+    is_lit,
     is_localisation,
     is_random,
     is_recorded,
@@ -48,7 +50,7 @@ def test_a_page_shows_what_the_files_say(page: str) -> None:
 @every_result
 def test_a_result_is_of_the_network_that_ships_and_names_its_origin(result: Result) -> None:
     knows_place = is_localisation(result) or is_second_day(result)  # which is what is judged
-    if not (is_doors(result) or is_crossings(result) or knows_place):
+    if not (is_doors(result) or is_crossings(result) or is_before(result) or knows_place):
         assert f"network sha256 {shipped_sha256()}," in result["segmenter"]
     if is_recorded(result):
         assert result["frames"] > 0
@@ -68,6 +70,13 @@ def test_kept_files_are_small_and_named_after_their_world() -> None:
     for name, result in KEPT.items():
         assert name == file_name(result)
         assert (RESULTS / f"{name}.json").stat().st_size < 20_000
+
+
+def test_only_the_light_is_shown_for_the_network_before_it_was_trained_with() -> None:
+    assert [name for name, result in KEPT.items() if is_before(result)] == ["light-before"]
+    of_networks = [one["disturbances"].keys() for one in KEPT.values() if is_lit(one)]
+    assert of_networks == [of_networks[0]] * 2
+    assert "| before |" in full_table(list(KEPT.values()))
 
 
 def test_another_figure_makes_another_table() -> None:

@@ -80,3 +80,17 @@ def test_a_retreat_that_takes_too_long_is_not_tried_again_at_that_position() -> 
     assert not after(held_up, t_s=200.0).active
     elsewhere = after(held_up, y_m=0.8 - RULES.retry_m - 0.05, t_s=200.0)
     assert elsewhere.active
+
+
+def test_a_retreat_that_something_blocks_ends_after_seconds() -> None:
+    """A robot that cannot get back stands in the lane all the same: it goes on as before."""
+    blocked = Motion(twist=STANDSTILL, outcome=ControllerState.BLOCKED)
+    retreat = after(LaneRetreat())
+    for t_s in np.arange(10.1, 10.0 + RULES.blocked_s, 0.1):
+        retreat = after(retreat, t_s=float(t_s), motion=blocked)
+        assert retreat.active
+    freed = after(retreat, t_s=10.0 + RULES.blocked_s, motion=BACKS)
+    assert freed.active
+    assert after(freed, t_s=10.0 + 1.9 * RULES.blocked_s, motion=blocked).active
+    ended = after(retreat, t_s=10.0 + RULES.blocked_s, motion=blocked)
+    assert not ended.active and not after(ended, t_s=60.0).active
