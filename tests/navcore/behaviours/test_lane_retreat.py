@@ -86,7 +86,7 @@ def test_a_retreat_that_something_blocks_ends_after_seconds() -> None:
     """A robot that cannot get back stands in the lane all the same: it goes on as before."""
     blocked = Motion(twist=STANDSTILL, outcome=ControllerState.BLOCKED)
     retreat = after(LaneRetreat())
-    for t_s in np.arange(10.1, 10.0 + RULES.blocked_s, 0.1):
+    for t_s in np.arange(10.1, 9.95 + RULES.blocked_s, 0.1):
         retreat = after(retreat, t_s=float(t_s), motion=blocked)
         assert retreat.active
     freed = after(retreat, t_s=10.0 + RULES.blocked_s, motion=BACKS)
