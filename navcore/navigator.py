@@ -210,7 +210,9 @@ class Navigator:
         keep_outs = self.behaviour.keep_outs
         grown = self.zone_margins.follow(request.zones, place)
         reach_m = self._config.local.reach_m + self._profile.circumscribed_radius_m
-        kept_zones = self.zone_margins.near(request.zones, place, reach_m)
+        kept_zones = self.zone_margins.near(
+            request.zones, place, reach_m, self._config.control.collision.kept_besides_m
+        )
         covering = self.zone_margins.covering_robot(request.zones, place) if request.goal else ()
         request = dataclasses.replace(request, zones=grown)
         zones = (*request.zones, *keep_outs)

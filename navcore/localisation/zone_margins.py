@@ -46,9 +46,6 @@ from navcore.robot.profile import RobotProfile
 
 _ZERO = np.zeros((2, 2))
 _EXACT = np.zeros((2, 2, 2))
-_BESIDES_M = 0.02
-"""Distance in metres by which a zone is kept less than the robot is away, so that a grid of cells
-leaves it room to move along."""
 _DEFAULT = ZoneMarginConfig()
 
 
@@ -117,22 +114,27 @@ class ZoneMargins:
         self._gives_up = False
 
     def near(
-        self, zones: tuple[Zone, ...], place: LocalisationEstimate, reach_m: float
+        self,
+        zones: tuple[Zone, ...],
+        place: LocalisationEstimate,
+        reach_m: float,
+        besides_m: float,
     ) -> tuple[GrownZone, ...]:
         """Return the closed zones within `reach_m` of the robot's middle as the safety gate grows
-        them, or by less where the robot is nearer: it may stay as near as it is, and move along
-        there. `follow` has to be called before."""
+        them, or by less where the robot is nearer: by `besides_m` less than up to its body, so that
+        it may stay as near as it is, and move along there. `follow` has to be called before."""
         here, found = place.T_map_base, []
         outline = here.to_parent(self._footprint)[None]
         middle = np.array([shapely.points(here.x_m, here.y_m)])
+        most_m = self._gate.sigmas * math.sqrt(float(np.trace(place.positions[1])))
         for zone in zones:
-            needed = self.covariance(zone, place)
-            spread = spread_of(covering(needed), self._gate.sigmas)
+            if not zone.closed or float(distance_m(zone, middle)[0]) > reach_m + most_m:
+                continue
+            spread = spread_of(covering(self.covariance(zone, place)), self._gate.sigmas)
             growth_m = largest_axis_m(spread)
-            is_grown = growth_m > self._config.negligible_m and zone.closed
-            if is_grown and float(distance_m(zone, middle)[0]) <= reach_m + growth_m:
+            if growth_m > self._config.negligible_m:
                 now = float(relative_distance(zone, spread, outline)[0])
-                share = np.clip(now - _BESIDES_M / growth_m, 0.0, 1.0)
+                share = np.clip(now - besides_m / growth_m, 0.0, 1.0)
                 found.append(GrownZone(zone, share * spread))
         return tuple(found)
 

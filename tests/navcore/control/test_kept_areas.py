@@ -131,7 +131,7 @@ def test_a_zone_is_kept_as_the_gate_does_or_as_far_as_the_robot_is(at_m: float) 
     zone = Zone(id="z", name="z", polygon=((-1.0, at_m), (1.0, at_m), (1.0, 2.5), (-1.0, 2.5)))
     margins, place = ZoneMargins(HUSKY, safety_margin_m=0.15, frozen=True), both(0.15, 0.15)
     margins.follow((zone,), place)
-    (near,) = margins.near((zone,), place, 3.0)
+    (near,) = margins.near((zone,), place, 3.0, 0.02)
     mask = kept_zones(SPEC, (near,))
     edge_m = float(SPEC.centres(np.argwhere(mask))[:, 1].min())
     grown_m = DEFAULT_SAFETY.keep_out.sigmas * 0.15
