@@ -53,6 +53,11 @@ class PlaceEvents:
             )
         if (shifted := place.place_correction) is not None:
             told.append(_CORRECTIONS[shifted.source].format(shift_m=shifted.shift_m))
+        if place.pushed_m > 0.0:
+            told.append(
+                f"The robot was pushed, or its wheels have slipped: its place is corrected by "
+                f"{place.pushed_m:.2f} m."
+            )
         urgent = not place.is_known
         settled = decision.frame.stamp_ns - place.since_ns >= SETTLED_NS
         if place.state is not self._told and (urgent or settled):

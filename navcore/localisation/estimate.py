@@ -73,6 +73,9 @@ class LocalisationEstimate:
     place_correction: PlaceCorrection | None = None
     """Correction at this frame, None without one; if it is large, it waits until the robot
     stands."""
+    pushed_m: float = 0.0
+    """Distance in metres by which the robot was moved without its wheels before this frame, as
+    scans of a new map tell; 0 for not at all."""
 
     @property
     def is_known(self) -> bool:

@@ -107,6 +107,8 @@ class Replay:
         """Loops that were closed."""
         self.frames: dict[int, int] = {}
         """Frame of the drive at which each new pose ID was first seen."""
+        self.pushes = 0
+        """Number of pushes that scans have told."""
         self.duration_s = 0.0
         """Processor time of the newest frame without tasks, seconds."""
 
@@ -136,6 +138,7 @@ class Replay:
         applied = self._correction.apply(self._place.T_map_base, frame.twist)
         self._place = self.localisation.follow(frame, drive.scans[k])
         self.duration_s = time.thread_time() - started
+        self.pushes += self._place.pushed_m > 0.0
         if applied is not None and closures is not None:
             self.loops.extend(closures.new_loops)
         if self._place.is_known:  # as the map does, which takes the frame's points then

@@ -19,6 +19,7 @@ from app.episode.second_day import OTHER_DAY
 from app.evaluation.localisation.carried_away import carried_away
 from app.evaluation.localisation.drives import Drive, kept_drive
 from app.evaluation.localisation.figures import figures, summarise
+from app.evaluation.localisation.pushed import pushed
 from app.evaluation.localisation.recording import Recording, mirrored
 from app.evaluation.localisation.replay import Replay, follow, keyframes_of
 from app.evaluation.localisation.trials import SavedMap, days, disturbed, half_turn, started_in
@@ -185,6 +186,7 @@ PARTS: dict[str, Callable[[Site, str], Any]] = {
         site.suite.config,
         site.suite.places,
     ),
+    "pushed": lambda site, _: pushed(site.second, site.suite.config, site.suite.places),
     "disturbed": lambda site, _: disturbed(
         site.second, site.saved, site.suite.config, min(site.suite.episodes, PLACES)
     ),
@@ -312,6 +314,7 @@ def lines(summary: dict[str, Any]) -> list[str]:
             f"{found['false_alarms']} false alarms in {found['not_carried']}"
             for name, found in summary["carried_away"].items()
         ),
+        *_pushes(summary["pushed"]),
         *(
             f"disturbed, {name}: {found['right']} right, {found['lost']} lost, {found['wrong']} "
             f"wrong at the end of {found['runs']}; odometry alone {found['odometry_m']:.2f} m off"
@@ -320,6 +323,16 @@ def lines(summary: dict[str, Any]) -> list[str]:
         f"{summary['days']['days']} days: places crept by {summary['days']['crept_m']:.3f} m, rms "
         + " ".join(f"{value:.3f}" for value in summary["days"]["rms_m"])
         + f" m, {summary['days']['keyframes'][0]} to {summary['days']['keyframes'][-1]} keyframes",
+    ]
+
+
+def _pushes(found: dict[str, Any]) -> list[str]:
+    columns = (found[key] for key in ("lengths_m", "told", "left_m", "worst_m"))
+    return [
+        f"pushed by {length_m:.1f} m, new map: {told} of {found['pushes']} noticed, {left_m:.2f} m "
+        f"left of it in the median, {worst_m:.2f} m at worst; {found['false']} false alarms in "
+        f"{found['not_pushed']}"
+        for length_m, told, left_m, worst_m in zip(*columns, strict=True)
     ]
 
 

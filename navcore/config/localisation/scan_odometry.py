@@ -34,6 +34,16 @@ class ScanOdometryConfig:
     """The same for the turn in degrees."""
     gate_sigmas: float = ranged(1.0, 10.0, default=3.0)
     """Deviation from odometry in standard deviations beyond which a motion is refused."""
+    check_s: float = ranged(0.1, 10.0, default=0.5)
+    """Time in seconds after which a robot that has not come so far looks whether it was pushed."""
+    refused_s: float = ranged(0.0, 10.0, default=0.2)
+    """Time in seconds for which scans are refused until it is looked for where the robot was pushed
+    to: a push takes as long."""
+    pushed_share: float = ranged(0.0, 1.0, default=0.7)
+    """Least share of the points of a scan that fits where the robot was pushed to."""
+    pushed_evidence: float = ranged(0.0, 100.0, default=0.8)
+    """Least logarithm of the ratio of likelihoods of that place and where odometry has the robot,
+    for each point of the scan."""
 
     @property
     def floor(self) -> npt.NDArray[np.float64]:

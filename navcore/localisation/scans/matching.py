@@ -131,12 +131,12 @@ def match_widely(
     beside = poses_beside(first.pose, _covariance(first, scale))
     found = [first, *map(fit, (expected, *beside))]
     best = min(found, key=cost)
-    alike = [one.pose for one in found if cost(one) < cost(best) + _AS_PROBABLE]
+    alike = [one.pose for one in found if cost(one) < cost(best) + AS_PROBABLE]
     spread = _covariance(best, scale) + spread_to(best.pose, alike)
     return replace(best, information=np.asarray(np.linalg.inv(spread)) / scale)
 
 
-_AS_PROBABLE = 4.5
+AS_PROBABLE = 4.5
 """Difference of the logarithms of the probabilities of two poses up to which both are possible:
 that of three standard deviations."""
 

@@ -50,6 +50,11 @@ class KeyframeChain:
         """Follow odometry from the last keyframe."""
         self._since.advance(step)
 
+    def push(self, motion: Pose2, covariance: Matrix) -> None:
+        """Go on by a motion that odometry does not tell, T_before_after, with its (3, 3) covariance
+        in the frame after it."""
+        self._since.push(motion, covariance)
+
     def add(
         self, scan: Scan, T_map_base: Pose2, stamp_ns: int, covariance: Matrix = _CERTAIN
     ) -> Keyframe | None:

@@ -85,12 +85,15 @@ class Localiser:
         self.place_correction: PlaceCorrection | None = None
         """Correction at the newest frame by position fixes, or by scans that fit beside the
         estimate, if they contradicted it for so long that it was wrong."""
+        self.pushed_m = 0.0
+        """Distance in metres by which the robot was pushed, or its wheels have slipped, as the
+        newest scan tells in a new map."""
         self.moved_m = 0.0
         """Motion before the newest frame in metres; a radian counts as half a metre."""
 
     def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         """Return the estimate for one more frame and its scan."""
-        self.scan, self.place_correction = scan, None
+        self.scan, self.place_correction, self.pushed_m = scan, None, 0.0
         step = self._advance(frame)
         share: float | None = None
         self.saved_share = None
@@ -270,7 +273,7 @@ class Localiser:
         can say."""
         least = self._config.match.min_points
         if not len(self._saved):  # which tells the position better than any motion
-            self._scan_odometry.follow(scan, self._require_filter())
+            self._measure_motion(scan, stamp_ns)
         if len(scan) < least:
             self._reckon(stamp_ns)
             return None
@@ -318,6 +321,15 @@ class Localiser:
                 self._trust(step)
             self._reckon(stamp_ns)
         return None if found is None else found.share_of_near
+
+    def _measure_motion(self, scan: Scan, stamp_ns: int) -> None:
+        """Follow the motion by scans alone, which also tell when the robot was pushed."""
+        push = self._scan_odometry.follow(scan, self._require_filter(), stamp_ns)
+        if push is None:
+            return
+        self.pushed_m = math.hypot(push.motion.x_m, push.motion.y_m)
+        self._chain.push(*push)
+        self._recent.push(push.motion, self._odometry[0])
 
     def _match(self, scan: Scan, scan_map: ScanMap, *, absolute: bool) -> Match:
         config, own = self._config.match, self._require_filter()
@@ -450,4 +462,5 @@ class Localiser:
             since_ns=self._since_ns,
             since_m=self._since_m,
             place_correction=self.place_correction,
+            pushed_m=self.pushed_m,
         )

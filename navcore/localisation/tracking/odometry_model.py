@@ -120,6 +120,17 @@ class OdometryMotion:
         self._noise = by_pose @ self._noise @ by_pose.T + noise
         self._by_errors = by_pose @ self._by_errors + jacobian[:3, ERRORS]
 
+    def push(self, motion: Pose2, covariance: Matrix) -> None:
+        """Go on by a motion without odometry, T_before_after, with its (3, 3) covariance in the
+        frame after it."""
+        x, y, yaw = self._state[:3].tolist()
+        after = Pose2(x_m=x, y_m=y, yaw_rad=yaw) @ motion
+        swing = np.eye(3)
+        swing[:2, YAW] = y - after.y_m, after.x_m - x
+        self._state[:3] = (after.x_m, after.y_m, after.yaw_rad)
+        self._noise = swing @ self._noise @ swing.T + in_axes_of(after, covariance)
+        self._by_errors = swing @ self._by_errors
+
     def to(self, offset: Pose2) -> tuple[Pose2, Matrix, Matrix]:
         """Return the pose of the frame in which the robot is at `offset`, the (3, 3) covariance of
         the noise there, and the (3, 3) derivative by the constant errors, both along its axes."""
@@ -130,6 +141,13 @@ class OdometryMotion:
         swing[:2, YAW] = y - pose.y_m, pose.x_m - x
         into = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ swing
         return pose, into @ self._noise @ into.T, into @ self._by_errors
+
+
+def in_axes_of(pose: Pose2, covariance: Matrix) -> Matrix:
+    """Return the (3, 3) covariance along the axes of a pose in those of its parent."""
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    axes = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(axes @ covariance @ axes.T)
 
 
 def travel_of(step: OdometryStep, config: OdometryConfig = _DEFAULT) -> Floats:

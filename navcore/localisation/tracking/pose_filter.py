@@ -20,6 +20,7 @@ from navcore.localisation.tracking.odometry_model import (
     OdometryStep,
     X,
     Y,
+    in_axes_of,
     initial_covariance,
     predict,
 )
@@ -110,6 +111,12 @@ class PoseFilter:
         scale = 1.0 + float(self._state[SCAN_SCALE])
         return Pose2(x_m=scale * moved.x_m, y_m=scale * moved.y_m, yaw_rad=moved.yaw_rad)
 
+    @property
+    def motion_covariance(self) -> Matrix:
+        """(3, 3) covariance of `motion` by odometry, along the axes of the reference."""
+        rows = self._motion_by_state()
+        return np.asarray(rows @ self._covariance @ rows.T + LEAST)
+
     def refer(self) -> None:
         """Make the present pose the reference."""
         copy = np.eye(len(self._state))
@@ -147,6 +154,19 @@ class PoseFilter:
         turn[:2, :2] = ((cos, -sin), (sin, cos))
         self._state[:3] = (pose.x_m, pose.y_m, pose.yaw_rad)
         self._turn(turn)
+        self.refer()
+
+    def push(self, motion: Pose2, covariance: Matrix) -> None:
+        """Move by what odometry does not tell: `motion` is T_before_after, with its (3, 3)
+        covariance in the frame after it. The map stays; the pose is the reference then."""
+        before, after = self.pose, self.pose @ motion
+        swing = np.eye(len(self._state))
+        swing[:2, YAW] = before.y_m - after.y_m, after.x_m - before.x_m
+        self._state[:3] = (after.x_m, after.y_m, after.yaw_rad)
+        self._turn(swing)
+        grown = in_axes_of(after, covariance)
+        for spread in (self._covariance, self._within, self._best):
+            spread[:3, :3] += grown
         self.refer()
 
     def _turn(self, change: Matrix) -> None:
@@ -207,11 +227,25 @@ class PoseFilter:
         scales = self._best[np.ix_(_SCALES, _SCALES)] + _LEAST_SCALES
         return np.linalg.solve(scales, self._best[np.ix_(_SCALES, _POSES)]).T
 
-    def fuse_motion(self, pull: Matrix, information: Matrix, *, gate: float) -> bool:
+    def fuse_motion(
+        self, pull: Matrix, information: Matrix, *, gate: float, only_judge: bool = False
+    ) -> bool:
         """Fuse the motion since the reference as scans measured it, in axes of the reference:
         (3, 3) `information`, which may be singular, and (3,) `pull`, the information times the
         difference from the `motion` expected. Returns whether it was believed: its squared
-        Mahalanobis distance must be at most `gate`."""
+        Mahalanobis distance must be at most `gate`. `only_judge` leaves the state as it is."""
+        rows = self._motion_by_state()
+        spread = rows @ self._covariance @ rows.T
+        # residualᵀ · (spread + information⁻¹)⁻¹ · residual, where information may be singular
+        residual = np.linalg.pinv(information) @ pull
+        if residual @ np.linalg.solve(np.eye(3) + information @ spread, pull) > gate:
+            return False
+        if not only_judge:
+            self._learn(pull, rows, information)
+        return True
+
+    def _motion_by_state(self) -> Matrix:
+        """Return the (3, N) derivative of `motion` by the state."""
         x, y, yaw = self._state[_REFERENCE]
         cos, sin = math.cos(yaw), math.sin(yaw)
         scale = 1.0 + self._state[SCAN_SCALE]
@@ -223,13 +257,7 @@ class PoseFilter:
         rows[:, _REFERENCE] = -rows[:, :3]
         rows[:2, _REFERENCE.stop - 1] = (scale * aside, -scale * along)
         rows[:2, SCAN_SCALE] = (along, aside)
-        spread = rows @ self._covariance @ rows.T
-        # residualᵀ · (spread + information⁻¹)⁻¹ · residual, where information may be singular
-        residual = np.linalg.pinv(information) @ pull
-        if residual @ np.linalg.solve(np.eye(3) + information @ spread, pull) > gate:
-            return False
-        self._learn(pull, rows, information)
-        return True
+        return rows
 
     def _learn(self, pull: Matrix, rows: Matrix, information: Matrix) -> None:
         """Update by a measurement that tells nothing of where the map lies: (M, M) `information`,

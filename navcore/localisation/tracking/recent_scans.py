@@ -47,7 +47,7 @@ def is_elsewhere(result: Match, scan: Scan, scan_map: ScanMap, config: Localisat
 
 
 class RecentScans:
-    """The last scans at their poses in odometry's frame."""
+    """The last scans at their poses in odometry's frame, and pushes that are known."""
 
     def __init__(self, config: LocalisationConfig) -> None:
         self._config = config
@@ -57,6 +57,12 @@ class RecentScans:
         self._count = 0
         self._kept: Pose2 | None = None
         self._newest: tuple[Scan, Pose2] | None = None
+        self._T_here_odom = IDENTITY
+
+    def push(self, motion: Pose2, T_odom_base: Pose2) -> None:
+        """Expect the robot where it was pushed to from a pose: `motion` is T_before_after."""
+        before = self._T_here_odom @ T_odom_base
+        self._T_here_odom = before @ motion @ T_odom_base.inverse()
 
     def are_continued(self, scan: Scan, T_odom_base: Pose2, step: OdometryStep) -> bool | None:
         """Return whether a scan shows the surfaces of the last metres where odometry expects them;
@@ -69,11 +75,12 @@ class RecentScans:
         moves_far = step.distance_m > rules.step_m or abs(step.turn_rad) > rules.step_rad
         if self._newest is None or moves_far or len(scan) < rules.judged_points:
             return None
-        share = self._share(scan, self._map, T_odom_base)
+        here = self._T_here_odom @ T_odom_base
+        share = self._share(scan, self._map, here)
         if share >= rules.discontinuous_share:
             return True
         newest, pose = self._newest
-        before = newest.seen_from(T_odom_base.inverse() @ pose)
+        before = newest.seen_from(here.inverse() @ pose)
         if share < rules.replaced_share:
             in_front = self._in_view(before, scan, hidden=True)
             return False if len(in_front) >= rules.judged_points else None
@@ -117,20 +124,22 @@ class RecentScans:
         """Keep a scan until the next one comes, and longer if the robot has moved since the last
         that was kept so."""
         self._map.remove(_NEWEST)
-        self._newest, last, pose_id = (scan, T_odom_base), self._kept, _NEWEST
+        here = self._T_here_odom @ T_odom_base
+        self._newest, last, pose_id = (scan, here), self._kept, _NEWEST
         if (
             last is None
-            or last.distance_to(T_odom_base.x_m, T_odom_base.y_m) >= _SPACING_M
-            or abs(wrap_angle(last.yaw_rad - T_odom_base.yaw_rad)) >= _SPACING_RAD
+            or last.distance_to(here.x_m, here.y_m) >= _SPACING_M
+            or abs(wrap_angle(last.yaw_rad - here.yaw_rad)) >= _SPACING_RAD
         ):
-            pose_id, self._kept, self._count = self._count, T_odom_base, self._count + 1
+            pose_id, self._kept, self._count = self._count, here, self._count + 1
             self._map.remove(pose_id - _KEPT)
-        self._map.put(Keyframe(pose_id=pose_id, T_map_base=T_odom_base, scan=scan))
+        self._map.put(Keyframe(pose_id=pose_id, T_map_base=here, scan=scan))
 
     def clear(self) -> None:
         """Forget all scans."""
         self._map.replace(())
         self._kept = self._newest = None
+        self._T_here_odom = IDENTITY
 
 
 def _polar(points: Points, camera: Points) -> tuple[Floats, Floats]:

@@ -4,10 +4,13 @@ Wheels measure lengths with an error of scale that is the same for a whole drive
 on another floor or with other tyres. Two scans half a metre apart tell the motion between them to a
 few millimetres, wherever the map lies, so many of them tell that scale. Over more than that the
 parts of surfaces that come into view and leave it pull the match towards no motion.
+
+They also tell when the robot was pushed, or its wheels have slipped.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +21,10 @@ from navcore.localisation.scans.matching import match
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.pose_filter import PoseFilter
+from navcore.localisation.tracking.push_search import Push, PushSearch
+
+_MOST_SPACINGS = 2.0
+"""Number of spacings over which a scan is compared with the reference if it does not fit."""
 
 
 class ScanOdometry:
@@ -26,30 +33,68 @@ class ScanOdometry:
     def __init__(self, config: LocalisationConfig) -> None:
         self._config, self._rules = config, config.scan_odometry
         self._match = replace(config.match, fine_m=self._rules.window_m)
+        self._pushes = PushSearch(config)
         self._reference: ScanMap | None = None
+        self._checked_ns = 0
+        self._refused_ns: int | None = None
 
     def clear(self) -> None:
         """Forget the scan: the robot was placed elsewhere."""
-        self._reference = None
+        self._reference = self._refused_ns = None
 
-    def follow(self, scan: Scan, own: PoseFilter) -> None:
-        """Measure the motion by one more scan if it is far enough, and refer to that scan then."""
+    def follow(self, scan: Scan, own: PoseFilter, stamp_ns: int) -> Push | None:
+        """Measure the motion by one more scan if it is far enough, and refer to that scan then.
+
+        Returns by what the robot was pushed, if it was; `own` knows it then.
+        """
+        rules = self._rules
+        if self._reference is None:
+            self._refer(scan, own)
+            return None
+        spacings = self._spacings(own)
+        is_far = spacings >= 1.0
+        is_due = stamp_ns - self._checked_ns >= rules.check_s * 1e9
+        if not (is_far or is_due or self._refused_ns is not None):
+            return None
+        self._checked_ns = stamp_ns
+        push = None
+        is_measured = self._measured(scan, own, self._reference, fuse=is_far)
+        if is_measured:
+            self._refused_ns = None
+        elif self._refused_ns is None:
+            self._refused_ns = stamp_ns
+        elif stamp_ns - self._refused_ns >= rules.refused_s * 1e9:
+            self._refused_ns = stamp_ns
+            push = self._pushes.find(scan, self._reference, own)
+        if push is not None:
+            own.push(*push)
+        # A push takes a while: until all of it is told, no part of it becomes the reference.
+        is_over = is_measured and is_far
+        if is_over or push is not None or spacings >= _MOST_SPACINGS:
+            self._refer(scan, own)
+        return push
+
+    def _spacings(self, own: PoseFilter) -> float:
+        """Return how far the robot has come from the reference, in spacings."""
         moved, rules = own.motion, self._rules
-        if self._reference is not None:
-            is_far = np.hypot(moved.x_m, moved.y_m) >= rules.spacing_m
-            if not is_far and abs(moved.yaw_rad) < np.radians(rules.spacing_deg):
-                return
-            self._fuse(scan, own, self._reference)
-        self._reference = None
+        return max(
+            math.hypot(moved.x_m, moved.y_m) / rules.spacing_m,
+            abs(moved.yaw_rad) / math.radians(rules.spacing_deg),
+        )
+
+    def _refer(self, scan: Scan, own: PoseFilter) -> None:
+        """Refer to the newest scan."""
+        self.clear()
         if len(scan) >= self._config.match.min_points:
             self._reference = ScanMap(self._match)
             self._reference.put(Keyframe(pose_id=0, T_map_base=IDENTITY, scan=scan))
         own.refer()
 
-    def _fuse(self, scan: Scan, own: PoseFilter, reference: ScanMap) -> None:
+    def _measured(self, scan: Scan, own: PoseFilter, reference: ScanMap, *, fuse: bool) -> bool:
+        """Return whether a scan fits near where odometry expects it; `fuse` the motion."""
         rules, least = self._rules, self._config.match.min_points
         if len(scan) < least:
-            return
+            return False
         expected, loose = own.motion, np.diag([rules.loose_m, rules.loose_m, rules.loose_rad]) ** 2
         found = match(
             scan,
@@ -61,15 +106,16 @@ class ScanOdometry:
             config=self._match,
         )
         if found.fitting < least or found.share_of_near < self._config.tracking.located_share:
-            return
+            return False
         # With z the motion by the scan alone: (prior + information) · (found − expected)
         # = information · (z − expected); the floor is then added to the covariance of z.
         known = rules.point_weight * found.information
         pull = (np.linalg.inv(loose) + known) @ difference(found.pose, expected)
         weakened = np.linalg.inv(np.eye(3) + known @ rules.floor)
         information = weakened @ known
-        own.fuse_motion(
+        return own.fuse_motion(
             np.asarray(weakened @ pull, dtype=np.float64),
             np.asarray((information + information.T) / 2, dtype=np.float64),
             gate=rules.gate_sigmas**2,
+            only_judge=not fuse,
         )

@@ -29,3 +29,11 @@ def test_a_correction_of_the_place_is_told_once_with_its_source_and_length(
     (told,) = events.after(dataclasses.replace(tick, place=corrected))
     assert told.startswith(begins) and told.endswith("by 1.10 m.")
     assert events.after(tick) == []
+
+
+def test_a_push_is_told_once_with_its_length() -> None:
+    events, tick = PlaceEvents(), decision(EMPTY)
+    pushed = dataclasses.replace(tick, place=LocalisationEstimate(pushed_m=0.204))
+    (told,) = events.after(pushed)
+    assert told.startswith("The robot was pushed") and told.endswith("by 0.20 m.")
+    assert events.after(tick) == []

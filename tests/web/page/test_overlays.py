@@ -23,6 +23,7 @@ OPENED_BY = {
     "zone-files": "zone-files",
     "beware-versions": "beware-versions-button",
     "beware-files": "beware-files-button",
+    "beware-ready-made": "beware-ready-made",
     "layers-map": "map-layers-menu",
     "help": "help-button",
     "admin": "admin-button",

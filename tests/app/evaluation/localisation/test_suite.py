@@ -47,7 +47,7 @@ def test_every_part_is_measured_and_kept(
     assert set(PARTS) <= set(told)
     assert json.loads((tmp_path / "room" / "summary.json").read_text()) == told
     said = capsys.readouterr().err
-    assert "turn 2 of 2 is recorded" in said and "16 of 16 parts are measured: days" in said
+    assert "turn 2 of 2 is recorded" in said and "17 of 17 parts are measured: days" in said
     drives = {path.stem for path in (tmp_path / "drives").iterdir()}
     assert {"room-5", "office-5"} < drives and len(drives) == 5
 

@@ -10,12 +10,14 @@ import pytest
 
 from app.evaluation.localisation.carried_away import carried_away
 from app.evaluation.localisation.drives import Drive
+from app.evaluation.localisation.pushed import pushed
 from app.evaluation.localisation.recording import Recording, mirrored
 from app.evaluation.localisation.replay import keyframes_of
 from app.evaluation.localisation.trials import SavedMap, started_in
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.localisation.scans.scan import Keyframe
+from navcore.localisation.tracking.push_search import PushSearch
 from navcore.mapping.points.pose_ids import PoseIds
 from sim.robot.odometry_grade import OdometryGrade
 from tests.navcore.localisation.plan_worlds import office, tour
@@ -71,3 +73,21 @@ def test_a_robot_that_is_carried_through_its_saved_map_notices_and_one_that_is_n
     assert found["carried"] >= 3
     assert found["noticed"] + found["right_again"] >= found["carried"] - 1
     assert found["false_alarms"] == 0 and found["not_carried"] == 2
+
+
+@pytest.mark.long
+def test_pushes_in_a_new_map_are_counted_and_without_the_search_all_of_them_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run, _, _ = toured()
+    found = pushed(run, NavigatorConfig(), 4)
+    assert found["pushes"] == found["not_pushed"] == 4 and found["false"] == 0
+    assert sum(found["told"]) >= 4
+    monkeypatch.setattr(PushSearch, "find", lambda *_: None)
+    control = pushed(run, NavigatorConfig(), 4)
+    assert control["told"] == [0, 0, 0]
+    for left_m, control_m, length_m in zip(
+        found["left_m"], control["left_m"], found["lengths_m"], strict=True
+    ):
+        assert control_m == pytest.approx(length_m, rel=0.5)
+        assert left_m <= control_m

@@ -1,0 +1,143 @@
+"""A robot that is pushed in a new map: the scans of before and after tell it, and by how much."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from navcore.geometry.transform import IDENTITY, Pose2, difference, wrap_angle
+from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.graph.edges import Edge
+from navcore.localisation.tracking.localiser import Localiser
+from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep, in_axes_of
+from navcore.localisation.tracking.pose_filter import PoseFilter
+from navcore.localisation.tracking.push_search import PushSearch
+from navcore.mapping.points.pose_ids import PoseIds
+from tests.navcore.localisation.plan_worlds import PlanWorld
+from tests.navcore.localisation.tracking.test_localiser import Trip
+
+AT = 30
+"""Frame before which the robot is pushed."""
+STANDS = [IDENTITY] * 60
+DRIVES = [Pose2(x_m=0.08 * k, y_m=0.0, yaw_rad=0.0) for k in range(60)]
+PUSHES = [
+    Pose2(x_m=0.15, y_m=0.1, yaw_rad=0.05),
+    Pose2(x_m=-0.3, y_m=0.2, yaw_rad=-0.1),
+    Pose2(x_m=0.0, y_m=-0.4, yaw_rad=0.0),
+]
+
+
+def room() -> PlanWorld:
+    """A furnished corridor, 4 m wide, that widens into niches."""
+    world = PlanWorld()
+    world.wall((-2.0, -2.0), (9.0, -2.0))
+    world.wall((-2.0, 2.0), (9.0, 2.0))
+    world.wall((9.0, -2.0), (9.0, 2.0))
+    for x in range(0, 9, 2):
+        world.box(x, 1.3, x + 0.6, 2.0)
+        world.box(x + 1.0, -2.0, x + 1.5, -1.2)
+    return world
+
+
+def followed(
+    odometry: Sequence[Pose2], push: Pose2, world: PlanWorld | None = None
+) -> tuple[list[LocalisationEstimate], list[Pose2]]:
+    """Estimates and true poses of a robot that three frames push, which odometry does not tell."""
+    part = Pose2(x_m=push.x_m / 3, y_m=push.y_m / 3, yaw_rad=push.yaw_rad / 3)
+    true = [odometry[0]]
+    for k, (before, after) in enumerate(itertools.pairwise(odometry), start=1):
+        step = before.inverse() @ after
+        true.append(true[-1] @ (part @ step if AT <= k < AT + 3 else step))
+    trip = Trip(Localiser(PoseIds(0.25, 10.0)))
+    return [e for e, _ in trip.go(true, odometry, world or room())], true
+
+
+def error_m(estimate: LocalisationEstimate, true: Pose2) -> float:
+    """Distance of the estimate from the truth in metres."""
+    return estimate.T_map_base.distance_to(true.x_m, true.y_m)
+
+
+@pytest.mark.parametrize("odometry", [STANDS, DRIVES], ids=["standing", "driving"])
+@pytest.mark.parametrize("push", PUSHES)
+def test_a_robot_that_is_pushed_knows_by_how_much_within_a_second(
+    odometry: list[Pose2], push: Pose2
+) -> None:
+    estimates, true = followed(odometry, push)
+    told = [k for k, estimate in enumerate(estimates) if estimate.pushed_m > 0.0]
+    assert told and AT <= told[0] <= AT + 8
+    assert sum(estimates[k].pushed_m for k in told) == pytest.approx(
+        math.hypot(push.x_m, push.y_m), abs=0.06
+    )
+    if odometry is STANDS:  # a robot that drives stands for a correction, which waits until then
+        for estimate, there in zip(estimates[AT + 10 :], true[AT + 10 :], strict=True):
+            assert error_m(estimate, there) < 0.05
+            turn = wrap_angle(estimate.T_map_base.yaw_rad - there.yaw_rad)
+            assert abs(turn) < math.radians(1.0)
+
+
+@pytest.mark.parametrize("odometry", [STANDS, DRIVES], ids=["standing", "driving"])
+def test_a_robot_that_is_not_pushed_is_told_of_none(odometry: list[Pose2]) -> None:
+    estimates, _ = followed(odometry, IDENTITY)
+    assert not any(estimate.pushed_m for estimate in estimates)
+
+
+def test_without_the_search_a_pushed_robot_would_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(PushSearch, "find", lambda *_: None)
+    estimates, true = followed(STANDS, PUSHES[1])
+    assert error_m(estimates[-1], true[-1]) > 0.25
+
+
+def test_along_a_bare_wall_no_push_is_made_up_and_across_it_is_told() -> None:
+    world = PlanWorld()
+    world.wall((-40.0, 2.0), (40.0, 2.0))
+    facing = [Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi / 2)] * 60
+    for push in (Pose2(x_m=0.0, y_m=0.3, yaw_rad=0.0), Pose2(x_m=0.3, y_m=0.0, yaw_rad=0.0)):
+        estimates, true = followed(facing, push, world)
+        error = estimates[-1].T_map_base.inverse() @ true[-1]
+        told = any(estimate.pushed_m for estimate in estimates)
+        assert told == (push.x_m > 0.0)
+        assert abs(error.x_m) < 0.03  # the camera looks across the wall
+        if told:  # along it the push may have been as large as any
+            assert math.sqrt(estimates[-1].covariance[0, 0]) > 0.1
+
+
+def test_filter_and_edge_go_on_by_the_push() -> None:
+    push = Pose2(x_m=0.2, y_m=-0.1, yaw_rad=0.3)
+    spread = np.diag([0.02, 0.03, 0.01]) ** 2
+    start = Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.7)
+    own, motion = PoseFilter(start), OdometryMotion(start)
+    for each in (own, motion):
+        each.push(push, spread)
+    there = start @ push
+    np.testing.assert_allclose(difference(own.pose, there), 0.0, atol=1e-12)
+    expected = in_axes_of(there, spread)
+    for covariance in (own.covariance, own.covariance_by_motion, own.covariance_within):
+        np.testing.assert_allclose(covariance, expected, atol=1e-6)
+    np.testing.assert_allclose(own.motion_covariance, 0.0, atol=1e-6)  # the reference is here
+    measured, noise, _ = motion.to(IDENTITY)
+    np.testing.assert_allclose(difference(measured, there), 0.0, atol=1e-12)
+    np.testing.assert_allclose(noise, spread, atol=1e-6)
+
+
+def test_an_earlier_error_of_heading_swings_the_push() -> None:
+    own = PoseFilter(IDENTITY)
+    own.place(IDENTITY, np.diag([0.0, 0.0, 0.1]) ** 2)
+    own.push(Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0), np.zeros((3, 3)))
+    assert math.sqrt(own.covariance[1, 1]) == pytest.approx(0.05, rel=1e-2)
+    own.predict(OdometryStep(along_m=0.1, aside_m=0.0, turn_rad=0.0, duration_s=0.1))
+    assert own.pose.x_m == pytest.approx(0.6, abs=1e-6)
+
+
+def test_a_push_is_part_of_the_edge_between_keyframes() -> None:
+    trip = Trip(Localiser(PoseIds(0.25, 10.0)))
+    stops = [*DRIVES[:AT], *[DRIVES[AT]] * 10, *DRIVES[AT:]]
+    true = [*stops[: AT + 1], *(Pose2(x_m=p.x_m, y_m=0.3, yaw_rad=0.0) for p in stops[AT + 1 :])]
+    edges: list[Edge] = []
+    for _ in trip.go(true, stops, room()):
+        edges += trip.localiser.take_edges()
+    assert len(edges) > 10
+    assert sum(edge.T_from_to.y_m for edge in edges) == pytest.approx(0.3, abs=0.05)
