@@ -29,6 +29,8 @@ from navcore.localisation.scans.matching import lines_blocked_share, search
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.near_look import has_near_look
+from navcore.mapping.points.point_table import POINT
 from navcore.mapping.views.extent import measured_bounds
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
 from navcore.mission.order import NavigationRequest
@@ -162,6 +164,8 @@ def _manoeuvre() -> None:
 def _look_closely(frame: Frame, decision: TickResult) -> None:
     """Call what a drive towards a wall seldom or never reaches in a frame."""
     measured_bounds(frame.depth_m, frame.T_map_camera, frame.intrinsics.pinhole, 5.0)
+    rules = _CONFIG.map
+    has_near_look(np.zeros(1, dtype=POINT), frame, rules.clearing, rules.fading.rules)
     # On rising ground, and then without it.
     contacts = RecentObstacles().after(_image(stamp_ns=0, x_m=-WALL_M, floor_z_m=0.04))
     contacts = contacts.after(frame).after(frame)

@@ -43,7 +43,7 @@ from navcore.mapping.points.clearing import find_outdated
 from navcore.mapping.points.coloured import PastView, is_taken
 from navcore.mapping.points.confidence import initial_confidence, update_confidence
 from navcore.mapping.points.erasing import Erased, ErasedArea, put_back, take
-from navcore.mapping.points.fading import faded, left_alone
+from navcore.mapping.points.fading import faded, left_alone, line_limits
 from navcore.mapping.points.placing import base_points, place, pose_rows
 from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_queries import points_in, points_in_box, redundant_points
@@ -89,6 +89,7 @@ class PointMap:
         self._has_beware = False  # whether any point may be of the beware list
         self._over_budget = False
         self._patterns: Mapping[int, ColourRule] = {}  # rules with a pattern, by class id
+        self._lines = line_limits(BewareList(classes=()))
         self._snapshot = 0  # number of the newest snapshot
         self._erased_areas: tuple[ErasedArea, ...] = ()
         self.erasures = 0
@@ -477,8 +478,9 @@ class PointMap:
 
     def use(self, beware: BewareList) -> None:
         """Count only points with the confidence that the list asks for, past ones included, and let
-        its patterns fade as wholes."""
+        its patterns fade as wholes and its lines by their brightness."""
         self.layers.use(beware, self._points)
+        self._lines = line_limits(beware)
         self._patterns = {
             entry.class_id: entry.colour
             for entry in beware.classes
@@ -535,6 +537,7 @@ class PointMap:
             held,
             frame,
             labels,
+            self._lines,
             self._rules.fading,
             self._rules.clearing,
         )

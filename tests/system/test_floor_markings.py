@@ -154,3 +154,39 @@ def test_red_floor_takes_the_red_of_red_white_tape_and_not_its_white() -> None:
         assert 0 < len(cells(frame, red)) < len(cells(frame, tape))
         colours = frame.rgb[ColourSegmenter().segment(frame, red).mask(red)].astype(np.int64)
         assert (colours[:, 0] > 2 * colours[:, 1]).all()
+
+
+def rounds(world: Scenario) -> list[Frame]:
+    """Return what the camera sees on two ways along and across the origin of a world."""
+    ways = [(-0.9 - 0.15 * k, 0.25 * np.sin(k), 0.2 * np.cos(2 * k)) for k in range(12)]
+    ways += [
+        (0.25 * np.sin(k), -0.9 - 0.15 * k, np.pi / 2 + 0.2 * np.cos(2 * k)) for k in range(12)
+    ]
+    frames = []
+    with Simulator(world, seed=5, camera_rate_hz=0.001, camera_size=(424, 240),
+                   start=Pose2(x_m=-5.0, y_m=0.0, yaw_rad=0.0)) as simulator:  # fmt: skip
+        for x_m, y_m, yaw_rad in ways:
+            ahead = Pose2(x_m=simulator.profile.camera.T_base_camera[0, 3], y_m=0.0, yaw_rad=0.0)
+            simulator.teleport(Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad) @ ahead.inverse())
+            frames.append(dataclasses.replace(simulator.capture(), pose=simulator.true_pose()))
+    return frames
+
+
+@pytest.mark.parametrize("lighting", [Lighting(), LAMPS], ids=["even light", "lamps"])
+def test_a_white_line_stays_as_long_as_it_is_there_and_fades_when_it_is_gone(
+    lighting: Lighting,
+) -> None:
+    line = Marking(name="line", polygon=TAPE, pattern="white-line")
+    on = OFF.edited("white line", enabled=True)
+    floor = dataclasses.replace(open_floor(), floor_colour=DARK, lighting=lighting)
+    painted_floor = dataclasses.replace(floor, markings=(line,))
+    cloud, held = PointMap(SPEC, MappingConfig()), []
+    cloud.use(on)
+    for world, times in ((painted_floor, 3), (floor, 2)):
+        for frame in rounds(world) * times:
+            labels = ColourSegmenter().segment(frame, on)
+            cloud.insert(observe(frame, labels, on, SPEC, ObservationConfig()), frame, labels)
+            held.append(len(beware_cells(layer_grid(cloud, on, ()))))
+    there = held[24:72]
+    assert min(there) >= 0.9 * max(there) > 20
+    assert held[-1] < 0.1 * max(there)

@@ -10,8 +10,8 @@ import numpy as np
 
 from navcore.config.mapping import ClearingRules, FadingRules
 from navcore.geometry.arrays import Bools
-from navcore.geometry.transform import invert, transform_points
 from navcore.mapping.points.erasing import voxels
+from navcore.mapping.points.near_look import has_near_look
 from navcore.mapping.points.point_links import Records
 from navcore.mission.beware_list import ColourRule
 from navcore.perception.colour_segmenter import matches_colour
@@ -53,24 +53,7 @@ def is_taken(
     if rule.pattern is not None or rule.line is not None:
         unsure = np.flatnonzero(taken & ~np.isin(voxels(points), voxels(past.points)))
         for frame in past.frames:
-            seen = _is_near_look(points[unsure], frame, clearing, fading)
+            seen = has_near_look(points[unsure], frame, clearing, fading)
             taken[unsure[seen]] = False
             unsure = unsure[~seen]
     return np.asarray(taken)
-
-
-def _is_near_look(
-    points: Records, frame: Frame, clearing: ClearingRules, fading: FadingRules
-) -> Bools:
-    """Return (N,) whether a frame has a near look at points: measures them where they are."""
-    lens, shape = frame.intrinsics, frame.depth_m.shape
-    at = np.column_stack([points["x"], points["y"], points["z"]]).astype(np.float64)
-    x, y, depth = transform_points(invert(frame.T_map_camera), at).T
-    near = (depth >= clearing.nearest_m) & (depth <= fading.near_m)
-    z = np.where(near, depth, 1.0)
-    i = np.rint(y / z * lens.fy + lens.cy).astype(np.int64)
-    j = np.rint(x / z * lens.fx + lens.cx).astype(np.int64)
-    near &= (i >= 0) & (i < shape[0]) & (j >= 0) & (j < shape[1])
-    measured = frame.depth_m[np.where(near, i, 0), np.where(near, j, 0)]
-    tolerance = fading.tolerance_m + clearing.per_m2 * depth**2
-    return np.asarray(near & (measured > 0) & (np.abs(measured - depth) <= tolerance))

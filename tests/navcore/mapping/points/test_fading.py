@@ -189,6 +189,71 @@ class TestPatterns:
         assert self.look(point_map, name, *tape((-0.6, 0.6))) == cells
 
 
+WHITE = (225, 225, 220)
+LINES = [
+    [Paint(x=(1.4, 1.5), y=(-1.5, 1.5), colour=WHITE)],
+    [Paint(x=(0.6, 2.6), y=(-0.05, 0.05), colour=WHITE)],
+]
+
+
+class TestLines:
+    """A white line has the colour of a grey floor in brighter light."""
+
+    beware = BewareList(classes=(dataclasses.replace(SHIPPED.named("white line"), enabled=True),))
+
+    def look(self, point_map: PointMap, frame: Frame, labels: Labels | None = None) -> int:
+        """Return the number of cells of the line after one more image."""
+        self.insert(point_map, frame, labels or ColourSegmenter().segment(frame, self.beware))
+        (entry,) = self.beware.classes
+        return int(layer_grid(point_map, self.beware, ()).beware[entry.class_id].sum())
+
+    def insert(self, point_map: PointMap, frame: Frame, labels: Labels) -> None:
+        """Give the map one more image."""
+        seen = observe(frame, labels, self.beware, SPEC, ObservationConfig())
+        point_map.insert(seen, frame, labels)
+
+    def new_map(self) -> PointMap:
+        """Return a map that knows the list."""
+        point_map = PointMap(SPEC, MappingConfig())
+        point_map.use(self.beware)
+        return point_map
+
+    @pytest.mark.parametrize("paint", LINES, ids=["across", "along"])
+    def test_a_line_that_is_gone_fades_where_the_floor_around_is_in_view(
+        self, paint: list[Paint]
+    ) -> None:
+        point_map = self.new_map()
+        cells = self.look(point_map, picture(*paint))
+        assert cells > 20
+        left = [self.look(point_map, NOTHING_THERE) for _ in range(FIRST)]
+        assert left[-2] == cells and left[-1] < 0.4 * cells
+        for k in range(4 * FIRST):  # from elsewhere the rest is in the middle of the image
+            pose = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.5 * (-1) ** k)
+            left.append(self.look(point_map, picture(pose=pose)))
+        assert left[-1] < 0.2 * cells
+
+    @pytest.mark.parametrize("paint", LINES, ids=["across", "along"])
+    @pytest.mark.parametrize("share", [1.0, 0.6, 0.3])
+    def test_a_line_that_is_there_stays_when_its_label_is_lost(
+        self, share: float, paint: list[Paint]
+    ) -> None:
+        point_map = self.new_map()
+        cells = self.look(point_map, picture(*paint))
+        shaded = picture(*paint)
+        shaded = dataclasses.replace(shaded, rgb=(share * shaded.rgb).astype(np.uint8))
+        for _ in range(2 * MOST):
+            left = self.look(point_map, shaded, unlabelled(shaded))
+        assert left > 0.9 * cells
+
+    def test_of_a_class_that_is_switched_off_nothing_fades(self) -> None:
+        point_map = self.new_map()
+        cells = self.look(point_map, picture(*LINES[0]))
+        point_map.use(self.beware.edited("white line", enabled=False))
+        for _ in range(2 * MOST):
+            self.insert(point_map, NOTHING_THERE, unlabelled(NOTHING_THERE))
+        assert self.look(point_map, NOTHING_THERE, unlabelled(NOTHING_THERE)) == cells
+
+
 def test_the_evidence_is_kept_with_the_map_and_a_point_is_as_large_as_before(
     tmp_path: Path,
 ) -> None:
