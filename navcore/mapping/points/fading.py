@@ -132,6 +132,7 @@ def _faded(
     clearing: ClearingRules,
     fading: FadingRules,
 ) -> Indices:
+    height, width = depth_m.shape
     camera_z_m = -(t[0, 2] * t[0, 3] + t[1, 2] * t[1, 3] + t[2, 2] * t[2, 3])
     forget = [np.int64(0) for _ in range(0)]
     for index in held:
@@ -139,7 +140,7 @@ def _faded(
         if point.class_id == NOTHING or point.confidence < 1 or point.z >= clearing.flat_m:
             continue
         i, j, depth = near_pixel(point, depth_m, t, lens, clearing, fading)
-        if i < 0:
+        if i < 1 or i > height - 2 or j < 1 or j > width - 2:
             continue
         looks = min(int(point.looks), fading.most)
         if _is_shown(class_ids, i, j, point.class_id):

@@ -24,12 +24,11 @@ def near_pixel(
     clearing: ClearingRules,
     fading: FadingRules,
 ) -> tuple[int, int, float]:
-    """Return row, column and depth in metres of a point at which an image, with all pixels beside
-    it, has a near look; row and column are −1 where it has none: the point is far, out of view or
-    covered."""
+    """Return row, column and depth in metres of a point at which an image has a near look; row and
+    column are −1 where it has none: the point is far, out of view or covered."""
     height, width = depth_m.shape
     i, j, depth = pixel_of(point, T_camera_map, lens, clearing.nearest_m)
-    if depth > fading.near_m or i < 1 or i > height - 2 or j < 1 or j > width - 2:
+    if depth > fading.near_m or i < 0 or i >= height or j < 0 or j >= width:
         return -1, -1, depth
     tolerance = fading.tolerance_m + clearing.per_m2 * depth * depth
     if depth_m[i, j] <= 0 or abs(depth_m[i, j] - depth) > tolerance:
