@@ -70,7 +70,9 @@ class PushSearch:
             return None
 
         def tells(one: Match) -> bool:
-            return one.share >= rules.pushed_share and one.cost <= most
+            moved = difference(one.pose, expected)
+            is_near = math.hypot(moved[0], moved[1]) <= _WINDOW[0] and abs(moved[2]) <= _WINDOW[1]
+            return is_near and one.share >= rules.pushed_share and one.cost <= most
 
         coarse = search(scan, reference, expected, window=_WINDOW, config=self._match).pose
         found = [
