@@ -21,8 +21,8 @@ from navcore.localisation.tracking.pose_filter import PoseFilter
 _PUSHED = np.diag([0.3, 0.3, math.radians(8.0)]) ** 2
 """Covariance of the motion of a robot that is pushed."""
 _WINDOW = (0.6, math.radians(12.0))
-"""Half the edge in metres and half the range of headings of the window that is searched for it."""
-
+"""Half the edge in metres and half the range of headings of the window that is searched for it; a
+motion beyond it is none."""
 _TOLD_M = 0.15
 """Standard deviation in metres up to which a push is told."""
 _LEAST_SIZE_M = 2.0
