@@ -32,7 +32,7 @@ PUSHES = [
 
 
 def room() -> PlanWorld:
-    """A furnished corridor, 4 m wide, that widens into niches."""
+    """A corridor, 4 m wide, with furniture along both walls."""
     world = PlanWorld()
     world.wall((-2.0, -2.0), (9.0, -2.0))
     world.wall((-2.0, 2.0), (9.0, 2.0))
