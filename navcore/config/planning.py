@@ -66,6 +66,9 @@ class PlanningConfig:
     """Cost of a metre of path over floor that was not seen yet, in metres of seen floor. 1 is the
     paper's rule, unknown is free, and plans by jump-point search; above 1 an exact weighted A*
     plans, which takes longer on large maps."""
+    goal_tolerance_m: float = ranged(0.0, 0.3, default=0.15)
+    """Distance in metres from a goal within which the path may end where the goal itself is too
+    close to something. The robot has arrived there."""
     elastic_band: ElasticBandConfig = field(default_factory=ElasticBandConfig)
     """Smoothing of the path."""
     viewpoint: GapViewpointConfig = field(default_factory=GapViewpointConfig)

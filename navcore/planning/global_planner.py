@@ -97,6 +97,7 @@ class GlobalPlanner:
     ) -> Route:
         """Plan from a pose to a goal (x, y), map frame, on the live free space.
 
+        A goal that is too close to something ends the path beside it, within the tolerance.
         Without a path the route leads to a viewpoint before the gap that is most likely to be
         open, or next to a goal that was reachable before; its outcome still says why no path
         exists.
@@ -104,7 +105,8 @@ class GlobalPlanner:
         start = self._start(costmap, pose)
         if start is None:
             return no_route(Reason.START_BLOCKED)
-        outcome = self._search(costmap, start, costmap.spec.cell(*goal))
+        end, point = self._end(costmap, goal)
+        outcome = self._search(costmap, start, end)
         alternative, lacking = None, self.lacking
         if isinstance(outcome, Path):
             self._gap = None
@@ -117,7 +119,7 @@ class GlobalPlanner:
         ):
             alternative = self._to_goal_neighbour(costmap, start, goal)
         self.lacking = lacking
-        return alternative or self._built(outcome, goal, costmap.spec)
+        return alternative or self._built(outcome, point, costmap.spec)
 
     def preview(
         self,
@@ -135,15 +137,15 @@ class GlobalPlanner:
         if start is None:
             return no_route(Reason.START_BLOCKED)
         space, budget = FreeSpace.of(costmap.blocked), self._config.plan_budget
-        ends = start, costmap.spec.cell(*goal)
-        price = self._price_of(unknown_price)
+        end, point = self._end(costmap, goal)
+        ends, price = (start, end), self._price_of(unknown_price)
         if price > 1:
             unseen, free = self._explored.unseen_on(costmap.spec), ~costmap.blocked
             outcome = plan_weighted(free, unseen, price, *ends, max_expansions=budget)
         else:
             outcome = plan_in(space, SearchWorkspace(space), *ends, max_expansions=budget)
         return build_route(
-            outcome, goal, space.across[FREE], costmap.spec, self._profile, self._config
+            outcome, point, space.across[FREE], costmap.spec, self._profile, self._config
         )
 
     def escape(self, costmap: Costmap, pose: Pose2, zones: tuple[Zone, ...]) -> Route:
@@ -248,6 +250,16 @@ class GlobalPlanner:
         spec = costmap.spec
         relief = self._config.start_relief_m / spec.resolution_m
         return nearest_free(costmap.free, spec.cell(pose.x_m, pose.y_m), relief)
+
+    def _end(self, costmap: Costmap, goal: tuple[float, float]) -> tuple[Cell, tuple[float, float]]:
+        """The cell and the point where a path to the goal ends: the goal's own, or where that is
+        blocked those of the nearest free cell within the tolerance. A goal in a zone or an obstacle
+        stays blocked: no free cell is that near to it, since the robot is wider."""
+        spec = costmap.spec
+        own = spec.cell(*goal)
+        within = self._config.planning.goal_tolerance_m / spec.resolution_m
+        end = nearest_free(costmap.free, own, within)
+        return (own, goal) if end is None or end == own else (end, spec.centre(*end))
 
     def _built(self, outcome: Path | NoPath, goal: tuple[float, float], spec: GridSpec) -> Route:
         free = self._space.across[FREE]

@@ -1,4 +1,5 @@
-"""The global planner goes round what was not seen only where unseen floor has a price."""
+"""The global planner goes round what was not seen only where unseen floor has a price, and ends a
+path beside a goal that is a little too close to something."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.planning.global_planner import GlobalPlanner
-from navcore.planning.path import Path
+from navcore.planning.path import NoPath, Path, Reason
 from navcore.robot.profile import HUSKY
 from navcore.toml_config import from_table
 
@@ -70,3 +71,35 @@ def test_a_price_that_is_asked_for_takes_the_place_of_the_configured_one() -> No
 def test_a_price_below_one_is_refused() -> None:
     with pytest.raises(BadConfiguration, match="unknown_price"):
         from_table(NavigatorConfig, {"planning": {"unknown_price": 0.5}}, "test")
+
+
+@pytest.mark.parametrize(("blocked_m", "is_reached"), [(0.1, True), (0.4, False)])
+def test_a_path_may_end_beside_a_goal_that_is_a_little_too_close_to_something(
+    blocked_m: float, is_reached: bool
+) -> None:
+    """A column of the map is blocked from the goal on, and as far before it as `blocked_m`."""
+    blocked = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    _, col = SPEC.cell(*GOAL)
+    blocked[:, col - round(blocked_m / SPEC.resolution_m) + 1 :] = True
+    planner = GlobalPlanner(
+        FreeSpace.of(blocked),
+        VisibilityMap(SPEC, MappingConfig().raycast, PoseIds(0.5, 20.0)),
+        HUSKY,
+        NavigatorConfig(),
+    )
+    grid = OccupancyGrid(spec=SPEC, geometric=blocked, beware={}, zones=np.zeros_like(blocked))
+    costmap = Costmap.of(grid, blocked, version=1)
+    request = NavigationRequest(goal=GOAL, beware=BewareList(classes=()), zones=())
+    routes = (
+        planner.route(costmap, POSE, request, (), GlobalPlanner.plan),
+        planner.preview(costmap, POSE, GOAL),
+    )
+    for route in routes:
+        assert route is not None
+        if is_reached:
+            assert isinstance(route.outcome, Path)
+            end = route.track[-1]
+            assert not blocked[SPEC.cell(*end)]
+            assert np.hypot(*(end - GOAL)) <= NavigatorConfig().planning.goal_tolerance_m
+        else:
+            assert route.outcome == NoPath(reason=Reason.GOAL_BLOCKED)
