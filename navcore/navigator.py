@@ -29,6 +29,7 @@ from navcore.localisation.map_correction import (
     MapCorrection,
     PrepareCorrection,
 )
+from navcore.localisation.map_trial import MapTrial
 from navcore.localisation.scans.keyframe_store import restored, stored
 from navcore.localisation.zone_margins import ZoneMargins
 from navcore.mapping.correction import PreparedCorrection
@@ -77,6 +78,9 @@ class TickResult:
     lanes of people."""
     in_growth: bool = False
     """Whether the robot drives out of the growth of a zone before it goes on to the goal."""
+    taken_back: bool = False
+    """Whether what was seen from a wrong place was taken back from the saved map before this
+    frame."""
 
 
 def _segment(segmenter: Segmenter, frame: Frame, beware: BewareList) -> Labels:
@@ -164,6 +168,7 @@ class Navigator:
             keep_out=DEFAULT_SAFETY.keep_out, odometry=config.localisation.odometry
         )
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
+        self._trial, self._taken_back = MapTrial(self.map, self.localisation), False
         self._costmap = LiveCostmap(
             self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m
         )
@@ -202,6 +207,9 @@ class Navigator:
         people = stages.track(self._tracker, frame, labels, beware, ground_m)
         correction = self._correction.apply(self.place.T_map_base, frame.twist)
         self.place = place = stages.localise(self.localisation, frame, labels, people, ground_m)
+        if self._trial.follow(place):
+            self._plan_anew()
+            self._taken_back = True
         frame = frame.placed(place.T_map_odom)
         people = tuple(person.placed(place.T_map_odom) for person in people)
         before, self.behaviour = self.behaviour, self.behaviour.towards(request)
@@ -252,10 +260,12 @@ class Navigator:
             profile=self._profile,
             config=self._config,
         )
+        taken_back, self._taken_back = self._taken_back, False
         return TickResult(
             frame=frame,
             place=place,
             correction=correction,
+            taken_back=taken_back,
             labels=labels,
             occupancy=costmap,
             grown_cells=grown_cells,
@@ -323,6 +333,12 @@ class Navigator:
         """Whether the robot has to stand for a correction of its place on the map."""
         return self._correction.waits_for_standstill
 
+    @property
+    def map_is_on_trial(self) -> bool:
+        """Whether what is put on the saved map now may be taken back, since the place may be
+        wrong."""
+        return self._trial.is_open
+
     def take(self, outcome: Outcome | PreparedCorrection) -> None:
         """Receive the outcome of a task before the next tick."""
         self._correction.take(outcome)
@@ -334,11 +350,7 @@ class Navigator:
         and plan on its grid. `last`: T_map_base at the end of the session before, which is tried
         where the scans contradict odometry's pose. `kept`: the estimate in this map when another
         one was loaded, if the robot has hardly moved since."""
-        self._costmap.restart()
-        self._cell_margins.forget()
-        self._planner = GlobalPlanner(
-            self._costmap.space, self.map.explored, self._profile, self._config
-        )
+        self._plan_anew()
         if self.localisation.scan is not None:
             # The present estimate is of another map; of this one the next frame tells.
             self.place = kept or LocalisationEstimate(state=LocalisationState.CHECKING)
@@ -346,9 +358,22 @@ class Navigator:
         self.localisation.load(keyframes, last, kept=kept)
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.zone_margins = self._zone_margins(frozen=len(self.map.poses) > 0)
+        self._trial.begin()
+
+    def _plan_anew(self) -> None:
+        """Plan on a map that was replaced, and on its grid."""
+        self._costmap.restart()
+        self._cell_margins.forget()
+        self._planner = GlobalPlanner(
+            self._costmap.space, self.map.explored, self._profile, self._config
+        )
 
     def place_robot(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
-        """Set the pose of the robot at a frame, which is odometry's, with its (3, 3) covariance."""
+        """Set the pose of the robot at a frame, which is odometry's, with its (3, 3) covariance.
+        What it saw from a place that was on trial is taken back."""
+        if self._trial.take_back():
+            self._plan_anew()
+            self._taken_back = True
         self.localisation.place(T_map_base, covariance, frame)
         self.reset_pose()
 

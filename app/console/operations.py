@@ -261,15 +261,19 @@ class LiveOperations:
         """Called by the think thread after each tick."""
         self._recorder.note_decision(decision)
         self.insight.note_decision(decision)
-        point_map = self._controller.navigator.map
-        pose_ids = point_map.pose_ids
+        navigator = self._controller.navigator
+        point_map, pose_ids = navigator.map, navigator.map.pose_ids
+        if decision.taken_back:
+            self._recent.forget()
         if decision.place.is_known and (at := pose_ids.known(decision.frame.pose)) is not None:
             self._recent.note(decision.frame, at, pose_ids[at], point_map.erasures)
             self.teaching.note(decision.frame)
         self.insight.note_place(self._anchored.note_tick(decision.correction, pose_ids))
         request = self._controller.tick_state.request
         names = {} if request is None else request.beware.names
-        self.keeper.note_tick(point_map, names, decision.frame.stamp_ns)
+        self.keeper.note_tick(
+            point_map, names, decision.frame.stamp_ns, on_trial=navigator.map_is_on_trial
+        )
 
     # Snapshots
 

@@ -58,6 +58,8 @@ class PlaceEvents:
                 f"The robot was pushed, or its wheels have slipped: its place is corrected by "
                 f"{place.pushed_m:.2f} m."
             )
+        if decision.taken_back:
+            told.append("What was seen from a wrong place is taken back from the map.")
         urgent = not place.is_known
         settled = decision.frame.stamp_ns - place.since_ns >= SETTLED_NS
         if place.state is not self._told and (urgent or settled):

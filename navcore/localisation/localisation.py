@@ -107,7 +107,7 @@ class Localisation:
             self._prove(by_search=True)
         elif self.tracker.place_correction is not None:  # by scans: rooms are alike
             self._prove()
-        is_believed = self._probation is None and self._start is None
+        is_believed = not self.is_on_trial
         estimate = self._confirmed(self._fixed(frame, estimate), frame)
         was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
         self._T_map_odom = estimate.T_map_odom
@@ -130,7 +130,13 @@ class Localisation:
     def _is_searching(self) -> bool:
         """Whether the place is looked for in the whole map: that of a lost robot, or, beside the
         one at which it started, whatever speaks against that."""
-        return self._is_lost or self._start is not None or self._probation is not None
+        return self._is_lost or self.is_on_trial
+
+    @property
+    def is_on_trial(self) -> bool:
+        """Whether the place in a saved map is not believed for good: that of a start, or one that a
+        search has found."""
+        return self._start is not None or self._probation is not None
 
     def _searched(self, estimate: LocalisationEstimate, frame: Frame) -> LocalisationEstimate:
         """Return the estimate of a robot that is looked for in the whole map."""
@@ -327,6 +333,11 @@ class Localisation:
         self.tracker.correct(poses, covariance)
         self._loops.take(closures)
         self.closures = None
+
+    def forget_session(self) -> None:
+        """Forget the keyframes of this session, which were made at a wrong place."""
+        self.tracker.forget_own_map()
+        self._restart_chain()
 
     def _restart_chain(self) -> None:
         self.tracker.take_edges()

@@ -91,7 +91,7 @@ class Probation:
         others = elsewhere(result.everything, given.T_map_base, rules)
         rivals = rivals_of(given, [*others, *result.mirrored], rules)
         is_worse = any(is_clearly_better(one, given, rules) for one in rivals)
-        self._doubts = self._doubts + 1 if is_worse or given.contradiction(rules) else 0
+        self._doubts = self._doubts + 1 if is_worse or given.refutation(rules) else 0
         if self._doubts >= self._config.doubts:
             self._verdict = False
         elif self._driven_m >= self._config.probation_m and not (self._doubts or rivals):

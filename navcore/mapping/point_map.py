@@ -94,6 +94,8 @@ class PointMap:
         self._erased_areas: tuple[ErasedArea, ...] = ()
         self.erasures = 0
         """Number of the newest erasure of points of the beware list."""
+        self.edits = 0
+        """Number of edits by hand."""
         self.scans: Callable[[], StoredScans] = lambda: NO_SCANS
         """Returns the scans that are stored with the map, as what makes them has set it."""
         self.version = 0
@@ -338,6 +340,7 @@ class PointMap:
     def _changed_by_hand(self, cells: Indices, prior: Indices) -> None:
         self.layers.refresh(self._points, cells)
         self.version += 1
+        self.edits += 1
         if len(prior):  # a correction under way would bring back the former prior map
             self._snapshot += 1
 

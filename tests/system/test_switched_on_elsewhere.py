@@ -5,13 +5,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.record.map_persistence import load_map, save_map
 from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.keyframe_store import stored
-from navcore.mission.beware_list import default_beware_list
+from navcore.localisation.start_check import StartCheck
+from navcore.mapping.storage import map_file
+from navcore.mapping.storage.map_state import MapState
+from navcore.mission.beware_list import NOTHING, default_beware_list
+from navcore.navigator import TickResult
 from sim.scenario.load import load_scenario
 
 BEWARE = default_beware_list()
@@ -84,3 +89,87 @@ def test_where_it_stood_at_the_end_of_the_session_before_it_knows_its_place_agai
 
 def test_without_its_scans_the_robot_would_drive_off(kept: tuple[Path, Pose2]) -> None:
     assert driven_m(kept, start=kept[1], knows_scans=False) > 0.5
+
+
+def seen_from_a_wrong_place(path: Path, place: Pose2) -> Episode:
+    """An episode in the kept map whose robot has believed for a second that it stands at the start
+    of the world, and stands elsewhere."""
+    settings = EpisodeSettings(beware=BEWARE, start=place, odometry_origin=OFFICE.start_pose)
+    episode = Episode(OFFICE, settings, seed=3)
+    load_map(episode.controller.navigator.map, BEWARE, prior=None, kept=path)
+    episode.controller.navigator.adopt_map()
+    episode.observe(1.0)
+    return episode
+
+
+def contents(episode: Episode) -> MapState:
+    return episode.controller.navigator.map.state()
+
+
+@pytest.mark.parametrize("ends", ["the operator shows the place", "the place is given up"])
+def test_what_was_seen_from_a_wrong_place_is_taken_back(
+    kept: tuple[Path, Pose2], ends: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, place = kept
+    saved = map_file.load(path).state
+    monkeypatch.setattr(StartCheck, "after", lambda *_, **__: True)  # believes any place at once
+    episode = seen_from_a_wrong_place(path, place)
+    try:
+        navigator = episode.controller.navigator
+        wrong = contents(episode)
+        assert navigator.map_is_on_trial
+        assert not np.array_equal(wrong.points.points_map, saved.points.points_map)
+        told: list[TickResult] = []
+        episode.on_decision = lambda _, decision: told.append(decision)
+        if ends == "the operator shows the place":
+            episode.observe(episode.now_s + 0.2)
+            navigator.place_robot(place, np.diag([0.01, 0.01, 0.001]), told[-1].frame)
+        else:
+            navigator.localisation.search(stamp_ns=0)
+            episode.observe(episode.now_s + 0.5)
+            assert sum(decision.taken_back for decision in told) == 1
+        found = contents(episode)
+        np.testing.assert_array_equal(found.poses, saved.poses)
+        for name in ("points_map", "class_ids", "pose_ids"):
+            np.testing.assert_array_equal(getattr(found.points, name), getattr(saved.points, name))
+        np.testing.assert_array_equal(found.visible.bools, saved.visible.bools)
+        np.testing.assert_array_equal(found.scans.pose_ids, saved.scans.pose_ids)
+    finally:
+        episode.close()
+
+
+def test_a_place_that_proves_right_keeps_what_was_seen_from_it(kept: tuple[Path, Pose2]) -> None:
+    path, _ = kept
+    settings = EpisodeSettings(beware=BEWARE, odometry_origin=OFFICE.start_pose, max_time_s=20.0)
+    episode = Episode(OFFICE, settings, seed=3)
+    try:
+        navigator = episode.controller.navigator
+        load_map(navigator.map, BEWARE, prior=None, kept=path)
+        navigator.adopt_map()
+        assert navigator.map_is_on_trial
+        was_on_trial: list[bool] = []
+        episode.on_decision = lambda *_: was_on_trial.append(navigator.map_is_on_trial)
+        episode.run()
+        assert not navigator.map_is_on_trial
+        assert was_on_trial[0] and was_on_trial.index(False) > 10
+        assert len(navigator.map.poses) > len(map_file.load(path).state.poses)
+    finally:
+        episode.close()
+
+
+def test_an_edit_by_hand_ends_the_trial(
+    kept: tuple[Path, Pose2], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(StartCheck, "after", lambda *_, **__: True)
+    episode = seen_from_a_wrong_place(*kept)
+    try:
+        navigator = episode.controller.navigator
+        navigator.map.erase(np.array([0]), [NOTHING])
+        wrong = contents(episode)
+        navigator.localisation.search(stamp_ns=0)
+        episode.observe(episode.now_s + 0.5)
+        assert not navigator.map_is_on_trial
+        found = contents(episode)
+        np.testing.assert_array_equal(found.points.points_map, wrong.points.points_map)
+    finally:
+        episode.close()

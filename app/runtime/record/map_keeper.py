@@ -45,6 +45,7 @@ class MapKeeper:
         self._waiting: _Snapshot | None = None
         self._copied: tuple[int, float, int] | None = None
         self._looked_ns: int | None = None
+        self._on_trial = False
         self._asked, self._answered = threading.Event(), threading.Event()
         self._writing = threading.Lock()
         self._fails = False
@@ -64,6 +65,7 @@ class MapKeeper:
         """Keep another map in another file from the next snapshot on; called by the thread that
         changes the map."""
         self._path, self._names, self._copied = path, dict(class_names), None
+        self._on_trial = False
 
     def move(self, rename: Callable[[], Path]) -> None:
         """Keep the same map in another file; `rename` moves the file and returns its new path,
@@ -73,11 +75,20 @@ class MapKeeper:
             if self._waiting is not None:
                 self._waiting = dataclasses.replace(self._waiting, path=self._path)
 
-    def note_tick(self, point_map: PointMap, names: Mapping[int, str], now_ns: int) -> None:
+    def note_tick(
+        self,
+        point_map: PointMap,
+        names: Mapping[int, str],
+        now_ns: int,
+        *,
+        on_trial: bool = False,
+    ) -> None:
         """Copy the map when it is due; called by the think thread after each tick.
 
-        `names`: class id → name in the beware list of the tick.
+        `names`: class id → name in the beware list of the tick. As long as the map is `on_trial`,
+        what it holds may be wrong, and the file stays as it is.
         """
+        self._on_trial = on_trial
         if self._asked.is_set():
             self._asked.clear()
             self._copy(point_map, names)
@@ -106,6 +117,8 @@ class MapKeeper:
         self._write()
 
     def _copy(self, point_map: PointMap, names: Mapping[int, str]) -> None:
+        if self._on_trial:
+            return
         self._names |= names
         self._copied = _key(point_map)
         self._waiting = _Snapshot(

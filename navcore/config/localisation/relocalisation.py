@@ -97,7 +97,8 @@ class RelocalisationConfig:
     least_evidence: float = ranged(0.0, 1.0, default=0.4)
     """Evidence that a place must reach: below it too much speaks against the place."""
     through_walls_share: float = ranged(0.0, 1.0, default=0.15)
-    """Share of the lines of sight through walls of the map that a place must stay below."""
+    """Share of the lines of sight through walls of the map that a place must stay below to be
+    believed."""
     contradicted_share: float = ranged(0.0, 1.0, default=0.05)
     """Share of the points where the map has seen that nothing stands that a place must stay
     below."""

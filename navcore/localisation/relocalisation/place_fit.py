@@ -70,10 +70,18 @@ class PlaceFit:
 
     def contradiction(self, rules: RelocalisationConfig) -> str:
         """Return what of the map speaks against the place; "" for nothing."""
-        if self.contradicted_share >= rules.contradicted_share:
-            return f"{self.contradicted_share:.0%} of what is seen stands where the map is clear"
+        if refutation := self.refutation(rules):
+            return refutation
         if self.through_walls_share >= rules.through_walls_share:
             return f"{self.through_walls_share:.0%} of the lines of sight cross walls of the map"
+        return ""
+
+    def refutation(self, rules: RelocalisationConfig) -> str:
+        """Return what of the map refutes a place that is believed; "" for nothing. Lines of sight
+        across surfaces do not by their share alone: they cross a table that the map has seen from
+        another side."""
+        if self.contradicted_share >= rules.contradicted_share:
+            return f"{self.contradicted_share:.0%} of what is seen stands where the map is clear"
         if self.evidence < rules.least_evidence:
             return (
                 f"{self.contradicted_share:.0%} of what is seen stands where the map is clear, and "

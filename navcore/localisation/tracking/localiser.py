@@ -62,6 +62,7 @@ class Localiser:
         """`pose_ids` is the map's list of poses, which this one appends to."""
         self._config = config
         self._saved = ScanMap(config.match)
+        self._pose_ids = pose_ids
         self._chain = KeyframeChain(pose_ids, config)
         self._filter: PoseFilter | None = None
         self._recent = RecentScans(config)
@@ -142,6 +143,10 @@ class Localiser:
     def load(self, keyframes: Iterable[Keyframe]) -> None:
         """Take the keyframes of a saved map, whose poses are constants from now on."""
         self._saved.replace(keyframes)
+
+    def forget_own_map(self) -> None:
+        """Forget the keyframes of this session."""
+        self._chain = KeyframeChain(self._pose_ids, self._config)
 
     def correct(self, poses: Mapping[int, Pose2], covariance: Matrix | None = None) -> None:
         """Move keyframes of this session to corrected poses by ID, and the robot with the newest;

@@ -15,6 +15,7 @@ from navcore.localisation.scans.ambiguity import poses_beside, spread_to
 from navcore.localisation.scans.matching import AS_PROBABLE, Match, match, search
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.scans.scan_map import ScanMap
+from navcore.localisation.scans.view import is_in_view
 from navcore.localisation.tracking.odometry_model import in_axes_of
 from navcore.localisation.tracking.pose_filter import PoseFilter
 
@@ -43,16 +44,20 @@ class PushSearch:
 
     def __init__(self, config: LocalisationConfig) -> None:
         self._least_points, self._rules = config.tracking.judged_points, config.scan_odometry
-        self._match = config.match
+        self._match, self._scan = config.match, config.scan
 
     def find(self, scan: Scan, reference: ScanMap, own: PoseFilter) -> Push | None:
         """Return the motion from where odometry has the robot to where a scan has it, which is
         relative to the `reference`, that of the filter; None if odometry is right as probably.
 
-        Where several motions are as probable, it is the least, as uncertain as those are apart;
-        where they are far apart, as along a corridor, none in that direction.
+        Only what the camera had in view at the reference tells: along a wall that the robot has
+        seen more of since, other motions would explain more of the scan. Where several motions are
+        as probable, it is the least, as uncertain as those are apart; where they are far apart, as
+        along a corridor, none in that direction.
         """
-        rules, expected, points = self._rules, own.motion, len(scan)
+        rules, expected, view = self._rules, own.motion, reference.keyframes[0].scan
+        scan = scan.part(is_in_view(scan.seen_from(expected), view, self._scan, hidden=True))
+        points = len(scan)
         if (
             points < self._least_points
             or np.hypot(*np.ptp(scan.points_base, axis=0)) < _LEAST_SIZE_M

@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.arrays import Floats, Indices, Points
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.localisation.scans.matching import Match, lines_blocked_share, match
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
+from navcore.localisation.scans.view import is_in_view
 from navcore.localisation.tracking.odometry_model import OdometryStep
 
 _KEPT = 8
@@ -29,11 +29,6 @@ _DRIFT = np.diag([0.05, 0.05, math.radians(1.5)]) ** 2
 """Covariance of odometry over the way that they cover."""
 _WINDOW_M = 0.15
 """Distance in metres within which the surface of a point is looked for."""
-_RIM_M = 0.3
-"""Distance in metres from the end of the camera's range, and behind what is in view, within which
-points come and go."""
-_DIRECTION_RAD = math.radians(3.0)
-"""Width of a direction in radians."""
 
 
 def is_elsewhere(result: Match, scan: Scan, scan_map: ScanMap, config: LocalisationConfig) -> bool:
@@ -82,9 +77,9 @@ class RecentScans:
         newest, pose = self._newest
         before = newest.seen_from(here.inverse() @ pose)
         if share < rules.replaced_share:
-            in_front = self._in_view(before, scan, hidden=True)
-            return False if len(in_front) >= rules.judged_points else None
-        expected = self._in_view(before, scan, hidden=False)
+            in_front = is_in_view(before, scan, self._config.scan, hidden=True)
+            return False if in_front.sum() >= rules.judged_points else None
+        expected = before.part(is_in_view(before, scan, self._config.scan))
         if len(expected) < rules.judged_points:
             return None
         now = ScanMap(self._config.match)
@@ -102,23 +97,6 @@ class RecentScans:
             search_m=_WINDOW_M,
             config=self._rules,
         ).share
-
-    def _in_view(self, before: Scan, now: Scan, *, hidden: bool) -> Scan:
-        """Return the points of a scan that the camera of another one, in the same frame, has in
-        view, whether or not they are `hidden`, as by a person who steps in.
-
-        What counts is where they are from the later camera: a post that the robot has come past is
-        beside it then, and no longer in view.
-        """
-        bearing, range_m = _polar(now.points_base, now.origin)
-        bearing_before, range_before_m = _polar(before.points_base, now.origin)
-        in_view = (bearing_before > bearing.min()) & (bearing_before < bearing.max())
-        in_view &= range_before_m < self._config.scan.max_range_m - _RIM_M
-        if not hidden:
-            seen_m = np.full(math.ceil(2 * math.pi / _DIRECTION_RAD) + 1, np.inf)
-            np.minimum.at(seen_m, _direction(bearing), range_m)
-            in_view &= range_before_m < seen_m[_direction(bearing_before)] + _RIM_M
-        return before.part(in_view)
 
     def add(self, scan: Scan, T_odom_base: Pose2) -> None:
         """Keep a scan until the next one comes, and longer if the robot has moved since the last
@@ -140,15 +118,3 @@ class RecentScans:
         self._map.replace(())
         self._kept = self._newest = None
         self._T_here_odom = IDENTITY
-
-
-def _polar(points: Points, camera: Points) -> tuple[Floats, Floats]:
-    """Return (N,) bearings in radians and (N,) distances in metres of (N, 2) points from a camera
-    at (2,)."""
-    x, y = (points - camera).T
-    return np.arctan2(y, x), np.hypot(x, y)
-
-
-def _direction(bearing: Floats) -> Indices:
-    """Return (N,) numbers of the directions of bearings in radians."""
-    return np.floor((bearing + math.pi) / _DIRECTION_RAD).astype(np.int64)

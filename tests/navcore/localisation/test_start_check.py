@@ -12,7 +12,7 @@ from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.localisation import Localisation
-from navcore.localisation.relocalisation.place_fit import PlaceFit
+from navcore.localisation.relocalisation.place_fit import PlaceFit, doubt_of
 from navcore.localisation.relocalisation.relocalisation import (
     PlaceProposal,
     RelocalisationState,
@@ -122,15 +122,16 @@ def fit(
     x_m: float = 0.0,
     share: float = 0.9,
     clear: float = 0.0,
+    walls: float = 0.0,
     sigma_m: float = 1.0,
 ) -> PlaceFit:
     return PlaceFit(
         T_map_base=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0),
         covariance=sigma_m**2 * np.eye(3),
-        evidence=score - 3.0 * clear,
+        evidence=score - 3.0 * clear - walls,
         score=score,
         fit_share=share,
-        through_walls_share=0.0,
+        through_walls_share=walls,
         contradicted_share=clear,
     )
 
@@ -182,6 +183,14 @@ def test_what_was_seen_on_the_first_metres_has_to_fit_and_nothing_may_speak_agai
     assert verdict_after(1.5, fit(clear=0.2)) is False
     assert verdict_after(RULES.unfit_m - 0.5, fit(share=0.3)) is None
     assert verdict_after(RULES.unfit_m + 1.0, fit(share=0.3)) is False
+
+
+def test_lines_of_sight_across_surfaces_refute_a_place_by_the_evidence_alone() -> None:
+    """A table that the map has seen from one side is crossed from the other side."""
+    under_a_table = fit(0.8, walls=0.2)
+    assert verdict_after(RULES.probation_m, under_a_table) is True
+    assert verdict_after(1.5, fit(0.5, walls=0.2)) is False
+    assert doubt_of([under_a_table], RelocalisationConfig())  # a search does not believe it
 
 
 def test_a_place_that_another_one_or_the_mirrored_scans_fit_better_was_wrong() -> None:

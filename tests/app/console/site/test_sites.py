@@ -390,6 +390,17 @@ def test_a_map_is_copied_when_it_has_changed_and_written_in_the_other_thread(
     assert stored.class_names == {9: "spill", **RED_LIST.names}
 
 
+def test_a_map_whose_place_is_on_trial_is_not_written(tmp_path: Path) -> None:
+    point_map, path = PointMap(SPEC, MappingConfig()), tmp_path / "map.npz"
+    keeper = MapKeeper(path, {})
+    keeper.note_tick(point_map, RED_LIST.names, SECOND, on_trial=True)
+    keeper.finish(point_map, RED_LIST.names)
+    assert not path.exists()
+    keeper.note_tick(point_map, RED_LIST.names, 2 * SECOND)
+    keeper.finish(point_map, RED_LIST.names)
+    assert path.exists()
+
+
 def test_the_robot_is_told_of_the_tags_of_the_site_it_is_at(desk: Desk) -> None:
     def known() -> dict[int, tuple[float, float]]:
         tags = desk.controller.navigator.localisation.tags.tags

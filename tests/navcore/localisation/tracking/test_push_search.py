@@ -9,9 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Pose2, difference, wrap_angle
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.graph.edges import Edge
+from navcore.localisation.scans.scan import Keyframe
+from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep, in_axes_of
 from navcore.localisation.tracking.pose_filter import PoseFilter
@@ -103,6 +106,23 @@ def test_along_a_bare_wall_no_push_is_made_up_and_across_it_is_told() -> None:
         assert abs(error.x_m) < 0.03  # the camera looks across the wall
         if told:  # along it the push may have been as large as any
             assert math.sqrt(estimates[-1].covariance[0, 0]) > 0.1
+
+
+@pytest.mark.parametrize("heading_deg", [30.0, 34.0])
+def test_more_of_a_wall_that_comes_into_view_by_a_turn_is_no_push(heading_deg: float) -> None:
+    """Along the wall a motion would bring all that is seen now onto what was seen before."""
+    world, config, rng = PlanWorld(), LocalisationConfig(), np.random.default_rng(0)
+    world.wall((-6.0, 1.29), (1.64, 1.29))
+    world.wall((3.0, 3.2), (5.0, 1.4))
+    before = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.radians(heading_deg))
+    turned = before @ Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.45)
+    reference = ScanMap(config.match)
+    first = Keyframe(pose_id=0, T_map_base=IDENTITY, scan=world.scan(before, rng))
+    reference.put(first)
+    own = PoseFilter(before, config.odometry)
+    own.refer()
+    own.predict(OdometryStep.between(before, turned, 0.5))
+    assert PushSearch(config).find(world.scan(turned, rng), reference, own) is None
 
 
 def test_filter_and_edge_go_on_by_the_push() -> None:

@@ -1,0 +1,60 @@
+"""A saved map while the place in it is on trial: what the robot has seen from a place that turns
+out to be wrong is taken back.
+
+A robot that is switched on believes a place before it is sure of it, because it has to drive to
+tell. Until then walls that it sees stand wherever it takes itself to be, and what the map holds
+there is cleared.
+"""
+
+from __future__ import annotations
+
+from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.localisation import Localisation
+from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage.map_state import MapState
+
+
+class MapTrial:
+    """Holds a copy of the saved map until the place in it is believed for good."""
+
+    def __init__(self, point_map: PointMap, localisation: Localisation) -> None:
+        self._map, self._localisation = point_map, localisation
+        self._saved: MapState | None = None
+        self._is_clean, self._edits = True, 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether what is seen now may be taken back."""
+        return self._saved is not None
+
+    def begin(self) -> None:
+        """Hold the map that was loaded, if the place in it is on trial."""
+        is_open = self._localisation.is_on_trial
+        self._saved = self._map.state() if is_open else None
+        self._is_clean, self._edits = True, self._map.edits
+
+    def follow(self, place: LocalisationEstimate) -> bool:
+        """Note the estimate of one more frame, before it enters the map: end the trial, or take
+        back what was seen by a place that is given up; returns whether the map has changed.
+
+        An edit by hand ends the trial, too: the operator has looked at the map and found it right.
+        """
+        if self._map.edits != self._edits:
+            self._saved = None
+        if not place.is_known:
+            return self.take_back()
+        if not self._localisation.is_on_trial:
+            self._saved = None
+        self._is_clean = False
+        return False
+
+    def take_back(self) -> bool:
+        """Restore the saved map while the trial is open; returns whether it has changed."""
+        if self._saved is None or self._is_clean:
+            return False
+        scans = self._map.scans
+        self._map.restore(self._saved)
+        self._map.scans = scans
+        self._localisation.forget_session()
+        self._is_clean = True
+        return True
