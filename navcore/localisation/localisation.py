@@ -59,6 +59,8 @@ class Localisation:
         self.closures: LoopClosures | None = None
         """Loop closures that wait to be applied to the map and to the poses alike."""
         self._start: StartCheck | None = None
+        self._is_asked = False
+        """Whether the search that the start waits for was asked for."""
         self._last: Pose2 | None = None
         self._may_be_elsewhere = False
         self._kept: LocalisationEstimate | None = None
@@ -206,7 +208,11 @@ class Localisation:
         if not is_lost:
             may_be_elsewhere = self._may_be_elsewhere and not self._is_fixed(frame)
             verdict = self._start.after(
-                share, points, frame.stamp_ns, may_be_elsewhere=may_be_elsewhere
+                share,
+                points,
+                frame.stamp_ns,
+                may_be_elsewhere=may_be_elsewhere,
+                is_searching=self._is_asked,
             )
         if verdict is None:
             return self._unconfirmed(estimate, self._start, frame)
@@ -215,11 +221,15 @@ class Localisation:
             self._probation = Probation(self._config.start, self._config.relocalisation)
             return estimate
         if self._last is not None:
-            self._start, last = StartCheck(self._config.start), self._last @ frame.pose
+            self._start, last = self._start_check(), self._last @ frame.pose
             self._last, self._may_be_elsewhere = None, True
+            self._relocaliser = None  # what is searched is compared with the place now given
             self.tracker.place(last, self._start.covariance, frame)
             return self._unconfirmed(self.tracker.estimate(frame), self._start, frame)
         return self._lost(estimate, frame)
+
+    def _start_check(self) -> StartCheck:
+        return StartCheck(self._config.start, self._config.relocalisation)
 
     def _unconfirmed(
         self, estimate: LocalisationEstimate, start: StartCheck, frame: Frame
@@ -252,7 +262,7 @@ class Localisation:
             return self._loops.next_task(
                 self.tracker.own_map.keyframe, self.tracker.constant_errors
             )
-        rules = self._config.relocalisation
+        rules, self._is_asked = self._config.relocalisation, True
         if self._place_map is None:
             surfaces = self.searched_map.surfaces
             return PrepareSearch(
@@ -286,6 +296,8 @@ class Localisation:
         if self._is_lost and (fit := outcome.still_there(self._config.relocalisation)):
             T_base_odom = outcome.task.everything.T_odom_base.inverse()
             self._still = fit.T_map_base @ T_base_odom, fit.covariance
+        if self._start is not None:
+            self._start.take(outcome)
         if self._probation is not None:
             self._probation.take(outcome)
             if fit := outcome.beside(self._config.relocalisation):
@@ -374,7 +386,8 @@ class Localisation:
         self._restart_chain()
         has_map = len(self.tracker.saved_map) > 0
         self._kept, self._probation, self._beside = kept, None, None
-        self._start = StartCheck(self._config.start) if has_map and kept is None else None
+        self._start = self._start_check() if has_map and kept is None else None
+        self._is_asked = False
         self._last = last if has_map and kept is None else None
         self._may_be_elsewhere = False
 

@@ -11,6 +11,7 @@ from navcore.config.localisation.localisation import StartConfig
 from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Matrix
 from navcore.localisation.relocalisation.place_fit import (
+    PlaceFit,
     elsewhere,
     is_clearly_better,
     rivals_of,
@@ -19,7 +20,8 @@ from navcore.localisation.relocalisation.relocalisation import SearchResult
 
 
 class StartCheck:
-    """Believes the place once the scans have fitted there for a while.
+    """Believes the place once the scans have fitted there for a while, unless more speaks for
+    another place of the map.
 
     Where too little is in view to tell, the place is believed as it was given if the robot can
     stand nowhere else: nothing speaks against it, and the robot goes on by dead reckoning. If it
@@ -27,8 +29,9 @@ class StartCheck:
     is no such case: this may be another map.
     """
 
-    def __init__(self, config: StartConfig) -> None:
-        self._config = config
+    def __init__(self, config: StartConfig, rules: RelocalisationConfig) -> None:
+        self._config, self._rules = config, rules
+        self._is_better_elsewhere: bool | None = None
         self._began_ns: int | None = None
         self._seen_since_ns: int | None = None
         self._fits_since_ns: int | None = None
@@ -41,12 +44,23 @@ class StartCheck:
         sigma_rad = math.radians(self._config.sigma_deg)
         return np.diag([self._config.sigma_m, self._config.sigma_m, sigma_rad]) ** 2
 
+    def take(self, result: SearchResult) -> None:
+        """Receive what a search of the whole map says about the place."""
+        if result.given is not None:
+            self._is_better_elsewhere = is_better_elsewhere(result, result.given, self._rules)
+
     def after(
-        self, share: float | None, points: int, stamp_ns: int, *, may_be_elsewhere: bool
+        self,
+        share: float | None,
+        points: int,
+        stamp_ns: int,
+        *,
+        may_be_elsewhere: bool,
+        is_searching: bool = False,
     ) -> bool | None:
         """Return whether the place is believed after one more frame, whose scan has `points` of
         which a share fits the saved map, None where it shows none of them; None while it is
-        open."""
+        open, and while the first search of the map is under way (`is_searching`)."""
         config = self._config
         self._began_ns = stamp_ns if self._began_ns is None else self._began_ns
         if self._seen_since_ns is None and (share is not None or points >= config.telling_points):
@@ -56,7 +70,10 @@ class StartCheck:
         elif self._fits_since_ns is None:
             self._fits_since_ns = stamp_ns
         if _has_passed(self._fits_since_ns, config.fitting_s, stamp_ns):
-            return True
+            waits = self._is_better_elsewhere is None and is_searching
+            if not waits or _has_passed(self._fits_since_ns, config.decide_s, stamp_ns):
+                return not self._is_better_elsewhere
+            return None
         if _has_passed(self._seen_since_ns, config.decide_s, stamp_ns):
             return False
         waits = _has_passed(self._began_ns, config.decide_s, stamp_ns)
@@ -88,9 +105,8 @@ class Probation:
         self._fits = given is None or given.fit_share >= rules.least_fit_share
         if given is None or self._verdict is not None:
             return
-        others = elsewhere(result.everything, given.T_map_base, rules)
-        rivals = rivals_of(given, [*others, *result.mirrored], rules)
-        is_worse = any(is_clearly_better(one, given, rules) for one in rivals)
+        rivals = _rivals(result, given, rules)
+        is_worse = is_better_elsewhere(result, given, rules)
         self._doubts = self._doubts + 1 if is_worse or given.refutation(rules) else 0
         if self._doubts >= self._config.doubts:
             self._verdict = False
@@ -103,3 +119,16 @@ class Probation:
         self._driven_m += moved_m
         self._unfit_m = 0.0 if self._fits else self._unfit_m + moved_m
         return False if self._unfit_m >= self._config.unfit_m else self._verdict
+
+
+def is_better_elsewhere(result: SearchResult, given: PlaceFit, rules: RelocalisationConfig) -> bool:
+    """Return whether clearly more speaks for another place, or for the mirrored scans, than for the
+    given one."""
+    return any(is_clearly_better(one, given, rules) for one in _rivals(result, given, rules))
+
+
+def _rivals(result: SearchResult, given: PlaceFit, rules: RelocalisationConfig) -> list[PlaceFit]:
+    """Return the other places, and those of the mirrored scans, that fit nearly as well as the
+    given one."""
+    others = elsewhere(result.everything, given.T_map_base, rules)
+    return rivals_of(given, [*others, *result.mirrored], rules)

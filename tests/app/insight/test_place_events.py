@@ -36,4 +36,6 @@ def test_a_push_is_told_once_with_its_length() -> None:
     pushed = dataclasses.replace(tick, place=LocalisationEstimate(pushed_m=0.204))
     (told,) = events.after(pushed)
     assert told.startswith("The robot was pushed") and told.endswith("by 0.20 m.")
+    (told,) = events.after(dataclasses.replace(tick, taken_back=True))
+    assert told == "What was seen from a wrong place is taken back from the map."
     assert events.after(tick) == []

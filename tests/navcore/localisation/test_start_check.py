@@ -37,7 +37,7 @@ ROUTE = drive([(1.5, 0.0), (9.0, 0.0)])
 
 def verdict_of(share: float | None, points: int, *, may_be_elsewhere: bool = False) -> bool | None:
     """Verdict on frames that are all alike, for as long as it takes."""
-    check = StartCheck(RULES)
+    check = StartCheck(RULES, RelocalisationConfig())
     verdicts = (
         check.after(share, points, k * 200_000_000, may_be_elsewhere=may_be_elsewhere)
         for k in range(60)
@@ -56,6 +56,30 @@ def test_where_too_little_is_in_view_a_robot_that_may_be_elsewhere_is_believed_n
     assert verdict_of(None, FEW, may_be_elsewhere=True) is None
     assert verdict_of(0.9, FEW, may_be_elsewhere=True) is True
     assert verdict_of(0.5, FEW, may_be_elsewhere=True) is False
+
+
+def verdicts_while_searching(result: SearchResult | None) -> list[bool | None]:
+    """Verdicts on frames, five a second, that fit while the map is searched; the result comes after
+    two seconds."""
+    check, verdicts = StartCheck(RULES, RelocalisationConfig()), []
+    for k in range(25):
+        if k == 10 and result is not None:
+            check.take(result)
+        verdicts.append(
+            check.after(0.9, MANY, k * 200_000_000, may_be_elsewhere=False, is_searching=True)
+        )
+    return verdicts
+
+
+def test_a_start_is_not_believed_where_the_map_fits_clearly_better_elsewhere() -> None:
+    """And until the search has told, for at most `decide_s`."""
+    better = verdicts_while_searching(search_result(fit(0.6), fit(0.8, x_m=9.0)))
+    alike = verdicts_while_searching(search_result(fit(0.8), fit(0.8, x_m=9.0)))
+    assert better[:10] == alike[:10] == [None] * 10
+    assert (better[10], alike[10]) == (False, True)
+    late = verdicts_while_searching(None)
+    assert late.index(True) == round(RULES.decide_s / 0.2)
+    assert verdict_of(0.9, MANY) is True  # without a search
 
 
 DOOR_M, SIDE, DEPTH_M = room_doors(3)[1]
