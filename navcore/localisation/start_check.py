@@ -45,9 +45,12 @@ class StartCheck:
         return np.diag([self._config.sigma_m, self._config.sigma_m, sigma_rad]) ** 2
 
     def take(self, result: SearchResult) -> None:
-        """Receive what a search of the whole map says about the place."""
+        """Receive what a search of the whole map says about the place: of few points many places
+        explain more by chance."""
         if result.given is not None:
-            self._is_better_elsewhere = is_better_elsewhere(result, result.given, self._rules)
+            tells = len(result.task.everything) >= self._config.telling_points
+            is_better = is_better_elsewhere(result, result.given, self._rules)
+            self._is_better_elsewhere = tells and is_better
 
     def after(
         self,

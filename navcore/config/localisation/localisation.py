@@ -255,8 +255,8 @@ class StartConfig:
     fitting_s: float = ranged(0.0, 60.0, default=1.0)
     """Time in seconds for which they must fit."""
     telling_points: int = ranged(1, 1000, default=100)
-    """Number of points in a scan from which a map that shows nothing there speaks against the
-    place."""
+    """Number of points in view from which a map that shows nothing there, or that fits better
+    elsewhere, speaks against the place."""
     probation_m: float = ranged(0.0, 50.0, default=4.0)
     """Distance in metres after which a place that the first looks have confirmed may be confirmed
     for good by all that was seen since; a radian counts as half a metre."""

@@ -77,6 +77,8 @@ def test_a_start_is_not_believed_where_the_map_fits_clearly_better_elsewhere() -
     alike = verdicts_while_searching(search_result(fit(0.8), fit(0.8, x_m=9.0)))
     assert better[:10] == alike[:10] == [None] * 10
     assert (better[10], alike[10]) == (False, True)
+    few = verdicts_while_searching(search_result(fit(0.6), fit(0.8, x_m=9.0), count=FEW))
+    assert few[10] is True
     late = verdicts_while_searching(None)
     assert late.index(True) == round(RULES.decide_s / 0.2)
     assert verdict_of(0.9, MANY) is True  # without a search
@@ -180,11 +182,12 @@ def search_result(
     *others: PlaceFit,
     mirrored: tuple[PlaceFit, ...] = (),
     unmoved: PlaceFit | None = None,
+    count: int = MANY,
 ) -> SearchResult:
     seen = Submap(
-        points=np.zeros((1, 2)),
-        normals=np.zeros((1, 2)),
-        origins=np.zeros((1, 2)),
+        points=np.zeros((count, 2)),
+        normals=np.zeros((count, 2)),
+        origins=np.zeros((count, 2)),
         T_odom_base=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0),
     )
     task = SearchTask(everything=seen, recent=seen, newest=None)
