@@ -36,6 +36,7 @@ from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, defaul
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.navigator import Navigator, TickResult
+from navcore.perception.colour_pattern import FloorGrid
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor
 from navcore.perception.labels import Labels, LabelSource, Segmenter
@@ -164,6 +165,7 @@ def _manoeuvre() -> None:
 def _look_closely(frame: Frame, decision: TickResult) -> None:
     """Call what a drive towards a wall seldom or never reaches in a frame."""
     measured_bounds(frame.depth_m, frame.T_map_camera, frame.intrinsics.pinhole, 5.0)
+    FloorGrid.of(frame, _CONFIG.perception.colour)
     rules = _CONFIG.map
     has_near_look(np.zeros(1, dtype=POINT), frame, rules.clearing, rules.fading.rules)
     # On rising ground, and then without it.

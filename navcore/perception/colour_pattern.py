@@ -14,14 +14,18 @@ bright floor is a line, nor one half of it in the light of a lamp.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled
 from navcore.config.perception.perception import ColourSegmenterConfig
-from navcore.geometry.arrays import Bools, Floats, Indices
+from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
+from navcore.geometry.camera import Pinhole, column_slope, row_slope
+from navcore.geometry.transform import Matrix
 from navcore.mission.beware_list import ColourPattern, FloorLine
 from navcore.robot.frame import Frame
 
@@ -46,14 +50,39 @@ class FloorGrid:
     def of(frame: Frame, config: ColourSegmenterConfig) -> FloorGrid:
         """Return the grid of a frame."""
         seen = (frame.depth_m > 0) & (frame.depth_m < config.pattern_range_m)
-        i, j = np.nonzero(seen)
-        lens, t = frame.intrinsics, frame.T_map_camera
         # The median takes the noise of single pixels out, which would mix narrow stripes.
-        depth = cv2.medianBlur(frame.depth_m, 5)[i, j].astype(np.float64)
-        rays = np.stack([(j - lens.cx) / lens.fx, (i - lens.cy) / lens.fy, np.ones(len(i))])
-        at = np.floor((t[:2, :3] @ (rays * depth) + t[:2, 3:]) / config.pattern_cell_m)
-        rows, cols = at.astype(np.int64)
-        return FloorGrid(seen, rows, cols, config.pattern_cell_m)
+        depth_m = np.asarray(cv2.medianBlur(frame.depth_m, 5), dtype=np.float32)
+        rows, cols = np.empty((2, int(np.count_nonzero(seen))), dtype=np.int64)
+        lens, cell_m = frame.intrinsics.pinhole, config.pattern_cell_m
+        _find_cells(seen, depth_m, lens, frame.T_map_camera, cell_m, rows, cols)
+        return FloorGrid(seen, rows, cols, cell_m)
+
+
+@compiled
+def _find_cells(
+    seen: Bools,
+    depth_m: FloatImage,
+    lens: Pinhole,
+    T_map_camera: Matrix,
+    cell_m: float,
+    rows: Indices,
+    cols: Indices,
+) -> None:
+    """Fill in row and column, along x and y of the map, of the cell of each seen pixel."""
+    t, k = T_map_camera, 0
+    for i in range(seen.shape[0]):
+        y = row_slope(i, lens)
+        for j in range(seen.shape[1]):
+            if seen[i, j]:
+                z = np.float64(depth_m[i, j])
+                x_camera, y_camera = column_slope(j, lens) * z, y * z
+                rows[k] = math.floor(
+                    (t[0, 0] * x_camera + t[0, 1] * y_camera + t[0, 2] * z + t[0, 3]) / cell_m
+                )
+                cols[k] = math.floor(
+                    (t[1, 0] * x_camera + t[1, 1] * y_camera + t[1, 2] * z + t[1, 3]) / cell_m
+                )
+                k += 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,9 +100,9 @@ class _Window:
     def around(own: Bools, low: Bools, grid: FloorGrid, reach: int) -> _Window:
         """Return the window of the (N,) pixels of a colour, of which some are low, and of `reach`
         cells on every side."""
-        rows, cols = grid.rows, grid.cols
+        rows, cols, its = grid.rows, grid.cols, own & low
         (top, bottom), (left, right) = (
-            (at[own & low].min() - reach, at[own & low].max() + reach) for at in (rows, cols)
+            (at[its].min() - reach, at[its].max() + reach) for at in (rows, cols)
         )
         near = low & (rows >= top) & (rows <= bottom) & (cols >= left) & (cols <= right)
         shape = (int(bottom - top) + 1, int(right - left) + 1)

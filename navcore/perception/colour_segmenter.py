@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
+from functools import cache, partial
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -77,11 +79,12 @@ def colour_masks(
     `heights_above_floor`.
     """
     hsv = _hsv_planes(frame.rgb)
+    matches, lines = cache(partial(_matches, hsv)), dict[ColourRule, Bools]()
     masks, grid = [], None
     for entry in entries:
         if entry.colour is None:
             continue
-        fits, max_height_m = _matches(hsv, entry.colour), entry.colour.max_height_m
+        fits, max_height_m = matches(_ranges(entry.colour)), entry.colour.max_height_m
         if not fits.any():
             continue
         floor = heights_m <= max_height_m
@@ -91,9 +94,13 @@ def colour_masks(
                 continue
             grid = grid or FloorGrid.of(frame, config.colour)
             if line is not None:
-                fits = line_pixels(fits, hsv[2], floor, grid, line)
+                # Markings of the same lines share them, whatever pattern they form.
+                rule = dataclasses.replace(entry.colour, pattern=None)
+                if rule not in lines:
+                    lines[rule] = line_pixels(fits, hsv[2], floor, grid, line)
+                fits = lines[rule]
             if pattern is not None:
-                other = _matches(hsv, pattern) & ~fits
+                other = matches(_ranges(pattern)) & ~fits
                 fits = pattern_pixels(fits, other, floor, grid, pattern)
         low, above = fits, heights_m
         if (fits & (above > max_height_m)).any():
@@ -103,7 +110,7 @@ def colour_masks(
             low = remove_small_regions(low, frame, entry.min_size_m)
         tall = fits & (above > max_height_m + config.colour.obstacle_above_m)
         if tall.any():
-            low &= ~base_regions(low, tall, frame, config.overhang)
+            low = low & ~base_regions(low, tall, frame, config.overhang)
         if low.any():
             masks.append((entry, low))
     return masks
@@ -113,8 +120,8 @@ def matches_colour(rgb: npt.NDArray[np.uint8], rule: ColourRule) -> Bools:
     """Return the (H, W) pixels of an (H, W, 3) image whose colour fits, at any height; one of both
     colours of a pattern, whether they alternate or not."""
     hsv = _hsv_planes(rgb)
-    fits = _matches(hsv, rule)
-    return fits if rule.pattern is None else fits | _matches(hsv, rule.pattern)
+    fits = _matches(hsv, _ranges(rule))
+    return fits if rule.pattern is None else fits | _matches(hsv, _ranges(rule.pattern))
 
 
 def _hsv_planes(rgb: npt.NDArray[np.uint8]) -> list[npt.NDArray[np.uint8]]:
@@ -124,21 +131,34 @@ def _hsv_planes(rgb: npt.NDArray[np.uint8]) -> list[npt.NDArray[np.uint8]]:
     return [np.asarray(plane, dtype=np.uint8) for plane in cv2.split(hsv)]
 
 
-def _matches(hsv: list[npt.NDArray[np.uint8]], rule: ColourRule | ColourPattern) -> Bools:
+class _Ranges(NamedTuple):
+    """Ranges of a colour, which many rules share."""
+
+    hue_deg: tuple[float, float]
+    saturation: tuple[float, float]
+    value: tuple[float, float]
+
+
+def _ranges(rule: ColourRule | ColourPattern) -> _Ranges:
+    return _Ranges(
+        hue_deg=rule.hue_deg,
+        saturation=(rule.min_saturation, rule.max_saturation),
+        value=(rule.min_value, rule.max_value),
+    )
+
+
+def _matches(hsv: list[npt.NDArray[np.uint8]], ranges: _Ranges) -> Bools:
     """Return the (H, W) pixels that fit, by their `_hsv_planes`."""
     hue, saturation, value = hsv
-    first, last = (round(degrees / 2) for degrees in rule.hue_deg)
+    first, last = (round(degrees / 2) for degrees in ranges.hue_deg)
     # The rule tells whether the range wraps, not its rounding: 0.5° to 0° goes once around.
-    wraps = rule.hue_deg[0] > rule.hue_deg[1]
+    wraps = ranges.hue_deg[0] > ranges.hue_deg[1]
     spans = [(first, 180), (0, last)] if wraps else [(first, last)]
     if last == 180:
         spans.append((0, 0))  # 360° is 0°
     mask = np.zeros(hue.shape, dtype=np.bool_)
     for low, high in spans:
         mask |= (hue >= low) & (hue <= high)
-    for plane, least, most in (
-        (saturation, rule.min_saturation, rule.max_saturation),
-        (value, rule.min_value, rule.max_value),
-    ):
+    for plane, (least, most) in ((saturation, ranges.saturation), (value, ranges.value)):
         mask &= (plane >= round(least * 255)) & (plane <= round(most * 255))
     return mask
