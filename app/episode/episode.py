@@ -17,7 +17,14 @@ from app.episode.ablation import Oracle, ablate, segmenter_for
 from app.episode.ablations import Ablation
 from app.episode.informed_baseline import SensorModel
 from app.episode.latency import NO_LATENCY, Latency, TickSchedule
-from app.episode.report import EpisodeRecord, Polygon, Sample, report_of
+from app.episode.report import (
+    PUSH_SETTLED_S,
+    EpisodeRecord,
+    Polygon,
+    Sample,
+    ToldPush,
+    report_of,
+)
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import COMMAND_PERIOD_S, RobotController
 from app.runtime.control.stage_timer import StageTimer
@@ -27,6 +34,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.grid.grid import GridSpec
+from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
@@ -201,6 +209,9 @@ class Episode:
         self.estimate_errors_m: dict[int, float] = {}
         """Distance by the robot's estimate to each goal when it was reported reached, metres, by
         goal id."""
+        self.pushes: list[ToldPush] = []
+        """Pushes that the robot has noticed."""
+        self._error_m = 0.0  # of the estimated position at the newest tick
         self.first_day: dict[str, Any] | None = None
         """How the kept map was made; None in a new map."""
         self.samples: list[Sample] = []
@@ -262,6 +273,7 @@ class Episode:
             goal_errors_m=self.goal_errors_m,
             goal_errors_by_odometry_m=self.odometry_errors_m,
             goal_errors_by_estimate_m=self.estimate_errors_m,
+            pushes=tuple(self.pushes),
             detections=self.detections,
             samples=tuple(self.samples),
             timer=self.timer,
@@ -364,6 +376,7 @@ class Episode:
         goal = self.controller.intent.mission.goal
         decision = self.controller.think(frame, clock=self.simulator.now_ns)
         if decision is not None:
+            self._note_push(decision.place)
             self.on_decision(self.now_s, decision)
         if goal is not None and goal in self.controller.intent.mission.reached:
             truly, believed = self.simulator.true_pose(), self.simulator.dead_reckoning()
@@ -371,6 +384,19 @@ class Episode:
             self.goal_errors_m[goal.id] = truly.distance_to(true_goal.x_m, true_goal.y_m)
             self.odometry_errors_m[goal.id] = believed.distance_to(true_goal.x_m, true_goal.y_m)
             self.estimate_errors_m[goal.id] = self.pose().distance_to(goal.x_m, goal.y_m)
+
+    def _note_push(self, place: LocalisationEstimate) -> None:
+        true, before_m = self.simulator.true_pose(), self._error_m
+        self._error_m = place.T_map_base.distance_to(true.x_m, true.y_m)
+        if place.pushed_m > 0.0:
+            push = ToldPush(t_s=self.now_s, by_m=place.pushed_m, error_before_m=before_m)
+            self.pushes.append(push)
+        self.pushes = [
+            replace(push, error_after_m=self._error_m)
+            if self.now_s - push.t_s <= PUSH_SETTLED_S
+            else push
+            for push in self.pushes
+        ]
 
     def _command(self) -> None:
         newest = self.simulator.newest_frame()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +25,8 @@ from sim.scenario.schema import Scenario
 from sim.simulator import Simulator
 
 Polygon = tuple[tuple[float, float], ...]
+PUSH_SETTLED_S = 3.0
+"""Time after a push until the robot has its place corrected, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +41,20 @@ class Sample:
     """Area that the map has observed, m²."""
     explored_m3: float
     """Volume that the map has observed, m³."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToldPush:
+    """A motion that the robot's scans have told and its odometry has not."""
+
+    t_s: float
+    """Simulated time in seconds."""
+    by_m: float
+    """Its length as told, metres."""
+    error_before_m: float
+    """Error of the estimated position in metres at the tick before."""
+    error_after_m: float = math.nan
+    """The same `PUSH_SETTLED_S` later: a robot that drives stands for a large correction first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,6 +98,8 @@ class EpisodeRecord:
     goal_errors_by_estimate_m: dict[int, float]
     """Distance by the robot's estimate to each goal when it reported it reached, metres, by goal
     id."""
+    pushes: tuple[ToldPush, ...]
+    """Pushes that the robot has noticed."""
     detections: DetectionScore
     """Which items came into view."""
     samples: tuple[Sample, ...]
@@ -140,6 +159,10 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "goal_errors_m": _by_goal(errors_m),
         "goal_errors_by_odometry_m": _by_goal(record.goal_errors_by_odometry_m),
         "goal_errors_by_estimate_m": _by_goal(record.goal_errors_by_estimate_m),
+        "pushes": [
+            {name: round(value, 3) for name, value in dataclasses.asdict(push).items()}
+            for push in record.pushes
+        ],
         **({} if record.first_day is None else {"first_day": record.first_day}),
         "items": _items(record),
         "explored_share": _explored_share(record),

@@ -175,5 +175,6 @@ def drive_first_day(
         "distance_m": driven["distance_m"],
         "sim_time_s": driven["sim_time_s"],
         "map_error_m": round(max(away_m, default=0.0), 3),
+        "pushes": driven["pushes"],
     }
     return FirstDay(true_poses=tuple(true_poses), map_poses=map_poses, last=last, report=report)

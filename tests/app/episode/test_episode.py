@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import count
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.episode import episode as episode_module
 from app.episode.episode import Episode, EpisodeSettings
 from navcore.geometry.transform import Pose2
+from navcore.localisation.scans.scan import Scan
+from navcore.localisation.tracking.pose_filter import PoseFilter
+from navcore.localisation.tracking.push_search import Push
+from navcore.localisation.tracking.scan_odometry import ScanOdometry
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.navigator import TickResult
 from navcore.robot.camera_stream import CameraStream
@@ -98,8 +104,26 @@ def test_the_report_has_every_field_and_the_robot_keeps_off_the_red_floor() -> N
     )
     assert all(error <= 0.3 for error in report["goal_errors_m"].values())
     assert report["distance_m"] > 7.5
+    assert report["pushes"] == []
     assert all(len(values) == len(report["series"]["t_s"]) for values in report["series"].values())
     assert report["series"]["explored_m2"] == sorted(report["series"]["explored_m2"])
+
+
+def test_a_push_that_was_none_is_seen_in_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    follow, calls = ScanOdometry.follow, count()
+
+    def pushed_once(self: ScanOdometry, scan: Scan, own: PoseFilter, stamp_ns: int) -> Push | None:
+        push = follow(self, scan, own, stamp_ns)
+        if next(calls) != 20:
+            return push
+        told = Push(Pose2(x_m=0.0, y_m=0.4, yaw_rad=0.0), 1e-3 * np.eye(3))
+        own.push(*told)
+        return told
+
+    monkeypatch.setattr(ScanOdometry, "follow", pushed_once)
+    push, *_ = driven(ROOM, max_time_s=5.0)["pushes"]  # the next one may take it back
+    assert push["by_m"] == pytest.approx(0.4)
+    assert push["error_before_m"] < 0.15 < push["error_after_m"]
 
 
 def test_without_its_rule_the_robot_drives_over_the_red_floor_and_the_referee_sees_it() -> None:
