@@ -35,6 +35,9 @@ class PlaceOut:
     """Distance driven since the last scan that fitted the map, metres."""
     candidates: tuple[Pose2, ...] = ()
     """Places that fit while none is believed, best first."""
+    on_trial: bool = False
+    """Whether the place is believed and the first metres have not confirmed it yet: until then the
+    map is not written, and what is seen is taken back if the place turns out to be wrong."""
     searching: bool = False
     """Whether the robot looks for its place in the whole map."""
     T_map_odom: Pose2 = IDENTITY

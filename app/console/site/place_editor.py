@@ -47,6 +47,7 @@ class PlaceEditor:
             match_share=None if place.match_share is None else round(place.match_share, 3),
             since_m=round(place.since_m, 2),
             candidates=place.candidates,
+            on_trial=place.is_known and self._controller.navigator.map_is_on_trial,
             searching=searching,
             T_map_odom=place.T_map_odom,
         )

@@ -185,6 +185,8 @@ def test_reasons_refusals_and_figures_are_in_the_language_of_the_browser(
     expect(page.get_by_test_id("state-badge")).to_have_text(words.text("● IDLE"))
     expect(page.get_by_test_id("stop")).to_contain_text(words.text("STOP"))
     expect(page.locator("#figures")).to_contain_text(re.compile(r"\d,\d m"))
+    operations.place.now = replace(operations.place.now, on_trial=True)
+    expect(page.locator("#figures")).to_contain_text(f"{words.text('being confirmed')} ± ")
     page.get_by_test_id("stop").click()
     expect(page.get_by_test_id("state-badge")).to_have_text(words.text("■ STOPPED"))
     reason = words.sentences["Emergency stop by {stopped_by}; it holds until it is reset."]

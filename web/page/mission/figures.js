@@ -23,7 +23,7 @@ export function showFigures(state) {
   const { pose, place, twist } = state;
   const rows = [
     [t("position"), pose.x_m === null ? t("unknown") : `${pose.x_m.toFixed(2)}, ${pose.y_m.toFixed(2)} m`],
-    [t("place"), `${PLACES[place.state]} ± ${number(place.major_m, 2)} m`],
+    [t("place"), `${place.on_trial ? t("being confirmed") : PLACES[place.state]} ± ${number(place.major_m, 2)} m`],
     [t("speed"), formatNumber(twist.v_mps, 2, "m/s")],
     [t("to goal"), formatNumber(state.distance_to_goal_m, 1, "m")],
     [t("not seen"), formatNumber(state.unseen_m, 1, "m")],

@@ -105,6 +105,21 @@ def test_a_search_forgets_the_place_and_says_so(desk: Desk) -> None:
     assert desk.controller.place.is_known
 
 
+def test_a_place_in_a_saved_map_is_said_to_be_confirmed_by_the_first_metres(desk: Desk) -> None:
+    again = Desk()
+    again.controller.navigator.map.restore(desk.controller.navigator.map.state())
+    again.controller.navigator.adopt_map()
+    again.see()
+    assert not again.editor.status().on_trial  # not believed yet
+    for _ in range(15):
+        again.see()
+    assert again.editor.status().on_trial
+    again.editor.place(HERE, force=False)
+    again.see()
+    assert not again.editor.status().on_trial
+    assert not desk.editor.status().on_trial
+
+
 def test_a_mission_is_refused_with_a_word_of_patience_while_the_first_looks_are_not_over() -> None:
     for state, words in (
         (LocalisationState.CHECKING, "still comparing"),
