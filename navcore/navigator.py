@@ -168,7 +168,8 @@ class Navigator:
             keep_out=DEFAULT_SAFETY.keep_out, odometry=config.localisation.odometry
         )
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
-        self._trial, self._taken_back = MapTrial(self.map, self.localisation), False
+        self._trial = MapTrial(self.map, self.localisation, config.localisation.start)
+        self._taken_back = False
         self._costmap = LiveCostmap(
             self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m
         )

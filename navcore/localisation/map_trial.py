@@ -8,6 +8,7 @@ there is cleared.
 
 from __future__ import annotations
 
+from navcore.config.localisation.localisation import StartConfig
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.localisation import Localisation
 from navcore.mapping.point_map import PointMap
@@ -15,12 +16,15 @@ from navcore.mapping.storage.map_state import MapState
 
 
 class MapTrial:
-    """Holds a copy of the saved map until the place in it is believed for good."""
+    """Holds a copy of the saved map until the place in it is believed for good, for at most some
+    metres."""
 
-    def __init__(self, point_map: PointMap, localisation: Localisation) -> None:
-        self._map, self._localisation = point_map, localisation
+    def __init__(
+        self, point_map: PointMap, localisation: Localisation, config: StartConfig
+    ) -> None:
+        self._map, self._localisation, self._config = point_map, localisation, config
         self._saved: MapState | None = None
-        self._is_clean, self._edits = True, 0
+        self._is_clean, self._edits, self._driven_m = True, 0, 0.0
 
     @property
     def is_open(self) -> bool:
@@ -31,7 +35,7 @@ class MapTrial:
         """Hold the map that was loaded, if the place in it is on trial."""
         is_open = self._localisation.is_on_trial
         self._saved = self._map.state() if is_open else None
-        self._is_clean, self._edits = True, self._map.edits
+        self._is_clean, self._edits, self._driven_m = True, self._map.edits, 0.0
 
     def follow(self, place: LocalisationEstimate) -> bool:
         """Note the estimate of one more frame, before it enters the map: end the trial, or take
@@ -43,7 +47,8 @@ class MapTrial:
             self._saved = None
         if not place.is_known:
             return self.take_back()
-        if not self._localisation.is_on_trial:
+        self._driven_m += self._localisation.tracker.moved_m
+        if not self._localisation.is_on_trial or self._driven_m >= self._config.trial_m:
             self._saved = None
         self._is_clean = False
         return False
@@ -56,5 +61,5 @@ class MapTrial:
         self._map.restore(self._saved)
         self._map.scans = scans
         self._localisation.forget_session()
-        self._is_clean = True
+        self._is_clean, self._driven_m = True, 0.0
         return True

@@ -10,16 +10,19 @@ import pytest
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.record.map_persistence import load_map, save_map
+from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.keyframe_store import stored
-from navcore.localisation.start_check import StartCheck
+from navcore.localisation.start_check import Probation, StartCheck
 from navcore.mapping.storage import map_file
 from navcore.mapping.storage.map_state import MapState
 from navcore.mission.beware_list import NOTHING, default_beware_list
 from navcore.navigator import TickResult
+from navcore.toml_config import from_table
 from sim.scenario.load import load_scenario
 
 BEWARE = default_beware_list()
+DEFAULT = NavigatorConfig()
 OFFICE = load_scenario("office")
 
 
@@ -91,10 +94,16 @@ def test_without_its_scans_the_robot_would_drive_off(kept: tuple[Path, Pose2]) -
     assert driven_m(kept, start=kept[1], knows_scans=False) > 0.5
 
 
-def seen_from_a_wrong_place(path: Path, place: Pose2) -> Episode:
-    """An episode in the kept map whose robot has believed for a second that it stands at the start
-    of the world, and stands elsewhere."""
-    settings = EpisodeSettings(beware=BEWARE, start=place, odometry_origin=OFFICE.start_pose)
+def seen_from(place: Pose2, path: Path, config: NavigatorConfig = DEFAULT) -> Episode:
+    """An episode in the kept map whose robot stands at a place and has had a second to find that it
+    stands at the start of the world."""
+    settings = EpisodeSettings(
+        beware=BEWARE,
+        start=place,
+        odometry_origin=OFFICE.start_pose,
+        max_time_s=15.0,
+        config=config,
+    )
     episode = Episode(OFFICE, settings, seed=3)
     load_map(episode.controller.navigator.map, BEWARE, prior=None, kept=path)
     episode.controller.navigator.adopt_map()
@@ -113,7 +122,7 @@ def test_what_was_seen_from_a_wrong_place_is_taken_back(
     path, place = kept
     saved = map_file.load(path).state
     monkeypatch.setattr(StartCheck, "after", lambda *_, **__: True)  # believes any place at once
-    episode = seen_from_a_wrong_place(path, place)
+    episode = seen_from(place, path)
     try:
         navigator = episode.controller.navigator
         wrong = contents(episode)
@@ -157,11 +166,31 @@ def test_a_place_that_proves_right_keeps_what_was_seen_from_it(kept: tuple[Path,
         episode.close()
 
 
+def test_a_place_that_is_never_confirmed_is_on_trial_for_some_metres_only(
+    kept: tuple[Path, Pose2], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two places may be alike all the way: then the map would never be written."""
+    monkeypatch.setattr(Probation, "after", lambda *_: None)
+    config = from_table(NavigatorConfig, {"localisation": {"start": {"trial_m": 2.0}}}, "the test")
+    episode = seen_from(OFFICE.start_pose, kept[0], config)
+    try:
+        navigator = episode.controller.navigator
+        on_trial: list[tuple[float, bool]] = []
+        episode.on_decision = lambda *_: on_trial.append(
+            (episode.simulator.referee.distance_m, navigator.map_is_on_trial)
+        )
+        episode.run()
+        ended_m = next(distance_m for distance_m, is_open in on_trial if not is_open)
+        assert on_trial[0][1] and 0.3 < ended_m < 2.5
+    finally:
+        episode.close()
+
+
 def test_an_edit_by_hand_ends_the_trial(
     kept: tuple[Path, Pose2], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(StartCheck, "after", lambda *_, **__: True)
-    episode = seen_from_a_wrong_place(*kept)
+    episode = seen_from(kept[1], kept[0])
     try:
         navigator = episode.controller.navigator
         navigator.map.erase(np.array([0]), [NOTHING])
