@@ -25,6 +25,7 @@ from navcore.localisation.relocalisation.relocalisation import (
     RelocalisationState,
     Relocaliser,
     SearchResult,
+    SearchTask,
 )
 from navcore.localisation.scans.scan import Keyframe, Scan, scan_of
 from navcore.localisation.scans.scan_map import ScanMap
@@ -61,6 +62,8 @@ class Localisation:
         self._start: StartCheck | None = None
         self._is_asked = False
         """Whether the search that the start waits for was asked for."""
+        self._start_task: SearchTask | None = None
+        """The newest search of the place that is checked; answers to others are of another one."""
         self._last: Pose2 | None = None
         self._may_be_elsewhere = False
         self._kept: LocalisationEstimate | None = None
@@ -229,6 +232,7 @@ class Localisation:
         return self._lost(estimate, frame)
 
     def _start_check(self) -> StartCheck:
+        self._start_task = None
         return StartCheck(self._config.start, self._config.relocalisation)
 
     def _unconfirmed(
@@ -278,6 +282,7 @@ class Localisation:
         task = self._relocaliser.next_task(given, last)
         if task is None:
             return None
+        self._start_task = task
         return SearchPlaces(task=task, place_map=self._place_map, config=rules)
 
     def take(self, outcome: Outcome) -> None:
@@ -296,7 +301,7 @@ class Localisation:
         if self._is_lost and (fit := outcome.still_there(self._config.relocalisation)):
             T_base_odom = outcome.task.everything.T_odom_base.inverse()
             self._still = fit.T_map_base @ T_base_odom, fit.covariance
-        if self._start is not None:
+        if self._start is not None and outcome.task is self._start_task:
             self._start.take(outcome)
         if self._probation is not None:
             self._probation.take(outcome)

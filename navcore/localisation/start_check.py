@@ -49,7 +49,8 @@ class StartCheck:
         explain more by chance."""
         if result.given is not None:
             tells = len(result.task.everything) >= self._config.telling_points
-            is_better = is_better_elsewhere(result, result.given, self._rules)
+            rivals = _rivals(result, result.given, self._rules)
+            is_better = _is_worse(result.given, rivals, self._rules)
             self._is_better_elsewhere = tells and is_better
 
     def after(
@@ -109,7 +110,7 @@ class Probation:
         if given is None or self._verdict is not None:
             return
         rivals = _rivals(result, given, rules)
-        is_worse = is_better_elsewhere(result, given, rules)
+        is_worse = _is_worse(given, rivals, rules)
         self._doubts = self._doubts + 1 if is_worse or given.refutation(rules) else 0
         if self._doubts >= self._config.doubts:
             self._verdict = False
@@ -124,10 +125,9 @@ class Probation:
         return False if self._unfit_m >= self._config.unfit_m else self._verdict
 
 
-def is_better_elsewhere(result: SearchResult, given: PlaceFit, rules: RelocalisationConfig) -> bool:
-    """Return whether clearly more speaks for another place, or for the mirrored scans, than for the
-    given one."""
-    return any(is_clearly_better(one, given, rules) for one in _rivals(result, given, rules))
+def _is_worse(given: PlaceFit, rivals: list[PlaceFit], rules: RelocalisationConfig) -> bool:
+    """Return whether clearly more speaks for one of its rivals than for a place."""
+    return any(is_clearly_better(one, given, rules) for one in rivals)
 
 
 def _rivals(result: SearchResult, given: PlaceFit, rules: RelocalisationConfig) -> list[PlaceFit]:

@@ -84,6 +84,22 @@ def test_a_start_is_not_believed_where_the_map_fits_clearly_better_elsewhere() -
     assert verdict_of(0.9, MANY) is True  # without a search
 
 
+def test_an_answer_about_the_place_that_was_checked_before_says_nothing_of_the_next() -> None:
+    """A search of a large map may take longer than a place is checked."""
+    ids, keyframes = kept_map()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(keyframes, STOOD)
+    late = search_result(fit(0.2), fit(0.9, x_m=9.0))
+    localisation.follow(frame_at(ROUTE[0], 0), WORLD.scan(ROUTE[0], np.random.default_rng(0)))
+    localisation.take(late)
+    for k in range(1, 20):
+        estimate = localisation.follow(
+            frame_at(ROUTE[0], k), WORLD.scan(ROUTE[0], np.random.default_rng(k))
+        )
+    assert estimate.is_known
+    assert estimate.T_map_base.distance_to(ROUTE[0].x_m, ROUTE[0].y_m) < 0.1
+
+
 DOOR_M, SIDE, DEPTH_M = room_doors(3)[1]
 INTO_ROOM = drive([(1.5, 0.0), (DOOR_M, 0.0), (DOOR_M, SIDE * (DEPTH_M - 0.5))])
 STOOD = Pose2(x_m=DOOR_M, y_m=SIDE * 0.8, yaw_rad=SIDE * np.pi / 2)
