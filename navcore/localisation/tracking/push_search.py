@@ -56,7 +56,7 @@ class PushSearch:
         along a corridor, none in that direction.
         """
         rules, expected, view = self._rules, own.motion, reference.keyframes[0].scan
-        scan = scan.part(is_in_view(scan.seen_from(expected), view, self._scan, hidden=True))
+        whole, scan = scan, self._part_in_view(scan, expected, view)
         points = len(scan)
         if (
             points < self._least_points
@@ -92,11 +92,33 @@ class PushSearch:
         possible = min(map(_cost, found)) + AS_PROBABLE / rules.point_weight
         alike = [one for one in found if one.cost < possible]
         best = min(alike, key=lambda one: one.pose.distance_to(expected.x_m, expected.y_m))
-        if not tells(best):
+        if not tells(best) or not self._is_seen_from(whole, reference, best.pose):
             return None
         spread = self._covariance(best) + spread_to(best.pose, [one.pose for one in alike])
         there, spread = _as_told(best.pose, expected, spread + rules.floor)
         return Push(expected.inverse() @ there, in_axes_of(there.inverse(), spread))
+
+    def _part_in_view(self, scan: Scan, motion: Pose2, view: Scan) -> Scan:
+        """Return what of a scan after a motion the camera of another one has had in view."""
+        return scan.part(is_in_view(scan.seen_from(motion), view, self._scan, hidden=True))
+
+    def _is_seen_from(self, scan: Scan, reference: ScanMap, motion: Pose2) -> bool:
+        """Return whether a scan fits after a motion with all that the reference would have had in
+        view then: far surfaces may come and go at the end of the camera's range, and what is left
+        fits elsewhere by chance."""
+        part = self._part_in_view(scan, motion, reference.keyframes[0].scan)
+        if len(part) < self._least_points:
+            return False
+        fit = match(
+            part,
+            reference,
+            motion,
+            self._rules.floor,
+            scale=self._rules.point_weight,
+            search_m=self._match.fine_m,
+            config=self._match,
+        )
+        return fit.share >= self._rules.pushed_share
 
     def _fit(
         self,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Pose2, difference, wrap_angle
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.graph.edges import Edge
-from navcore.localisation.scans.scan import Keyframe
+from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep, in_axes_of
@@ -123,6 +125,34 @@ def test_more_of_a_wall_that_comes_into_view_by_a_turn_is_no_push(heading_deg: f
     own.refer()
     own.predict(OdometryStep.between(before, turned, 0.5))
     assert PushSearch(config).find(world.scan(turned, rng), reference, own) is None
+
+
+def test_what_fits_elsewhere_by_chance_is_no_push_where_the_far_wall_is_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two scans of the simulated camera, 1 m apart: most of what the second shows is at the end of
+    its range in the first, and a corner and a table, which are not, fit 0.55 m beside."""
+    kept = np.load(Path(__file__).with_name("far_wall.npz"))
+    before, after = (
+        Scan(
+            points_base=kept[f"{name}_points"].astype(np.float64),
+            variance_m2=kept[f"{name}_variances"].astype(np.float64),
+            normals=kept[f"{name}_normals"].astype(np.float64),
+            origin=kept[f"{name}_origin"],
+        )
+        for name in ("before", "after")
+    )
+    config, (x_m, y_m, yaw_rad) = LocalisationConfig(), kept["motion"].tolist()
+    reference = ScanMap(replace(config.match, fine_m=config.scan_odometry.window_m))
+    reference.put(Keyframe(pose_id=0, T_map_base=IDENTITY, scan=before))
+    own = PoseFilter(IDENTITY, config.odometry)
+    motion = Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+    monkeypatch.setattr(PoseFilter, "motion", motion)
+    monkeypatch.setattr(PoseFilter, "motion_covariance", kept["covariance"])
+    assert PushSearch(config).find(after, reference, own) is None
+    # Control: by what was in view at the expected motion alone it would be told.
+    monkeypatch.setattr(PushSearch, "_is_seen_from", lambda *_: True)
+    assert PushSearch(config).find(after, reference, own) is not None
 
 
 def test_filter_and_edge_go_on_by_the_push() -> None:
