@@ -39,7 +39,8 @@ class MapTrial:
 
     def follow(self, place: LocalisationEstimate) -> bool:
         """Note the estimate of one more frame, before it enters the map: end the trial, or take
-        back what was seen by a place that is given up; returns whether the map has changed.
+        back what was seen from a place that is given up or corrected; returns whether the map has
+        changed.
 
         An edit by hand ends the trial, too: the operator has looked at the map and found it right.
         """
@@ -47,11 +48,13 @@ class MapTrial:
             self._saved = None
         if not place.is_known:
             return self.take_back()
+        was_corrected = place.place_correction is not None
+        is_changed = was_corrected and self.take_back()
         self._driven_m += self._localisation.tracker.moved_m
         if not self._localisation.is_on_trial or self._driven_m >= self._config.trial_m:
             self._saved = None
         self._is_clean = False
-        return False
+        return is_changed
 
     def take_back(self) -> bool:
         """Restore the saved map while the trial is open; returns whether it has changed."""

@@ -147,6 +147,37 @@ def test_what_was_seen_from_a_wrong_place_is_taken_back(
         episode.close()
 
 
+def points_of(state: MapState) -> set[tuple[float, ...]]:
+    return {tuple(point) for point in state.points.points_map.tolist()}
+
+
+def test_what_was_seen_before_a_correction_of_the_place_is_taken_back(
+    kept: tuple[Path, Pose2], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, place = kept
+    saved = map_file.load(path).state
+    monkeypatch.setattr(StartCheck, "after", lambda *_, **__: True)
+    episode = seen_from(place, path)
+    try:
+        localisation, told = episode.controller.navigator.localisation, list[TickResult]()
+        episode.on_decision = lambda _, decision: told.append(decision)
+        episode.observe(episode.now_s + 0.2)
+        before = points_of(saved)
+        wrong = points_of(contents(episode)) - before
+        assert len(wrong) > 100, "it believes what it sees"
+        estimate = told[-1].place
+        true = OFFICE.start_pose
+        T_map_odom = true @ (estimate.T_map_odom.inverse() @ estimate.T_map_base).inverse()
+        localisation._beside = T_map_odom, np.diag([0.01, 0.01, 0.001])  # as a search finds it
+        episode.observe(episode.now_s + 0.5)
+        assert sum(decision.taken_back for decision in told) == 1
+        found = points_of(contents(episode))
+        assert not found & wrong
+        assert len(found - before) > 100, "what is seen from the right place is kept"
+    finally:
+        episode.close()
+
+
 def test_a_place_that_proves_right_keeps_what_was_seen_from_it(kept: tuple[Path, Pose2]) -> None:
     path, _ = kept
     settings = EpisodeSettings(beware=BEWARE, odometry_origin=OFFICE.start_pose, max_time_s=20.0)

@@ -261,8 +261,9 @@ class StartConfig:
     """Distance in metres after which a place that the first looks have confirmed may be confirmed
     for good by all that was seen since; a radian counts as half a metre."""
     trial_m: float = ranged(0.0, 500.0, default=20.0)
-    """Distance in metres after which what was seen stays on the map, and the map is written, even
-    if the place is not confirmed for good, as where two places are alike all the way."""
+    """Distance in metres, a turn by 1 rad counting as 0.5 m, after which what was seen stays on the
+    map, and the map is written, even if the place is not confirmed for good, as where two places
+    are alike all the way."""
     unfit_m: float = ranged(0.1, 500.0, default=6.0)
     """Distance in metres over which too little of what was seen fits there, from which the place is
     given up."""
