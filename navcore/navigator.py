@@ -45,7 +45,7 @@ from navcore.perception.labels import Labels, Segmenter, only_coloured
 from navcore.perception.people.track import Track
 from navcore.perception.people.tracker import PeopleTracker
 from navcore.planning.global_planner import GlobalPlanner, Replan
-from navcore.planning.path import NoPath, Path
+from navcore.planning.path import NoPath
 from navcore.planning.route import NO_POINTS, Route
 from navcore.robot.frame import Frame, check_frame
 from navcore.robot.profile import RobotProfile
@@ -433,7 +433,7 @@ class Navigator:
             pose=frame.pose,
             twist=frame.twist,
             track=route.track if route is not None and has_route else NO_POINTS,
-            reaches_goal=route is not None and isinstance(route.outcome, Path),
+            reaches_goal=route is not None and route.reaches_goal,
             people=people,
             walked=behaviour.lanes.walked_positions,
             goal_yaw_rad=request.goal_yaw_rad,

@@ -22,6 +22,8 @@ from web.interface.wire import Position
 
 MIN_DEVIATION_M = 0.3
 """Largest distance between two paths from which they are different paths, metres."""
+DRIVEN_TO_LOOK_M = 2.0
+"""Length by which the way round may become shorter while the robot drives to a gap, metres."""
 REPLAN_PERIOD_S = 1.0
 """Shortest time between two comparisons of paths, seconds: in unknown terrain they change with
 every frame."""
@@ -218,6 +220,20 @@ def _why_replanned(
         )
         return None if known else (f"There is no path: {route.outcome.reason}.", here)
     length_m = route.outcome.length * after.occupancy.spec.resolution_m
+    if route.is_look:
+        known = old is not None and old.is_look
+        text = (
+            "A much shorter way leads through a gap that looks too narrow for the safety margin. "
+            "The robot looks at it from near before it takes the way round, "
+            f"which is {length_m:.1f} m long."
+        )
+        return None if known else (text, here)
+    if old is not None and old.is_look:
+        assert before is not None and isinstance(old.outcome, Path)
+        round_m = old.outcome.length * before.occupancy.spec.resolution_m
+        if length_m > round_m - DRIVEN_TO_LOOK_M:
+            return f"The gap is too narrow; the way round is {length_m:.1f} m long.", here
+        return f"A shorter path has opened: {length_m:.1f} m from here.", here
     if old is None or (changed_goal and isinstance(old.outcome, Path)):
         return (
             f"Planned a path of {length_m:.1f} m to {_title_of(route, intent.mission)}.",

@@ -16,7 +16,6 @@ from navcore.geometry.transform import STANDSTILL
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.perception.people.track import Track
-from navcore.planning.path import NoPath
 from navcore.planning.route import NO_POINTS, Route
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -96,9 +95,7 @@ class Behaviour:
         now = self._with_people(motion, frame, route, people, profile, config)
         now = dataclasses.replace(now, trail=trail_with(now.trail, frame.pose, config.recovery))
         at_viewpoint = (
-            route is not None
-            and isinstance(route.outcome, NoPath)
-            and motion.outcome is ControllerState.IDLE
+            route is not None and not route.reaches_goal and motion.outcome is ControllerState.IDLE
         )
         if route is None or len(route.points) == 0 or at_viewpoint:
             return now._without_path(frame, request), motion

@@ -39,6 +39,14 @@ class GapViewpointConfig:
     gap_reached_m: float = ranged(0.05, 2.0, default=0.3)
     """Distance in metres to the viewpoint within which the gap counts as measured, and the most
     promising gap is chosen again."""
+    detour_m: float = ranged(0.5, 500.0, default=5.0)
+    """Length in metres by which a path has to be longer than before, or than the straight line, for
+    the robot to look for a shorter way that only safety margins or people close, and by which that
+    one has to be shorter at least."""
+    gap_price: float = ranged(1.0, 20.0, default=4.0)
+    """Cost of a metre of that way where it is closed, in metres of free floor."""
+    gap_search_cells: int = ranged(1_000, 100_000_000, default=300_000)
+    """Number of cells after which its search is given up: some 0.05 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -58,7 +58,7 @@ def viewpoint_before_gap(
     if not areas:
         return None
     within: BitPlane = np.bitwise_or.reduce([area for _, area in areas])
-    closed = _closed(occupancy, people, vehicle_width_m, body_m)
+    closed = closed_by_margins(occupancy, people, vehicle_width_m=vehicle_width_m, body_m=body_m)
     entries = _entries(occupancy, within, goal, closed)
     if present is not None and entries.any():
         kept = _entries(occupancy, within, goal, closed & present)
@@ -69,6 +69,16 @@ def viewpoint_before_gap(
     row, col = nearest
     first = next(first for first, area in areas if contains(area, (row, col)))
     return None if first == (row, col) else (first, (row, col))
+
+
+def closed_by_margins(
+    occupancy: Costmap, people: Collection[int], *, vehicle_width_m: float, body_m: float
+) -> BitPlane:
+    """Return the cells that only the safety margin or people close."""
+    free, spec = occupancy.free.plane, occupancy.spec
+    closed = free | _solid(occupancy, people, vehicle_width_m, body_m)
+    complement(closed, spec.rows, spec.cols)
+    return closed
 
 
 def _areas(occupancy: Costmap, start: Cell, relief_cells: float) -> list[Area]:
@@ -96,16 +106,6 @@ def _entries(occupancy: Costmap, within: BitPlane, goal: Cell, closed: BitPlane)
     reached = np.zeros_like(end)
     flood(free | closed, reached, end & (free | closed))
     return crossings(free, closed, within, end) if (reached & within).any() else np.zeros_like(end)
-
-
-def _closed(
-    occupancy: Costmap, people: Collection[int], vehicle_width_m: float, body_m: float
-) -> BitPlane:
-    """The cells that only the safety margin or people close."""
-    free, spec = occupancy.free.plane, occupancy.spec
-    closed = free | _solid(occupancy, people, vehicle_width_m, body_m)
-    complement(closed, spec.rows, spec.cols)
-    return closed
 
 
 def _solid(

@@ -22,6 +22,7 @@ from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.planning.border import lacking_cells
+from navcore.planning.detour_viewpoint import DetourViewpoint
 from navcore.planning.escape import escape_path
 from navcore.planning.gap_viewpoint import viewpoint_before_gap
 from navcore.planning.path import NoPath, Path, Reason
@@ -54,6 +55,11 @@ class GlobalPlanner:
         self._reachable_goal: tuple[float, float] | None = None
         self._gap: tuple[tuple[float, float], tuple[float, float]] | None = None
         """Goal, and viewpoint before the gap that the robot drives to, both in the map frame."""
+        self._detour = DetourViewpoint(
+            config.planning.viewpoint,
+            vehicle_width_m=profile.width_m,
+            body_m=config.map.body_m,
+        )
 
     def route(
         self,
@@ -98,6 +104,8 @@ class GlobalPlanner:
         """Plan from a pose to a goal (x, y), map frame, on the live free space.
 
         A goal that is too close to something ends the path beside it, within the tolerance.
+        Where a path has become much longer because of a gap that only margins or people close, the
+        route leads to a viewpoint before that gap first (`Route.is_look`).
         Without a path the route leads to a viewpoint before the gap that is most likely to be
         open, or next to a goal that was reachable before; its outcome still says why no path
         exists.
@@ -110,6 +118,9 @@ class GlobalPlanner:
         alternative, lacking = None, self.lacking
         if isinstance(outcome, Path):
             self._gap = None
+            look = self._detour.before(outcome, costmap, pose, goal, beware.people_ids)
+            if look is not None:
+                alternative = self._to_look(costmap, start, look, outcome)
         if outcome == NoPath(reason=Reason.UNREACHABLE):
             alternative = self._to_viewpoint(costmap, pose, goal, beware)
         elif (
@@ -187,6 +198,16 @@ class GlobalPlanner:
             return None
         route = self._built(path, spec.centre(*ends[1]), spec)
         return dataclasses.replace(route, outcome=NoPath(reason=Reason.UNREACHABLE))
+
+    def _to_look(self, costmap: Costmap, start: Cell, look: Cell, outcome: Path) -> Route | None:
+        """The route to a cell from which the robot looks at a gap before it takes a path; None if
+        there is none."""
+        budget, space = self._config.plan_budget, self._space
+        path = plan_in(space, SearchWorkspace(space), start, look, max_expansions=budget)
+        if not isinstance(path, Path):
+            return None
+        route = self._built(path, costmap.spec.centre(*look), costmap.spec)
+        return dataclasses.replace(route, outcome=outcome, is_look=True)
 
     def _present_gap(
         self, costmap: Costmap, pose: Pose2, goal: tuple[float, float]

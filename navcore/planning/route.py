@@ -35,6 +35,14 @@ class Route:
     """(M, 2) the corners of the taut path, where the elastic band holds them, and its end."""
     track: Points
     """(K, 2) the smoothed path through the waypoints, which the local planner follows."""
+    is_look: bool = False
+    """Whether the points lead to a viewpoint before a gap, though there is a path: it is much
+    longer than one through the gap, which is looked at first."""
+
+    @property
+    def reaches_goal(self) -> bool:
+        """Whether the points lead to the end of the path."""
+        return isinstance(self.outcome, Path) and not self.is_look
 
     @property
     def length_m(self) -> float | None:

@@ -33,7 +33,6 @@ from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator, TickResult
 from navcore.perception.labels import Labels
-from navcore.planning.path import Path
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -254,8 +253,8 @@ class RobotController:
             self.change_mission(
                 lambda mission: mission.pause() if mission.phase in MOVING else mission
             )
-        # Without a path the robot arrives at a viewpoint before the blockage, not at the goal.
-        on_path = decision.route is not None and isinstance(decision.route.outcome, Path)
+        # At a viewpoint before a gap the robot has not arrived at the goal.
+        on_path = decision.route is not None and decision.route.reaches_goal
         if (
             on_path
             and decision.place.is_known

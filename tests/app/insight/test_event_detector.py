@@ -133,6 +133,31 @@ def test_the_same_path_is_no_news_and_a_shorter_one_is() -> None:
     assert "A shorter path has opened" in written(event_log)[-1][1]
 
 
+@pytest.mark.parametrize(
+    ("walls", "said"),
+    [
+        (box(-0.5, 0.5, -2.2, 3.0), "The gap is too narrow; the way round is "),
+        (EMPTY, "A shorter path has opened"),
+    ],
+)
+def test_a_look_at_a_gap_and_what_came_of_it_are_told_once(walls: BoolGrid, said: str) -> None:
+    event_log, will = EventLog(), intent()
+    detector = EventDetector(event_log, will)
+    detector.on_tick(0.0, decision(EMPTY), HERE)
+    round_about = decision(box(-0.5, 0.5, -2.2, 3.0))
+    assert round_about.route is not None
+    look = dataclasses.replace(
+        round_about.route, points=np.array([HERE, (-1.0, 0.0)]), is_look=True
+    )
+    for now_s in (2.0, 4.0, 6.0):
+        detector.on_tick(now_s, dataclasses.replace(round_about, route=look), HERE)
+    detector.on_tick(8.0, decision(walls), HERE)
+    texts = [text for _, text in written(event_log)]
+    assert len(texts) == 3
+    assert "looks at it from near before it takes the way round" in texts[1]
+    assert texts[2].startswith(said)
+
+
 def test_a_path_that_opens_while_the_mission_is_paused_is_told_when_it_goes_on() -> None:
     event_log, driving = EventLog(), intent()
     detector = EventDetector(event_log, driving)
