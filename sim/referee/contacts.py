@@ -20,7 +20,8 @@ class Contact:
     what: str
     """Kind of the object, e.g. `wall`, `chair`, `person`."""
     collided: bool
-    """Whether the robot drove into the object, or on against it; else it was struck or pushed."""
+    """Whether the robot drove into the object, or on against it; else it was struck or pushed while
+    it stood or made way."""
     pressed_m: float = 0.0
     """Distance that the robot has driven against the object since."""
 
@@ -35,11 +36,12 @@ class Contacts:
         self._open: dict[int, Contact] = {}
         self._all: list[Contact] = []
         self.struck_while_standing = 0
-        """Number of contacts in which a person or mover struck the standing robot."""
+        """Number of contacts in which a person or mover struck a robot that stood or made way."""
 
     @property
     def collisions(self) -> int:
-        """Number of contacts that began, or went on, while the robot drove."""
+        """Number of contacts that began, or went on, while the robot drove, but for people and
+        movers from whom it drove away."""
         return sum(contact.collided for contact in self._all)
 
     def judge(self, touched: Mapping[int, float], *, driving: bool, t_s: float) -> None:
@@ -48,10 +50,12 @@ class Contacts:
         for number, advance_m in touched.items():
             contact = self._open.get(number)
             if contact is None:
-                contact = Contact(t_s=t_s, what=self._name_of(number), collided=driving)
+                walks = self._walks(number)
+                collided = driving and (advance_m > 0.0 or not walks)
+                contact = Contact(t_s=t_s, what=self._name_of(number), collided=collided)
                 self._open[number] = contact
                 self._all.append(contact)
-                self.struck_while_standing += not driving and self._walks(number)
+                self.struck_while_standing += walks and not collided
             elif driving:
                 contact.pressed_m += advance_m
                 contact.collided = contact.collided or contact.pressed_m > PUSH_LIMIT_M

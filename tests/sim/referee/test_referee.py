@@ -268,6 +268,25 @@ def test_a_robot_that_was_struck_collides_if_it_drives_on_against_the_person_but
     assert referee.collisions == collisions
 
 
+@pytest.mark.parametrize(("speed_mps", "collisions"), [(-0.2, 0), (0.2, 1)])
+def test_a_person_who_catches_up_with_a_robot_that_drives_away_is_not_driven_into(
+    speed_mps: float, collisions: int
+) -> None:
+    referee = Referee(open_floor())
+    for step in range(481):  # the person walks towards the front, and touches it after a while
+        x_m = step * speed_mps * PERIOD_S
+        gap_m = max(1.0 - 0.8 * step * PERIOD_S, 0.0)
+        referee.observe(
+            t_s=step * PERIOD_S,
+            pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0),
+            rolling=Twist(v_mps=speed_mps, w_radps=0.0),
+            people=(Pose2(x_m=x_m + HUSKY.length_m / 2 + 0.2 + gap_m, y_m=0.1, yaw_rad=0.0),),
+            period_s=PERIOD_S,
+        )
+    assert referee.collisions == collisions
+    assert referee.struck_while_standing == 1 - collisions
+
+
 def test_driving_into_a_person_is_a_collision() -> None:
     with blind(open_floor(people=(Person(points=((1.5, 0.0),)),))) as simulator:
         drive(simulator, 0.5, 0.0, 2.5)
