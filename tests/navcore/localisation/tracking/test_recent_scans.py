@@ -9,9 +9,12 @@ import pytest
 
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import Pose2
+from navcore.localisation.scans.matching import match
 from navcore.localisation.scans.scan import Scan
+from navcore.localisation.scans.scan_map import ScanMap
+from navcore.localisation.tracking import recent_scans
 from navcore.localisation.tracking.odometry_model import OdometryStep
-from navcore.localisation.tracking.recent_scans import RecentScans
+from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
 from tests.navcore.localisation.plan_worlds import PlanWorld, drive, office
 
 WORLD = office(3)
@@ -104,3 +107,33 @@ def test_nothing_is_said_without_scans_with_few_points_and_over_large_turns(
     few = there.part(np.arange(len(there)) < 10)
     assert recent.are_continued(few, HERE, step_by()) is None
     assert recent.are_continued(there, HERE, step_by(turn_rad=1.0)) is None
+
+
+@pytest.mark.parametrize(
+    ("share", "share_of_near", "blocked", "elsewhere"),
+    [
+        (0.2, 0.6, 0.3, True),
+        (0.2, 0.6, 0.05, False),  # a place that is new
+        (0.36, 0.98, 0.14, False),  # all that is near fits, the scatter of far walls is crossed
+        (0.36, 0.85, 0.14, True),
+        (0.6, 0.7, 0.3, False),
+    ],
+)
+def test_a_place_where_all_that_is_near_fits_is_not_elsewhere(
+    monkeypatch: pytest.MonkeyPatch,
+    share: float,
+    share_of_near: float,
+    blocked: float,
+    elsewhere: bool,
+) -> None:
+    config = LocalisationConfig()
+    scan, surfaces = seen_from(HERE), ScanMap(config.match)
+    near = 200
+    found = replace(
+        match(scan, surfaces, HERE, None, config=config.match),
+        points=round(near * share_of_near / share),
+        near=near,
+        fitting=round(near * share_of_near),
+    )
+    monkeypatch.setattr(recent_scans, "lines_blocked_share", lambda *_, **__: blocked)
+    assert is_elsewhere(found, scan, surfaces, config) == elsewhere
