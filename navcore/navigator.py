@@ -439,8 +439,11 @@ class Navigator:
             goal_yaw_rad=request.goal_yaw_rad,
             leaving=zones if request.leave or around else None,
             retreat=behaviour.retreat,
+            leaves_lane=behaviour.lane_retreat.active,
             spin=behaviour.spins,
             around=around,
             goal=request.goal,
+            away_s=behaviour.away_s(self._config.behaviours),
+            expects_return=behaviour.absence.expects_return(self._config.behaviours.absence),
             ignore_predictions=behaviour.waiting.is_over(self._config.people),
         )

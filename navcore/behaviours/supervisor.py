@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
+from navcore.behaviours.absence import Absence
 from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
 from navcore.behaviours.waiting import WaitingTimer
+from navcore.config.behaviours import BehavioursConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.arrays import Points
@@ -31,6 +33,8 @@ class Behaviour:
     """How long the robot has waited for people."""
     lanes: LaneKeepOut = dataclasses.field(default_factory=LaneKeepOut)
     """Lanes of people who walk to and fro."""
+    absence: Absence = dataclasses.field(default_factory=Absence)
+    """How long people who walk to and fro stay out of sight."""
     lane_retreat: LaneRetreat = dataclasses.field(default_factory=LaneRetreat)
     """Retreat from such a lane."""
     closed: tuple[Zone, ...] = ()
@@ -52,6 +56,11 @@ class Behaviour:
         backs = self.lane_retreat.active or self.recovery.action is RecoveryAction.BACK_UP
         return self.trail if backs else None
 
+    def away_s(self, config: BehavioursConfig) -> float:
+        """Return the time in seconds after they were lost from sight for which people stay away; 0
+        for none, while the robot waits for their return."""
+        return self.absence.stays_s(config.absence) if self.absence.crosses else 0.0
+
     @property
     def spins(self) -> bool:
         """Whether the recovery turns the robot once in place."""
@@ -71,6 +80,7 @@ class Behaviour:
             trail=NO_POINTS,
             recovery=Recovery(),
             waiting=WaitingTimer(),
+            absence=Absence(),
             lane_retreat=LaneRetreat(),
         )
 
@@ -150,7 +160,13 @@ class Behaviour:
             people_config=config.people,
             config=config.behaviours,
         )
-        return dataclasses.replace(self, waiting=waiting, lanes=lanes, lane_retreat=lane_retreat)
+        return dataclasses.replace(
+            self,
+            waiting=waiting,
+            lanes=lanes,
+            lane_retreat=lane_retreat,
+            absence=self.absence.after(motion, people, pose, stamp_ns, config.behaviours.absence),
+        )
 
     def _without_path(self, frame: Frame, request: NavigationRequest) -> Behaviour:
         if self.closed and request.goal is not None:

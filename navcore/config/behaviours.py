@@ -71,6 +71,30 @@ class LaneConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AbsenceConfig:
+    """Tuning of how long people who walk to and fro are expected to stay out of sight."""
+
+    place_m: float = ranged(0.1, 50.0, default=3.0)
+    """Distance in metres that the robot may have moved from where it has seen them before."""
+    in_view_s: float = ranged(0.0, 2.0, default=0.3)
+    """Time in seconds since the last image of a person up to which they count as in view."""
+    least_s: float = ranged(0.1, 60.0, default=1.5)
+    """Time in seconds out of sight below which it is no absence."""
+    most_s: float = ranged(1.0, 600.0, default=20.0)
+    """Time in seconds above which it is none either: they were elsewhere."""
+    remembered: int = ranged(2, 100, default=6)
+    """Number of absences that are remembered."""
+    share: float = ranged(0.0, 1.0, default=0.8)
+    """Share of the shorter of the last two absences on a side for which people stay away."""
+    cross_s: float = ranged(0.5, 60.0, default=4.0)
+    """Time in seconds that must be left of it for the robot to set off."""
+    longest_share: float = ranged(1.0, 10.0, default=1.25)
+    """Share of the longer one after which the robot that waits for their return gives it up."""
+    longest_besides_s: float = ranged(0.0, 60.0, default=2.0)
+    """Time in seconds that it waits besides."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LaneRetreatConfig:
     """Tuning of the retreat from the lane of a person who walks to and fro."""
 
@@ -106,5 +130,7 @@ class BehavioursConfig:
     """Lanes of people who walk to and fro."""
     lane_retreat: LaneRetreatConfig = field(default_factory=LaneRetreatConfig)
     """Retreat from such a lane."""
+    absence: AbsenceConfig = field(default_factory=AbsenceConfig)
+    """How long such people stay out of sight."""
     teleop: TeleopConfig = field(default_factory=TeleopConfig)
     """Driving by hand."""

@@ -299,6 +299,11 @@ class SocialConfig:
     """Speed limit in m/s below which the robot stands."""
     sample_s: float = ranged(0.02, 2.0, default=0.25)
     """Largest time in seconds between the moments of the headway that are checked."""
+    away_cosine: float = ranged(0.0, 1.0, default=0.5)
+    """Cosine of the angle between a person's course and the line from the robot to them above which
+    they walk away from it."""
+    in_view_s: float = ranged(0.0, 2.0, default=0.3)
+    """Time in seconds since the last image of a person up to which they count as in view."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

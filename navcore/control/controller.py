@@ -64,8 +64,14 @@ class ControlTask:
     """(x, y) of the goal in metres of the map frame; None without one."""
     retreat: Points | None = None
     """(N, 2) driven path in the map frame, newest first, to back off along; None otherwise."""
+    leaves_lane: bool = False
+    """Whether it backs off from the lane of a person, and may cross that lane instead."""
     spin: bool = False
     """Whether to turn once in place and look around."""
+    away_s: float = 0.0
+    """Time in seconds after they were lost from sight for which people stay away."""
+    expects_return: bool = False
+    """Whether a robot that waits goes on waiting, since people are about to be back."""
     ignore_predictions: bool = False
     """Whether the robot has waited long enough for people to go on as if they stood still."""
 
@@ -118,12 +124,16 @@ class Controller:
                 profile=self._profile,
                 local=local,
                 control=control,
-                people=PeopleState.of(task.people, pose, people, control.social, task.walked),
+                people=PeopleState.of(
+                    task.people, pose, people, control.social, task.walked, away_s=task.away_s
+                ),
                 people_config=people,
                 goal_yaw_rad=task.goal_yaw_rad,
                 around=task.around,
                 retreat=task.retreat,
+                leaves_lane=task.leaves_lane,
                 spin=task.spin,
+                expects_return=task.expects_return,
                 ignore_predictions=task.ignore_predictions,
             )
         )

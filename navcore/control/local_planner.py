@@ -84,8 +84,12 @@ class LocalPlannerInput:
     """Zones whose growth the robot is in, and drives out of first; they are not in `forbidden`."""
     retreat: Points | None = None
     """(R, 2) driven path in the map frame, newest first, to back off along; None otherwise."""
+    leaves_lane: bool = False
+    """Whether it backs off from the lane of a person, and may cross that lane instead."""
     spin: bool = False
     """Whether to turn on in place and look around."""
+    expects_return: bool = False
+    """Whether a robot that waits for people goes on waiting, since they are about to be back."""
     ignore_predictions: bool = False
     """Whether the robot, having waited long enough, waits only where people are and not where they
     may come to."""
@@ -118,6 +122,9 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         return avoid(checker, path, inputs.twist) if collides else motion
     if inputs.retreat is None:
         motion = _slow_beside_people(checker, motion)
+    waited = inputs.previous.outcome is ControllerState.WAIT_FOR_PEOPLE
+    if inputs.expects_return and waited and motion.outcome in _DRIVES_ON:
+        motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
     return _face_person(checker, motion) if waits else motion
 
@@ -162,6 +169,9 @@ def _select(
     alone = inputs.people_config.non_cooperative
     if inputs.retreat is not None:
         surroundings = checker.without_people() if alone else checker
+        crossing = _cross(inputs, checker, path) if inputs.leaves_lane else None
+        if crossing is not None:
+            return crossing
         return _retreat(surroundings, path_from(inputs.retreat, inputs.pose))
     if inputs.spin:
         return _spin(checker) or BLOCKED
@@ -175,9 +185,27 @@ def _select(
     if near and motion.outcome in _STRUGGLES:
         motion = ARRIVED if goal.aligned else _align(inputs, checker, goal)
     if inputs.ignore_predictions and motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
-        bold = _drive(inputs, checker.with_people_standing(), path)
-        motion = bold if bold.outcome in _DRIVES_ON else motion
+        return _drive_as_if_standing(inputs, checker, path) or motion
     return motion
+
+
+def _drive_as_if_standing(
+    inputs: LocalPlannerInput, checker: CollisionChecker, path: Points
+) -> Motion | None:
+    """Follow the path as if people stood where they are; None where even that leads on nowhere."""
+    motion = _drive(inputs, checker.with_people_standing(), path)
+    return motion if motion.outcome in _DRIVES_ON else None
+
+
+def _cross(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -> Motion | None:
+    """Cross the lane of people who walk to and fro while all of them walk away in view: the moment
+    when there is most time. No faster than the robot can stop before they could be back; None where
+    that is not at all."""
+    if not checker.people.walk_away:
+        return None
+    motion = _drive_as_if_standing(inputs, checker, path)
+    slow = None if motion is None else _slow_beside_people(checker, motion)
+    return None if slow is None or slow.twist == STANDSTILL else slow
 
 
 def _align(inputs: LocalPlannerInput, checker: CollisionChecker, goal: _Goal) -> Motion:
@@ -248,7 +276,7 @@ def _look(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) ->
     """Turn in place to see the unobserved floor where the path leads next, as long as there is room
     to turn: beside such floor the robot could only back off. None where the camera has it in view,
     or the turn would bring the body close to an obstacle."""
-    config, follower = inputs.control.turn, inputs.control.path_follower
+    config = inputs.control.turn
     looking = inputs.previous.outcome is ControllerState.LOOK
     least_deg = config.look_until_deg if looking else config.look_from_deg
     cells = checker.visible_by_turning(path, beyond_rad=math.radians(least_deg))
@@ -256,13 +284,20 @@ def _look(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) ->
         return None
     x, y = cells[np.hypot(*cells.T).argmin()]
     bearing = math.atan2(y, x)
-    turn = _turn(checker, bearing, both_directions=False)
+    turn = _turn_with_room(checker, bearing)
+    return None if turn is None else dataclasses.replace(turn, outcome=ControllerState.LOOK)
+
+
+def _turn_with_room(checker: CollisionChecker, bearing: float) -> Motion | None:
+    """Turn in place to the bearing, the shorter way, as long as there is room; None where the turn
+    would bring the body close to an obstacle: what it comes to see there might keep it from turning
+    on or back."""
     poses = np.zeros((1, _TURN_POSES, 3))
     poses[..., 2] = np.linspace(0.0, bearing, _TURN_POSES)
-    close_m = follower.padding_factor * inputs.local.padding_m
-    if turn is None or not (checker.clearance(poses) > close_m).all():
+    close_m = checker.control.path_follower.padding_factor * checker.local.padding_m
+    if not (checker.clearance(poses) > close_m).all():
         return None
-    return dataclasses.replace(turn, outcome=ControllerState.LOOK)
+    return _turn(checker, bearing, both_directions=False)
 
 
 def _manoeuvre(
@@ -334,7 +369,8 @@ def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
 
     One whose way led by the robot is not looked for, neither soon nor before it sets off: one who
     comes back walks into the turning robot as often as into one that sets off unseeing, and where
-    people walk to and fro beside it, it would wait twice as long.
+    people walk to and fro beside it, it would wait twice as long. In a door or another narrow place
+    it does not turn either.
     """
     sought = checker.people.expected_discs[:, :2] - (checker.profile.camera.x_m, 0.0)
     if len(sought) == 0 or checker.profile.scanner is not None:
@@ -343,7 +379,7 @@ def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
     bearing, in_view = math.atan2(y, x), math.radians(checker.control.turn.face_person_deg)
     if abs(bearing) <= in_view:
         return motion
-    turn = _turn(checker, bearing, both_directions=False)
+    turn = _turn_with_room(checker, bearing)
     if turn is None:
         return motion
     around_m = checker.profile.circumscribed_radius_m + checker.people_config.personal_m

@@ -54,6 +54,9 @@ class PeopleState:
     """(R, 4) the same columns for the disc in which each of these people is if they walked on."""
     walked: Points = field(default_factory=lambda: np.empty((0, 2)))
     """(W, 2) recent positions of people who walked."""
+    walk_away: bool = False
+    """Whether there are people who walk, and all of them are in view and walk away from the
+    robot."""
 
     @staticmethod
     def of(
@@ -62,9 +65,12 @@ class PeopleState:
         rules: PeopleConfig = PEOPLE_CONFIG,
         config: SocialConfig = SOCIAL_CONFIG,
         walked: Points | None = None,
+        *,
+        away_s: float = 0.0,
     ) -> PeopleState:
         """Return the tracked people, and the (W, 2) positions where people recently walked, as seen
-        from a pose of the robot in the map frame."""
+        from a pose of the robot in the map frame. For `away_s` seconds after they were lost from
+        sight people stay away."""
         moving = [person for person in people if _may_walk(person, rules)]
         standing = [person for person in people if person not in moving]
         motions = [
@@ -78,7 +84,7 @@ class PeopleState:
                 pose, [(p.x_m, p.y_m, 0.0, 0.0, p.radius_m) for p in standing], columns=5
             ),
             reachable_discs=_in_base(
-                pose, [_reachable_disc(person, config) for person in moving], columns=4
+                pose, [_reachable_disc(person, config, away_s) for person in moving], columns=4
             ),
             expected_discs=_in_base(
                 pose,
@@ -86,6 +92,7 @@ class PeopleState:
                 columns=4,
             ),
             walked=np.empty((0, 2)) if walked is None else pose.from_parent(walked),
+            walk_away=bool(moving) and all(_walks_away(person, pose, config) for person in moving),
         )
 
     def reversed(self) -> PeopleState:
@@ -97,6 +104,7 @@ class PeopleState:
             reachable_discs=self.reachable_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
             expected_discs=self.expected_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
             walked=-self.walked,
+            walk_away=self.walk_away,
         )
 
     def standing_still(self) -> PeopleState:
@@ -110,6 +118,7 @@ class PeopleState:
             reachable_discs=self.reachable_discs,
             expected_discs=self.expected_discs,
             walked=self.walked,
+            walk_away=self.walk_away,
         )
 
     def as_expected(self, around_m: float) -> PeopleState:
@@ -146,6 +155,14 @@ def _may_walk(person: Track, rules: PeopleConfig) -> bool:
     return person.speed_mps + person.walking_speed_mps > 0 and since_s < rules.settled_s
 
 
+def _walks_away(person: Track, pose: Pose2, config: SocialConfig) -> bool:
+    """Whether a person is seen to walk away from a robot at a pose in the map frame."""
+    x, y = person.x_m - pose.x_m, person.y_m - pose.y_m
+    along = x * person.vx_mps + y * person.vy_mps
+    is_away = along > config.away_cosine * math.hypot(x, y) * person.speed_mps
+    return is_away and person.is_brisk() and person.unseen_s < config.in_view_s
+
+
 def _walking_speed(person: Track, config: SocialConfig) -> float:
     return max(person.speed_mps, person.walking_speed_mps, config.min_walking_mps)
 
@@ -164,10 +181,11 @@ def _motions(person: Track, rules: PeopleConfig, config: SocialConfig) -> list[t
     return [(x, y, vx, vy, radius), back, (x, y, 0.0, 0.0, radius + speed * rules.passing_s)]
 
 
-def _reachable_disc(person: Track, config: SocialConfig) -> tuple[float, ...]:
-    """x, y, map frame, walking speed and radius of the disc in which a person may be by now."""
+def _reachable_disc(person: Track, config: SocialConfig, away_s: float) -> tuple[float, ...]:
+    """x, y, map frame, walking speed and radius of the disc in which a person may be by now, who
+    has stayed away for a while."""
     speed, (x, y) = _walking_speed(person, config), person.at(-person.unseen_s)
-    return x, y, speed, person.radius_m + speed * person.unseen_s
+    return x, y, speed, person.radius_m + speed * max(person.unseen_s - away_s, 0.0)
 
 
 def _in_base(pose: Pose2, rows: list[tuple[float, ...]], *, columns: int) -> Floats:

@@ -51,6 +51,8 @@ def decide(
     pose: Pose2 = ORIGIN,
     twist: Twist = STANDSTILL,
     retreat: Points | None = None,
+    leaves_lane: bool = False,
+    expects_return: bool = False,
 ) -> Motion:
     """A decision, by default at the map's origin, where the base frame is the map frame."""
     return compute_velocity(
@@ -69,6 +71,8 @@ def decide(
             goal_yaw_rad=goal_yaw_rad,
             ignore_predictions=ignore_predictions,
             retreat=retreat,
+            leaves_lane=leaves_lane,
+            expects_return=expects_return,
         )
     )
 

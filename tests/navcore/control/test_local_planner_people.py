@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.behaviours.waiting import WaitingTimer
-from navcore.control.motion import IDLE, ControllerState
+from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.control.social import NO_PEOPLE, PEOPLE_CONFIG, PeopleState, speed_limit_near_people
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
@@ -166,6 +166,20 @@ def test_a_waiting_robot_looks_after_a_person_who_walked_out_of_view() -> None:
     assert stands(decide(people=stopped_by_it), ControllerState.WAIT_FOR_PEOPLE)
 
 
+@pytest.mark.parametrize(("half_width_m", "turns"), [(0.74, False), (0.9, True)])
+def test_in_a_door_a_waiting_robot_does_not_turn_after_a_person(
+    half_width_m: float, turns: bool
+) -> None:
+    left = PeopleState.of((walking_on(2.2, 1.8, 0.9, 2.2, 2.5),), ORIGIN)
+    x = np.linspace(-1.0, 1.0, 21)
+    frame = np.vstack(
+        [np.column_stack([x, np.full(21, side)]) for side in (-half_width_m, half_width_m)]
+    )
+    motion = decide(people=left, geometric=frame)
+    assert motion.outcome is ControllerState.WAIT_FOR_PEOPLE
+    assert (motion.twist.w_radps > 0.2) == turns
+
+
 def test_a_robot_that_backs_off_from_a_person_in_a_bend_moves_no_corner_fast() -> None:
     angles = np.linspace(0.0, 1.5, 30)
     driven_along = 0.3 * np.column_stack([-np.sin(angles), np.cos(angles) - 1.0])
@@ -178,6 +192,57 @@ def test_a_robot_that_backs_off_from_a_person_in_a_bend_moves_no_corner_fast() -
 
     assert fastest_mps(NO_PEOPLE) > PEOPLE_CONFIG.near_mps  # the control
     assert 0.2 < fastest_mps(crossing(1.5, 0.2, -0.3, 0.0)) <= PEOPLE_CONFIG.near_mps + 1e-9
+
+
+BEHIND = np.column_stack([-np.linspace(0.0, 2.0, 21), np.zeros(21)])
+"""A path driven to here."""
+
+
+@pytest.mark.parametrize(
+    ("heading_rad", "x_m", "unseen_s", "crosses"),
+    [
+        (0.0, 2.5, 0.0, True),
+        (0.6, 2.5, 0.0, True),
+        (math.pi, 2.5, 0.0, False),
+        (math.pi / 2, 2.5, 0.0, False),
+        (0.0, 2.5, 1.0, False),
+        (0.0, 1.0, 0.0, False),  # too near: they could turn round and reach the robot
+    ],
+)
+def test_a_robot_that_leaves_a_lane_crosses_it_while_the_person_is_seen_to_walk_away(
+    heading_rad: float, x_m: float, unseen_s: float, crosses: bool
+) -> None:
+    person = walking_on(x_m, 0.0, 0.8, heading_rad, unseen_s)
+    people = PeopleState.of((person,), ORIGIN)
+    motion = decide(people=people, retreat=BEHIND, leaves_lane=True)
+    assert (motion.outcome is ControllerState.FOLLOW) == crosses
+    assert (motion.twist.v_mps > 0.1) == crosses
+    if crosses:
+        assert stops_in_time(motion.twist, x_m, 0.0, walked_m=0.0, speed_mps=0.8)
+        # Control: a robot that backs off since its way is blocked goes on backing off.
+        assert decide(people=people, retreat=BEHIND).twist.v_mps < 0.0
+
+
+def test_a_person_who_stays_away_holds_nobody_up_until_they_may_be_back() -> None:
+    gone = walking_on(2.0, 1.6, 0.8, math.pi / 2, 3.0)
+    assert decide(people=PeopleState.of((gone,), ORIGIN)).twist.v_mps == 0.0
+    away = PeopleState.of((gone,), ORIGIN, away_s=6.0)
+    assert decide(people=away).twist.v_mps > 0.3
+    late = PeopleState.of((gone,), ORIGIN, away_s=1.0)
+    assert decide(people=late).twist.v_mps == 0.0
+
+
+def test_a_robot_that_waits_for_a_return_does_not_set_off_and_one_that_drives_goes_on() -> None:
+    waited = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
+    assert stands(decide(previous=waited, expects_return=True), ControllerState.WAIT_FOR_PEOPLE)
+    assert decide(previous=waited).twist.v_mps > 0.0  # the control
+    assert decide(expects_return=True).twist.v_mps > 0.0
+
+
+def test_a_lane_is_not_crossed_while_another_person_comes() -> None:
+    away, comes = walking_on(3.0, 0.0, 0.8, 0.0, 0.0), walking_on(3.5, 1.0, 0.8, math.pi, 0.0)
+    people = PeopleState.of((away, comes), ORIGIN)
+    assert decide(people=people, retreat=BEHIND, leaves_lane=True).twist.v_mps <= 0.0
 
 
 def walking_on(x: float, y: float, speed: float, heading: float, unseen_s: float) -> Track:

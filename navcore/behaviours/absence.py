@@ -1,0 +1,104 @@
+"""How long people who walk to and fro stay out of sight.
+
+A robot that waits beside the lane of a person sees a part of it. Once the person has left that
+part, they may come back at once, or not at all; the robot waits for some seconds, and sets off just
+when they are back. But who walks to and fro has done so before: after two absences on a side the
+robot takes it that the next one there lasts nearly as long as the shorter of them. It crosses as
+soon as the person has gone, or not before they have come and gone again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from navcore.config.behaviours import AbsenceConfig
+from navcore.control.motion import ControllerState, Motion
+from navcore.geometry.transform import Pose2
+from navcore.perception.people.track import Track
+
+_DEFAULT = AbsenceConfig()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Absence:
+    """A value with its transition, one for each tick."""
+
+    at: Pose2 | None = None
+    """Pose, map frame, where people who walk were first seen; None before that."""
+    lasted: tuple[tuple[bool, float], ...] = ()
+    """Whether people had left the view to the left, and for how many seconds they were out of
+    sight, for each absence, oldest first."""
+    is_left: bool = False
+    """Whether they were seen last on the left."""
+    seen_ns: int = 0
+    """Stamp in nanoseconds at which they were seen last."""
+    now_ns: int = 0
+    """Stamp of the newest tick in nanoseconds."""
+    crosses: bool = False
+    """Whether the robot has set off while they are away."""
+
+    def after(
+        self,
+        motion: Motion,
+        people: tuple[Track, ...],
+        pose: Pose2,
+        stamp_ns: int,
+        config: AbsenceConfig = _DEFAULT,
+    ) -> Absence:
+        """Return the state after one more tick; people and pose are in the map frame."""
+        now = self
+        if self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > config.place_m:
+            now = Absence()
+        now = replace(now, now_ns=stamp_ns)
+        in_view = [
+            person
+            for person in people
+            if person.walking_speed_mps > 0.0 and person.unseen_s < config.in_view_s
+        ]
+        if in_view:
+            return now._seen(in_view, pose, stamp_ns, config)
+        waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
+        can_cross = now.stays_s(config) - now.gone_s >= (config.cross_s if waits else 0.0)
+        return replace(now, crosses=can_cross and (waits or now.crosses))
+
+    def _seen(
+        self, people: list[Track], pose: Pose2, stamp_ns: int, config: AbsenceConfig
+    ) -> Absence:
+        """Return the state after a tick with people in view."""
+        nearest = min(people, key=lambda person: pose.distance_to(person.x_m, person.y_m))
+        away = math.atan2(nearest.y_m - pose.y_m, nearest.x_m - pose.x_m) - pose.yaw_rad
+        gone_s, lasted = self.gone_s, self.lasted
+        if self.at is not None and config.least_s <= gone_s <= config.most_s:
+            lasted = (*lasted, (self.is_left, gone_s))[-config.remembered :]
+        return replace(
+            self,
+            at=self.at or pose,
+            lasted=lasted,
+            is_left=math.sin(away) > 0.0,
+            seen_ns=stamp_ns,
+            crosses=False,
+        )
+
+    @property
+    def gone_s(self) -> float:
+        """Time in seconds since a person who walks was in view."""
+        return (self.now_ns - self.seen_ns) / 1e9
+
+    def stays_s(self, config: AbsenceConfig = _DEFAULT) -> float:
+        """Return the time in seconds for which people who have left on that side stay away; 0
+        before it has been seen twice."""
+        lasted = self._lasted_there
+        return config.share * min(lasted) if len(lasted) > 1 else 0.0
+
+    def expects_return(self, config: AbsenceConfig = _DEFAULT) -> bool:
+        """Return whether a robot that waits had better go on waiting until they are back."""
+        lasted = self._lasted_there
+        if self.crosses or len(lasted) < 2 or self.gone_s <= config.in_view_s:
+            return False
+        return self.gone_s < config.longest_share * max(lasted) + config.longest_besides_s
+
+    @property
+    def _lasted_there(self) -> list[float]:
+        """The last two absences, in seconds, after people had left on that side."""
+        return [seconds for is_left, seconds in self.lasted if is_left == self.is_left][-2:]

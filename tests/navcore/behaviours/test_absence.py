@@ -1,0 +1,125 @@
+"""A robot beside the lane of a person crosses by how long they stayed out of sight before."""
+
+from __future__ import annotations
+
+import pytest
+
+from navcore.behaviours.absence import Absence
+from navcore.control.motion import ControllerState, Motion
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.perception.people.track import Track
+
+WAITS = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
+DRIVES = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=ControllerState.FOLLOW)
+BESIDE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+PERIOD_S = 0.1
+
+
+def person(y_m: float, *, unseen_s: float = 0.0, walked: bool = True) -> Track:
+    """A person in a lane along y, 2 m before the robot."""
+    return Track(
+        id=1,
+        x_m=2.0,
+        y_m=y_m,
+        vx_mps=0.0,
+        vy_mps=0.8 if walked else 0.0,
+        radius_m=0.3,
+        age_s=9.0,
+        last_seen_ns=0,
+        unseen_s=unseen_s,
+        walking_speed_mps=0.8 if walked else 0.0,
+    )
+
+
+class Watch:
+    """A robot that watches a lane."""
+
+    def __init__(self) -> None:
+        self.absence, self.t_s = Absence(), 0.0
+
+    def go(
+        self,
+        seconds: float,
+        *people: Track,
+        motion: Motion = WAITS,
+        pose: Pose2 = BESIDE,
+    ) -> Absence:
+        for _ in range(round(seconds / PERIOD_S)):
+            self.t_s += PERIOD_S
+            self.absence = self.absence.after(motion, people, pose, round(self.t_s * 1e9))
+        return self.absence
+
+    def passes(self, *gone_s: float, left: bool = True) -> Absence:
+        """Let a person be in view before and after being gone for these times on one side."""
+        side = person(1.5 if left else -1.5)
+        self.go(2.0, side)
+        for seconds in gone_s:
+            self.go(seconds)
+            self.go(2.0, side)
+        return self.absence
+
+
+def test_after_two_absences_the_robot_crosses_as_soon_as_the_person_has_gone() -> None:
+    watch = Watch()
+    watch.passes(10.0)
+    assert not watch.go(1.0).crosses, "one absence says too little"
+    again = Watch()
+    assert again.passes(10.0, 12.0).stays_s() == pytest.approx(8.0, abs=0.2)
+    gone = again.go(0.2)
+    assert gone.crosses and not gone.expects_return()
+    assert again.go(7.0, motion=DRIVES).crosses, "it drives on until they may be back"
+    assert not again.go(2.0, motion=DRIVES).crosses
+
+
+def test_a_robot_that_still_waits_when_little_time_is_left_waits_until_they_are_back() -> None:
+    watch = Watch()
+    watch.passes(10.0, 12.0)
+    watch.go(4.5, motion=DRIVES)  # it did something else
+    gone = watch.go(0.5)
+    assert not gone.crosses and gone.expects_return()
+    assert watch.go(8.0).expects_return()
+    assert not watch.go(5.0).expects_return(), "they do not come back"
+    back = watch.go(0.5, person(1.5))
+    assert not back.crosses and not back.expects_return()
+
+
+def test_absences_that_are_too_short_to_cross_are_waited_for() -> None:
+    watch = Watch()
+    watch.passes(4.0, 4.0)
+    gone = watch.go(1.0)
+    assert not gone.crosses and gone.expects_return()
+
+
+def test_each_side_has_its_own_absences() -> None:
+    watch = Watch()
+    watch.passes(4.0, 4.0, left=True)
+    watch.passes(12.0, 12.0, left=False)
+    assert watch.go(1.0).crosses
+    watch.passes(left=True)
+    assert not watch.go(1.0).crosses
+
+
+def test_who_never_walked_or_was_elsewhere_for_long_does_not_count() -> None:
+    watch = Watch()
+    watch.passes(60.0, 60.0)
+    assert not watch.go(1.0).crosses and not watch.absence.expects_return()
+    standing = Watch()
+    for _ in range(3):
+        standing.go(2.0, person(1.5, walked=False))
+        standing.go(8.0)
+    assert standing.absence == Absence(now_ns=standing.absence.now_ns)
+
+
+def test_elsewhere_nothing_is_expected() -> None:
+    watch = Watch()
+    watch.passes(10.0, 10.0)
+    away = watch.go(1.0, pose=Pose2(x_m=0.0, y_m=3.5, yaw_rad=0.0))
+    assert not away.crosses and away.lasted == ()
+
+
+def test_a_person_who_comes_into_view_ends_the_crossing() -> None:
+    watch = Watch()
+    watch.passes(10.0, 10.0)
+    assert watch.go(2.0).crosses
+    assert not watch.go(0.1, person(1.5), motion=DRIVES).crosses
+    assert watch.go(0.1, person(1.5, unseen_s=0.2), motion=DRIVES).stays_s() > 0.0
