@@ -2,9 +2,9 @@
 
 A robot that waits beside the lane of a person sees a part of it. Once the person has left that
 part, they may come back at once, or not at all; the robot waits for some seconds, and sets off just
-when they are back. But who walks to and fro has done so before: after two absences on a side the
-robot takes it that the next one there lasts nearly as long as the shorter of them. It crosses as
-soon as the person has gone, or not before they have come and gone again.
+when they are back. But who walks to and fro has done so before: after an absence on a side the
+robot takes it that the next one there lasts nearly as long, and after two as the shorter of them.
+It crosses as soon as the person has gone, or not before they have come and gone again.
 """
 
 from __future__ import annotations
@@ -87,14 +87,13 @@ class Absence:
 
     def stays_s(self, config: AbsenceConfig = _DEFAULT) -> float:
         """Return the time in seconds for which people who have left on that side stay away; 0
-        before it has been seen twice."""
-        lasted = self._lasted_there
-        return config.share * min(lasted) if len(lasted) > 1 else 0.0
+        before they have done so."""
+        return config.share * min(self._lasted_there, default=0.0)
 
     def expects_return(self, config: AbsenceConfig = _DEFAULT) -> bool:
         """Return whether a robot that waits had better go on waiting until they are back."""
         lasted = self._lasted_there
-        if self.crosses or len(lasted) < 2 or self.gone_s <= config.in_view_s:
+        if self.crosses or not lasted or self.gone_s <= config.in_view_s:
             return False
         return self.gone_s < config.longest_share * max(lasted) + config.longest_besides_s
 

@@ -85,7 +85,8 @@ class AbsenceConfig:
     remembered: int = ranged(2, 100, default=6)
     """Number of absences that are remembered."""
     share: float = ranged(0.0, 1.0, default=0.8)
-    """Share of the shorter of the last two absences on a side for which people stay away."""
+    """Share of the last absence on a side, or the shorter of the last two, for which people stay
+    away."""
     cross_s: float = ranged(0.5, 60.0, default=4.0)
     """Time in seconds that must be left of it for the robot to set off."""
     longest_share: float = ranged(1.0, 10.0, default=1.25)
