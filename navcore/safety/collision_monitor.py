@@ -3,8 +3,10 @@
 Only measurements higher than 10 cm above the ground in the area that the footprint sweeps along the
 commanded arc count, with a small clearance, and only where several points agree; and the edge
 beyond which the ground drops. The camera does not see what is right before the robot's corners, or
-low before its front: what has just gone out of sight there is remembered for a while. A laser scan
-shows all round what is as high as the scanner. Obstacles that were never seen are unknown here.
+low before its front: what has just gone out of sight there is remembered for a while, unless what
+stood upright on it is seen to have gone: the legs of a person have then gone with the body. A
+laser scan shows all round what is as high as the scanner. Obstacles that were never seen are
+unknown here.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, inlined
 from navcore.config.safety import DEFAULT_SAFETY, CollisionMonitorConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
 from navcore.geometry.camera import NEAREST_M, Pinhole, column_slope, point_on_ray, row_slope
@@ -28,7 +30,16 @@ from navcore.robot.profile import RobotProfile
 
 NearPoints = npt.NDArray[np.float32]
 """(N, 2) x and y in metres of the base frame."""
+Tops = npt.NDArray[np.float32]
+"""(N,) heights in metres above the ground."""
 NO_POINTS: NearPoints = np.empty((0, 2), dtype=np.float32)
+_COLUMN_M = 0.1
+"""Side in metres of the cells, and height of the slices, in which points stand upright on each
+other."""
+_SLICES = 32
+"""Number of these slices, one bit each."""
+_BEHIND_M = 0.15
+"""Distance in metres behind a point from which a measurement tells that the point has gone."""
 _DEFAULT = DEFAULT_SAFETY.collision
 
 
@@ -57,6 +68,12 @@ class _Sweep(NamedTuple):
 def near_points(frame: Frame, config: CollisionMonitorConfig = _DEFAULT) -> NearPoints:
     """Return the (N, 2) x and y in metres of the base frame of the obstacle pixels of a frame that
     passes `check_frame`."""
+    return _heights(frame, config)[:, :2].copy()
+
+
+def _heights(frame: Frame, config: CollisionMonitorConfig) -> NearPoints:
+    """Return the (N, 3) x, y and height above the ground of these points; the edge of a drop has
+    the height 0."""
     limits = _Limits(
         obstacle_height_m=config.obstacle_height_m,
         ceiling_m=config.ceiling_m,
@@ -85,6 +102,8 @@ class RecentObstacles:
     out of sight before it."""
     seen_ns: Indices = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     """(N,) stamps in nanoseconds of the frames that showed the points."""
+    tops_m: Tops = field(default_factory=lambda: np.empty(0, dtype=np.float32))
+    """(N,) heights in metres up to which something stood upright on the points then."""
     scanned: NearPoints = field(default_factory=lambda: NO_POINTS)
     """(M, 2) x and y in metres of the base frame of what the newest laser scan shows."""
     pose: Pose2 | None = None
@@ -93,17 +112,22 @@ class RecentObstacles:
     def after(self, frame: Frame, config: CollisionMonitorConfig = _DEFAULT) -> RecentObstacles:
         """Return the obstacles after one more frame, one that passes `check_frame`: points that it
         no longer looks at stay for `memory_s`."""
-        shown, scanned = near_points(frame, config), _scanned(frame, config)
+        heights, scanned = _heights(frame, config), _scanned(frame, config)
+        shown, tops_m = heights[:, :2].copy(), _tops(heights, config.range_m)
         stamps = np.full(len(shown), frame.stamp_ns)
         if self.pose is None or not len(self.points):
-            return RecentObstacles(points=shown, seen_ns=stamps, scanned=scanned, pose=frame.pose)
+            return RecentObstacles(
+                points=shown, seen_ns=stamps, tops_m=tops_m, scanned=scanned, pose=frame.pose
+            )
         moved = frame.pose.from_parent(self.pose.to_parent(self.points.astype(np.float64)))
         kept = _remembered(
             moved,
             frame.stamp_ns - self.seen_ns,
+            self.tops_m,
+            shown,
             invert(frame.T_base_camera),
             frame.intrinsics.pinhole,
-            frame.depth_m.shape,
+            frame.depth_m,
             (config.obstacle_height_m, config.range_m),
             config.memory_ns,
             (config.memory_cell_m, config.min_points),
@@ -111,6 +135,7 @@ class RecentObstacles:
         return RecentObstacles(
             points=np.vstack([shown, moved[kept].astype(np.float32)]),
             seen_ns=np.concatenate([stamps, self.seen_ns[kept]]),
+            tops_m=np.concatenate([tops_m, self.tops_m[kept]]),
             scanned=scanned,
             pose=frame.pose,
         )
@@ -195,21 +220,29 @@ def allowed_share(
 def _remembered(
     points: Floats,
     age_ns: Indices,
+    tops_m: Tops,
+    shown: NearPoints,
     t: Floats,
     lens: Pinhole,
-    shape: tuple[int, int],
+    depth_m: FloatImage,
     limits_m: tuple[float, float],
     memory_ns: int,
     thinning: tuple[float, int],
 ) -> Bools:
     """Return (N,) which of (N, 2) points in metres of the base frame, the newest first, stay known:
-    those that are near and not too old, and out of sight at the height of an obstacle; of each
-    cell of the floor the newest ones only.
+    those that are near and not too old, and out of sight at the height of an obstacle, unless the
+    image looks past what stood upright on them; of each cell of the floor the newest ones only.
 
-    `t` is T_camera_base, `shape` that of the image, `limits_m` the height and the range, and
-    `thinning` the side of a cell in metres and the number of its points.
+    `tops_m` is (N,) the heights up to which it stood, `shown` (M, 2) the points of the image, `t`
+    T_camera_base, `limits_m` the height and the range, and `thinning` the side of a cell in metres
+    and the number of its points.
     """
-    (height, width), (height_m, range_m), (cell_m, most) = shape, limits_m, thinning
+    (height, width), (height_m, range_m), (cell_m, most) = depth_m.shape, limits_m, thinning
+    columns = int(range_m / _COLUMN_M) + 2
+    stands = np.zeros((2 * columns, 2 * columns), dtype=np.bool_)
+    for n in range(len(shown)):
+        i, j = _column(shown[n, 0], columns), _column(shown[n, 1], columns)
+        stands[i - 1 : i + 2, j - 1 : j + 2] = True
     side = 2 * (int(range_m / cell_m) + 1)
     counts = np.zeros((side, side), dtype=np.uint8)
     kept = np.empty(len(points), dtype=np.bool_)
@@ -225,11 +258,59 @@ def _remembered(
             down = t[1, 0] * x + t[1, 1] * y + t[1, 2] * height_m + t[1, 3]
             col, row = lens.fx * right / depth + lens.cx, lens.fy * down / depth + lens.cy
             kept[n] = not (0 <= col <= width - 1 and 0 <= row <= height - 1)
+        z = np.float64(tops_m[n])
+        while kept[n] and z > height_m:  # the highest part of it that is measured past
+            depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
+            if depth <= NEAREST_M:
+                break
+            right = t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]
+            down = t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]
+            col, row = lens.fx * right / depth + lens.cx, lens.fy * down / depth + lens.cy
+            if 0 <= col <= width - 1 and 0 <= row <= height - 1:
+                measured = depth_m[round(row), round(col)]
+                if 0.0 < measured < np.inf:
+                    looks_past = measured > depth + _BEHIND_M
+                    kept[n] = not looks_past or stands[_column(x, columns), _column(y, columns)]
+                    break
+            z -= _COLUMN_M / 2
         if kept[n]:
             i, j = int(x / cell_m + side / 2), int(y / cell_m + side / 2)
             kept[n] = counts[i, j] < most
             counts[i, j] += kept[n]
     return kept
+
+
+@inlined
+def _column(at_m: float, columns: int) -> int:
+    """Return the number of the column of cells about a coordinate within range, metres."""
+    return math.floor(at_m / _COLUMN_M) + columns
+
+
+@compiled
+def _tops(points: NearPoints, range_m: float) -> Tops:
+    """Return (N,) the height up to which points stand upright on each of (N, 3) points, those of
+    its cell and the eight around it, with no more than one slice of height missing in between."""
+    columns = int(range_m / _COLUMN_M) + 2
+    slices = np.zeros((2 * columns, 2 * columns), dtype=np.uint32)
+    for n in range(len(points)):
+        i, j = _column(points[n, 0], columns), _column(points[n, 1], columns)
+        k = min(int(points[n, 2] / _COLUMN_M), _SLICES - 1)
+        slices[i, j] |= np.uint32(1) << np.uint32(k)
+    tops = np.empty(len(points), dtype=np.float32)
+    for n in range(len(points)):
+        i, j = _column(points[n, 0], columns), _column(points[n, 1], columns)
+        held = np.uint32(0)
+        for a in range(i - 1, i + 2):
+            for b in range(j - 1, j + 2):
+                held |= slices[a, b]
+        top = min(int(points[n, 2] / _COLUMN_M), _SLICES - 1)
+        for k in range(top + 1, _SLICES):
+            if held >> np.uint32(k) & np.uint32(1):
+                top = k
+            elif k > top + 1:
+                break
+        tops[n] = (top + 0.5) * _COLUMN_M
+    return tops
 
 
 @compiled
@@ -241,11 +322,11 @@ def _obstacle_points(
     limits: _Limits,
     stride: int,
 ) -> NearPoints:
-    """Return the obstacle points, column by column and upward in the image: where the ground drops,
-    the last of it that was seen is the edge."""
+    """Return (N, 3) the obstacle points and their heights, column by column and upward in the
+    image: where the ground drops, the last of it that was seen is the edge, of height 0."""
     height, width = depth_m.shape
     most = (height // stride + 1) * (width // stride + 1)
-    found, count = np.empty((most, 2), dtype=np.float32), 0
+    found, count = np.empty((most, 3), dtype=np.float32), 0
     for j in range(0, width, stride):
         a = np.float32(column_slope(j, lens))
         edge_x, edge_y, dropped = np.inf, np.inf, False
@@ -256,10 +337,11 @@ def _obstacle_points(
             x, y, z_m = point_on_ray(t, a, np.float32(row_slope(i, lens)), depth)
             z = z_m - ground_m[i if len(ground_m) > 1 else 0, j]
             if limits.obstacle_height_m < z < limits.ceiling_m and depth < limits.range_m:
-                found[count, 0], found[count, 1] = x, y
+                found[count, 0], found[count, 1], found[count, 2] = x, y, z
                 count += 1
             elif z < -limits.drop_m and not dropped and min(edge_x, x) < limits.range_m:
                 found[count, 0], found[count, 1] = (edge_x, edge_y) if edge_x < np.inf else (x, y)
+                found[count, 2] = 0.0
                 count, dropped = count + 1, True
             elif abs(z) <= limits.obstacle_height_m:
                 edge_x, edge_y = x, y

@@ -142,20 +142,59 @@ def test_an_obstacle_out_of_sight_stays_until_it_is_in_view_again_or_old() -> No
     assert len(blind) < len(near.points)
     assert len(front) > 20 and front[:, 0].min() == pytest.approx(1.5 - 0.95, abs=0.02)
     assert time_to_contact(near.points, FULL, HUSKY) < 0.06
-    gone = near.after(
-        picture(pose=at(0.95), stamp_ns=2_000_000_000)
-    )  # its upper part would be seen; its foot would not
-    assert 0 < len(gone.points) <= len(near.points)
-    in_view = gone.after(picture(pose=at(-0.5), stamp_ns=2_100_000_000))
+    in_view = near.after(picture(pose=at(-0.5), stamp_ns=2_000_000_000))
     assert len(in_view.points) == 0
     assert len(near.after(picture(pose=at(0.95), stamp_ns=1_900_000_000 + MEMORY_NS)).points) == 0
+
+
+def approached(*boxes: Box) -> RecentObstacles:
+    """What is known of boxes before a robot that has come up to them."""
+    near = RecentObstacles()
+    for number in range(20):
+        near = near.after(picture(*boxes, pose=at(0.05 * number), stamp_ns=number * 100_000_000))
+    return near
+
+
+BODY = Box(x=(1.55, 1.8), y=(-0.2, 0.2), z=(0.0, 1.4))
+"""What a person who stands before the robot at the end covers; the feet are out of sight."""
+LOW = Box(x=(1.5, 1.55), y=(-0.2, 0.2), z=(0.0, 0.25))
+"""Lower than the camera sees there."""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "contact"),
+    [
+        ((BODY,), (), False),  # the person has walked away, the feet with the rest
+        ((BODY,), (BODY,), True),
+        ((LOW,), (), True),  # a low thing may be there still
+        ((BODY, LOW), (LOW,), True),
+        ((Box(x=(1.55, 1.8), y=(-0.2, 0.2), z=(0.8, 1.4)), LOW), (LOW,), True),  # an arm above it
+    ],
+)
+def test_what_stood_upright_has_gone_with_its_upper_part_and_what_is_low_has_not(
+    before: tuple[Box, ...], after: tuple[Box, ...], contact: bool
+) -> None:
+    near = approached(*before)
+    assert time_to_contact(near.points, FULL, HUSKY) < 0.3
+    for number in (20, 21):
+        near = near.after(picture(*after, pose=at(0.95), stamp_ns=number * 100_000_000))
+    assert (time_to_contact(near.points, FULL, HUSKY) < 0.3) == contact
+
+
+def test_an_upper_part_without_depth_says_nothing_of_what_stands_below() -> None:
+    near, blind = approached(BODY), picture(pose=at(0.95), stamp_ns=2_000_000_000)
+    blind = dataclasses.replace(blind, depth_m=np.full_like(blind.depth_m, np.nan))
+    assert time_to_contact(near.after(blind).points, FULL, HUSKY) < 0.3
 
 
 def test_of_a_wall_out_of_sight_its_shape_is_remembered_and_not_each_pixel() -> None:
     rng = np.random.default_rng(2)
     wall = np.column_stack([rng.normal(-1.2, 0.01, 50_000), rng.uniform(-1.0, 1.0, 50_000)])
     near = RecentObstacles(
-        points=wall.astype(np.float32), seen_ns=np.zeros(50_000, dtype=np.int64), pose=at(0.0)
+        points=wall.astype(np.float32),
+        seen_ns=np.zeros(50_000, dtype=np.int64),
+        tops_m=np.zeros(50_000, dtype=np.float32),
+        pose=at(0.0),
     )
     later = near.after(picture(stamp_ns=100_000_000))
     fine = dataclasses.replace(DEFAULT_SAFETY.collision, memory_cell_m=0.002)
