@@ -439,7 +439,7 @@ class Navigator:
             goal_yaw_rad=request.goal_yaw_rad,
             leaving=zones if request.leave or around else None,
             retreat=behaviour.retreat,
-            leaves_lane=behaviour.lane_retreat.active,
+            leaves_lane=behaviour.lane_retreat.active and not behaviour.absence.crosses,
             spin=behaviour.spins,
             around=around,
             goal=request.goal,

@@ -58,7 +58,7 @@ class Absence:
         ]
         if in_view:
             return now._seen(in_view, pose, stamp_ns, config)
-        waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
+        waits = motion.outcome in (ControllerState.WAIT_FOR_PEOPLE, ControllerState.BACK)
         can_cross = now.stays_s(config) - now.gone_s >= (config.cross_s if waits else 0.0)
         return replace(now, crosses=can_cross and (waits or now.crosses))
 

@@ -53,7 +53,8 @@ class Behaviour:
     def retreat(self) -> Points | None:
         """(N, 2) driven path to back off along, map frame; None unless the recovery backs off or
         the robot leaves a lane."""
-        backs = self.lane_retreat.active or self.recovery.action is RecoveryAction.BACK_UP
+        leaves = self.lane_retreat.active and not self.absence.crosses
+        backs = leaves or self.recovery.action is RecoveryAction.BACK_UP
         return self.trail if backs else None
 
     def away_s(self, config: BehavioursConfig) -> float:

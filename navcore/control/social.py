@@ -70,12 +70,13 @@ class PeopleState:
     ) -> PeopleState:
         """Return the tracked people, and the (W, 2) positions where people recently walked, as seen
         from a pose of the robot in the map frame. For `away_s` seconds after they were lost from
-        sight people stay away."""
+        sight people stay away: they walk on for half of that time, and then back."""
         moving = [person for person in people if _may_walk(person, rules)]
         standing = [person for person in people if person not in moving]
         motions = [
             motion
             for person in moving
+            if not config.in_view_s < person.unseen_s < away_s
             for motion in _motions(person, rules, config)[: 1 if rules.non_cooperative else None]
         ]
         return PeopleState(
@@ -183,9 +184,11 @@ def _motions(person: Track, rules: PeopleConfig, config: SocialConfig) -> list[t
 
 def _reachable_disc(person: Track, config: SocialConfig, away_s: float) -> tuple[float, ...]:
     """x, y, map frame, walking speed and radius of the disc in which a person may be by now, who
-    has stayed away for a while."""
-    speed, (x, y) = _walking_speed(person, config), person.at(-person.unseen_s)
-    return x, y, speed, person.radius_m + speed * max(person.unseen_s - away_s, 0.0)
+    stays away for a while."""
+    late_s = max(person.unseen_s - away_s, 0.0)
+    on_s = min(person.unseen_s, max(away_s - person.unseen_s, 0.0))
+    speed, (x, y) = _walking_speed(person, config), person.at(on_s - person.unseen_s)
+    return x, y, speed, person.radius_m + speed * late_s
 
 
 def _in_base(pose: Pose2, rows: list[tuple[float, ...]], *, columns: int) -> Floats:

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from navcore.behaviours.absence import Absence
+from navcore.behaviours.lane_retreat import LaneRetreat
+from navcore.behaviours.recovery import Recovery, RecoveryAction
+from navcore.behaviours.supervisor import Behaviour
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track
@@ -125,3 +131,20 @@ def test_a_person_who_comes_into_view_ends_the_crossing() -> None:
     assert watch.go(2.0).crosses
     assert not watch.go(0.1, person(1.5), motion=DRIVES).crosses
     assert watch.go(0.1, person(1.5, unseen_s=0.2), motion=DRIVES).stays_s() > 0.0
+
+
+def test_a_robot_that_crosses_no_longer_backs_off_from_the_lane() -> None:
+    trail = np.column_stack([np.linspace(0.0, 2.0, 21), np.zeros(21)])
+    leaves = Behaviour(lane_retreat=LaneRetreat(active=True), trail=trail)
+    assert leaves.retreat is trail
+    crosses = replace(leaves, absence=Absence(crosses=True))
+    assert crosses.retreat is None
+    blocked = replace(crosses, recovery=Recovery(action=RecoveryAction.BACK_UP))
+    assert blocked.retreat is trail
+
+
+def test_a_robot_that_backs_off_crosses_as_soon_as_the_person_has_gone() -> None:
+    backs = Motion(twist=Twist(v_mps=-0.2, w_radps=0.0), outcome=ControllerState.BACK)
+    watch = Watch()
+    watch.passes(10.0)
+    assert watch.go(0.2, motion=backs).crosses
