@@ -282,8 +282,9 @@ def _remembered(
 
 @inlined
 def _column(at_m: float, columns: int) -> int:
-    """Return the number of the column of cells about a coordinate within range, metres."""
-    return math.floor(at_m / _COLUMN_M) + columns
+    """Return the number of the column of cells about a coordinate in metres, of `2 * columns`; what
+    lies farther is in the last but one, so that each has neighbours."""
+    return min(max(math.floor(at_m / _COLUMN_M) + columns, 1), 2 * columns - 2)
 
 
 @compiled

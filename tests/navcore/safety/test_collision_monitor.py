@@ -257,3 +257,13 @@ def test_contact_is_worse_than_a_sensor_and_less_than_the_stop() -> None:
             (Cause.STUCK_CAMERA, Cause.BAD_STAMP, Cause.POSE_JUMP, Cause.WHEELS_BLOCKED),
         )
     ) < order.index(Cause.BAD_COMMAND)
+
+
+def test_points_beyond_the_range_are_no_worse_than_others() -> None:
+    """The range is that of the depth; a point may lie farther from the robot's middle."""
+    near = RecentObstacles()
+    for number, x_m in enumerate((2.4, 2.45, 2.5, 2.6, 2.7, 2.8)):
+        wide = Box(x=(x_m, x_m + 0.1), y=(-4.0, 4.0), z=(0.0, 3.0))
+        near = near.after(picture(wide, stamp_ns=number * 100_000_000))
+        assert len(near.tops_m) == len(near.points) == len(near.seen_ns)
+        assert np.isfinite(near.tops_m).all() and near.tops_m.max(initial=0.0) < 1.6
