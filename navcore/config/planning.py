@@ -75,8 +75,8 @@ class PlanningConfig:
     paper's rule, unknown is free, and plans by jump-point search; above 1 an exact weighted A*
     plans, which takes longer on large maps."""
     goal_tolerance_m: float = ranged(0.0, 0.3, default=0.15)
-    """Distance in metres from a goal within which the path may end where the goal itself is too
-    close to something. The robot has arrived there."""
+    """Distance in metres from a goal, at most half of the robot's width, within which the path may
+    end where the goal itself is too close to something. The robot has arrived there."""
     elastic_band: ElasticBandConfig = field(default_factory=ElasticBandConfig)
     """Smoothing of the path."""
     viewpoint: GapViewpointConfig = field(default_factory=GapViewpointConfig)

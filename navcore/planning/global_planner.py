@@ -275,10 +275,12 @@ class GlobalPlanner:
     def _end(self, costmap: Costmap, goal: tuple[float, float]) -> tuple[Cell, tuple[float, float]]:
         """The cell and the point where a path to the goal ends: the goal's own, or where that is
         blocked those of the nearest free cell within the tolerance. A goal in a zone or an obstacle
-        stays blocked: no free cell is that near to it, since the robot is wider."""
+        stays blocked: no free cell is that near to it, since the tolerance is at most half of the
+        robot's width."""
         spec = costmap.spec
         own = spec.cell(*goal)
-        within = self._config.planning.goal_tolerance_m / spec.resolution_m
+        tolerance_m = min(self._config.planning.goal_tolerance_m, self._profile.width_m / 2)
+        within = tolerance_m / spec.resolution_m
         end = nearest_free(costmap.free, own, within)
         return (own, goal) if end is None or end == own else (end, spec.centre(*end))
 
