@@ -12,7 +12,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception.perception import GroundConfig
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.controller import Controller, ControlTask
-from navcore.control.motion import Motion
+from navcore.control.motion import ControllerState, Motion
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
@@ -261,6 +261,10 @@ class Navigator:
             profile=self._profile,
             config=self._config,
         )
+        idle = motion.outcome is ControllerState.IDLE
+        if route is not None and route.is_look and (idle or self.behaviour.has_failed):
+            self._planner.end_look()
+            self.behaviour = self.behaviour.on_another_way()
         taken_back, self._taken_back = self._taken_back, False
         return TickResult(
             frame=frame,
@@ -444,6 +448,7 @@ class Navigator:
             around=around,
             goal=request.goal,
             away_s=behaviour.away_s(self._config.behaviours),
-            expects_return=behaviour.absence.expects_return(self._config.behaviours.absence),
+            away=behaviour.absence.who,
+            expects_return=behaviour.expects_return(frame.pose, self._profile, self._config),
             ignore_predictions=behaviour.waiting.is_over(self._config.people),
         )

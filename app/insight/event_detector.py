@@ -9,10 +9,11 @@ from scipy.spatial import cKDTree
 
 from app.insight.event_log import EventLog
 from app.runtime.control.operator_state import MOVING, OperatorState
+from navcore.geometry.transform import Pose2
 from navcore.grid.grid import Cell, OccupancyGrid
 from navcore.grid.growth import growth_into
 from navcore.mission.beware_list import BewareList
-from navcore.mission.mission import Mission, Phase
+from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from navcore.planning.path import NoPath, Path
@@ -49,6 +50,7 @@ class EventDetector:
         self._intent = intent
         self._decision: TickResult | None = None
         self._compared_s = -np.inf
+        self._goal: Goal | None = None
         self._reasons: tuple[StopReason, ...] = ()
         self._held: tuple[str, float, float | None] | None = None  # cause, since, clear since
 
@@ -168,9 +170,14 @@ class EventDetector:
         if not changed_goal and not opened and now_s - self._compared_s < REPLAN_PERIOD_S:
             return
         self._compared_s, self._decision = now_s, decision
+        same_goal, self._goal = intent.mission.goal == self._goal, intent.mission.goal
         if decision.route is None or intent.mission.phase not in MOVING:
             return
-        said = _why_replanned(before, decision, intent, changed_goal=changed_goal)
+        was_m = before.route.round_m if same_goal and before and before.route else None
+        if was_m is not None or decision.route.is_look:
+            said = _about_a_look(was_m, decision.route, decision.frame.pose)
+        else:
+            said = _why_replanned(before, decision, intent, changed_goal=changed_goal)
         if said is not None:
             self._event_log.note(now_s, "replanned", *said)
 
@@ -220,20 +227,6 @@ def _why_replanned(
         )
         return None if known else (f"There is no path: {route.outcome.reason}.", here)
     length_m = route.outcome.length * after.occupancy.spec.resolution_m
-    if route.is_look:
-        known = old is not None and old.is_look
-        text = (
-            "A much shorter way leads through a gap that looks too narrow for the safety margin. "
-            "The robot looks at it from near before it takes the way round, "
-            f"which is {length_m:.1f} m long."
-        )
-        return None if known else (text, here)
-    if old is not None and old.is_look:
-        assert before is not None and isinstance(old.outcome, Path)
-        round_m = old.outcome.length * before.occupancy.spec.resolution_m
-        if length_m > round_m - DRIVEN_TO_LOOK_M:
-            return f"The gap is too narrow; the way round is {length_m:.1f} m long.", here
-        return f"A shorter path has opened: {length_m:.1f} m from here.", here
     if old is None or (changed_goal and isinstance(old.outcome, Path)):
         return (
             f"Planned a path of {length_m:.1f} m to {_title_of(route, intent.mission)}.",
@@ -253,6 +246,28 @@ def _why_replanned(
         f"{what} closes the path at this position; the new one is {length_m:.1f} m long.",
         after.occupancy.spec.centre(*blocked),
     )
+
+
+def _about_a_look(
+    was_m: float | None, route: Route, pose: Pose2
+) -> tuple[str, Position | None] | None:
+    """Return the text and the position when the robot begins to look at a gap before it takes the
+    way round, or ends that; None while it does. `was_m` is the length of the way round in metres if
+    it has looked for the same goal before, None otherwise."""
+    here = pose.x_m, pose.y_m
+    if was_m is None:
+        text = (
+            "A much shorter way leads through a gap that looks too narrow for the safety margin. "
+            "The robot looks at it from near before it takes the way round, "
+            f"which is {route.round_m:.1f} m long."
+        )
+        return text, here
+    length_m = route.length_m
+    if route.is_look or length_m is None:
+        return None
+    if length_m > was_m - DRIVEN_TO_LOOK_M:
+        return f"The gap is too narrow; the way round is {length_m:.1f} m long.", here
+    return f"A shorter path has opened: {length_m:.1f} m from here.", here
 
 
 def _title_of(route: Route, mission: Mission) -> str:

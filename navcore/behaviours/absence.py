@@ -25,12 +25,15 @@ class Absence:
     """A value with its transition, one for each tick."""
 
     at: Pose2 | None = None
-    """Pose, map frame, where people who walk were first seen; None before that."""
+    """Pose, map frame, where the robot waited last with people who walk in view, or saw them first;
+    None before that."""
     lasted: tuple[tuple[bool, float], ...] = ()
     """Whether people had left the view to the left, and for how many seconds they were out of
     sight, for each absence, oldest first."""
     is_left: bool = False
     """Whether they were seen last on the left."""
+    who: frozenset[int] = frozenset()
+    """Numbers of the tracks that were seen last, on that side."""
     seen_ns: int = 0
     """Stamp in nanoseconds at which they were seen last."""
     now_ns: int = 0
@@ -47,35 +50,47 @@ class Absence:
         config: AbsenceConfig = _DEFAULT,
     ) -> Absence:
         """Return the state after one more tick; people and pose are in the map frame."""
-        now = self
-        if self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > config.place_m:
-            now = Absence()
-        now = replace(now, now_ns=stamp_ns)
+        now = replace(self, now_ns=stamp_ns)
+        is_away = self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > config.place_m
+        if is_away and not self.crosses:
+            now = Absence(now_ns=stamp_ns)
+        waits = motion.outcome in (ControllerState.WAIT_FOR_PEOPLE, ControllerState.BACK)
         in_view = [
             person
             for person in people
             if person.walking_speed_mps > 0.0 and person.unseen_s < config.in_view_s
         ]
         if in_view:
-            return now._seen(in_view, pose, stamp_ns, config)
-        waits = motion.outcome in (ControllerState.WAIT_FOR_PEOPLE, ControllerState.BACK)
+            return now._seen(in_view, pose, stamp_ns, config, waits=waits)
         can_cross = now.stays_s(config) - now.gone_s >= (config.cross_s if waits else 0.0)
         return replace(now, crosses=can_cross and (waits or now.crosses))
 
     def _seen(
-        self, people: list[Track], pose: Pose2, stamp_ns: int, config: AbsenceConfig
+        self,
+        people: list[Track],
+        pose: Pose2,
+        stamp_ns: int,
+        config: AbsenceConfig,
+        *,
+        waits: bool,
     ) -> Absence:
-        """Return the state after a tick with people in view."""
+        """Return the state after a tick with people in view, of a robot that waits or not."""
+
+        def is_left(person: Track) -> bool:
+            bearing = math.atan2(person.y_m - pose.y_m, person.x_m - pose.x_m)
+            return math.sin(bearing - pose.yaw_rad) > 0.0
+
         nearest = min(people, key=lambda person: pose.distance_to(person.x_m, person.y_m))
-        away = math.atan2(nearest.y_m - pose.y_m, nearest.x_m - pose.x_m) - pose.yaw_rad
+        side = is_left(nearest)
         gone_s, lasted = self.gone_s, self.lasted
         if self.at is not None and config.least_s <= gone_s <= config.most_s:
             lasted = (*lasted, (self.is_left, gone_s))[-config.remembered :]
         return replace(
             self,
-            at=self.at or pose,
+            at=pose if waits or self.at is None else self.at,
             lasted=lasted,
-            is_left=math.sin(away) > 0.0,
+            is_left=side,
+            who=frozenset(person.id for person in people if is_left(person) == side),
             seen_ns=stamp_ns,
             crosses=False,
         )

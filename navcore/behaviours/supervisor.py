@@ -14,7 +14,7 @@ from navcore.config.behaviours import BehavioursConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.arrays import Points
-from navcore.geometry.transform import STANDSTILL
+from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.perception.people.track import Track
@@ -62,6 +62,20 @@ class Behaviour:
         for none, while the robot waits for their return."""
         return self.absence.stays_s(config.absence) if self.absence.crosses else 0.0
 
+    def expects_return(self, pose: Pose2, profile: RobotProfile, config: NavigatorConfig) -> bool:
+        """Return whether a robot that waits at a pose goes on waiting until people are back; not
+        where it stands in their lane."""
+        if not self.absence.expects_return(config.behaviours.absence):
+            return False
+        near_m = config.behaviours.lanes.person_radius_m + config.people.personal_m
+        walked = pose.from_parent(self.lanes.walked_positions)
+        return all(profile.gap_m(x, y) > near_m for x, y in walked.tolist())
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the recovery has found no way on."""
+        return self.recovery.action in (RecoveryAction.CLOSE, RecoveryAction.GIVE_UP)
+
     @property
     def spins(self) -> bool:
         """Whether the recovery turns the robot once in place."""
@@ -73,6 +87,10 @@ class Behaviour:
         if target == self.target:
             return self
         return dataclasses.replace(self, target=target, closed=(), recovery=Recovery())
+
+    def on_another_way(self) -> Behaviour:
+        """Start the recovery afresh: the route leads elsewhere from here."""
+        return dataclasses.replace(self, recovery=Recovery())
 
     def after_reset(self) -> Behaviour:
         """Forget what led to the present pose: the robot was moved by other means."""

@@ -69,7 +69,9 @@ class ControlTask:
     spin: bool = False
     """Whether to turn once in place and look around."""
     away_s: float = 0.0
-    """Time in seconds after they were lost from sight for which people stay away."""
+    """Time in seconds after they were lost from sight for which some people stay away."""
+    away: frozenset[int] = frozenset()
+    """Numbers of the tracks of these people."""
     expects_return: bool = False
     """Whether a robot that waits goes on waiting, since people are about to be back."""
     ignore_predictions: bool = False
@@ -125,7 +127,13 @@ class Controller:
                 local=local,
                 control=control,
                 people=PeopleState.of(
-                    task.people, pose, people, control.social, task.walked, away_s=task.away_s
+                    task.people,
+                    pose,
+                    people,
+                    control.social,
+                    task.walked,
+                    away_s=task.away_s,
+                    away=task.away,
                 ),
                 people_config=people,
                 goal_yaw_rad=task.goal_yaw_rad,

@@ -123,7 +123,8 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
     if inputs.retreat is None:
         motion = _slow_beside_people(checker, motion)
     waited = inputs.previous.outcome is ControllerState.WAIT_FOR_PEOPLE
-    if inputs.expects_return and waited and motion.outcome in _DRIVES_ON:
+    expects = inputs.expects_return and not inputs.ignore_predictions
+    if expects and waited and motion.outcome in _DRIVES_ON:
         motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
     return _face_person(checker, motion) if waits else motion

@@ -14,6 +14,7 @@ looks after them: a turn in place, for which they are taken to have walked on.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -67,16 +68,18 @@ class PeopleState:
         walked: Points | None = None,
         *,
         away_s: float = 0.0,
+        away: Collection[int] = (),
     ) -> PeopleState:
         """Return the tracked people, and the (W, 2) positions where people recently walked, as seen
         from a pose of the robot in the map frame. For `away_s` seconds after they were lost from
-        sight people stay away: they walk on for half of that time, and then back."""
+        sight those with the numbers `away` stay away: they walk on for half of that time, and then
+        back."""
         moving = [person for person in people if _may_walk(person, rules)]
         standing = [person for person in people if person not in moving]
         motions = [
             motion
             for person in moving
-            if not config.in_view_s < person.unseen_s < away_s
+            if not (person.id in away and config.in_view_s < person.unseen_s < away_s)
             for motion in _motions(person, rules, config)[: 1 if rules.non_cooperative else None]
         ]
         return PeopleState(
@@ -85,7 +88,12 @@ class PeopleState:
                 pose, [(p.x_m, p.y_m, 0.0, 0.0, p.radius_m) for p in standing], columns=5
             ),
             reachable_discs=_in_base(
-                pose, [_reachable_disc(person, config, away_s) for person in moving], columns=4
+                pose,
+                [
+                    _reachable_disc(person, config, away_s if person.id in away else 0.0)
+                    for person in moving
+                ],
+                columns=4,
             ),
             expected_discs=_in_base(
                 pose,

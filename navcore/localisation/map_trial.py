@@ -25,6 +25,7 @@ class MapTrial:
         self._map, self._localisation, self._config = point_map, localisation, config
         self._saved: MapState | None = None
         self._is_clean, self._edits, self._driven_m = True, 0, 0.0
+        self._is_corrected = False
 
     @property
     def is_open(self) -> bool:
@@ -36,6 +37,7 @@ class MapTrial:
         is_open = self._localisation.is_on_trial
         self._saved = self._map.state() if is_open else None
         self._is_clean, self._edits, self._driven_m = True, self._map.edits, 0.0
+        self._is_corrected = False
 
     def follow(self, place: LocalisationEstimate) -> bool:
         """Note the estimate of one more frame, before it enters the map: end the trial, or take
@@ -47,9 +49,14 @@ class MapTrial:
         if self._map.edits != self._edits:
             self._saved = None
         if not place.is_known:
+            self._driven_m = 0.0
             return self.take_back()
-        was_corrected = place.place_correction is not None
-        is_changed = was_corrected and self.take_back()
+        # The pose follows a correction from the next frame on, or when the robot stands.
+        is_applied = self._is_corrected and not self._localisation.waits_for_standstill
+        is_changed = is_applied and self.take_back()
+        self._is_corrected = place.place_correction is not None or (
+            self._is_corrected and not is_applied
+        )
         self._driven_m += self._localisation.tracker.moved_m
         if not self._localisation.is_on_trial or self._driven_m >= self._config.trial_m:
             self._saved = None
@@ -64,5 +71,5 @@ class MapTrial:
         self._map.restore(self._saved)
         self._map.scans = scans
         self._localisation.forget_session()
-        self._is_clean, self._driven_m = True, 0.0
+        self._is_clean, self._is_corrected = True, False
         return True

@@ -52,6 +52,7 @@ class DetourViewpoint:
         self._goal: tuple[float, float] | None = None
         self._expected_m = 0.0
         self._way: Points | None = None
+        self._viewpoint: tuple[float, float] | None = None
         self._looked = list[tuple[float, float]]()
 
     def before(
@@ -69,7 +70,7 @@ class DetourViewpoint:
         """
         if goal != self._goal:
             self._goal, self._expected_m = goal, pose.distance_to(*goal)
-            self._way, self._looked = None, []
+            self._way, self._viewpoint, self._looked = None, None, []
         length_m = path.length * costmap.spec.resolution_m
         viewpoint = None
         if self._way is not None or length_m > self._expected_m + self._rules.detour_m:
@@ -113,10 +114,17 @@ class DetourViewpoint:
         x, y = costmap.spec.centre(*gap.viewpoint)
         if any(np.hypot(x - a, y - b) <= rules.gap_m for a, b in self._looked):
             return None
+        self._viewpoint = x, y
         if pose.distance_to(x, y) <= rules.gap_reached_m:
-            self._looked.append((x, y))
+            self.end_look()
             return None
         return gap.viewpoint
+
+    def end_look(self) -> None:
+        """Believe what was seen of the gap so far: it is not looked at again."""
+        if self._viewpoint is not None:
+            self._looked.append(self._viewpoint)
+        self._viewpoint, self._way = None, None
 
 
 def _first_gap(

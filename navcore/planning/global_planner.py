@@ -207,7 +207,13 @@ class GlobalPlanner:
         if not isinstance(path, Path):
             return None
         route = self._built(path, costmap.spec.centre(*look), costmap.spec)
-        return dataclasses.replace(route, outcome=outcome, is_look=True)
+        round_m = outcome.length * costmap.spec.resolution_m
+        return dataclasses.replace(route, outcome=outcome, round_m=round_m)
+
+    def end_look(self) -> None:
+        """Take the way round: the robot cannot come to the viewpoint."""
+        self._detour.end_look()
+        self._newest = None
 
     def _present_gap(
         self, costmap: Costmap, pose: Pose2, goal: tuple[float, float]

@@ -35,9 +35,15 @@ class Route:
     """(M, 2) the corners of the taut path, where the elastic band holds them, and its end."""
     track: Points
     """(K, 2) the smoothed path through the waypoints, which the local planner follows."""
-    is_look: bool = False
-    """Whether the points lead to a viewpoint before a gap, though there is a path: it is much
-    longer than one through the gap, which is looked at first."""
+    round_m: float | None = None
+    """Length of the path in metres where the points do not follow it, but lead to a viewpoint
+    before a gap: the path is much longer than one through the gap, which is looked at first. None
+    otherwise."""
+
+    @property
+    def is_look(self) -> bool:
+        """Whether the points lead to such a viewpoint."""
+        return self.round_m is not None
 
     @property
     def reaches_goal(self) -> bool:
@@ -47,7 +53,9 @@ class Route:
     @property
     def length_m(self) -> float | None:
         """Length of the path in metres; None without one."""
-        return None if isinstance(self.outcome, NoPath) else length_m(self.points)
+        if isinstance(self.outcome, NoPath):
+            return None
+        return length_m(self.points) if self.round_m is None else self.round_m
 
 
 def build_route(

@@ -290,27 +290,30 @@ def _column(at_m: float, columns: int) -> int:
 @compiled
 def _tops(points: NearPoints, range_m: float) -> Tops:
     """Return (N,) the height up to which points stand upright on each of (N, 3) points, those of
-    its cell and the eight around it, with no more than one slice of height missing in between."""
+    the same cell of the floor, with no more than one slice of height missing in between; 0 for the
+    edge of a drop, on which nothing stands.
+
+    It is the lower end of the highest slice: above it there may be nothing to be looked for.
+    """
     columns = int(range_m / _COLUMN_M) + 2
     slices = np.zeros((2 * columns, 2 * columns), dtype=np.uint32)
     for n in range(len(points)):
-        i, j = _column(points[n, 0], columns), _column(points[n, 1], columns)
-        k = min(int(points[n, 2] / _COLUMN_M), _SLICES - 1)
-        slices[i, j] |= np.uint32(1) << np.uint32(k)
-    tops = np.empty(len(points), dtype=np.float32)
+        if points[n, 2] > 0.0:
+            k = min(int(points[n, 2] / _COLUMN_M), _SLICES - 1)
+            i, j = _column(points[n, 0], columns), _column(points[n, 1], columns)
+            slices[i, j] |= np.uint32(1) << np.uint32(k)
+    tops = np.zeros(len(points), dtype=np.float32)
     for n in range(len(points)):
-        i, j = _column(points[n, 0], columns), _column(points[n, 1], columns)
-        held = np.uint32(0)
-        for a in range(i - 1, i + 2):
-            for b in range(j - 1, j + 2):
-                held |= slices[a, b]
+        if points[n, 2] <= 0.0:
+            continue
+        held = slices[_column(points[n, 0], columns), _column(points[n, 1], columns)]
         top = min(int(points[n, 2] / _COLUMN_M), _SLICES - 1)
         for k in range(top + 1, _SLICES):
             if held >> np.uint32(k) & np.uint32(1):
                 top = k
             elif k > top + 1:
                 break
-        tops[n] = (top + 0.5) * _COLUMN_M
+        tops[n] = top * _COLUMN_M
     return tops
 
 

@@ -218,7 +218,9 @@ class TrackingConfig:
     elsewhere_blocked_share: float = ranged(0.0, 1.0, default=0.1)
     """Share of lines of sight that cross surfaces of the map above which they do."""
     fitting_share: float = ranged(0.0, 1.0, default=0.9)
-    """Share of the points near surfaces of the map that fit from which those do not count."""
+    """Share of the points near surfaces of the map that fit from which those do not count,"""
+    fitting_near: float = ranged(0.0, 1.0, default=0.25)
+    """if at least this share of all points is near surfaces."""
     discontinuous_share: float = ranged(0.0, 1.0, default=0.45)
     """Share of points that fit the surfaces of the last metres below which the robot was moved by
     other means than its wheels, unless something that has stepped in hides them."""

@@ -35,11 +35,12 @@ def is_elsewhere(result: Match, scan: Scan, scan_map: ScanMap, config: Localisat
     """Return whether little of a scan fits a map and lines of sight cross surfaces: a place that is
     new shows the first alone.
 
-    Where nearly all that is near surfaces fits them, lines that cross some are the scatter of far
-    ones, and the rest of the scan is new.
+    Where nearly all of a good part of it that is near surfaces fits them, lines that cross some are
+    the scatter of far ones, and the rest of the scan is new.
     """
     rules = config.tracking
-    fits = result.near >= config.match.min_points and result.share_of_near >= rules.fitting_share
+    is_mapped = result.near >= rules.fitting_near * result.points
+    fits = is_mapped and result.share_of_near >= rules.fitting_share
     if result.share >= rules.elsewhere_share or fits:
         return False
     blocked = lines_blocked_share(scan, scan_map, result.pose, config=config.match)

@@ -147,7 +147,9 @@ def test_a_look_at_a_gap_and_what_came_of_it_are_told_once(walls: BoolGrid, said
     round_about = decision(box(-0.5, 0.5, -2.2, 3.0))
     assert round_about.route is not None
     look = dataclasses.replace(
-        round_about.route, points=np.array([HERE, (-1.0, 0.0)]), is_look=True
+        round_about.route,
+        points=np.array([HERE, (-1.0, 0.0)]),
+        round_m=round_about.route.length_m,
     )
     for now_s in (2.0, 4.0, 6.0):
         detector.on_tick(now_s, dataclasses.replace(round_about, route=look), HERE)
@@ -156,6 +158,26 @@ def test_a_look_at_a_gap_and_what_came_of_it_are_told_once(walls: BoolGrid, said
     assert len(texts) == 3
     assert "looks at it from near before it takes the way round" in texts[1]
     assert texts[2].startswith(said)
+
+
+def test_a_look_for_another_goal_is_told_as_one() -> None:
+    event_log, will = EventLog(), intent()
+    detector = EventDetector(event_log, will)
+    round_about = decision(box(-0.5, 0.5, -2.2, 3.0))
+    assert round_about.route is not None
+    look = dataclasses.replace(
+        round_about.route, points=np.array([HERE, (-1.0, 0.0)]), round_m=20.0
+    )
+    looking = dataclasses.replace(round_about, route=look)
+    detector.on_tick(0.0, looking, HERE)
+    other = dataclasses.replace(will, mission=Mission().add(2.0, 1.0, SPEC).start())
+    detector.on_change(1.0, other, HERE)
+    detector.on_tick(2.0, dataclasses.replace(looking), HERE)
+    detector.on_change(3.0, will, HERE)
+    detector.on_tick(4.0, decision(EMPTY), HERE)
+    texts = [text for kind, text in written(event_log) if kind == "replanned"]
+    assert ["looks at it" in text for text in texts] == [True, True, False]
+    assert texts[2].startswith("Planned a path")
 
 
 def test_a_path_that_opens_while_the_mission_is_paused_is_told_when_it_goes_on() -> None:

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from navcore.behaviours.absence import Absence
+from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.behaviours.recovery import Recovery, RecoveryAction
 from navcore.behaviours.supervisor import Behaviour
+from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track
+from navcore.robot.profile import HUSKY
 
 WAITS = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
 DRIVES = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=ControllerState.FOLLOW)
@@ -123,6 +126,39 @@ def test_elsewhere_nothing_is_expected() -> None:
     watch.passes(10.0, 10.0)
     away = watch.go(1.0, pose=Pose2(x_m=0.0, y_m=3.5, yaw_rad=0.0))
     assert not away.crosses and away.lasted == ()
+
+
+def test_a_robot_that_crosses_goes_on_however_far_it_has_come() -> None:
+    watch = Watch()
+    watch.go(0.5, person(1.5), motion=DRIVES)  # seen from afar first, and come up to then
+    waiting = Pose2(x_m=2.9, y_m=0.0, yaw_rad=0.0)
+    side = person(1.5)
+    for _ in range(2):
+        watch.go(2.0, side, pose=waiting)
+        watch.go(10.0, pose=waiting)
+    watch.go(2.0, side, pose=waiting)
+    assert watch.go(0.5, pose=waiting).crosses
+    assert watch.go(2.0, motion=DRIVES, pose=Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)).crosses
+    assert watch.go(2.0, motion=DRIVES, pose=Pose2(x_m=6.5, y_m=0.0, yaw_rad=0.0)).crosses
+
+
+def test_only_those_who_left_on_that_side_are_away() -> None:
+    watch = Watch()
+    watch.passes(10.0, 10.0)
+    other = replace(person(-1.5), id=2)
+    watch.go(0.5, person(1.0), other)
+    assert watch.go(0.5).who == {1}
+
+
+def test_a_robot_in_the_lane_does_not_wait_there_for_a_return() -> None:
+    watch = Watch()
+    watch.passes(4.0, 4.0)
+    gone = watch.go(1.0)
+    assert gone.expects_return()
+    for y_m, waits in ((0.0, False), (2.0, True)):
+        lane = LaneKeepOut(walked=((0, 1, 0.5, y_m), (0, 1, -0.5, y_m)))
+        behaviour = Behaviour(absence=gone, lanes=lane)
+        assert behaviour.expects_return(BESIDE, HUSKY, NavigatorConfig()) == waits
 
 
 def test_a_person_who_comes_into_view_ends_the_crossing() -> None:

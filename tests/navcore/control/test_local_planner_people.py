@@ -226,16 +226,20 @@ def test_a_robot_that_leaves_a_lane_crosses_it_while_the_person_is_seen_to_walk_
 def test_a_person_who_stays_away_holds_nobody_up_until_they_may_be_back() -> None:
     gone = walking_on(2.0, 1.6, 0.8, math.pi / 2, 3.0)
     assert decide(people=PeopleState.of((gone,), ORIGIN)).twist.v_mps == 0.0
-    away = PeopleState.of((gone,), ORIGIN, away_s=6.0)
+    away = PeopleState.of((gone,), ORIGIN, away_s=6.0, away=[gone.id])
     assert decide(people=away).twist.v_mps > 0.3
-    late = PeopleState.of((gone,), ORIGIN, away_s=1.0)
+    late = PeopleState.of((gone,), ORIGIN, away_s=1.0, away=[gone.id])
     assert decide(people=late).twist.v_mps == 0.0
+    another = PeopleState.of((gone,), ORIGIN, away_s=6.0, away=[gone.id + 1])
+    assert decide(people=another).twist.v_mps == 0.0
 
 
 def test_a_robot_that_waits_for_a_return_does_not_set_off_and_one_that_drives_goes_on() -> None:
     waited = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     assert stands(decide(previous=waited, expects_return=True), ControllerState.WAIT_FOR_PEOPLE)
     assert decide(previous=waited).twist.v_mps > 0.0  # the control
+    patient = decide(previous=waited, expects_return=True, ignore_predictions=True)
+    assert patient.twist.v_mps > 0.0, "it has waited long enough"
     assert decide(expects_return=True).twist.v_mps > 0.0
 
 

@@ -167,3 +167,16 @@ def test_a_robot_that_was_moved_away_decides_anew() -> None:
     assert drive.plan(known).is_look
     behind = Pose2(x_m=4.0, y_m=-6.0, yaw_rad=0.0)
     assert drive.plan(known, behind).reaches_goal
+
+
+def test_a_viewpoint_that_the_robot_cannot_come_to_is_given_up() -> None:
+    drive, known = Drive(), costmap(wall(NARROW_M))
+    assert drive.plan(known).is_look
+    drive.planner.end_look()
+    assert drive.plan(known).reaches_goal
+
+
+def test_the_length_of_a_route_that_looks_first_is_that_of_the_way_round() -> None:
+    look = Drive().plan(costmap(wall(NARROW_M)))
+    assert isinstance(look.outcome, Path)
+    assert look.length_m == look.round_m == look.outcome.length * SPEC.resolution_m

@@ -116,6 +116,7 @@ def test_nothing_is_said_without_scans_with_few_points_and_over_large_turns(
         (0.2, 0.6, 0.05, False),  # a place that is new
         (0.36, 0.98, 0.14, False),  # all that is near fits, the scatter of far walls is crossed
         (0.36, 0.85, 0.14, True),
+        (0.06, 0.94, 0.6, True),  # few points fit, by chance
         (0.6, 0.7, 0.3, False),
     ],
 )
