@@ -448,6 +448,7 @@ class Navigator:
             around=around,
             goal=request.goal,
             away_s=behaviour.away_s(self._config.behaviours),
+            people_ids=tuple(request.beware.people_ids),
             away=behaviour.absence.who,
             expects_return=behaviour.expects_return(frame.pose, self._profile, self._config),
             ignore_predictions=behaviour.waiting.is_over(self._config.people),

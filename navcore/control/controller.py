@@ -19,6 +19,7 @@ from navcore.costmap.local_costmap import (
     kept_zones,
     nearby,
     obstacle_masks,
+    people_mask,
     split_areas,
 )
 from navcore.geometry.arrays import Points
@@ -68,6 +69,8 @@ class ControlTask:
     """Whether it backs off from the lane of a person, and may cross that lane instead."""
     spin: bool = False
     """Whether to turn once in place and look around."""
+    people_ids: tuple[int, ...] = ()
+    """Class ids of the beware list that are people."""
     away_s: float = 0.0
     """Time in seconds after they were lost from sight for which some people stay away."""
     away: frozenset[int] = frozenset()
@@ -92,7 +95,8 @@ class Controller:
         costmap, pose, local = task.costmap, task.pose, self._config.local
         reach_m = local.reach_m + self._profile.circumscribed_radius_m
         around = costmap.around(pose, reach_m)
-        hard, forbidden = obstacle_masks(around)
+        hard, forbidden = obstacle_masks(around, people=task.people_ids)
+        people_points = nearby(people_mask(around, task.people_ids), around, pose, reach_m)
         if task.leaving is not None:
             # Near the end of the escape path is still inside.
             local = dataclasses.replace(local, nearly_m=0.0)
@@ -117,6 +121,7 @@ class Controller:
             LocalPlannerInput(
                 geometric=nearby(hard, around, pose, reach_m),
                 forbidden=forbidden_points,
+                people_cells=people_points,
                 unseen=nearby(unseen, around, pose, reach_m),
                 cell_m=cell_m,
                 path=task.track if len(task.track) else np.array([task.goal]),

@@ -4,7 +4,7 @@ operator's rules forbid."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import cv2
 import numpy as np
@@ -20,12 +20,19 @@ from navcore.mission.zone_growth import GrownZone, grow
 from navcore.robot.profile import RobotProfile
 
 
-def obstacle_masks(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+def obstacle_masks(
+    grid: OccupancyGrid, *, people: Collection[int] = ()
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
     """Return two (rows, cols) masks: geometric cells, and forbidden cells, which are those of
-    beware classes and zones inflated by their own margins."""
+    beware classes and zones inflated by their own margins, but for the class ids of `people`
+    (`people_mask`)."""
     forbidden, by_margin = grid.zones.copy(), dict[float, npt.NDArray[np.bool_]]()
     layers = [
-        *((grid.margins_m.get(class_id, 0.0), layer) for class_id, layer in grid.beware.items()),
+        *(
+            (grid.margins_m.get(class_id, 0.0), layer)
+            for class_id, layer in grid.beware.items()
+            if class_id not in people
+        ),
         *grid.wide_zones,
         *grid.uncertain,
     ]
@@ -35,6 +42,16 @@ def obstacle_masks(grid: OccupancyGrid) -> tuple[npt.NDArray[np.bool_], npt.NDAr
     for margin_m, layer in by_margin.items():
         forbidden |= inflate_by(layer, margin_m, grid.spec.resolution_m)
     return grid.geometric, forbidden
+
+
+def people_mask(grid: OccupancyGrid, people: Collection[int]) -> npt.NDArray[np.bool_]:
+    """Return the (rows, cols) cells of people, class ids, inflated by their own margins."""
+    found = np.zeros_like(grid.zones)
+    for class_id in people:
+        layer = grid.beware.get(class_id)
+        if layer is not None and layer.any():
+            found |= inflate_by(layer, grid.margins_m.get(class_id, 0.0), grid.spec.resolution_m)
+    return found
 
 
 def beware_cells(grid: OccupancyGrid) -> Points:

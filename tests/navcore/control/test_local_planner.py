@@ -17,7 +17,7 @@ from navcore.control.collision_checker import COMMAND_LIFE_S, candidates
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.control.social import NO_PEOPLE, PeopleState
-from navcore.costmap.local_costmap import nearby, obstacle_masks, outside
+from navcore.costmap.local_costmap import nearby, obstacle_masks, outside, people_mask
 from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
@@ -53,6 +53,7 @@ def decide(
     retreat: Points | None = None,
     leaves_lane: bool = False,
     expects_return: bool = False,
+    people_cells: Points = NONE,
 ) -> Motion:
     """A decision, by default at the map's origin, where the base frame is the map frame."""
     return compute_velocity(
@@ -73,6 +74,7 @@ def decide(
             retreat=retreat,
             leaves_lane=leaves_lane,
             expects_return=expects_return,
+            people_cells=people_cells,
         )
     )
 
@@ -566,6 +568,11 @@ def test_forbidden_cells_are_zones_and_beware_classes_grown_by_their_margins() -
     assert np.flatnonzero(forbidden[30]).tolist() == list(range(28, 33))
     wide = OccupancyGrid(spec=SPEC, geometric=one, beware={}, zones=empty, wide_zones=((0.1, one),))
     assert obstacle_masks(wide)[1].sum() == 5
+    person = OccupancyGrid(
+        spec=SPEC, geometric=empty, beware={3: one}, zones=empty, margins_m={3: 0.1}
+    )
+    assert obstacle_masks(person)[1].sum() == people_mask(person, [3]).sum() > one.sum()
+    assert obstacle_masks(person, people=[3])[1].sum() == people_mask(person, [4]).sum() == 0
     np.testing.assert_array_equal(obstacle_masks(wide)[0], one)
     assert not empty.any()
 

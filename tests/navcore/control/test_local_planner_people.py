@@ -194,6 +194,16 @@ def test_a_robot_that_backs_off_from_a_person_in_a_bend_moves_no_corner_fast() -
     assert 0.2 < fastest_mps(crossing(1.5, 0.2, -0.3, 0.0)) <= PEOPLE_CONFIG.near_mps + 1e-9
 
 
+def test_a_person_who_stands_up_against_the_robot_does_not_hold_it_like_a_zone() -> None:
+    y = np.arange(-0.3, 0.35, 0.1)
+    rows = [np.column_stack([np.full_like(y, x), y]) for x in (0.4, 0.5, 0.6, 0.7)]
+    cells = np.vstack(rows)  # those of the margin reach 10 cm into the body
+    assert stands(decide(forbidden=cells), ControllerState.IN_ZONE)  # what a zone or a book does
+    assert decide(people_cells=cells).outcome is not ControllerState.IN_ZONE
+    assert decide(people_cells=cells).twist.v_mps <= 0.0, "it does not drive on against the person"
+    assert decide(people_cells=cells, retreat=BEHIND).twist.v_mps < 0.0
+
+
 BEHIND = np.column_stack([-np.linspace(0.0, 2.0, 21), np.zeros(21)])
 """A path driven to here."""
 
