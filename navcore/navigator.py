@@ -443,7 +443,7 @@ class Navigator:
             goal_yaw_rad=request.goal_yaw_rad,
             leaving=zones if request.leave or around else None,
             retreat=behaviour.retreat,
-            leaves_lane=behaviour.lane_retreat.active and not behaviour.absence.crosses,
+            leaves_lane=behaviour.leaves_lane,
             spin=behaviour.spins,
             around=around,
             goal=request.goal,

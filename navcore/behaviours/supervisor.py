@@ -50,11 +50,15 @@ class Behaviour:
         return (*self.closed, *self.lanes.zones)
 
     @property
+    def leaves_lane(self) -> bool:
+        """Whether the robot backs off from a lane, and does not cross it."""
+        return self.lane_retreat.active and not self.absence.crosses
+
+    @property
     def retreat(self) -> Points | None:
         """(N, 2) driven path to back off along, map frame; None unless the recovery backs off or
         the robot leaves a lane."""
-        leaves = self.lane_retreat.active and not self.absence.crosses
-        backs = leaves or self.recovery.action is RecoveryAction.BACK_UP
+        backs = self.leaves_lane or self.recovery.action is RecoveryAction.BACK_UP
         return self.trail if backs else None
 
     def away_s(self, config: BehavioursConfig) -> float:

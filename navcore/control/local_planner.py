@@ -123,8 +123,6 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         walked = len(inputs.people.walking) > 0
         collides = walked and will_collide(checker, motion.twist, inputs.twist)
         return avoid(checker, path, inputs.twist) if collides else motion
-    if motion.outcome is ControllerState.BLOCKED and _is_person_before(checker):
-        motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     if inputs.retreat is None:
         motion = _slow_beside_people(checker, motion)
     waited = inputs.previous.outcome is ControllerState.WAIT_FOR_PEOPLE
@@ -358,14 +356,6 @@ def _slow_beside_people(checker: CollisionChecker, motion: Motion) -> Motion:
         yields = ControllerState.WAIT_FOR_PEOPLE
         return dataclasses.replace(motion, twist=STANDSTILL, outcome=yields, arc=None)
     return _no_faster(motion, limit_mps, checker.profile)
-
-
-def _is_person_before(checker: CollisionChecker) -> bool:
-    """Whether a person who has walked lately is within the personal distance of the body: one who
-    stops before the robot walks on, so what blocks it is no reason to look for another way."""
-    near_m, gap_m = checker.people_config.personal_m, checker.profile.gap_m
-    discs = checker.people.expected_discs[:, [0, 1, 3]].tolist()
-    return any(gap_m(x, y) - radius <= near_m for x, y, radius in discs)
 
 
 def _no_faster(motion: Motion, limit_mps: float, profile: RobotProfile) -> Motion:

@@ -251,21 +251,14 @@ def _remembered(
         kept[n] = 0 <= age_ns[n] < memory_ns and math.hypot(x, y) < range_m
         if not kept[n]:
             continue
-        depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * height_m + t[2, 3]
+        depth, col, row = _pixel(x, y, height_m, t, lens)
         if depth > 0:
-            depth = max(depth, NEAREST_M)
-            right = t[0, 0] * x + t[0, 1] * y + t[0, 2] * height_m + t[0, 3]
-            down = t[1, 0] * x + t[1, 1] * y + t[1, 2] * height_m + t[1, 3]
-            col, row = lens.fx * right / depth + lens.cx, lens.fy * down / depth + lens.cy
             kept[n] = not (0 <= col <= width - 1 and 0 <= row <= height - 1)
         z = np.float64(tops_m[n])
         while kept[n] and z > height_m:  # the highest part of it that is measured past
-            depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
+            depth, col, row = _pixel(x, y, z, t, lens)
             if depth <= NEAREST_M:
                 break
-            right = t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]
-            down = t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]
-            col, row = lens.fx * right / depth + lens.cx, lens.fy * down / depth + lens.cy
             if 0 <= col <= width - 1 and 0 <= row <= height - 1:
                 measured = depth_m[round(row), round(col)]
                 if 0.0 < measured < np.inf:
@@ -278,6 +271,17 @@ def _remembered(
             kept[n] = counts[i, j] < most
             counts[i, j] += kept[n]
     return kept
+
+
+@inlined
+def _pixel(x: float, y: float, z: float, t: Floats, lens: Pinhole) -> tuple[float, float, float]:
+    """Return the depth in metres, the column and the row of a point in metres of the base frame;
+    what is nearer than `NEAREST_M` is seen in the direction of a point at that depth."""
+    depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
+    right = t[0, 0] * x + t[0, 1] * y + t[0, 2] * z + t[0, 3]
+    down = t[1, 0] * x + t[1, 1] * y + t[1, 2] * z + t[1, 3]
+    away = max(depth, NEAREST_M)
+    return depth, lens.fx * right / away + lens.cx, lens.fy * down / away + lens.cy
 
 
 @inlined

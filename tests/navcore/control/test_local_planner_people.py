@@ -204,21 +204,6 @@ def test_a_person_who_stands_up_against_the_robot_does_not_hold_it_like_a_zone()
     assert decide(people_cells=cells, retreat=BEHIND).twist.v_mps < 0.0
 
 
-@pytest.mark.parametrize(
-    ("x_m", "outcome"),
-    [(0.9, ControllerState.WAIT_FOR_PEOPLE), (3.0, ControllerState.BLOCKED)],
-)
-def test_a_robot_that_a_person_stands_up_against_waits_and_is_not_blocked(
-    x_m: float, outcome: ControllerState
-) -> None:
-    side = np.linspace(-0.56, 0.56, 23)
-    walls = np.vstack(
-        [np.column_stack([at, np.full(23, y)]) for y in (-0.45, 0.45) for at in (side,)]
-        + [np.column_stack([np.full(23, x), side]) for x in (-0.6, 0.6)]
-    )
-    assert stands(decide(geometric=walls, people=stopped(x_m, 0.0, stood_s=1.0)), outcome)
-
-
 BEHIND = np.column_stack([-np.linspace(0.0, 2.0, 21), np.zeros(21)])
 """A path driven to here."""
 
