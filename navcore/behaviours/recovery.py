@@ -37,7 +37,8 @@ class RecoveryAction(IntEnum):
     CLOSE = 4
     """Take the passage for closed, and have another route planned."""
     GIVE_UP = 5
-    """Report failure, and stand until the path can be followed after all."""
+    """Report failure, and stand until the path can be followed after all, or only people are in the
+    way: then everything is tried again once they have left."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,11 +81,14 @@ class Recovery:
         counted = self._counted(motion, pose, rules)
         now = dataclasses.replace(counted, turned_rad=turned, heading_rad=pose.yaw_rad)
         stuck = motion.outcome is ControllerState.BLOCKED or now.backs >= rules.tries
+        waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
         lasts_s = (stamp_ns - self.since_ns) / 1e9
         if self.action is RecoveryAction.NONE and held:
             return now._enter(now._stronger(), pose, stamp_ns)
         if self.action is RecoveryAction.NONE:
             return now._enter(RecoveryAction.WAIT, pose, stamp_ns) if stuck else now
+        if self.action is RecoveryAction.GIVE_UP and waits:
+            return Recovery()
         if self.action is RecoveryAction.GIVE_UP:
             return now._ended() if motion.outcome in _ONWARD else now
         if self.action is RecoveryAction.WAIT:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
+import numpy as np
+
 from navcore.behaviours.absence import Absence
 from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.lane_retreat import LaneRetreat
@@ -12,7 +14,9 @@ from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, tr
 from navcore.behaviours.waiting import WaitingTimer
 from navcore.config.behaviours import BehavioursConfig
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
+from navcore.control.social import may_walk
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.mission.order import NavigationRequest
@@ -123,8 +127,13 @@ class Behaviour:
 
         `motion` is the controller's, `held` whether the safety gate keeps the robot from it. It is
         replaced by standing while the robot waits for the path to clear, or when every recovery has
-        failed.
+        failed. A robot that is blocked, or held, while a person who may walk on is beside it waits
+        for them, and recovers from nothing.
         """
+        if _is_beside(people, frame.pose, profile, config.people):
+            held = False
+            if motion.outcome is ControllerState.BLOCKED:
+                motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
         now = self._with_people(motion, frame, route, people, profile, config)
         now = dataclasses.replace(now, trail=trail_with(now.trail, frame.pose, config.recovery))
         at_viewpoint = (
@@ -207,3 +216,14 @@ class Behaviour:
         if self.recovery.action is RecoveryAction.WAIT:
             return Motion(twist=STANDSTILL, outcome=ControllerState.BLOCKED)
         return motion
+
+
+def _is_beside(
+    people: tuple[Track, ...], pose: Pose2, profile: RobotProfile, rules: PeopleConfig
+) -> bool:
+    """Return whether a person who walks, or has only stopped, is near a robot at a pose."""
+    walkers = [(person.x_m, person.y_m) for person in people if may_walk(person, rules)]
+    if not walkers:
+        return False
+    gaps_m = (profile.gap_m(x, y) for x, y in pose.from_parent(np.array(walkers)).tolist())
+    return any(gap_m <= rules.near_m for gap_m in gaps_m)

@@ -200,7 +200,8 @@ def _drive_as_if_standing(
 ) -> Motion | None:
     """Follow the path as if people stood where they are; None where even that leads on nowhere."""
     motion = _drive(inputs, checker.with_people_standing(), path)
-    return motion if motion.outcome in _DRIVES_ON else None
+    leads_on = motion.outcome in _DRIVES_ON or motion.outcome is ControllerState.MANOEUVRE
+    return motion if leads_on else None
 
 
 def _cross(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -> Motion | None:

@@ -74,7 +74,7 @@ class PeopleState:
         from a pose of the robot in the map frame. For `away_s` seconds after they were lost from
         sight those with the numbers `away` stay away: they walk on for half of that time, and then
         back."""
-        moving = [person for person in people if _may_walk(person, rules)]
+        moving = [person for person in people if may_walk(person, rules)]
         standing = [person for person in people if person not in moving]
         motions = [
             motion
@@ -158,7 +158,7 @@ class PeopleState:
 NO_PEOPLE = PeopleState(walking=np.empty((0, 5)), standing=np.empty((0, 5)))
 
 
-def _may_walk(person: Track, rules: PeopleConfig) -> bool:
+def may_walk(person: Track, rules: PeopleConfig) -> bool:
     """Whether a person walks, or has walked and may set out again; out of sight they may always."""
     since_s = person.unseen_s + (0.0 if person.is_brisk() else person.stood_s)
     return person.speed_mps + person.walking_speed_mps > 0 and since_s < rules.settled_s

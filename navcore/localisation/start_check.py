@@ -94,12 +94,13 @@ class Probation:
 
     Rooms are alike: a wrong map fits, too, where the robot stands. What the robot has seen on its
     way has to fit as well, nothing of the map may speak against it, and neither another place of
-    the map nor the mirrored scans may fit as well.
+    the map nor the mirrored scans may fit as well. What comes into view after some metres of a way
+    that fitted may be new, as in a room that the map does not show yet: that leaves the place open.
     """
 
     def __init__(self, config: StartConfig, rules: RelocalisationConfig) -> None:
         self._config, self._rules = config, rules
-        self._driven_m = self._unfit_m = 0.0
+        self._driven_m = self._fitted_m = self._unfit_m = 0.0
         self._fits, self._doubts = True, 0
         self._verdict: bool | None = None
 
@@ -121,7 +122,10 @@ class Probation:
         """Return whether the place is right after one more frame, before which the robot has moved
         by some metres; None while it is open."""
         self._driven_m += moved_m
-        self._unfit_m = 0.0 if self._fits else self._unfit_m + moved_m
+        if self._fits:
+            self._fitted_m, self._unfit_m = self._fitted_m + moved_m, 0.0
+        elif self._fitted_m < self._config.fitted_m:
+            self._unfit_m += moved_m
         return False if self._unfit_m >= self._config.unfit_m else self._verdict
 
 

@@ -270,7 +270,10 @@ class StartConfig:
     are alike all the way."""
     unfit_m: float = ranged(0.1, 500.0, default=6.0)
     """Distance in metres over which too little of what was seen fits there, from which the place is
-    given up."""
+    given up, unless it has fitted before for `fitted_m`."""
+    fitted_m: float = ranged(0.0, 500.0, default=3.0)
+    """Distance in metres over which what was seen has to fit there, so that what does not later
+    counts as new; a radian counts as half a metre."""
     doubts: int = ranged(1, 100, default=2)
     """Number of searches in succession that must speak against the place."""
     decide_s: float = ranged(0.1, 60.0, default=3.0)

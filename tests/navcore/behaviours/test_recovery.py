@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
 from navcore.behaviours.supervisor import Behaviour
@@ -24,6 +25,7 @@ from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator, Stages
 from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.perception.people.track import Track
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.route import Route
 from navcore.robot.frame import Frame
@@ -206,17 +208,25 @@ def stuck_for(
 
 
 def supervised(
-    behaviour: Behaviour, motion: Motion, frame: Frame, route: Route, request: NavigationRequest
+    behaviour: Behaviour,
+    motion: Motion,
+    frame: Frame,
+    route: Route,
+    request: NavigationRequest,
+    *,
+    people: tuple[Track, ...] = (),
+    held: bool = False,
 ) -> tuple[Behaviour, Motion]:
     """One transition of the behaviours for a request."""
     return behaviour.towards(request).after(
         motion,
         frame=frame,
         route=route,
-        people=(),
+        people=people,
         request=request,
         profile=HUSKY,
         config=NavigatorConfig(),
+        held=held,
     )
 
 
@@ -304,6 +314,71 @@ def test_a_robot_that_gave_up_goes_on_once_it_can_turn_and_starts_afresh_elsewhe
     behaviour, motion = supervised(gave_up, STUCK, frame, route, other)
     assert motion.outcome is ControllerState.BLOCKED  # it waits, as at first
     assert behaviour.recovery.tried is RecoveryAction.NONE
+
+
+WAITS = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
+
+
+def person(x: float, *, stood_s: float = 0.0) -> Track:
+    """A person who has come up along y = 0 and stands."""
+    return Track(
+        id=1,
+        x_m=x,
+        y_m=0.0,
+        vx_mps=0.0,
+        vy_mps=0.0,
+        radius_m=0.25,
+        age_s=20.0,
+        last_seen_ns=0,
+        walking_speed_mps=0.8,
+        stood_s=stood_s,
+    )
+
+
+@pytest.mark.parametrize(
+    ("x_m", "stood_s", "waits"),
+    [(-2.2, 1.0, True), (-2.2, 20.0, False), (0.5, 1.0, False)],
+    ids=["who has come up", "who stays there", "who stands far away"],
+)
+@pytest.mark.parametrize("held", [False, True], ids=["blocked", "held by the gate"])
+def test_a_robot_waits_for_a_person_and_does_not_recover_from_them(
+    x_m: float, stood_s: float, *, waits: bool, held: bool
+) -> None:
+    here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
+    route, _ = stuck_for(blocked_navigator(), here, 0.0, 0.1)
+    behaviour, outcomes = Behaviour(), set[ControllerState]()
+    onward = Motion(twist=STANDSTILL, outcome=ControllerState.FOLLOW)
+    for tick in range(600):
+        behaviour, motion = supervised(
+            behaviour,
+            onward if held else STUCK,
+            picture(pose=here, stamp_ns=tick * 100_000_000),
+            route,
+            ORDER,
+            people=(person(x_m, stood_s=stood_s),),
+            held=held,
+        )
+        outcomes.add(motion.outcome)
+    assert (ControllerState.GIVEN_UP in outcomes) != waits
+    if waits:
+        assert outcomes == {onward.outcome if held else ControllerState.WAIT_FOR_PEOPLE}
+        assert behaviour.recovery == Recovery()
+        assert behaviour.waiting.waited_s > 50.0 or held
+
+
+def test_what_was_given_up_is_tried_again_once_only_people_are_in_the_way() -> None:
+    navigator = blocked_navigator()
+    here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
+    route, outcomes = stuck_for(navigator, here, 0.0, 47.0)
+    assert outcomes[-1] is ControllerState.GIVEN_UP
+    frame, gave_up = picture(pose=here, stamp_ns=48_000_000_000), navigator.behaviour
+    assert supervised(gave_up, STUCK, frame, route, ORDER)[1].outcome is ControllerState.GIVEN_UP
+    behaviour, motion = supervised(gave_up, WAITS, frame, route, ORDER)
+    assert motion == WAITS
+    assert behaviour.recovery == Recovery()
+    beside, motion = supervised(gave_up, STUCK, frame, route, ORDER, people=(person(-2.2),))
+    assert motion.outcome is ControllerState.WAIT_FOR_PEOPLE
+    assert beside.recovery == Recovery()
 
 
 def test_where_it_was_sent_to_look_and_sees_no_way_what_it_found_closed_is_a_way_again() -> None:

@@ -233,6 +233,25 @@ def test_a_robot_that_leaves_a_lane_crosses_it_while_the_person_is_seen_to_walk_
         assert decide(people=people, retreat=BEHIND).twist.v_mps < 0.0
 
 
+@pytest.mark.parametrize("away", [True, False])
+def test_a_robot_that_leaves_a_lane_manoeuvres_while_the_person_walks_away(*, away: bool) -> None:
+    # The path leads to the left, with walls too near to turn beside: only a manoeuvre leads on.
+    x, y = np.arange(-1.5, 1.5, 0.05), np.arange(-0.5, 1.0, 0.05)
+    wall = np.vstack(
+        [
+            np.column_stack([x, np.full_like(x, -0.5)]),
+            np.column_stack([np.full_like(y, 1.1), y]),
+        ]
+    )
+    path = np.column_stack([np.zeros(40), np.linspace(0.0, 4.0, 40)])
+    trail = np.column_stack([-np.linspace(0.0, 2.0, 21), np.zeros(21)])
+    heading_rad = 0.0 if away else math.pi
+    people = PeopleState.of((walking_on(3.5, 0.0, 0.8, heading_rad, 0.0),), ORIGIN)
+    motion = decide(geometric=wall, path=path, people=people, retreat=trail, leaves_lane=True)
+    assert (motion.outcome is ControllerState.MANOEUVRE) == away
+    assert (motion.manoeuvre is not None) == away
+
+
 def test_a_person_who_stays_away_holds_nobody_up_until_they_may_be_back() -> None:
     gone = walking_on(2.0, 1.6, 0.8, math.pi / 2, 3.0)
     assert decide(people=PeopleState.of((gone,), ORIGIN)).twist.v_mps == 0.0
