@@ -94,38 +94,36 @@ class Probation:
 
     Rooms are alike: a wrong map fits, too, where the robot stands. What the robot has seen on its
     way has to fit as well, nothing of the map may speak against it, and neither another place of
-    the map nor the mirrored scans may fit as well. What comes into view after some metres of a way
-    that fitted may be new, as in a room that the map does not show yet: that leaves the place open.
+    the map nor the mirrored scans may fit as well. Where little fits, but nothing else does better,
+    much of it is new, as in a room that the map does not show yet: the place stays open.
     """
 
     def __init__(self, config: StartConfig, rules: RelocalisationConfig) -> None:
         self._config, self._rules = config, rules
-        self._driven_m = self._fitted_m = self._unfit_m = 0.0
-        self._fits, self._doubts = True, 0
+        self._driven_m = self._unfit_m = 0.0
+        self._is_unfit, self._doubts = False, 0
         self._verdict: bool | None = None
 
     def take(self, result: SearchResult) -> None:
         """Receive what a search says about the place."""
         given, rules = result.given, self._rules
-        self._fits = given is None or given.fit_share >= rules.least_fit_share
+        rivals = [] if given is None else _rivals(result, given, rules)
+        fits = given is None or given.fit_share >= rules.least_fit_share
+        self._is_unfit = not fits and len(rivals) > 0
         if given is None or self._verdict is not None:
             return
-        rivals = _rivals(result, given, rules)
         is_worse = _is_worse(given, rivals, rules)
         self._doubts = self._doubts + 1 if is_worse or given.refutation(rules) else 0
         if self._doubts >= self._config.doubts:
             self._verdict = False
         elif self._driven_m >= self._config.probation_m and not (self._doubts or rivals):
-            self._verdict = True if self._fits else None
+            self._verdict = True if fits else None
 
     def after(self, moved_m: float) -> bool | None:
         """Return whether the place is right after one more frame, before which the robot has moved
         by some metres; None while it is open."""
         self._driven_m += moved_m
-        if self._fits:
-            self._fitted_m, self._unfit_m = self._fitted_m + moved_m, 0.0
-        elif self._fitted_m < self._config.fitted_m:
-            self._unfit_m += moved_m
+        self._unfit_m = self._unfit_m + moved_m if self._is_unfit else 0.0
         return False if self._unfit_m >= self._config.unfit_m else self._verdict
 
 

@@ -269,11 +269,8 @@ class StartConfig:
     map, and the map is written, even if the place is not confirmed for good, as where two places
     are alike all the way."""
     unfit_m: float = ranged(0.1, 500.0, default=6.0)
-    """Distance in metres over which too little of what was seen fits there, from which the place is
-    given up, unless it has fitted before for `fitted_m`."""
-    fitted_m: float = ranged(0.0, 500.0, default=3.0)
-    """Distance in metres over which what was seen has to fit there, so that what does not later
-    counts as new; a radian counts as half a metre."""
+    """Distance in metres over which too little of what was seen fits there, and other places fit
+    as well, from which the place is given up."""
     doubts: int = ranged(1, 100, default=2)
     """Number of searches in succession that must speak against the place."""
     decide_s: float = ranged(0.1, 60.0, default=3.0)
