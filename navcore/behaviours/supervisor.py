@@ -12,11 +12,10 @@ from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
 from navcore.behaviours.waiting import WaitingTimer
-from navcore.config.behaviours import BehavioursConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.social import may_walk
+from navcore.control.social import PeopleExpectations, may_walk
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.mission.order import NavigationRequest
@@ -65,19 +64,27 @@ class Behaviour:
         backs = self.leaves_lane or self.recovery.action is RecoveryAction.BACK_UP
         return self.trail if backs else None
 
-    def away_s(self, config: BehavioursConfig) -> float:
-        """Return the time in seconds after they were lost from sight for which people stay away; 0
-        for none, while the robot waits for their return."""
-        return self.absence.stays_s(config.absence) if self.absence.crosses else 0.0
+    def expectations(
+        self, pose: Pose2, profile: RobotProfile, config: NavigatorConfig
+    ) -> PeopleExpectations:
+        """Return what the local planner has to know of people beside a robot at a pose."""
+        absence, rules = self.absence, config.behaviours.absence
+        return PeopleExpectations(
+            walked=self.lanes.walked_positions,
+            away=absence.who,
+            away_s=absence.stays_s(rules) if absence.crosses else 0.0,
+            expects_return=absence.expects_return(rules)
+            and not self._is_in_lane(pose, profile, config),
+            leaves_lane=self.leaves_lane,
+            ignore_predictions=self.waiting.is_over(config.people),
+        )
 
-    def expects_return(self, pose: Pose2, profile: RobotProfile, config: NavigatorConfig) -> bool:
-        """Return whether a robot that waits at a pose goes on waiting until people are back; not
-        where it stands in their lane."""
-        if not self.absence.expects_return(config.behaviours.absence):
-            return False
+    def _is_in_lane(self, pose: Pose2, profile: RobotProfile, config: NavigatorConfig) -> bool:
+        """Return whether a robot at a pose is so near to where people walked that it had better not
+        wait there until they are back."""
         near_m = config.behaviours.lanes.person_radius_m + config.people.personal_m
         walked = pose.from_parent(self.lanes.walked_positions)
-        return all(profile.gap_m(x, y) > near_m for x, y in walked.tolist())
+        return any(profile.gap_m(x, y) <= near_m for x, y in walked.tolist())
 
     @property
     def has_failed(self) -> bool:

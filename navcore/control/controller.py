@@ -9,7 +9,7 @@ import numpy as np
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.control.social import PeopleState
+from navcore.control.social import NOTHING_EXPECTED, PeopleExpectations, PeopleState
 from navcore.control.speed_limits import allowed_speed_mps, slowed
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.local_costmap import (
@@ -48,8 +48,8 @@ class ControlTask:
     """Whether the track ends at the goal, and not at a viewpoint on the way to it."""
     people: tuple[Track, ...]
     """Tracked people."""
-    walked: Points
-    """(W, 2) recent positions of people who walked, map frame."""
+    expectations: PeopleExpectations = NOTHING_EXPECTED
+    """What the behaviours know of them."""
     goal_yaw_rad: float | None = None
     """Heading in the map frame to take at the goal; None for any."""
     leaving: tuple[Zone, ...] | None = None
@@ -65,20 +65,10 @@ class ControlTask:
     """(x, y) of the goal in metres of the map frame; None without one."""
     retreat: Points | None = None
     """(N, 2) driven path in the map frame, newest first, to back off along; None otherwise."""
-    leaves_lane: bool = False
-    """Whether it backs off from the lane of a person, and may cross that lane instead."""
     spin: bool = False
     """Whether to turn once in place and look around."""
     people_ids: tuple[int, ...] = ()
     """Class ids of the beware list that are people."""
-    away_s: float = 0.0
-    """Time in seconds after they were lost from sight for which some people stay away."""
-    away: frozenset[int] = frozenset()
-    """Numbers of the tracks of these people."""
-    expects_return: bool = False
-    """Whether a robot that waits goes on waiting, since people are about to be back."""
-    ignore_predictions: bool = False
-    """Whether the robot has waited long enough for people to go on as if they stood still."""
 
 
 class Controller:
@@ -131,23 +121,12 @@ class Controller:
                 profile=self._profile,
                 local=local,
                 control=control,
-                people=PeopleState.of(
-                    task.people,
-                    pose,
-                    people,
-                    control.social,
-                    task.walked,
-                    away_s=task.away_s,
-                    away=task.away,
-                ),
+                people=PeopleState.of(task.people, pose, people, control.social, task.expectations),
                 people_config=people,
                 goal_yaw_rad=task.goal_yaw_rad,
                 around=task.around,
                 retreat=task.retreat,
-                leaves_lane=task.leaves_lane,
                 spin=task.spin,
-                expects_return=task.expects_return,
-                ignore_predictions=task.ignore_predictions,
             )
         )
         at_end = self._motion.outcome in (ControllerState.ARRIVED, ControllerState.ALIGN)

@@ -87,15 +87,8 @@ class LocalPlannerInput:
     """Zones whose growth the robot is in, and drives out of first; they are not in `forbidden`."""
     retreat: Points | None = None
     """(R, 2) driven path in the map frame, newest first, to back off along; None otherwise."""
-    leaves_lane: bool = False
-    """Whether it backs off from the lane of a person, and may cross that lane instead."""
     spin: bool = False
     """Whether to turn on in place and look around."""
-    expects_return: bool = False
-    """Whether a robot that waits for people goes on waiting, since they are about to be back."""
-    ignore_predictions: bool = False
-    """Whether the robot, having waited long enough, waits only where people are and not where they
-    may come to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,8 +119,13 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
     if inputs.retreat is None:
         motion = _slow_beside_people(checker, motion)
     waited = inputs.previous.outcome is ControllerState.WAIT_FOR_PEOPLE
-    expects = inputs.expects_return and not inputs.ignore_predictions
-    if expects and waited and motion.outcome in _DRIVES_ON:
+    expected = inputs.people.expectations
+    if (
+        expected.expects_return
+        and not expected.ignore_predictions
+        and waited
+        and motion.outcome in _DRIVES_ON
+    ):
         motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
     return _face_person(checker, motion) if waits else motion
@@ -175,7 +173,7 @@ def _select(
     alone = inputs.people_config.non_cooperative
     if inputs.retreat is not None:
         surroundings = checker.without_people() if alone else checker
-        crossing = _cross(inputs, checker, path) if inputs.leaves_lane else None
+        crossing = _cross(inputs, checker, path) if inputs.people.expectations.leaves_lane else None
         if crossing is not None:
             return crossing
         return _retreat(surroundings, path_from(inputs.retreat, inputs.pose))
@@ -190,7 +188,8 @@ def _select(
     near = goal.distance_m <= inputs.local.nearly_m and inputs.previous.began is None
     if near and motion.outcome in _STRUGGLES:
         motion = ARRIVED if goal.aligned else _align(inputs, checker, goal)
-    if inputs.ignore_predictions and motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
+    waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
+    if waits and inputs.people.expectations.ignore_predictions:
         return _drive_as_if_standing(inputs, checker, path) or motion
     return motion
 

@@ -14,7 +14,6 @@ looks after them: a turn in place, for which they are taken to have walked on.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -39,6 +38,29 @@ _OUTLINE = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PeopleExpectations:
+    """What the behaviours know of the people near the robot, and of the robot's wait for them."""
+
+    walked: Points = field(default_factory=lambda: np.empty((0, 2)))
+    """(W, 2) recent positions of people who walked, map frame."""
+    away: frozenset[int] = frozenset()
+    """Numbers of the tracks of people who stay away for a while."""
+    away_s: float = 0.0
+    """Time in seconds after they were lost from sight for which they do."""
+    expects_return: bool = False
+    """Whether a robot that waits for people goes on waiting, since they are about to be back."""
+    leaves_lane: bool = False
+    """Whether the robot backs off from the lane of a person, and may cross that lane instead."""
+    ignore_predictions: bool = False
+    """Whether the robot, having waited long enough, waits only where people are and not where they
+    may come to."""
+
+
+NOTHING_EXPECTED = PeopleExpectations()
+"""People of whom nothing is known but their tracks."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PeopleState:
     """People in the base frame, as they are now."""
 
@@ -58,6 +80,8 @@ class PeopleState:
     walk_away: bool = False
     """Whether there are people who walk, and all of them are in view and walk away from the
     robot."""
+    expectations: PeopleExpectations = NOTHING_EXPECTED
+    """What the behaviours know of them."""
 
     @staticmethod
     def of(
@@ -65,15 +89,11 @@ class PeopleState:
         pose: Pose2,
         rules: PeopleConfig = PEOPLE_CONFIG,
         config: SocialConfig = SOCIAL_CONFIG,
-        walked: Points | None = None,
-        *,
-        away_s: float = 0.0,
-        away: Collection[int] = (),
+        expectations: PeopleExpectations = NOTHING_EXPECTED,
     ) -> PeopleState:
-        """Return the tracked people, and the (W, 2) positions where people recently walked, as seen
-        from a pose of the robot in the map frame. For `away_s` seconds after they were lost from
-        sight those with the numbers `away` stay away: they walk on for half of that time, and then
-        back."""
+        """Return the tracked people, and where people recently walked, as seen from a pose of the
+        robot in the map frame. Those who stay away walk on for half of that time, and then back."""
+        away, away_s = expectations.away, expectations.away_s
         moving = [person for person in people if may_walk(person, rules)]
         standing = [person for person in people if person not in moving]
         motions = [
@@ -100,20 +120,21 @@ class PeopleState:
                 [(p.x_m, p.y_m, _walking_speed(p, config), p.radius_m) for p in moving],
                 columns=4,
             ),
-            walked=np.empty((0, 2)) if walked is None else pose.from_parent(walked),
+            walked=pose.from_parent(expectations.walked),
             walk_away=bool(moving) and all(_walks_away(person, pose, config) for person in moving),
+            expectations=expectations,
         )
 
     def reversed(self) -> PeopleState:
         """Return the same people as seen from a robot that faces the other way."""
         sign = np.array([-1.0, -1.0, -1.0, -1.0, 1.0])
-        return PeopleState(
+        return replace(
+            self,
             walking=self.walking * sign,
             standing=self.standing * sign,
             reachable_discs=self.reachable_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
             expected_discs=self.expected_discs * np.array([-1.0, -1.0, 1.0, 1.0]),
             walked=-self.walked,
-            walk_away=self.walk_away,
         )
 
     def standing_still(self) -> PeopleState:
@@ -121,14 +142,8 @@ class PeopleState:
         now."""
         stopped = np.zeros((len(self.reachable_discs), 5))
         stopped[:, :2], stopped[:, 4] = self.reachable_discs[:, :2], self.reachable_discs[:, 3]
-        return PeopleState(
-            walking=self.walking[:0],
-            standing=np.vstack([self.standing, stopped]),
-            reachable_discs=self.reachable_discs,
-            expected_discs=self.expected_discs,
-            walked=self.walked,
-            walk_away=self.walk_away,
-        )
+        standing = np.vstack([self.standing, stopped])
+        return replace(self, walking=self.walking[:0], standing=standing)
 
     def as_expected(self, around_m: float) -> PeopleState:
         """Return the same people as if those out of sight had walked on, but for those whose way

@@ -158,7 +158,8 @@ def test_a_robot_in_the_lane_does_not_wait_there_for_a_return() -> None:
     for y_m, waits in ((0.0, False), (2.0, True)):
         lane = LaneKeepOut(walked=((0, 1, 0.5, y_m), (0, 1, -0.5, y_m)))
         behaviour = Behaviour(absence=gone, lanes=lane)
-        assert behaviour.expects_return(BESIDE, HUSKY, NavigatorConfig()) == waits
+        expectations = behaviour.expectations(BESIDE, HUSKY, NavigatorConfig())
+        assert expectations.expects_return == waits
 
 
 def test_a_person_who_comes_into_view_ends_the_crossing() -> None:

@@ -3,6 +3,7 @@ path where it is free."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -68,12 +69,17 @@ def decide(
             previous=previous,
             profile=HUSKY,
             local=local,
-            people=people,
+            people=dataclasses.replace(
+                people,
+                expectations=dataclasses.replace(
+                    people.expectations,
+                    ignore_predictions=ignore_predictions,
+                    leaves_lane=leaves_lane,
+                    expects_return=expects_return,
+                ),
+            ),
             goal_yaw_rad=goal_yaw_rad,
-            ignore_predictions=ignore_predictions,
             retreat=retreat,
-            leaves_lane=leaves_lane,
-            expects_return=expects_return,
             people_cells=people_cells,
         )
     )

@@ -14,7 +14,13 @@ from hypothesis import strategies as st
 
 from navcore.behaviours.waiting import WaitingTimer
 from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.control.social import NO_PEOPLE, PEOPLE_CONFIG, PeopleState, speed_limit_near_people
+from navcore.control.social import (
+    NO_PEOPLE,
+    PEOPLE_CONFIG,
+    PeopleExpectations,
+    PeopleState,
+    speed_limit_near_people,
+)
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track
@@ -255,12 +261,17 @@ def test_a_robot_that_leaves_a_lane_manoeuvres_while_the_person_walks_away(*, aw
 def test_a_person_who_stays_away_holds_nobody_up_until_they_may_be_back() -> None:
     gone = walking_on(2.0, 1.6, 0.8, math.pi / 2, 3.0)
     assert decide(people=PeopleState.of((gone,), ORIGIN)).twist.v_mps == 0.0
-    away = PeopleState.of((gone,), ORIGIN, away_s=6.0, away=[gone.id])
+    away = PeopleState.of((gone,), ORIGIN, expectations=stays_away(6.0, gone.id))
     assert decide(people=away).twist.v_mps > 0.3
-    late = PeopleState.of((gone,), ORIGIN, away_s=1.0, away=[gone.id])
+    late = PeopleState.of((gone,), ORIGIN, expectations=stays_away(1.0, gone.id))
     assert decide(people=late).twist.v_mps == 0.0
-    another = PeopleState.of((gone,), ORIGIN, away_s=6.0, away=[gone.id + 1])
+    another = PeopleState.of((gone,), ORIGIN, expectations=stays_away(6.0, gone.id + 1))
     assert decide(people=another).twist.v_mps == 0.0
+
+
+def stays_away(seconds: float, number: int) -> PeopleExpectations:
+    """What the behaviours know of a person who stays away."""
+    return PeopleExpectations(away=frozenset([number]), away_s=seconds)
 
 
 def test_a_robot_that_waits_for_a_return_does_not_set_off_and_one_that_drives_goes_on() -> None:
