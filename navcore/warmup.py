@@ -169,8 +169,8 @@ def _look_closely(frame: Frame, decision: TickResult) -> None:
     rules = _CONFIG.map
     has_near_look(np.zeros(1, dtype=POINT), frame, rules.clearing, rules.fading.rules)
     # On rising ground, and then without it.
-    contacts = RecentObstacles().after(_image(stamp_ns=0, x_m=-WALL_M, floor_z_m=0.04))
-    contacts = contacts.after(frame).after(frame)
+    contacts = RecentObstacles().after(_image(stamp_ns=0, x_m=-WALL_M, floor_z_m=0.04), HUSKY)
+    contacts = contacts.after(frame, HUSKY).after(frame, HUSKY)
     time_to_contact(contacts.points, Twist(v_mps=0.5, w_radps=0.1), HUSKY)
     excluded_pixels(frame, decision.labels, (_PERSON,))
     overhung_regions(

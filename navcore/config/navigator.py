@@ -69,13 +69,15 @@ def config_for(robot: RobotProfile) -> NavigatorConfig:
     """Return the default configuration of a robot: that of the Husky, scaled to body and limits.
 
     The margin is the same share of the clearance that a turn in place needs beyond half the width;
-    speeds and decelerations are the same shares of the platform's limits.
+    speeds and decelerations are the same shares of the platform's limits. What is above the robot
+    is no obstacle.
     """
     usual, rules = NavigatorConfig(), LocalPlannerConfig()
     room = _turning_room_m(robot) / _turning_room_m(HUSKY)
     return replace(
         usual,
         safety_margin_m=min(usual.safety_margin_m * room, 1.0),
+        points=replace(usual.points, ceiling_m=robot.ceiling_m),
         local=replace(
             rules,
             padding_m=min(rules.padding_m * room, 0.5),

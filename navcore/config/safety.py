@@ -58,8 +58,6 @@ class CollisionMonitorConfig:
 
     obstacle_height_m: float = ranged(0.02, 1.0, default=0.10)
     """Height above the ground in metres from which a measurement is an obstacle."""
-    ceiling_m: float = ranged(0.2, 2.8, default=1.5)
-    """Height above the ground in metres from which a measurement is above the robot."""
     drop_m: float = ranged(0.05, 2.0, default=0.15)
     """Depth below the ground in metres from which the floor counts as a drop."""
     max_slope: float = ranged(0.0, 0.5, default=0.2)

@@ -16,6 +16,10 @@ from navcore.robot.laser_scan import ScannerMount
 from navcore.toml_config import from_table, ranged, read_toml
 
 
+OVERHEAD_M = 0.2
+"""Clearance in metres above a robot that what it passes under has to leave."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraMount:
     """Mount of the camera in the robot's middle plane, facing ahead and down."""
@@ -71,6 +75,8 @@ class RobotProfile:
     """Largest yaw acceleration in radians per second squared."""
     camera: CameraMount
     """Mount of the camera."""
+    height_m: float = ranged(0.05, 2.5, default=1.3)
+    """Height in metres of the highest point of the robot and its load."""
     max_slope: float = ranged(0.0, 1.0, default=0.2)
     """Largest slope that the robot drives on, rise per metre."""
     max_step_m: float = ranged(0.0, 0.5, default=0.06)
@@ -81,6 +87,11 @@ class RobotProfile:
     """Size and rate of the camera's images."""
     scanner: ScannerMount | None = None
     """Laser scanner that sees all round; None without one."""
+
+    @property
+    def ceiling_m(self) -> float:
+        """Height in metres above the ground from which something is above the robot."""
+        return self.height_m + OVERHEAD_M
 
     @property
     def circumscribed_radius_m(self) -> float:

@@ -65,18 +65,20 @@ class _Sweep(NamedTuple):
     min_points: int
 
 
-def near_points(frame: Frame, config: CollisionMonitorConfig = _DEFAULT) -> NearPoints:
+def near_points(
+    frame: Frame, profile: RobotProfile, config: CollisionMonitorConfig = _DEFAULT
+) -> NearPoints:
     """Return the (N, 2) x and y in metres of the base frame of the obstacle pixels of a frame that
     passes `check_frame`."""
-    return _heights(frame, config)[:, :2].copy()
+    return _heights(frame, profile, config)[:, :2].copy()
 
 
-def _heights(frame: Frame, config: CollisionMonitorConfig) -> NearPoints:
+def _heights(frame: Frame, profile: RobotProfile, config: CollisionMonitorConfig) -> NearPoints:
     """Return the (N, 3) x, y and height above the ground of these points; the edge of a drop has
     the height 0."""
     limits = _Limits(
         obstacle_height_m=config.obstacle_height_m,
-        ceiling_m=config.ceiling_m,
+        ceiling_m=profile.ceiling_m,
         drop_m=config.drop_m,
         range_m=config.range_m,
         max_depth_m=config.max_depth_m,
@@ -109,10 +111,12 @@ class RecentObstacles:
     pose: Pose2 | None = None
     """T_map_base of the newest frame by odometry; None before the first."""
 
-    def after(self, frame: Frame, config: CollisionMonitorConfig = _DEFAULT) -> RecentObstacles:
+    def after(
+        self, frame: Frame, profile: RobotProfile, config: CollisionMonitorConfig = _DEFAULT
+    ) -> RecentObstacles:
         """Return the obstacles after one more frame, one that passes `check_frame`: points that it
         no longer looks at stay for `memory_s`."""
-        heights, scanned = _heights(frame, config), _scanned(frame, config)
+        heights, scanned = _heights(frame, profile, config), _scanned(frame, config)
         shown, tops_m = heights[:, :2].copy(), _tops(heights, config.range_m)
         stamps = np.full(len(shown), frame.stamp_ns)
         if self.pose is None or not len(self.points):

@@ -110,7 +110,7 @@ def _drive(ticks: int, size: tuple[int, int]) -> Drive:
         start = time.thread_time()
         _depth_to_cells(frame, spec)
         between = time.thread_time()
-        obstacles = obstacles.after(frame)
+        obstacles = obstacles.after(frame, HUSKY)
         beside[_CELLS].append((between - start) * 1e3)
         beside[_CONTACT].append((time.thread_time() - between) * 1e3)
         if result.route is None or len(result.route.track) < 2:

@@ -377,7 +377,7 @@ class RobotController:
         if newest is not None and newest is not self._watched.newest:
             self._watched = self._watched.after(newest, self.profile)
             if self._watched.newest_is_trusted:
-                self._recent_obstacles = self._recent_obstacles.after(newest)
+                self._recent_obstacles = self._recent_obstacles.after(newest, self.profile)
         since_ns = self._blocked_since_ns
         held = since_ns is not None and now_ns - since_ns >= DEFAULT_SAFETY.gate.blocked_ns
         if self._intent.mission.phase not in MOVING:

@@ -174,15 +174,15 @@ def test_a_depth_image_of_random_values_gives_finite_heights() -> None:
 def test_the_gate_stops_at_the_edge_of_a_drop_and_not_where_the_floor_below_is_seen() -> None:
     lip_m = 1.4
     below = seen(lambda x, y: np.where(x > lip_m, -0.5, 0.0))
-    points = near_points(below)
+    points = near_points(below, HUSKY)
     assert len(points) > 10
     assert lip_m - 0.15 < float(np.median(points[:, 0])) < lip_m + 0.05
     ahead = Twist(v_mps=1.0, w_radps=0.0)
     assert time_to_contact(points, ahead, HUSKY) == pytest.approx(
         lip_m - HUSKY.length_m / 2, abs=0.15
     )
-    assert len(near_points(seen(ramp(-0.12)))) == 0
-    assert math.isinf(time_to_contact(near_points(seen(hills)), ahead, HUSKY))
+    assert len(near_points(seen(ramp(-0.12)), HUSKY)) == 0
+    assert math.isinf(time_to_contact(near_points(seen(hills), HUSKY), ahead, HUSKY))
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.15, -0.15])

@@ -57,23 +57,23 @@ def test_a_robot_that_reverses_stops_before_what_only_the_scanner_sees() -> None
     behind = Box(x=(-1.2, -1.0), y=(-0.5, 0.5), z=(0.0, 1.0))
     back = Twist(v_mps=-0.5, w_radps=0.0)
     seen = dataclasses.replace(picture(behind), scan=scanned(behind))
-    contact_s = time_to_contact(RecentObstacles().after(seen).all_points, back, HUSKY)
+    contact_s = time_to_contact(RecentObstacles().after(seen, HUSKY).all_points, back, HUSKY)
     assert contact_s == pytest.approx((1.0 - FRONT_M - AHEAD_M) / 0.5, abs=0.1)
     # The control: the camera alone knows nothing of what is behind.
-    blind = RecentObstacles().after(picture(behind))
+    blind = RecentObstacles().after(picture(behind), HUSKY)
     assert time_to_contact(blind.all_points, back, HUSKY) == math.inf
 
 
 def test_what_the_scanner_no_longer_sees_is_forgotten_at_once_and_one_ray_is_noise() -> None:
     behind = Box(x=(-1.2, -1.0), y=(-0.5, 0.5), z=(0.0, 1.0))
     back = Twist(v_mps=-0.5, w_radps=0.0)
-    after = RecentObstacles().after(dataclasses.replace(picture(), scan=scanned(behind)))
-    gone = after.after(dataclasses.replace(picture(stamp_ns=TENTH_NS), scan=scanned()))
+    after = RecentObstacles().after(dataclasses.replace(picture(), scan=scanned(behind)), HUSKY)
+    gone = after.after(dataclasses.replace(picture(stamp_ns=TENTH_NS), scan=scanned()), HUSKY)
     assert time_to_contact(gone.all_points, back, HUSKY) == math.inf
     ranges = np.full(720, np.inf, dtype=np.float32)
     ranges[360] = 0.8
     speck = LaserScan(ranges_m=ranges, x_m=0.0, max_range_m=8.0)
-    one = RecentObstacles().after(dataclasses.replace(picture(), scan=speck))
+    one = RecentObstacles().after(dataclasses.replace(picture(), scan=speck), HUSKY)
     assert time_to_contact(one.all_points, back, HUSKY) == math.inf
 
 
@@ -111,7 +111,8 @@ def test_the_robot_may_leave_an_obstacle_within_the_clearance_but_not_approach_i
 
 def test_images_give_the_points_of_objects_higher_than_10_cm() -> None:
     low, high = (
-        near_points(picture(Box(x=(1.5, 2.0), y=(-0.3, 0.3), z=(0, top)))) for top in (0.08, 0.4)
+        near_points(picture(Box(x=(1.5, 2.0), y=(-0.3, 0.3), z=(0, top))), HUSKY)
+        for top in (0.08, 0.4)
     )
     assert len(low) == 0
     assert len(high) > 50
@@ -123,7 +124,12 @@ def test_images_give_the_points_of_objects_higher_than_10_cm() -> None:
 def test_an_image_without_depth_gives_no_points(fill: float) -> None:
     frame = picture()
     assert (
-        len(near_points(dataclasses.replace(frame, depth_m=np.full_like(frame.depth_m, fill)))) == 0
+        len(
+            near_points(
+                dataclasses.replace(frame, depth_m=np.full_like(frame.depth_m, fill)), HUSKY
+            )
+        )
+        == 0
     )
 
 
@@ -133,25 +139,32 @@ def at(x_m: float) -> Pose2:
 
 def test_an_obstacle_out_of_sight_stays_until_it_is_in_view_again_or_old() -> None:
     thin = Box(x=(1.5, 1.6), y=(-0.33, -0.25), z=(0, 1.0))  # before the front's right corner
-    near = RecentObstacles().after(picture(thin))
-    assert np.abs(near.points - near_points(picture(thin))).max() == 0
+    near = RecentObstacles().after(picture(thin), HUSKY)
+    assert np.abs(near.points - near_points(picture(thin), HUSKY)).max() == 0
     for number in range(1, 20):
-        near = near.after(picture(thin, pose=at(0.05 * number), stamp_ns=number * 100_000_000))
-    blind = near_points(picture(thin, pose=at(0.95)))
+        near = near.after(
+            picture(thin, pose=at(0.05 * number), stamp_ns=number * 100_000_000), HUSKY
+        )
+    blind = near_points(picture(thin, pose=at(0.95)), HUSKY)
     front = near.points[(near.points[:, 0] < 0.62) & (near.points[:, 1] < -0.2)]
     assert len(blind) < len(near.points)
     assert len(front) > 20 and front[:, 0].min() == pytest.approx(1.5 - 0.95, abs=0.02)
     assert time_to_contact(near.points, FULL, HUSKY) < 0.06
-    in_view = near.after(picture(pose=at(-0.5), stamp_ns=2_000_000_000))
+    in_view = near.after(picture(pose=at(-0.5), stamp_ns=2_000_000_000), HUSKY)
     assert len(in_view.points) == 0
-    assert len(near.after(picture(pose=at(0.95), stamp_ns=1_900_000_000 + MEMORY_NS)).points) == 0
+    assert (
+        len(near.after(picture(pose=at(0.95), stamp_ns=1_900_000_000 + MEMORY_NS), HUSKY).points)
+        == 0
+    )
 
 
 def approached(*boxes: Box) -> RecentObstacles:
     """What is known of boxes before a robot that has come up to them."""
     near = RecentObstacles()
     for number in range(20):
-        near = near.after(picture(*boxes, pose=at(0.05 * number), stamp_ns=number * 100_000_000))
+        near = near.after(
+            picture(*boxes, pose=at(0.05 * number), stamp_ns=number * 100_000_000), HUSKY
+        )
     return near
 
 
@@ -183,14 +196,14 @@ def test_what_stood_upright_has_gone_with_its_upper_part_and_what_is_low_has_not
     near = approached(*before)
     assert time_to_contact(near.points, FULL, HUSKY) < 0.3
     for number in (20, 21):
-        near = near.after(picture(*after, pose=at(0.95), stamp_ns=number * 100_000_000))
+        near = near.after(picture(*after, pose=at(0.95), stamp_ns=number * 100_000_000), HUSKY)
     assert (time_to_contact(near.points, FULL, HUSKY) < 0.3) == contact
 
 
 def test_an_upper_part_without_depth_says_nothing_of_what_stands_below() -> None:
     near, blind = approached(BODY), picture(pose=at(0.95), stamp_ns=2_000_000_000)
     blind = dataclasses.replace(blind, depth_m=np.full_like(blind.depth_m, np.nan))
-    assert time_to_contact(near.after(blind).points, FULL, HUSKY) < 0.3
+    assert time_to_contact(near.after(blind, HUSKY).points, FULL, HUSKY) < 0.3
 
 
 def test_of_a_wall_out_of_sight_its_shape_is_remembered_and_not_each_pixel() -> None:
@@ -202,10 +215,10 @@ def test_of_a_wall_out_of_sight_its_shape_is_remembered_and_not_each_pixel() -> 
         tops_m=np.zeros(50_000, dtype=np.float32),
         pose=at(0.0),
     )
-    later = near.after(picture(stamp_ns=100_000_000))
+    later = near.after(picture(stamp_ns=100_000_000), HUSKY)
     fine = dataclasses.replace(DEFAULT_SAFETY.collision, memory_cell_m=0.002)
     assert 500 < len(later.points) < 8_000
-    assert len(near.after(picture(stamp_ns=100_000_000), fine).points) > 25_000
+    assert len(near.after(picture(stamp_ns=100_000_000), HUSKY, fine).points) > 25_000
     for asked in (Twist(v_mps=-0.8, w_radps=0.0), Twist(v_mps=-0.7, w_radps=0.6)):
         contacts_s = [time_to_contact(one.points, asked, HUSKY) for one in (near, later)]
         assert contacts_s[0] < 1.0
@@ -270,6 +283,6 @@ def test_points_beyond_the_range_are_no_worse_than_others() -> None:
     near = RecentObstacles()
     for number, x_m in enumerate((2.4, 2.45, 2.5, 2.6, 2.7, 2.8)):
         wide = Box(x=(x_m, x_m + 0.1), y=(-4.0, 4.0), z=(0.0, 3.0))
-        near = near.after(picture(wide, stamp_ns=number * 100_000_000))
+        near = near.after(picture(wide, stamp_ns=number * 100_000_000), HUSKY)
         assert len(near.tops_m) == len(near.points) == len(near.seen_ns)
         assert np.isfinite(near.tops_m).all() and near.tops_m.max(initial=0.0) < 1.6
