@@ -15,7 +15,6 @@ from navcore.robot.camera_stream import CameraStream
 from navcore.robot.laser_scan import ScannerMount
 from navcore.toml_config import from_table, ranged, read_toml
 
-
 OVERHEAD_M = 0.2
 """Clearance in metres above a robot that what it passes under has to leave."""
 

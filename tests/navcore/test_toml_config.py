@@ -18,7 +18,7 @@ from navcore.mission.beware_list import (
     default_beware_list,
     load_beware_list,
 )
-from navcore.robot.profile import load_profile
+from navcore.robot.profile import OVERHEAD_M, RobotProfile, load_profile
 from navcore.toml_config import from_table, ranged
 
 CUP = {"name": "cup", "class_id": 1}
@@ -221,6 +221,16 @@ def test_an_empty_file_is_the_default_configuration(tmp_path: Path) -> None:
     assert load_config(file) == NavigatorConfig()
     file.write_text("safety_margin_m = 0.25\n[points]\nmin_support = 4\n")
     assert (load_config(file).safety_margin_m, load_config(file).points.min_support) == (0.25, 4)
+
+
+def test_what_is_an_obstacle_follows_the_height_of_the_robot() -> None:
+    husky, jackal = load_profile("husky"), load_profile("jackal")
+    assert config_for(husky).points.ceiling_m == pytest.approx(husky.height_m + OVERHEAD_M)
+    assert config_for(jackal).points.ceiling_m < config_for(husky).points.ceiling_m
+    # A profile that does not say how tall the robot is may be that of a tall one.
+    unknown = RobotProfile.__dataclass_fields__["height_m"].default
+    tall = replace(husky, height_m=unknown)
+    assert config_for(tall).points.ceiling_m == pytest.approx(1.5)
 
 
 def test_what_a_file_leaves_out_is_as_the_robot_starts_with(tmp_path: Path) -> None:

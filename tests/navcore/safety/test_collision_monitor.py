@@ -120,6 +120,12 @@ def test_images_give_the_points_of_objects_higher_than_10_cm() -> None:
     assert np.abs(high[:, 1]).max() == pytest.approx(0.3, abs=0.03)
 
 
+def test_what_a_robot_passes_under_is_an_obstacle_to_a_taller_one_alone() -> None:
+    bar = picture(Box(x=(2.2, 2.3), y=(-0.5, 0.5), z=(1.05, 1.2)))
+    assert len(near_points(bar, HUSKY)) == 0
+    assert len(near_points(bar, dataclasses.replace(HUSKY, height_m=1.0))) > 20
+
+
 @pytest.mark.parametrize("fill", [math.nan, math.inf, -1.0, 0.0])
 def test_an_image_without_depth_gives_no_points(fill: float) -> None:
     frame = picture()
