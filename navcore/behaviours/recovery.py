@@ -63,6 +63,8 @@ class Recovery:
     """Number of short retreats or manoeuvres at this position that gained nothing."""
     backed_from: Pose2 | None = None
     """Pose where the last of those started."""
+    waited_s: float = 0.0
+    """Time in seconds for which people beside the robot have kept it from recovering here."""
 
     def after(
         self,
@@ -81,15 +83,14 @@ class Recovery:
         counted = self._counted(motion, pose, rules)
         now = dataclasses.replace(counted, turned_rad=turned, heading_rad=pose.yaw_rad)
         stuck = motion.outcome is ControllerState.BLOCKED or now.backs >= rules.tries
-        waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
         lasts_s = (stamp_ns - self.since_ns) / 1e9
         if self.action is RecoveryAction.NONE and held:
             return now._enter(now._stronger(), pose, stamp_ns)
         if self.action is RecoveryAction.NONE:
             return now._enter(RecoveryAction.WAIT, pose, stamp_ns) if stuck else now
-        if self.action is RecoveryAction.GIVE_UP and waits:
-            return Recovery()
         if self.action is RecoveryAction.GIVE_UP:
+            if motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
+                return Recovery()  # without the people the path could be followed
             return now._ended() if motion.outcome in _ONWARD else now
         if self.action is RecoveryAction.WAIT:
             if not stuck:
@@ -99,6 +100,23 @@ class Recovery:
         if blocked or lasts_s >= rules.manoeuvre_s or now._is_done(pose, rules):
             return dataclasses.replace(now._ended(), tried=self.action, backs=0)
         return now
+
+    def beside_people(
+        self, motion: Motion, pose: Pose2, step_s: float, rules: RecoveryConfig, *, held: bool
+    ) -> Recovery | None:
+        """Return the state after a tick of `step_s` seconds of a robot that is blocked or `held`
+        beside a person who may walk on: it waits. None where it recovers as ever: it has begun to,
+        or has waited so long for people here."""
+        is_stopped = held or motion.outcome is ControllerState.BLOCKED
+        waits = self.action in (RecoveryAction.NONE, RecoveryAction.WAIT)
+        if not (is_stopped and waits):
+            return None
+        if self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > rules.left_m:
+            return Recovery()
+        if self.waited_s >= rules.people_s:
+            return None
+        waited_s = self.waited_s + step_s
+        return dataclasses.replace(self._ended(), at=self.at or pose, waited_s=waited_s)
 
     def _stronger(self) -> RecoveryAction:
         """Return the action after the last one that failed."""

@@ -11,7 +11,7 @@ from navcore.behaviours.absence import Absence
 from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
-from navcore.behaviours.waiting import WaitingTimer
+from navcore.behaviours.waiting import WaitingTimer, elapsed_s
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
@@ -134,13 +134,8 @@ class Behaviour:
 
         `motion` is the controller's, `held` whether the safety gate keeps the robot from it. It is
         replaced by standing while the robot waits for the path to clear, or when every recovery has
-        failed. A robot that is blocked, or held, while a person who may walk on is beside it waits
-        for them, and recovers from nothing.
+        failed.
         """
-        if _is_beside(people, frame.pose, profile, config.people):
-            held = False
-            if motion.outcome is ControllerState.BLOCKED:
-                motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
         now = self._with_people(motion, frame, route, people, profile, config)
         now = dataclasses.replace(now, trail=trail_with(now.trail, frame.pose, config.recovery))
         at_viewpoint = (
@@ -148,9 +143,8 @@ class Behaviour:
         )
         if route is None or len(route.points) == 0 or at_viewpoint:
             return now._without_path(frame, request), motion
-        recovery = now.recovery.after(
-            motion, frame.pose, frame.stamp_ns, config.recovery, held=held
-        )
+        step_s = elapsed_s(self.waiting.now_ns, frame.stamp_ns, config.behaviours.waiting)
+        recovery = now._recovered(motion, frame, people, profile, config, held=held, step_s=step_s)
         closed = now.closed
         closes = recovery.action is RecoveryAction.CLOSE
         if (
@@ -207,6 +201,31 @@ class Behaviour:
             absence=self.absence.after(motion, people, pose, stamp_ns, config.behaviours.absence),
         )
 
+    def _recovered(
+        self,
+        motion: Motion,
+        frame: Frame,
+        people: tuple[Track, ...],
+        profile: RobotProfile,
+        config: NavigatorConfig,
+        *,
+        held: bool,
+        step_s: float,
+    ) -> Recovery:
+        """Return the recovery after one more tick, `step_s` seconds after the one before.
+
+        A person who is beside a blocked robot, and may walk on, is waited for. To cross their lane
+        the robot begins a manoeuvre again each time they are away, which is no failure.
+        """
+        rules, pose = config.recovery, frame.pose
+        if not config.people.non_cooperative and _is_beside(people, pose, profile, config.people):
+            waits = self.recovery.beside_people(motion, pose, step_s, rules, held=held)
+            if waits is not None:
+                return waits
+        if self.lane_retreat.active:
+            motion = dataclasses.replace(motion, began=None)
+        return self.recovery.after(motion, pose, frame.stamp_ns, rules, held=held)
+
     def _without_path(self, frame: Frame, request: NavigationRequest) -> Behaviour:
         if self.closed and request.goal is not None:
             # Only a passage that was closed may be in the way: rather give up at this pose than
@@ -229,8 +248,9 @@ def _is_beside(
     people: tuple[Track, ...], pose: Pose2, profile: RobotProfile, rules: PeopleConfig
 ) -> bool:
     """Return whether a person who walks, or has only stopped, is near a robot at a pose."""
-    walkers = [(person.x_m, person.y_m) for person in people if may_walk(person, rules)]
-    if not walkers:
-        return False
-    gaps_m = (profile.gap_m(x, y) for x, y in pose.from_parent(np.array(walkers)).tolist())
-    return any(gap_m <= rules.near_m for gap_m in gaps_m)
+    walkers = [person for person in people if may_walk(person, rules)]
+    at = pose.from_parent(np.array([(person.x_m, person.y_m) for person in walkers]).reshape(-1, 2))
+    return any(
+        profile.gap_m(x, y) - person.radius_m <= rules.near_m
+        for person, (x, y) in zip(walkers, at.tolist(), strict=True)
+    )

@@ -185,12 +185,12 @@ def _select(
         motion = _align(inputs, checker, goal)
     else:
         motion = _drive(inputs, checker.without_people() if alone else checker, path)
+    waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
+    if waits and inputs.people.expectations.ignore_predictions:
+        motion = _drive_as_if_standing(inputs, checker, path) or motion
     near = goal.distance_m <= inputs.local.nearly_m and inputs.previous.began is None
     if near and motion.outcome in _STRUGGLES:
         motion = ARRIVED if goal.aligned else _align(inputs, checker, goal)
-    waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
-    if waits and inputs.people.expectations.ignore_predictions:
-        return _drive_as_if_standing(inputs, checker, path) or motion
     return motion
 
 

@@ -143,6 +143,12 @@ class Localisation:
         search has found."""
         return self._start is not None or self._probation is not None
 
+    @property
+    def is_in_new(self) -> bool:
+        """Whether the place is on trial where little of what was seen is on the saved map, so that
+        its metres tell nothing."""
+        return self._probation is not None and self._probation.is_new
+
     def _searched(self, estimate: LocalisationEstimate, frame: Frame) -> LocalisationEstimate:
         """Return the estimate of a robot that is looked for in the whole map."""
         if self._relocaliser is None and self._place_map is not None:

@@ -103,15 +103,19 @@ class Probation:
         self._driven_m = self._unfit_m = 0.0
         self._is_unfit, self._doubts = False, 0
         self._verdict: bool | None = None
+        self.is_new = False
+        """Whether little of what was seen fits: the robot is where the map does not tell."""
 
     def take(self, result: SearchResult) -> None:
         """Receive what a search says about the place."""
         given, rules = result.given, self._rules
-        rivals = [] if given is None else _rivals(result, given, rules)
-        fits = given is None or given.fit_share >= rules.least_fit_share
-        self._is_unfit = not fits and len(rivals) > 0
         if given is None or self._verdict is not None:
             return
+        rivals = _rivals(result, given, rules)
+        fits = given.fit_share >= rules.least_fit_share
+        self._is_unfit, self.is_new = not fits and len(rivals) > 0, not fits
+        if fits:
+            self._unfit_m = 0.0
         is_worse = _is_worse(given, rivals, rules)
         self._doubts = self._doubts + 1 if is_worse or given.refutation(rules) else 0
         if self._doubts >= self._config.doubts:
@@ -123,7 +127,7 @@ class Probation:
         """Return whether the place is right after one more frame, before which the robot has moved
         by some metres; None while it is open."""
         self._driven_m += moved_m
-        self._unfit_m = self._unfit_m + moved_m if self._is_unfit else 0.0
+        self._unfit_m += moved_m if self._is_unfit else 0.0
         return False if self._unfit_m >= self._config.unfit_m else self._verdict
 
 

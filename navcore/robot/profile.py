@@ -15,8 +15,10 @@ from navcore.robot.camera_stream import CameraStream
 from navcore.robot.laser_scan import ScannerMount
 from navcore.toml_config import from_table, ranged, read_toml
 
-OVERHEAD_M = 0.2
+HEADROOM_M = 0.2
 """Clearance in metres above a robot that what it passes under has to leave."""
+_HIGHEST_M = 2.75
+"""Largest height in metres that a measurement can have on the map."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,8 +91,11 @@ class RobotProfile:
 
     @property
     def ceiling_m(self) -> float:
-        """Height in metres above the ground from which something is above the robot."""
-        return self.height_m + OVERHEAD_M
+        """Height in metres above the ground from which something is above the robot and its
+        sensors."""
+        scanner_m = 0.0 if self.scanner is None else self.scanner.z_m
+        top_m = max(self.height_m, self.camera.z_m, scanner_m)
+        return min(top_m + HEADROOM_M, _HIGHEST_M)
 
     @property
     def circumscribed_radius_m(self) -> float:

@@ -18,7 +18,7 @@ from navcore.mission.beware_list import (
     default_beware_list,
     load_beware_list,
 )
-from navcore.robot.profile import OVERHEAD_M, RobotProfile, load_profile
+from navcore.robot.profile import HEADROOM_M, load_profile
 from navcore.toml_config import from_table, ranged
 
 CUP = {"name": "cup", "class_id": 1}
@@ -224,13 +224,14 @@ def test_an_empty_file_is_the_default_configuration(tmp_path: Path) -> None:
 
 
 def test_what_is_an_obstacle_follows_the_height_of_the_robot() -> None:
-    husky, jackal = load_profile("husky"), load_profile("jackal")
-    assert config_for(husky).points.ceiling_m == pytest.approx(husky.height_m + OVERHEAD_M)
-    assert config_for(jackal).points.ceiling_m < config_for(husky).points.ceiling_m
+    husky = load_profile("husky")
+    assert config_for(husky).points.ceiling_m == pytest.approx(husky.height_m + HEADROOM_M)
+    low = replace(husky, height_m=0.3)
+    assert config_for(low).points.ceiling_m == pytest.approx(husky.camera.z_m + HEADROOM_M)
     # A profile that does not say how tall the robot is may be that of a tall one.
-    unknown = RobotProfile.__dataclass_fields__["height_m"].default
-    tall = replace(husky, height_m=unknown)
-    assert config_for(tall).points.ceiling_m == pytest.approx(1.5)
+    assert config_for(load_profile("jackal")).points.ceiling_m == pytest.approx(1.5)
+    mast = replace(husky, camera=replace(husky.camera, z_m=4.0))
+    assert config_for(mast).points.ceiling_m < 2.8
 
 
 def test_what_a_file_leaves_out_is_as_the_robot_starts_with(tmp_path: Path) -> None:

@@ -179,6 +179,8 @@ class KalmanTrack:
             self.first = cluster  # from here on the distance covered can be measured
         self._note(cluster, now_ns)
         speed = math.hypot(self.vx_mps, self.vy_mps)
+        if not self.is_person and speed > config.walks_mps and self._course_cosine(speed) < 0.0:
+            self.first = cluster  # it comes back: what it covers from here on counts
         step_s = min(step_s, config.max_step_s)
         self.slow_s = self.slow_s + step_s if speed < config.stands_mps else 0.0
         self._update_rest(step_s)
@@ -272,16 +274,20 @@ class KalmanTrack:
             return speed > config.walks_mps and (
                 speed > 2 * math.sqrt(self.P[1, 1]) or moved_m > config.moved_m
             )
-        dx_m, dy_m = self.x_m - self.first.x_m, self.y_m - self.first.y_m
-        moved_m = math.hypot(dx_m, dy_m)
-        along = dx_m * self.vx_mps + dy_m * self.vy_mps
-        least_m = max(config.moved_m, 3 * self._noise_m(self.first))
         return (
             (self.on_new_floor > config.min_new_floor or self.non_cooperative)
-            and along > config.min_course_cosine * moved_m * speed
             and speed > config.walks_mps
-            and moved_m > least_m
+            and self._course_cosine(speed) > config.min_course_cosine
         )
+
+    def _course_cosine(self, speed: float) -> float:
+        """Return the cosine of the angle between the velocity, of a speed above 0, and the way from
+        the first position; 0 where that is no farther than noise may put it."""
+        dx_m, dy_m = self.x_m - self.first.x_m, self.y_m - self.first.y_m
+        moved_m = math.hypot(dx_m, dy_m)
+        if moved_m <= max(self.config.moved_m, 3 * self._noise_m(self.first)):
+            return 0.0
+        return (dx_m * self.vx_mps + dy_m * self.vy_mps) / (moved_m * speed)
 
     def _noise_m(self, cluster: Cluster) -> float:
         """Return the standard deviation in metres of the position of a cluster, which grows with

@@ -10,11 +10,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
 from navcore.behaviours.supervisor import Behaviour
 from navcore.config.behaviours import RecoveryConfig
 from navcore.config.control import LocalPlannerConfig
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.people import PeopleConfig
 from navcore.control.controller import Controller, ControlTask
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState, Motion
@@ -215,7 +217,6 @@ def supervised(
     request: NavigationRequest,
     *,
     people: tuple[Track, ...] = (),
-    held: bool = False,
 ) -> tuple[Behaviour, Motion]:
     """One transition of the behaviours for a request."""
     return behaviour.towards(request).after(
@@ -226,7 +227,6 @@ def supervised(
         request=request,
         profile=HUSKY,
         config=NavigatorConfig(),
-        held=held,
     )
 
 
@@ -335,35 +335,62 @@ def person(x: float, *, stood_s: float = 0.0) -> Track:
     )
 
 
-@pytest.mark.parametrize(
-    ("x_m", "stood_s", "waits"),
-    [(-2.2, 1.0, True), (-2.2, 20.0, False), (0.5, 1.0, False)],
-    ids=["who has come up", "who stays there", "who stands far away"],
-)
-@pytest.mark.parametrize("held", [False, True], ids=["blocked", "held by the gate"])
-def test_a_robot_waits_for_a_person_and_does_not_recover_from_them(
-    x_m: float, stood_s: float, *, waits: bool, held: bool
-) -> None:
+def recovering(
+    seconds: float,
+    motion: Motion,
+    *,
+    held: bool = False,
+    x_m: float = -2.2,
+    comes_each_s: float = math.inf,
+    people: PeopleConfig | None = None,
+) -> list[RecoveryAction]:
+    """Recoveries, without repetitions, of a robot whose front is at x = −2.5 m while a person comes
+    up to x_m, and comes back as often."""
     here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
     route, _ = stuck_for(blocked_navigator(), here, 0.0, 0.1)
-    behaviour, outcomes = Behaviour(), set[ControllerState]()
-    onward = Motion(twist=STANDSTILL, outcome=ControllerState.FOLLOW)
-    for tick in range(600):
-        behaviour, motion = supervised(
-            behaviour,
-            onward if held else STUCK,
-            picture(pose=here, stamp_ns=tick * 100_000_000),
-            route,
-            ORDER,
+    config = NavigatorConfig(people=people or PeopleConfig())
+    behaviour, actions = Behaviour().towards(ORDER), list[RecoveryAction]()
+    for tick in range(round(seconds / PERIOD_S)):
+        stood_s = tick * PERIOD_S % comes_each_s
+        behaviour, _ = behaviour.after(
+            motion,
+            frame=picture(pose=here, stamp_ns=round(tick * PERIOD_S * 1e9)),
+            route=route,
             people=(person(x_m, stood_s=stood_s),),
+            request=ORDER,
+            profile=HUSKY,
+            config=config,
             held=held,
         )
-        outcomes.add(motion.outcome)
-    assert (ControllerState.GIVEN_UP in outcomes) != waits
-    if waits:
-        assert outcomes == {onward.outcome if held else ControllerState.WAIT_FOR_PEOPLE}
-        assert behaviour.recovery == Recovery()
-        assert behaviour.waiting.waited_s > 50.0 or held
+        if not actions or behaviour.recovery.action is not actions[-1]:
+            actions.append(behaviour.recovery.action)
+    return actions
+
+
+ONWARD = Motion(twist=STANDSTILL, outcome=ControllerState.FOLLOW)
+
+
+@pytest.mark.parametrize(("motion", "held"), [(STUCK, False), (ONWARD, True)])
+def test_a_person_who_walks_on_soon_is_waited_for_and_nothing_to_recover_from(
+    motion: Motion, *, held: bool
+) -> None:
+    waits_s = PeopleConfig().settled_s - 1.0
+    assert recovering(waits_s, motion, held=held) == [RecoveryAction.NONE]
+    near_m = PeopleConfig().near_m + person(0.0).radius_m
+    assert recovering(waits_s, motion, held=held, x_m=-2.55 + near_m) == [RecoveryAction.NONE]
+    # Controls: one who stands farther away, who has stayed, who gives way to nothing.
+    assert len(recovering(waits_s, motion, held=held, x_m=-2.45 + near_m)) > 1
+    assert len(recovering(PeopleConfig().settled_s + 3.0, motion, held=held)) > 1
+    stubborn = PeopleConfig(non_cooperative=True)
+    assert len(recovering(waits_s, motion, held=held, people=stubborn)) > 1
+
+
+def test_people_who_come_back_again_and_again_keep_a_blocked_robot_for_so_long_and_no_longer() -> (
+    None
+):
+    assert recovering(RULES.people_s - 1.0, STUCK, comes_each_s=4.0) == [RecoveryAction.NONE]
+    longer = recovering(RULES.people_s + 10.0, STUCK, comes_each_s=4.0)
+    assert longer[:3] == [RecoveryAction.NONE, RecoveryAction.WAIT, RecoveryAction.BACK_UP]
 
 
 def test_what_was_given_up_is_tried_again_once_only_people_are_in_the_way() -> None:
@@ -372,13 +399,36 @@ def test_what_was_given_up_is_tried_again_once_only_people_are_in_the_way() -> N
     route, outcomes = stuck_for(navigator, here, 0.0, 47.0)
     assert outcomes[-1] is ControllerState.GIVEN_UP
     frame, gave_up = picture(pose=here, stamp_ns=48_000_000_000), navigator.behaviour
-    assert supervised(gave_up, STUCK, frame, route, ORDER)[1].outcome is ControllerState.GIVEN_UP
     behaviour, motion = supervised(gave_up, WAITS, frame, route, ORDER)
     assert motion == WAITS
     assert behaviour.recovery == Recovery()
-    beside, motion = supervised(gave_up, STUCK, frame, route, ORDER, people=(person(-2.2),))
-    assert motion.outcome is ControllerState.WAIT_FOR_PEOPLE
-    assert beside.recovery == Recovery()
+    # Who comes to clear the way does not open it by being there.
+    _, motion = supervised(gave_up, STUCK, frame, route, ORDER, people=(person(-2.2),))
+    assert motion.outcome is ControllerState.GIVEN_UP
+
+
+def test_a_robot_that_crosses_a_lane_may_begin_its_manoeuvre_again_as_often_as_it_must() -> None:
+    here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
+    for active in (False, True):
+        behaviour = Behaviour(lane_retreat=LaneRetreat(active=active)).towards(ORDER)
+        for tick in range(RULES.tries + 2):
+            began = Pose2(x_m=-3.0 - 0.01 * tick, y_m=0.0, yaw_rad=0.0)
+            motion = Motion(
+                twist=Twist(v_mps=-0.2, w_radps=0.0),
+                outcome=ControllerState.MANOEUVRE,
+                began=began,
+            )
+            recovery = behaviour._recovered(
+                motion,
+                picture(pose=here, stamp_ns=tick * 100_000_000),
+                (),
+                HUSKY,
+                NavigatorConfig(),
+                held=False,
+                step_s=PERIOD_S,
+            )
+            behaviour = dataclasses.replace(behaviour, recovery=recovery)
+        assert (behaviour.recovery.backs >= RULES.tries) != active
 
 
 def test_where_it_was_sent_to_look_and_sees_no_way_what_it_found_closed_is_a_way_again() -> None:

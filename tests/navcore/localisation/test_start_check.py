@@ -237,6 +237,23 @@ def test_a_place_at_which_much_is_new_stays_open_unless_others_fit_as_well() -> 
     assert verdict_after(1.5, fit(0.45, share=0.2, clear=0.2)) is False
 
 
+def test_rivals_that_come_and_go_count_as_long_as_little_fits() -> None:
+    new, rival = fit(0.45, share=0.2), fit(0.44, x_m=9.0)
+
+    def verdict(fits_between: bool) -> bool | None:
+        probation, found = Probation(RULES, RelocalisationConfig()), None
+        for step in range(round(3 * RULES.unfit_m / 0.5)):
+            found = probation.after(0.5) if found is None else found
+            between = search_result(fit() if fits_between else new)
+            probation.take(between if step % 2 else search_result(new, rival))
+            if step < 2:
+                assert probation.is_new == (not (fits_between and step % 2))
+        return found
+
+    assert verdict(fits_between=False) is False
+    assert verdict(fits_between=True) is True
+
+
 def test_lines_of_sight_across_surfaces_refute_a_place_by_the_evidence_alone() -> None:
     """A table that the map has seen from one side is crossed from the other side."""
     under_a_table = fit(0.8, walls=0.2)

@@ -215,6 +215,38 @@ def test_a_person_who_starts_slowly_again_walks() -> None:
     assert track.vy_mps == pytest.approx(-0.42, abs=0.12)
 
 
+@pytest.mark.parametrize("comes_back", [True, False])
+def test_who_was_seen_only_to_walk_away_is_a_person_soon_after_they_turn_back(
+    comes_back: bool,
+) -> None:
+    """The robot has just turned to them: that there was floor before it has not seen."""
+
+    def cluster(x_m: float, on_new_floor: float) -> Cluster:
+        return Cluster(
+            x_m=x_m,
+            y_m=0.0,
+            range_m=x_m,
+            on_new_floor=on_new_floor,
+            labelled=0.0,
+            radius_m=0.3,
+            cells=np.zeros((1, 2), dtype=np.int64),
+        )
+
+    track = KalmanTrack(id=1, first=cluster(3.0, 0.0), now_ns=0)
+    told_s: list[float] = []
+    for k in range(1, 45):
+        away_m = min(0.05 * k, 1.0)
+        back_m = max(0.05 * (k - 20), 0.0) if comes_back else 0.0
+        track.predict(0.1, lost=False)
+        track.update(cluster(3.0 + away_m - back_m, 0.2 if k < 25 else 0.9), k * TENTH_NS)
+        if track.walks:
+            told_s.append((k - 20) / 10)
+    if comes_back:
+        assert 0.5 < told_s[0] < 1.5, "before they are as near as when they were seen first"
+    else:
+        assert not told_s, "what stands and comes into view bit by bit is no person"
+
+
 def test_a_person_cut_by_the_border_of_the_image_is_not_given_up_for_the_floor_beside() -> None:
     """The camera turns away from a standing person: it sees the side of the body last, and then the
     floor beside it."""
