@@ -27,7 +27,8 @@ class PeopleConfig:
     """The robot keeps out of the disc that a person who has only stopped can reach in this time in
     seconds: it waits."""
     near_m: float = ranged(0.0, 3.0, default=1.0)
-    """Distance to a person in metres within which the speed is limited to `near_mps`."""
+    """Distance to a person in metres within which the speed is limited to `near_mps`, and a blocked
+    robot waits for one who may walk on before it recovers (`recovery.people_s`)."""
     near_mps: float = ranged(0.1, 1.0, default=0.5)
     """Greatest speed in metres per second of any part of the body within `near_m` of a person."""
     lane_s: float = ranged(0.5, 600.0, default=6.0)

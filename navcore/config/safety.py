@@ -53,7 +53,8 @@ class GateConfig:
 class CollisionMonitorConfig:
     """What counts as an obstacle to the gate, and from when on contact is imminent.
 
-    Heights and slope equal the defaults of `ObservationConfig`, but are independent of it.
+    Heights and slope equal the defaults of `ObservationConfig`, but are independent of it. What is
+    above the robot is told by its profile.
     """
 
     obstacle_height_m: float = ranged(0.02, 1.0, default=0.10)

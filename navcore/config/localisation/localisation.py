@@ -267,7 +267,7 @@ class StartConfig:
     trial_m: float = ranged(0.0, 500.0, default=20.0)
     """Distance in metres, a turn by 1 rad counting as 0.5 m, after which what was seen stays on the
     map, and the map is written, even if the place is not confirmed for good, as where two places
-    are alike all the way."""
+    are alike all the way; metres where little of what was seen is on the map do not count."""
     unfit_m: float = ranged(0.1, 500.0, default=6.0)
     """Distance in metres over which too little of what was seen fits there, and other places fit
     as well, from which the place is given up."""

@@ -17,9 +17,10 @@ class ObservationConfig:
     """Height above the ground in metres from which a measurement is an obstacle (the paper's
     10 cm)."""
     ceiling_m: float = ranged(0.2, 2.8, default=1.0)
-    """Height above the ground in metres from which a measurement is above the robot and ignored. It
-    follows the height of the robot; from near, the camera would see no higher, and what noise has
-    put there from afar would stay."""
+    """Height above the ground in metres from which a measurement is above the robot and not put on
+    the map. It follows the height of the robot, as the safety gate does, which no file changes: a
+    load that is higher needs a profile of its own. From near, the camera would see no higher, and
+    what noise has put there from afar would stay."""
     drop_m: float = ranged(0.05, 2.0, default=0.15)
     """Depth below the ground in metres from which the floor is an obstacle: a stair down, a kerb, a
     pit."""
