@@ -300,15 +300,19 @@ def test_the_way_is_closed_before_where_the_robot_stands_by_then_never_under_it(
     )
 
 
+def given_up() -> tuple[Behaviour, Frame, Route]:
+    """The behaviours of a robot that has given up, with its next frame and its route."""
+    navigator, here = blocked_navigator(), Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
+    route, outcomes = stuck_for(navigator, here, 0.0, 47.0)
+    assert outcomes[-1] is ControllerState.GIVEN_UP
+    return navigator.behaviour, picture(pose=here, stamp_ns=48_000_000_000), route
+
+
 TURNS = Motion(twist=Twist(v_mps=0.0, w_radps=0.5), outcome=ControllerState.TURN)
 
 
 def test_a_robot_that_gave_up_goes_on_once_it_can_turn_and_starts_afresh_elsewhere() -> None:
-    navigator = blocked_navigator()
-    here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
-    route, outcomes = stuck_for(navigator, here, 0.0, 47.0)
-    assert outcomes[-1] is ControllerState.GIVEN_UP
-    frame, gave_up = picture(pose=here, stamp_ns=48_000_000_000), navigator.behaviour
+    gave_up, frame, route = given_up()
     assert supervised(gave_up, TURNS, frame, route, ORDER)[1] == TURNS
     other = dataclasses.replace(ORDER, goal=(-3.0, 2.0))
     behaviour, motion = supervised(gave_up, STUCK, frame, route, other)
@@ -394,11 +398,7 @@ def test_people_who_come_back_again_and_again_keep_a_blocked_robot_for_so_long_a
 
 
 def test_what_was_given_up_is_tried_again_once_only_people_are_in_the_way() -> None:
-    navigator = blocked_navigator()
-    here = Pose2(x_m=-3.0, y_m=0.0, yaw_rad=0.0)
-    route, outcomes = stuck_for(navigator, here, 0.0, 47.0)
-    assert outcomes[-1] is ControllerState.GIVEN_UP
-    frame, gave_up = picture(pose=here, stamp_ns=48_000_000_000), navigator.behaviour
+    gave_up, frame, route = given_up()
     behaviour, motion = supervised(gave_up, WAITS, frame, route, ORDER)
     assert motion == WAITS
     assert behaviour.recovery == Recovery()
