@@ -15,8 +15,7 @@ The occupied cells (`navcore.mapping.layers`) follow every insertion and removal
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -26,8 +25,8 @@ from navcore.errors import BadConfiguration
 from navcore.geometry.arrays import Bools, Floats, Indices, Points, sorted_distinct
 from navcore.geometry.transform import Pose2, invert
 from navcore.grid.bitplane import MOST_CELLS
-from navcore.grid.cell_mask import CellMask, window
-from navcore.grid.grid import BoolGrid, Box, GridSpec, inflate
+from navcore.grid.cell_mask import CellMask
+from navcore.grid.grid import BoolGrid, Box, GridSpec
 from navcore.grid.growth import Growth
 from navcore.mapping.correction import (
     MapSnapshot,
@@ -44,6 +43,13 @@ from navcore.mapping.points.coloured import PastView, is_taken
 from navcore.mapping.points.confidence import initial_confidence, update_confidence
 from navcore.mapping.points.erasing import Erased, ErasedArea, put_back, take
 from navcore.mapping.points.fading import faded, left_alone, line_limits
+from navcore.mapping.points.people_points import (
+    body_cells,
+    class_set,
+    points_of_bodies,
+    points_seen_from,
+    within_image,
+)
 from navcore.mapping.points.placing import base_points, place, pose_rows
 from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_queries import points_in, points_in_box, redundant_points
@@ -160,7 +166,7 @@ class PointMap:
     def forget(self, cells: Indices, class_ids: Iterable[int]) -> None:
         """Remove the points of some classes in (N,) distinct cells, row · cols + col, for example
         where a person walked."""
-        gone = points_in(self._points.first, self._points.records, cells, _class_set(class_ids))
+        gone = points_in(self._points.first, self._points.records, cells, class_set(class_ids))
         if len(gone):
             self._points.remove(gone)
             self.version += self.layers.refresh(self._points, cells)
@@ -176,30 +182,46 @@ class PointMap:
         `body_m` of them.
 
         Only cells of `box` are cleared in which the frame shows free floor (`is_free_floor` of
-        (N, 2) positions in metres of the map frame) and whose points are all within the image:
-        depth may see nothing at all behind remains that float in the air.
+        (N, 2) positions in metres of the map frame) and whose points are all within the image.
         """
-        class_ids = list(class_ids)
-        bodies = [
-            window(plane, *box) for plane in map(self.layers.plane, class_ids) if plane is not None
-        ]
-        if not any(body.any() for body in bodies):
-            return
-        whole = inflate(
-            np.logical_or.reduce(bodies), math.ceil(self._rules.body_m / self.spec.resolution_m)
-        )
-        cells = np.argwhere(whole) + box[:2]
-        cells = cells[is_free_floor(self.spec.centres(cells))]
-        flat = cells[:, 0] * self.spec.cols + cells[:, 1]
-        indices = points_in(
-            self._points.first, self._points.records, flat, _class_set([NOTHING, *class_ids])
-        )
-        held = self._points.records[indices]
-        outside = held["cell"][~frame.shows(np.column_stack([held["x"], held["y"], held["z"]]))]
-        gone = ~np.isin(held["cell"], outside)
-        self._points.remove(indices[gone])
+        people = list(class_ids)
+        cells = self._body_cells(people, box)
+        if len(cells):
+            cells = cells[is_free_floor(self.spec.centres(cells))]
+            ghosts = points_of_bodies(self._points, cells, self.spec, people)
+            self._remove(within_image(self._points, ghosts, frame))
+
+    def forget_people(self, class_ids: Iterable[int]) -> None:
+        """Remove the people of a map that was loaded: all points of `class_ids`, and obstacles
+        within `body_m` of them."""
+        people = list(class_ids)
+        cells = self._body_cells(people, (0, 0, self.spec.rows, self.spec.cols))
+        bodies = points_of_bodies(self._points, cells, self.spec, people)
+        named = np.flatnonzero(class_set(people)[self._points.live["class_id"]])
+        self._remove(np.union1d(bodies, named))
+
+    def forget_not_followed(
+        self,
+        pose_ids: Collection[int],
+        class_ids: Iterable[int],
+        is_followed: Callable[[Points], Bools],
+    ) -> set[int]:
+        """Remove the points of `class_ids`, people, that were measured from these poses, unless a
+        tracker follows a person there: `is_followed` of (N, 2) positions in metres of the map
+        frame. What is higher than an obstacle remains as one. Returns the poses of those left."""
+        gone, left = points_seen_from(self._points, pose_ids, class_ids, is_followed)
+        self._remove(gone)
+        return left
+
+    def _body_cells(self, people: list[int], box: Box) -> Indices:
+        planes = (plane for plane in map(self.layers.plane, people) if plane is not None)
+        return body_cells(planes, self.spec, box, self._rules.body_m)
+
+    def _remove(self, indices: Indices) -> None:
+        cells = self._points.live["cell"][indices]
+        self._points.remove(indices)
         self.version += self.layers.refresh(
-            self._points, sorted_distinct(held["cell"][gone]).astype(np.int64)
+            self._points, sorted_distinct(cells[cells >= 0]).astype(np.int64)
         )
 
     def erase(self, cells: Indices, class_ids: Iterable[int]) -> Erased:
@@ -209,7 +231,7 @@ class PointMap:
         cells = np.unique(cells).astype(np.int64)
         if len(cells) and not 0 <= cells[0] <= cells[-1] < self.spec.rows * self.spec.cols:
             raise ValueError(f"cells {cells[0]} to {cells[-1]} are not all on the grid of the map")
-        kinds = _class_set(class_ids)
+        kinds = class_set(class_ids)
         taken = take(
             self._points, points_in(self._points.first, self._points.records, cells, kinds)
         )
@@ -598,10 +620,3 @@ class PointMap:
                 )
             )
         self._over_budget = self.memory_mb > self._rules.budget_slack * self._rules.budget_mb
-
-
-def _class_set(class_ids: Iterable[int]) -> npt.NDArray[np.bool_]:
-    """Return the set of classes as (256,) truth values by class id."""
-    kinds = np.zeros(256, dtype=np.bool_)
-    kinds[list(class_ids)] = True
-    return kinds

@@ -93,6 +93,15 @@ class PeopleTracker:
         the newest frame shows their floor."""
         return self._detector.is_free_floor(positions)
 
+    def is_followed(self, positions: Floats) -> Bools:
+        """Return (N,) at which of (N, 2) positions in metres of odometry's frame a person is, in
+        sight or not, by `return_m`."""
+        people = [(one.x_m, one.y_m) for one in self._tracks if one.is_person]
+        if not people:
+            return np.zeros(len(positions), dtype=np.bool_)
+        offsets = positions[:, None] - np.array(people)
+        return np.asarray((np.hypot(*offsets.T) <= self._config.return_m).any(axis=0))
+
     def _match(self, clusters: list[Cluster], now_ns: int) -> None:
         """Assign clusters to the nearest tracks, known people first; start tracks with the rest."""
         pairs = sorted(
