@@ -9,11 +9,13 @@ import numpy as np
 
 from navcore.config.localisation.localisation import StartConfig
 from navcore.config.localisation.relocalisation import RelocalisationConfig
-from navcore.geometry.transform import Matrix
+from navcore.geometry.transform import Matrix, Pose2, wrap_angle
 from navcore.localisation.relocalisation.place_fit import (
     PlaceFit,
+    doubt_of,
     elsewhere,
     is_clearly_better,
+    is_same_place,
     rivals_of,
 )
 from navcore.localisation.relocalisation.relocalisation import SearchResult
@@ -103,8 +105,12 @@ class Probation:
         self._driven_m = self._unfit_m = 0.0
         self._is_unfit, self._doubts = False, 0
         self._verdict: bool | None = None
+        self._better: Pose2 | None = None
         self.is_new = False
         """Whether little of what was seen fits: the robot is where the map does not tell."""
+        self.instead: tuple[Pose2, Matrix] | None = None
+        """The place beside this one that the searches which speak against it have found alone:
+        T_map_odom, and the (3, 3) covariance of the robot's pose there."""
 
     def take(self, result: SearchResult) -> None:
         """Receive what a search says about the place."""
@@ -118,10 +124,29 @@ class Probation:
             self._unfit_m = 0.0
         is_worse = _is_worse(given, rivals, rules)
         self._doubts = self._doubts + 1 if is_worse or given.refutation(rules) else 0
+        self._note_better(result, given if is_worse else None)
         if self._doubts >= self._config.doubts:
             self._verdict = False
         elif self._driven_m >= self._config.probation_m and not (self._doubts or rivals):
             self._verdict = True if fits else None
+
+    def _note_better(self, result: SearchResult, given: PlaceFit | None) -> None:
+        """Note the place beside the given one, which fits clearly worse, if the search before has
+        found it as well, and neither has found another."""
+        before, self._better = self._better, None
+        if given is None or not result.everything:
+            return
+        best, rules = result.everything[0], self._rules
+        alone = not doubt_of(result.everything, rules) and not rivals_of(
+            best, result.mirrored, rules
+        )
+        is_sharp = best.sigma_m <= rules.click_sigma_m
+        if not (alone and is_sharp and _is_beside(best, given, self._config)):
+            return
+        T_odom_base = result.task.everything.T_odom_base
+        self._better = best.T_map_base @ T_odom_base.inverse()
+        if before is not None and is_same_place(best.T_map_base, before @ T_odom_base, rules):
+            self.instead = self._better, best.covariance
 
     def after(self, moved_m: float) -> bool | None:
         """Return whether the place is right after one more frame, before which the robot has moved
@@ -129,6 +154,13 @@ class Probation:
         self._driven_m += moved_m
         self._unfit_m += moved_m if self._is_unfit else 0.0
         return False if self._unfit_m >= self._config.unfit_m else self._verdict
+
+
+def _is_beside(place: PlaceFit, other: PlaceFit, config: StartConfig) -> bool:
+    here, there = place.T_map_base, other.T_map_base
+    turn = abs(wrap_angle(here.yaw_rad - there.yaw_rad))
+    is_near = here.distance_to(there.x_m, there.y_m) <= config.beside_m
+    return is_near and turn <= math.radians(config.beside_deg)
 
 
 def _is_worse(given: PlaceFit, rivals: list[PlaceFit], rules: RelocalisationConfig) -> bool:

@@ -273,6 +273,11 @@ class StartConfig:
     as well, from which the place is given up."""
     doubts: int = ranged(1, 100, default=2)
     """Number of searches in succession that must speak against the place."""
+    beside_m: float = ranged(0.0, 20.0, default=2.0)
+    """Distance in metres from the place within which another one takes over if all these searches
+    find that one and no more."""
+    beside_deg: float = ranged(0.0, 180.0, default=30.0)
+    """The same for the heading in degrees."""
     decide_s: float = ranged(0.1, 60.0, default=3.0)
     """Time in seconds after which a place that was not confirmed is looked for in the whole map,
     unless too little is in view to tell."""

@@ -378,3 +378,47 @@ def test_a_start_that_the_next_metres_show_to_be_beside_its_place_is_corrected(
         assert shift.shift_m == pytest.approx(
             before.T_map_base.distance_to(there.x_m, there.y_m), abs=0.05
         )
+
+
+NEAR = fit(0.9, x_m=1.2, sigma_m=0.05)
+
+
+@pytest.mark.parametrize(
+    ("searches", "is_corrected"),
+    [
+        ([(NEAR,), (NEAR,)], True),
+        ([(NEAR,), (fit(0.9, x_m=-1.2, sigma_m=0.05),)], False),
+        ([(NEAR, fit(0.88, x_m=9.0)), (NEAR,)], False),
+        ([(fit(0.9, x_m=9.0, sigma_m=0.05),)] * 2, False),
+        ([(fit(0.9, x_m=1.2, sigma_m=0.5),)] * 2, False),
+        ([(fit(0.9, x_m=1.2, sigma_m=0.05, share=0.3),)] * 2, False),
+    ],
+    ids=["alone", "elsewhere next", "with a rival", "far away", "along a corridor", "little fits"],
+)
+def test_a_refuted_start_is_beside_its_place_where_the_searches_find_that_one_alone(
+    searches: list[tuple[PlaceFit, ...]], is_corrected: bool
+) -> None:
+    """Farther than a fit from the place that was given reaches; otherwise the robot is lost."""
+    rng, (ids, keyframes) = np.random.default_rng(2), kept_map()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(keyframes)
+    scan = WORLD.scan(ROUTE[40], rng)
+    for k in range(10):
+        before = localisation.follow(frame_at(ROUTE[40], k), scan)
+    assert before.is_known
+    for found in searches:
+        localisation.take(search_result(fit(0.3), *found))
+    after = localisation.follow(frame_at(ROUTE[40], 10), scan)
+    assert after.is_known is is_corrected
+    if is_corrected:
+        assert after.place_correction is not None
+        assert after.place_correction.shift_m == pytest.approx(1.2, abs=0.05)
+
+
+def test_nor_where_the_mirrored_scans_fit_as_well() -> None:
+    probation = Probation(RULES, RelocalisationConfig())
+    for mirrored in ((), (fit(0.9),)):
+        for _ in range(RULES.doubts):
+            probation.take(search_result(fit(0.3), NEAR, mirrored=mirrored))
+        assert (probation.instead is None) is bool(mirrored)
+        probation = Probation(RULES, RelocalisationConfig())

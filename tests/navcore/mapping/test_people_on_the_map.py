@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
@@ -15,11 +16,12 @@ from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareClass, BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
-from navcore.perception.labels import Labels
+from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from tests.navcore.scene import Box, picture
+from tests.navcore.scene import ORIGIN, Box, picture
 
+DEFAULT = NavigatorConfig().map
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)
 PERSON_ID = 11
 BEWARE = BewareList(classes=(BewareClass(name=PERSON, class_id=PERSON_ID),))
@@ -31,7 +33,7 @@ _TENTH_NS = 100_000_000
 
 
 class CallsThePostAPerson:
-    """A network that labels what is 1.5 to 2.5 m before the robot as a person while it is `sure`."""
+    """A network that labels what stands 1.5 to 2.5 m ahead as a person, while it is `sure`."""
 
     def __init__(self) -> None:
         self.sure = True
@@ -46,22 +48,24 @@ class CallsThePostAPerson:
             confidence=np.full(frame.depth_m.shape, 0.9, np.float32),
         )
 
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        return LabelSource.NETWORK
+
 
 class Drive:
     """A navigator before a post and a wall, and the time of its frames."""
 
-    def __init__(self, **rules: float) -> None:
-        config = NavigatorConfig()
-        config = dataclasses.replace(config, map=dataclasses.replace(config.map, **rules))
+    def __init__(self, rules: MappingConfig = DEFAULT) -> None:
+        config = dataclasses.replace(NavigatorConfig(), map=rules)
         self.network, self._tenths = CallsThePostAPerson(), 0
         self.navigator = Navigator(spec=SPEC, profile=HUSKY, segmenter=self.network, config=config)
 
-    def see(self, frames: int, *, pose: Pose2 | None = None, sure: bool = True) -> None:
+    def see(self, frames: int, *, pose: Pose2 = ORIGIN, sure: bool = True) -> None:
         """Process so many frames, ten a second."""
         self.network.sure = sure
         for _ in range(frames):
-            at = {} if pose is None else {"pose": pose}
-            self.navigator.tick(picture(POST, WALL, stamp_ns=self._tenths * _TENTH_NS, **at), ORDER)
+            frame = picture(POST, WALL, pose=pose, stamp_ns=self._tenths * _TENTH_NS)
+            self.navigator.tick(frame, ORDER)
             self._tenths += 1
 
     def cells(self) -> tuple[int, int, int]:
@@ -86,7 +90,7 @@ def test_a_post_that_one_image_called_a_person_is_an_obstacle_a_while_later() ->
 
 
 def test_control_without_the_rule_it_stays_a_person() -> None:
-    drive = Drive(people_s=600.0)
+    drive = Drive(dataclasses.replace(DEFAULT, people_s=600.0))
     drive.see(12, pose=AWAY, sure=False)
     drive.see(1)
     named, _, _ = drive.cells()
