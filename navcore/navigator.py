@@ -367,7 +367,7 @@ class Navigator:
 
     def _plan_anew(self) -> None:
         """Plan on a map that was replaced, and on its grid."""
-        self._mapper.adopt_map()
+        self._mapper.begin_loaded_map()
         self._costmap.restart()
         self._cell_margins.forget()
         self._planner = GlobalPlanner(

@@ -311,7 +311,7 @@ class Localisation:
             self._start.take(outcome)
         if self._probation is not None:
             self._probation.take(outcome)
-            self._beside = self._probation.instead or self._beside
+            self._beside = self._probation.correction or self._beside
             if fit := outcome.beside(self._config.relocalisation):
                 T_base_odom = outcome.task.everything.T_odom_base.inverse()
                 self._beside = fit.T_map_base @ T_base_odom, fit.covariance

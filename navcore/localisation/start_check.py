@@ -105,12 +105,13 @@ class Probation:
         self._driven_m = self._unfit_m = 0.0
         self._is_unfit, self._doubts = False, 0
         self._verdict: bool | None = None
-        self._better: Pose2 | None = None
+        self._other: Pose2 | None = None
+        self._agreeing = 0
         self.is_new = False
         """Whether little of what was seen fits: the robot is where the map does not tell."""
-        self.instead: tuple[Pose2, Matrix] | None = None
-        """The place beside this one that the searches which speak against it have found alone:
-        T_map_odom, and the (3, 3) covariance of the robot's pose there."""
+        self.correction: tuple[Pose2, Matrix] | None = None
+        """The place beside this one that the searches which refute it have found alone: T_map_odom,
+        and the (3, 3) covariance of the robot's pose there."""
 
     def take(self, result: SearchResult) -> None:
         """Receive what a search says about the place."""
@@ -124,29 +125,33 @@ class Probation:
             self._unfit_m = 0.0
         is_worse = _is_worse(given, rivals, rules)
         self._doubts = self._doubts + 1 if is_worse or given.refutation(rules) else 0
-        self._note_better(result, given if is_worse else None)
+        self._note_other(result, given if is_worse else None)
         if self._doubts >= self._config.doubts:
             self._verdict = False
         elif self._driven_m >= self._config.probation_m and not (self._doubts or rivals):
             self._verdict = True if fits else None
 
-    def _note_better(self, result: SearchResult, given: PlaceFit | None) -> None:
-        """Note the place beside the given one, which fits clearly worse, if the search before has
-        found it as well, and neither has found another."""
-        before, self._better = self._better, None
-        if given is None or not result.everything:
-            return
-        best, rules = result.everything[0], self._rules
-        alone = not doubt_of(result.everything, rules) and not rivals_of(
-            best, result.mirrored, rules
-        )
-        is_sharp = best.sigma_m <= rules.click_sigma_m
-        if not (alone and is_sharp and _is_beside(best, given, self._config)):
+    def _note_other(self, result: SearchResult, given: PlaceFit | None) -> None:
+        """Note the place beside the given one, which fits clearly worse, that a search has found
+        alone, and whether the searches before it have found the same."""
+        before, self._other = self._other, None
+        best, rules = result.everything[0] if result.everything else None, self._rules
+        if (
+            given is None
+            or best is None
+            or doubt_of(result.everything, rules)
+            or rivals_of(best, result.mirrored, rules)
+            or not _is_sure(best, rules)
+            or not _is_beside(best, given, self._config)
+        ):
+            self._agreeing = 0
             return
         T_odom_base = result.task.everything.T_odom_base
-        self._better = best.T_map_base @ T_odom_base.inverse()
-        if before is not None and is_same_place(best.T_map_base, before @ T_odom_base, rules):
-            self.instead = self._better, best.covariance
+        is_same = before is not None and is_same_place(best.T_map_base, before @ T_odom_base, rules)
+        self._other = best.T_map_base @ T_odom_base.inverse()
+        self._agreeing = self._agreeing + 1 if is_same else 1
+        if self._agreeing >= self._config.doubts:
+            self.correction = self._other, best.covariance
 
     def after(self, moved_m: float) -> bool | None:
         """Return whether the place is right after one more frame, before which the robot has moved
@@ -154,6 +159,15 @@ class Probation:
         self._driven_m += moved_m
         self._unfit_m += moved_m if self._is_unfit else 0.0
         return False if self._unfit_m >= self._config.unfit_m else self._verdict
+
+
+def _is_sure(place: PlaceFit, rules: RelocalisationConfig) -> bool:
+    """Return whether as much fits at a place, and as closely, as the robot is moved there for."""
+    return (
+        place.fit_share >= rules.moved_fit_share
+        and place.closeness >= rules.least_closeness
+        and place.sigma_m <= rules.click_sigma_m
+    )
 
 
 def _is_beside(place: PlaceFit, other: PlaceFit, config: StartConfig) -> bool:

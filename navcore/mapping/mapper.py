@@ -9,6 +9,7 @@ import numpy as np
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import FloatImage
 from navcore.geometry.transform import IDENTITY, Pose2
+from navcore.mapping.people_sightings import PeopleSightings
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.views.observation import Observation, observe
 from navcore.mission.beware_list import NOTHING, BewareList
@@ -33,8 +34,8 @@ class Mapper:
         """The global map."""
         self._tracker, self._profile, self._config = tracker, profile, config
         self._placed = False
-        self._people_seen_ns = dict[int, int]()
-        self._adopted = False
+        self._sightings = PeopleSightings(config.map.people_s)
+        self._is_loaded = False
 
     def update(
         self,
@@ -50,13 +51,17 @@ class Mapper:
         """
         self._mark_driven(frame.pose)
         rules = self._config.points
+        people = beware.people_ids
+        if self._is_loaded and people:
+            self.map.forget_people(people, frame.pose)
+            self._is_loaded = False
         seen = observe(frame, labels, beware, self.map.spec, rules, ground_m)
         self.map.insert(seen, frame, labels)
         if ground_m is None:
             ground_m = flat_ground(frame.intrinsics.width)
         self.map.version += self.map.terrain.observe(frame, ground_m, rules.obstacle_height_m)
-        people = beware.people_ids
-        self._forget_people(frame, seen, people, T_map_odom)
+        if people:
+            self._forget_unseen(seen, people, frame.stamp_ns, T_map_odom)
         self.map.forget(self._tracker.trail(self.map.spec, T_map_odom), [NOTHING, *people])
         self.map.clear_ghosts(
             seen.box,
@@ -66,36 +71,26 @@ class Mapper:
         )
         self.map.explored.integrate_rays(frame, rules)
 
-    def adopt_map(self) -> None:
-        """Forget the people of the map, which was loaded, at the next frame."""
-        self._adopted, self._people_seen_ns = True, {}
+    def begin_loaded_map(self) -> None:
+        """Begin with a map that was loaded, whose people are forgotten at the next frame."""
+        self._is_loaded = True
+        self._sightings.clear()
 
     def reset_pose(self) -> None:
         """Expect the robot anywhere: the next frame's pose is a new start."""
         self._placed = False
 
-    def _forget_people(
-        self, frame: Frame, seen: Observation, people: list[int], T_map_odom: Pose2
+    def _forget_unseen(
+        self, seen: Observation, people: list[int], stamp_ns: int, T_map_odom: Pose2
     ) -> None:
-        """Forget who was there when the map was kept, and whom an image has shown that the tracker
-        has not believed in since."""
-        if self._adopted:
-            self.map.forget_people(people)
-            self._adopted = False
-        if any((seen.class_ids == class_id).any() for class_id in people):
-            self._people_seen_ns[self.map.pose_ids.id_of(frame.pose)] = frame.stamp_ns
-        before_ns = frame.stamp_ns - round(1e9 * self._config.map.people_s)
-        old = {pose_id for pose_id, at in self._people_seen_ns.items() if at <= before_ns}
-        if not old:
-            return
-        left = self.map.forget_not_followed(
-            old,
-            people,
-            lambda positions: self._tracker.is_followed(T_map_odom.from_parent(positions)),
-        )
-        for pose_id in old:
-            del self._people_seen_ns[pose_id]
-        self._people_seen_ns |= dict.fromkeys(left, frame.stamp_ns)
+        """Forget people where none has been seen, or followed by the tracker, for a while."""
+        shown = seen.points_map[np.isin(seen.class_ids, people), :2].astype(np.float64)
+        self._sightings.note(shown, stamp_ns)
+        followed = T_map_odom.to_parent(self._tracker.positions)
+        self._sightings.note(followed, stamp_ns, self._config.perception.people.return_m)
+        cells = self._sightings.take_old(stamp_ns, self.map.spec)
+        if len(cells):
+            self.map.forget(cells, people)
 
     def _mark_driven(self, pose: Pose2) -> None:
         outline = self._profile.footprint()

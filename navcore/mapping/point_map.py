@@ -15,7 +15,7 @@ The occupied cells (`navcore.mapping.layers`) follow every insertion and removal
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -47,7 +47,6 @@ from navcore.mapping.points.people_points import (
     body_cells,
     class_set,
     points_of_bodies,
-    points_seen_from,
     within_image,
 )
 from navcore.mapping.points.placing import base_points, place, pose_rows
@@ -191,27 +190,18 @@ class PointMap:
             ghosts = points_of_bodies(self._points, cells, self.spec, people)
             self._remove(within_image(self._points, ghosts, frame))
 
-    def forget_people(self, class_ids: Iterable[int]) -> None:
-        """Remove the people of a map that was loaded: all points of `class_ids`, and obstacles
-        within `body_m` of them."""
-        people = list(class_ids)
+    def forget_people(self, class_ids: Iterable[int], robot: Pose2) -> None:
+        """Remove the people of a map that was loaded: all points of `class_ids`, and of what is
+        farther than `near_m` from the robot, T_map_base, their bodies: obstacles within `body_m` of
+        them. What is nearer may be out of the camera's sight, and stays until it is not."""
+        people, rules = list(class_ids), self._rules
         cells = self._body_cells(people, (0, 0, self.spec.rows, self.spec.cols))
         bodies = points_of_bodies(self._points, cells, self.spec, people)
+        at = self._points.records[bodies]
+        is_far = np.hypot(at["x"] - robot.x_m, at["y"] - robot.y_m) > rules.near_m
+        bodies = bodies[is_far & (at["z"] > rules.flat_m)]
         named = np.flatnonzero(class_set(people)[self._points.live["class_id"]])
         self._remove(np.union1d(bodies, named))
-
-    def forget_not_followed(
-        self,
-        pose_ids: Collection[int],
-        class_ids: Iterable[int],
-        is_followed: Callable[[Points], Bools],
-    ) -> set[int]:
-        """Remove the points of `class_ids`, people, that were measured from these poses, unless a
-        tracker follows a person there: `is_followed` of (N, 2) positions in metres of the map
-        frame. What is higher than an obstacle remains as one. Returns the poses of those left."""
-        gone, left = points_seen_from(self._points, pose_ids, class_ids, is_followed)
-        self._remove(gone)
-        return left
 
     def _body_cells(self, people: list[int], box: Box) -> Indices:
         planes = (plane for plane in map(self.layers.plane, people) if plane is not None)

@@ -1,19 +1,17 @@
 """Which points of a map are people, and what is left of them when they have gone.
 
-A person is a point of the beware list and, where higher than an obstacle, a geometric one. People
-walk on: no map keeps them, and one in whom no tracker believes, as a doorpost that one image called
-a person, is an obstacle and no more.
+A person is a point of the beware list and, where higher than an obstacle, a geometric one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
 
-from navcore.geometry.arrays import Bools, Indices, Points
+from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import BitPlane
 from navcore.grid.cell_mask import window
 from navcore.grid.grid import Box, GridSpec, inflate
@@ -54,19 +52,3 @@ def within_image(points: PointTable, indices: Indices, frame: Frame) -> Indices:
     held = points.records[indices]
     outside = held["cell"][~frame.shows(np.column_stack([held["x"], held["y"], held["z"]]))]
     return np.asarray(indices[~np.isin(held["cell"], outside)])
-
-
-def points_seen_from(
-    points: PointTable,
-    pose_ids: Collection[int],
-    people: Iterable[int],
-    is_followed: Callable[[Points], Bools],
-) -> tuple[Indices, set[int]]:
-    """Return the indices of people that were measured from these poses, but of those whom a tracker
-    follows: `is_followed` of (N, 2) positions in metres of the map frame. Then the pose IDs of
-    these."""
-    live = points.live
-    held = np.flatnonzero(class_set(people)[live["class_id"]])
-    held = held[np.isin(live["pose_id"][held], list(pose_ids))]
-    followed = is_followed(np.column_stack([live["x"][held], live["y"][held]]))
-    return held[~followed], set(live["pose_id"][held[followed]].tolist())

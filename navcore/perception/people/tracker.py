@@ -93,14 +93,11 @@ class PeopleTracker:
         the newest frame shows their floor."""
         return self._detector.is_free_floor(positions)
 
-    def is_followed(self, positions: Floats) -> Bools:
-        """Return (N,) at which of (N, 2) positions in metres of odometry's frame a person is, in
-        sight or not, by `return_m`."""
+    @property
+    def positions(self) -> Floats:
+        """(N, 2) positions in metres of odometry's frame of all people, in sight or not."""
         people = [(one.x_m, one.y_m) for one in self._tracks if one.is_person]
-        if not people:
-            return np.zeros(len(positions), dtype=np.bool_)
-        offsets = positions[:, None] - np.array(people)
-        return np.asarray((np.hypot(*offsets.T) <= self._config.return_m).any(axis=0))
+        return np.array(people, dtype=np.float64).reshape(-1, 2)
 
     def _match(self, clusters: list[Cluster], now_ns: int) -> None:
         """Assign clusters to the nearest tracks, known people first; start tracks with the rest."""
@@ -186,6 +183,7 @@ class PeopleTracker:
         is_missed = unseen_s > 0 and all(
             self._detector.is_floor(*at, one.radius_m, frame.stamp_ns / 1e9)
             or (not too_near and self._detector.looks_at(frame, *at, one.radius_m))
+            or self._detector.sees_past(frame, *at, one.radius_m)
             for at in positions
         )
         one.missed_s = one.missed_s + step_s if is_missed else 0.0

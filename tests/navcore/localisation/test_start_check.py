@@ -420,5 +420,5 @@ def test_nor_where_the_mirrored_scans_fit_as_well() -> None:
     for mirrored in ((), (fit(0.9),)):
         for _ in range(RULES.doubts):
             probation.take(search_result(fit(0.3), NEAR, mirrored=mirrored))
-        assert (probation.instead is None) is bool(mirrored)
+        assert (probation.correction is None) is bool(mirrored)
         probation = Probation(RULES, RelocalisationConfig())

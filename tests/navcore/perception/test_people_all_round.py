@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import BewareList
@@ -97,11 +98,27 @@ def test_a_robot_that_turns_among_walls_sees_no_people() -> None:
         assert not tracker.follow(frame, unlabelled(frame), NO_LIST)
 
 
-def test_a_person_who_came_up_to_the_robot_and_has_gone_is_given_up() -> None:
-    came: list[tuple[float, float] | None] = [(3.0 - 0.08 * i, 0.0) for i in range(24)]
-    walk = [*came, *[None] * 15]
-    assert follow(walk, scanner=True)[len(came) - 1]
-    assert not follow(walk, scanner=True)[-1]
-    # The control: too near for the camera they may still stand there.
-    (person,) = follow(walk, scanner=False)[-1]
+CAME: list[tuple[float, float] | None] = [(3.0 - 0.08 * i, 0.0) for i in range(24)]
+"""Walk of a person who comes up to the robot."""
+
+
+@pytest.mark.parametrize("scanner", [True, False])
+def test_a_person_who_came_up_to_the_robot_and_has_gone_is_given_up(scanner: bool) -> None:
+    """The camera measures past where they stood, though it does not see the floor there."""
+    walk = [*CAME, *[None] * 15]
+    assert follow(walk, scanner=scanner)[len(CAME) - 1]
+    assert not follow(walk, scanner=scanner)[-1]
+
+
+def test_one_who_is_too_near_to_be_measured_may_still_stand_there() -> None:
+    tracker = PeopleTracker()
+    for i, at in enumerate([*CAME, *[None] * 15]):
+        frame = picture(
+            *WALLS, *(() if at is None else person_at(*at)), stamp_ns=(i + 1) * TENTH_NS
+        )
+        if at is None:
+            blind = np.where(frame.depth_m < 3.0, frame.depth_m, np.float32(0.0))
+            frame = dataclasses.replace(frame, depth_m=blind)
+        people = tracker.follow(frame, unlabelled(frame), NO_LIST)
+    (person,) = people
     assert person.x_m < 1.2
