@@ -162,13 +162,14 @@ def fit(
     score: float = 0.8,
     *,
     x_m: float = 0.0,
+    yaw_deg: float = 0.0,
     share: float = 0.9,
     clear: float = 0.0,
     walls: float = 0.0,
     sigma_m: float = 1.0,
 ) -> PlaceFit:
     return PlaceFit(
-        T_map_base=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0),
+        T_map_base=Pose2(x_m=x_m, y_m=0.0, yaw_rad=np.radians(yaw_deg)),
         covariance=sigma_m**2 * np.eye(3),
         evidence=score - 3.0 * clear - walls,
         score=score,
@@ -391,9 +392,20 @@ NEAR = fit(0.9, x_m=1.2, sigma_m=0.05)
         ([(NEAR, fit(0.88, x_m=9.0)), (NEAR,)], False),
         ([(fit(0.9, x_m=9.0, sigma_m=0.05),)] * 2, False),
         ([(fit(0.9, x_m=1.2, sigma_m=0.5),)] * 2, False),
-        ([(fit(0.9, x_m=1.2, sigma_m=0.05, share=0.3),)] * 2, False),
+        ([(fit(0.9, x_m=1.2, sigma_m=0.05, yaw_deg=40.0),)] * 2, False),
+        ([(fit(0.6, x_m=1.2, sigma_m=0.05, share=0.6),)] * 2, False),
+        ([(fit(0.6, x_m=1.2, sigma_m=0.05),)] * 2, False),
     ],
-    ids=["alone", "elsewhere next", "with a rival", "far away", "along a corridor", "little fits"],
+    ids=[
+        "alone",
+        "elsewhere next",
+        "with a rival",
+        "far away",
+        "along a corridor",
+        "turned",
+        "too little fits",
+        "not closely",
+    ],
 )
 def test_a_refuted_start_is_beside_its_place_where_the_searches_find_that_one_alone(
     searches: list[tuple[PlaceFit, ...]], is_corrected: bool

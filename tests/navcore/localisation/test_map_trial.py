@@ -1,0 +1,75 @@
+"""What is seen from a place on trial can be taken back from the map until metres have proved it."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import cast
+
+import numpy as np
+import pytest
+
+from navcore.config.localisation.localisation import StartConfig
+from navcore.config.navigator import NavigatorConfig
+from navcore.grid.grid import GridSpec
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState, PlaceCorrection
+from navcore.localisation.localisation import Localisation
+from navcore.localisation.map_trial import MapTrial
+from navcore.mapping.point_map import PointMap
+
+RULES = StartConfig()
+LOCATED = LocalisationEstimate(state=LocalisationState.LOCATED)
+CORRECTED = dataclasses.replace(LOCATED, place_correction=PlaceCorrection(source=None, shift_m=1.2))
+
+
+@dataclasses.dataclass(slots=True)
+class Driving:
+    """Localisation of a robot that drives half a metre a frame at a place on trial."""
+
+    is_on_trial: bool = True
+    is_in_new: bool = False
+    waits_for_standstill: bool = False
+    moved_m: float = 0.5
+    forgotten: int = 0
+
+    @property
+    def tracker(self) -> Driving:
+        return self
+
+    def forget_session(self) -> None:
+        self.forgotten += 1
+
+
+def trial() -> tuple[MapTrial, PointMap, Driving]:
+    spec = GridSpec.centred(size_m=(8.0, 8.0), resolution_m=0.1)
+    point_map, driving = PointMap(spec, NavigatorConfig().map), Driving()
+    begun = MapTrial(point_map, cast(Localisation, driving), RULES)
+    begun.begin()
+    return begun, point_map, driving
+
+
+def frames_until_closed(*, corrected_at: int | None) -> int:
+    begun, _, _ = trial()
+    for count in range(1, 200):
+        begun.follow(CORRECTED if count == corrected_at else LOCATED)
+        if not begun.is_open:
+            return count
+    raise AssertionError("the trial never ends")
+
+
+def test_the_metres_before_a_correction_prove_nothing() -> None:
+    needed = round(RULES.trial_m / 0.5)
+    assert frames_until_closed(corrected_at=None) == needed
+    assert frames_until_closed(corrected_at=30) == pytest.approx(needed + 30, abs=1)
+
+
+def test_what_was_seen_before_a_correction_is_taken_back_once_it_is_applied() -> None:
+    begun, point_map, driving = trial()
+    begun.follow(LOCATED)
+    point_map.load_prior(np.ones((point_map.spec.rows, point_map.spec.cols), dtype=np.bool_))
+    driving.waits_for_standstill = True
+    assert not begun.follow(CORRECTED)
+    assert not begun.follow(LOCATED)
+    driving.waits_for_standstill = False
+    assert begun.follow(LOCATED)
+    assert driving.forgotten == 1
+    assert not point_map.layers.bools(0).any()
