@@ -41,8 +41,8 @@ _BODY_HEIGHTS_M = np.arange(0.3, 1.6, 0.1)
 """Heights in metres at which a person must be seen past to have gone."""
 _BACK_M = 0.1
 """Distance in metres behind the back of a person from which a measurement is past them."""
-_LEAST_SHOWN = 2
-"""Number of these heights that must be in view."""
+_LEAST_PAST = 2
+"""Least number of these heights at which depth must be measured."""
 _MIN_RANGE_M = 0.2
 """Least distance in metres from the camera that is divided by."""
 _KEY = 1 << 32
@@ -191,9 +191,8 @@ class PersonDetector:
         return bool(in_range and left >= 0 and right < lens.width * depth)
 
     def sees_past(self, frame: Frame, x_m: float, y_m: float, radius_m: float) -> bool:
-        """Return whether the camera measures behind a person at a position of the map frame
-        wherever the inner half of their width would be in view: however near, they are not
-        there."""
+        """Return whether the camera measures behind a person at a position of the map frame, past
+        their middle and one side, and nowhere the person: however near, they are not there."""
         dx_m, dy_m = x_m - frame.T_map_camera[0, 3], y_m - frame.T_map_camera[1, 3]
         range_m = max(math.hypot(dx_m, dy_m), _MIN_RANGE_M)
         aside = radius_m / 2 * np.array([-1.0, 0.0, 1.0])
@@ -204,14 +203,18 @@ class PersonDetector:
                 np.tile(_BODY_HEIGHTS_M, len(columns)),
             ]
         )
-        shown = frame.shows(body)
-        if (shown.reshape(len(columns), -1).sum(axis=1) < _LEAST_SHOWN).any():
-            return False
+        shown = np.flatnonzero(frame.shows(body))
         camera, lens = frame.T_map_camera, frame.intrinsics
-        right, down, depth = ((body[shown] - camera[:3, 3]) @ camera[:3, :3]).T
-        cols = np.rint(right / depth * lens.fx + lens.cx).astype(np.int64)
-        rows = np.rint(down / depth * lens.fy + lens.cy).astype(np.int64)
-        return bool((frame.depth_m[rows, cols] > depth + radius_m + _BACK_M).all())
+        x, y, depth = ((body[shown] - camera[:3, 3]) @ camera[:3, :3]).T
+        cols = np.rint(x / depth * lens.fx + lens.cx).astype(np.int64)
+        rows = np.rint(y / depth * lens.fy + lens.cy).astype(np.int64)
+        measured_m = frame.depth_m[rows, cols]
+        is_past = measured_m > depth + radius_m + _BACK_M
+        if (~is_past & (measured_m > 0.0)).any():
+            return False
+        counts = np.bincount(shown[is_past] // len(_BODY_HEIGHTS_M), minlength=len(columns))
+        left, middle, right = (counts >= _LEAST_PAST).tolist()
+        return bool(middle and (left or right))
 
     def _occupied_for_s(self, cells: Cells, now_s: float) -> Floats:
         """Return (K,) how long cells have been occupied in seconds; −∞ when they are not."""
