@@ -254,6 +254,9 @@ class PersonDetectorConfig:
     floor_share: float = ranged(0.0, 1.0, default=0.85)
     """Share of the cells of a disc that must show floor for the disc to be free; single cells fall
     between the image rows or are hidden by noise."""
+    past_share: float = ranged(0.0, 1.0, default=0.9)
+    """Share of the positions on a body, below the camera and in view, behind which depth must be
+    measured for a person not to be there."""
     min_area_share: float = ranged(0.0, 1.0, default=0.04)
     """Least number of pixels of a person as a share of those of 1 m × 1 m at the same distance; a
     person in full view has about ten times as many."""

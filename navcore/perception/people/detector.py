@@ -41,8 +41,11 @@ _BODY_HEIGHTS_M = np.arange(0.3, 1.6, 0.1)
 """Heights in metres at which a person must be seen past to have gone."""
 _BACK_M = 0.1
 """Distance in metres behind the back of a person from which a measurement is past them."""
-_LEAST_PAST = 2
-"""Least number of these heights at which depth must be measured."""
+_ASIDE = np.array([-0.75, -0.375, 0.0, 0.375, 0.75])
+"""Positions across a body at which it must be seen past, in units of its radius: a look between
+two legs is none."""
+_LEAST_LOOKS = 2
+"""Least number of heights in view, below the camera, at its middle and at one side."""
 _MIN_RANGE_M = 0.2
 """Least distance in metres from the camera that is divided by."""
 _KEY = 1 << 32
@@ -192,10 +195,14 @@ class PersonDetector:
 
     def sees_past(self, frame: Frame, x_m: float, y_m: float, radius_m: float) -> bool:
         """Return whether the camera measures behind a person at a position of the map frame, past
-        their middle and one side, and nowhere the person: however near, they are not there."""
-        dx_m, dy_m = x_m - frame.T_map_camera[0, 3], y_m - frame.T_map_camera[1, 3]
+        their middle and one side, and nowhere the person: however near, they are not there.
+
+        Below the camera there is floor to be measured; above it depth may end before a wall.
+        """
+        camera, lens = frame.T_map_camera, frame.intrinsics
+        dx_m, dy_m = x_m - camera[0, 3], y_m - camera[1, 3]
         range_m = max(math.hypot(dx_m, dy_m), _MIN_RANGE_M)
-        aside = radius_m / 2 * np.array([-1.0, 0.0, 1.0])
+        aside = radius_m * _ASIDE
         columns = np.column_stack([x_m - aside * dy_m / range_m, y_m + aside * dx_m / range_m])
         body = np.column_stack(
             [
@@ -204,17 +211,17 @@ class PersonDetector:
             ]
         )
         shown = np.flatnonzero(frame.shows(body))
-        camera, lens = frame.T_map_camera, frame.intrinsics
         x, y, depth = ((body[shown] - camera[:3, 3]) @ camera[:3, :3]).T
         cols = np.rint(x / depth * lens.fx + lens.cx).astype(np.int64)
         rows = np.rint(y / depth * lens.fy + lens.cy).astype(np.int64)
         measured_m = frame.depth_m[rows, cols]
         is_past = measured_m > depth + radius_m + _BACK_M
-        if (~is_past & (measured_m > 0.0)).any():
+        is_low = body[shown, 2] < camera[2, 3]
+        looks = np.bincount(shown[is_low] // len(_BODY_HEIGHTS_M), minlength=len(columns))
+        middle, sides = looks[len(columns) // 2], max(looks[0], looks[-1])
+        if min(middle, sides) < _LEAST_LOOKS or (~is_past & (measured_m > 0.0)).any():
             return False
-        counts = np.bincount(shown[is_past] // len(_BODY_HEIGHTS_M), minlength=len(columns))
-        left, middle, right = (counts >= _LEAST_PAST).tolist()
-        return bool(middle and (left or right))
+        return float(is_past[is_low].mean()) >= self._config.past_share
 
     def _occupied_for_s(self, cells: Cells, now_s: float) -> Floats:
         """Return (K,) how long cells have been occupied in seconds; −∞ when they are not."""

@@ -3,6 +3,7 @@ a person who left is not on the map."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -303,10 +304,14 @@ def test_a_walking_person_out_of_sight_is_predicted_with_a_growing_disc_until_gi
 def out_of_sight(
     tracker: PeopleTracker, start: tuple[float, float], velocity: tuple[float, float], seconds: int
 ) -> Track:
-    """Return the track of a person who walked before the robot until the camera lost them."""
+    """Return the track of a person who walked before the robot until the camera lost them: so near
+    it measures nothing where they are."""
     walk(tracker, start, velocity, 12)
+    there = picture(person_at(start[0] + 1.2 * velocity[0], start[1] + 1.2 * velocity[1]))
     for k in range(12, 12 + 10 * seconds):
-        (track,) = follow(tracker, picture(stamp_ns=k * TENTH_NS))
+        frame = picture(stamp_ns=k * TENTH_NS)
+        blind = np.where(there.depth_m == frame.depth_m, frame.depth_m, np.float32(0.0))
+        (track,) = follow(tracker, dataclasses.replace(frame, depth_m=blind))
     return track
 
 

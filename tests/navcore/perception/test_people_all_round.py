@@ -111,13 +111,11 @@ def test_a_person_who_came_up_to_the_robot_and_has_gone_is_given_up(scanner: boo
 
 
 def test_one_who_is_too_near_to_be_measured_may_still_stand_there() -> None:
-    tracker = PeopleTracker()
+    tracker, empty = PeopleTracker(), picture(*WALLS).depth_m
     for i, at in enumerate([*CAME, *[None] * 15]):
-        frame = picture(
-            *WALLS, *(() if at is None else person_at(*at)), stamp_ns=(i + 1) * TENTH_NS
-        )
+        frame = picture(*WALLS, *person_at(*(at or (1.0, 0.0))), stamp_ns=(i + 1) * TENTH_NS)
         if at is None:
-            blind = np.where(frame.depth_m < 3.0, frame.depth_m, np.float32(0.0))
+            blind = np.where(frame.depth_m == empty, frame.depth_m, np.float32(0.0))
             frame = dataclasses.replace(frame, depth_m=blind)
         people = tracker.follow(frame, unlabelled(frame), NO_LIST)
     (person,) = people
