@@ -76,6 +76,9 @@ class Behaviour:
             expects_return=absence.expects_return(rules)
             and not self._is_in_lane(pose, profile, config),
             leaves_lane=self.leaves_lane,
+            is_cautious=self.waiting.has_just_ended(config.people)
+            and not absence.crosses
+            and absence.gone_s > rules.in_view_s,
             ignore_predictions=self.waiting.is_over(config.people),
         )
 

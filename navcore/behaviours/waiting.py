@@ -26,6 +26,8 @@ class WaitingTimer:
     """Pose where the robot started to wait, map frame."""
     waited_s: float = 0.0
     """Time in seconds for which it has waited there in all."""
+    newest_ns: int | None = None
+    """Stamp in nanoseconds of the newest tick in which it waited there; None before that."""
     now_ns: int = 0
     """Stamp of the newest tick in nanoseconds."""
 
@@ -37,7 +39,17 @@ class WaitingTimer:
             return WaitingTimer(at=pose, now_ns=stamp_ns)
         step_s = elapsed_s(self.now_ns, stamp_ns, config)
         waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
-        return WaitingTimer(at=self.at, waited_s=self.waited_s + step_s * waits, now_ns=stamp_ns)
+        return WaitingTimer(
+            at=self.at,
+            waited_s=self.waited_s + step_s * waits,
+            newest_ns=stamp_ns if waits else self.newest_ns,
+            now_ns=stamp_ns,
+        )
+
+    def has_just_ended(self, people_config: PeopleConfig) -> bool:
+        """Return whether the robot has waited until a moment ago."""
+        newest_ns = self.newest_ns
+        return newest_ns is not None and self.now_ns - newest_ns < 1e9 * people_config.cautious_s
 
     def is_over(self, people_config: PeopleConfig) -> bool:
         """Return whether the robot has waited long enough, until it leaves the position."""

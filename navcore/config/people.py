@@ -37,6 +37,11 @@ class PeopleConfig:
     patience_s: float = ranged(1.0, 600.0, default=15.0)
     """Time in seconds of waiting at one position after which the robot avoids where people are, no
     longer where they may come to; `near_m` and `near_mps` still hold."""
+    cautious_s: float = ranged(0.0, 10.0, default=2.0)
+    """Time in seconds after a wait for people for which the robot is no faster than `cautious_mps`
+    if it sees none of them: they may be about to come into view."""
+    cautious_mps: float = ranged(0.05, 1.0, default=0.2)
+    """Greatest speed in metres per second of any part of the body in that time."""
     reaction_s: float = ranged(0.1, 1.0, default=0.45)
     """Time in seconds from a person's change of motion to the braking of the wheels."""
     braking_mps2: float = ranged(0.5, 5.0, default=2.5)

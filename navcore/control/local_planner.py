@@ -127,8 +127,11 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         and motion.outcome in _DRIVES_ON
     ):
         motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
-    waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
-    return _face_person(checker, motion) if waits else motion
+    if motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
+        return _face_person(checker, motion)
+    if expected.is_cautious:
+        return _no_faster(motion, inputs.people_config.cautious_mps, checker.profile)
+    return motion
 
 
 def _goal(inputs: LocalPlannerInput, path: Points) -> _Goal:

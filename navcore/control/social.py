@@ -51,6 +51,8 @@ class PeopleExpectations:
     """Whether a robot that waits for people goes on waiting, since they are about to be back."""
     leaves_lane: bool = False
     """Whether the robot backs off from the lane of a person, and may cross that lane instead."""
+    is_cautious: bool = False
+    """Whether the robot has just waited for people whom it does not see."""
     ignore_predictions: bool = False
     """Whether the robot, having waited long enough, waits only where people are and not where they
     may come to."""

@@ -12,6 +12,7 @@ from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.behaviours.recovery import Recovery, RecoveryAction
 from navcore.behaviours.supervisor import Behaviour
+from navcore.behaviours.waiting import WaitingTimer
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
@@ -160,6 +161,23 @@ def test_a_robot_in_the_lane_does_not_wait_there_for_a_return() -> None:
         behaviour = Behaviour(absence=gone, lanes=lane)
         expectations = behaviour.expectations(BESIDE, HUSKY, NavigatorConfig())
         assert expectations.expects_return == waits
+
+
+def test_after_a_wait_the_robot_is_cautious_unless_it_sees_the_people_or_crosses() -> None:
+    def is_cautious(absence: Absence, since_s: float = 0.5) -> bool:
+        newest_ns = absence.now_ns - round(since_s * 1e9)
+        waiting = WaitingTimer(at=BESIDE, newest_ns=newest_ns, now_ns=absence.now_ns)
+        behaviour = Behaviour(absence=absence, waiting=waiting)
+        return behaviour.expectations(BESIDE, HUSKY, NavigatorConfig()).is_cautious
+
+    watch = Watch()
+    assert not is_cautious(watch.go(2.0, person(1.5)))
+    gone = watch.go(8.0)
+    assert is_cautious(gone) and not is_cautious(gone, since_s=3.0)
+    again = Watch()
+    again.passes(10.0, 10.0)
+    crossing = again.go(2.0)
+    assert crossing.crosses and not is_cautious(crossing)
 
 
 def test_a_person_who_comes_into_view_ends_the_crossing() -> None:

@@ -50,3 +50,11 @@ def test_it_stays_over_until_the_robot_has_come_away() -> None:
 
 def test_time_without_pictures_is_no_waiting() -> None:
     assert after(WaitingTimer(), 60.0, tick_s=5.0).waited_s <= 12 * RULES.max_gap_s
+
+
+def test_it_has_just_ended_for_a_moment_after_the_wait() -> None:
+    assert not after(WaitingTimer(), 5.0, DRIVES).has_just_ended(PEOPLE_CONFIG)
+    waited = after(WaitingTimer(), 3.0)
+    assert waited.has_just_ended(PEOPLE_CONFIG)
+    assert after(waited, PEOPLE_CONFIG.cautious_s - 0.2, DRIVES).has_just_ended(PEOPLE_CONFIG)
+    assert not after(waited, PEOPLE_CONFIG.cautious_s + 0.2, DRIVES).has_just_ended(PEOPLE_CONFIG)

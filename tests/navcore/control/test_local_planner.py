@@ -54,6 +54,7 @@ def decide(
     retreat: Points | None = None,
     leaves_lane: bool = False,
     expects_return: bool = False,
+    is_cautious: bool = False,
     people_cells: Points = NONE,
 ) -> Motion:
     """A decision, by default at the map's origin, where the base frame is the map frame."""
@@ -76,6 +77,7 @@ def decide(
                     ignore_predictions=ignore_predictions,
                     leaves_lane=leaves_lane,
                     expects_return=expects_return,
+                    is_cautious=is_cautious,
                 ),
             ),
             goal_yaw_rad=goal_yaw_rad,

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.behaviours.waiting import WaitingTimer
+from navcore.config.people import PeopleConfig
 from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.control.social import (
     NO_PEOPLE,
@@ -281,6 +282,17 @@ def test_a_robot_that_waits_for_a_return_does_not_set_off_and_one_that_drives_go
     patient = decide(previous=waited, expects_return=True, ignore_predictions=True)
     assert patient.twist.v_mps > 0.0, "it has waited long enough"
     assert decide(expects_return=True).twist.v_mps > 0.0
+
+
+def test_a_robot_that_has_just_waited_for_people_out_of_sight_sets_off_slowly() -> None:
+    rules = PeopleConfig()
+    fast, slow = decide(), decide(is_cautious=True)
+    assert fast.twist.v_mps > 0.5
+    fastest = slow.twist.v_mps + abs(slow.twist.w_radps) * HUSKY.circumscribed_radius_m
+    assert 0.5 * rules.cautious_mps < fastest <= rules.cautious_mps + 1e-9
+    turn = decide(path=np.array([[0.0, 0.0], [0.0, 4.0]]), is_cautious=True)
+    assert turn.outcome is ControllerState.TURN
+    assert 0.0 < turn.twist.w_radps * HUSKY.circumscribed_radius_m <= rules.cautious_mps + 1e-9
 
 
 def test_a_lane_is_not_crossed_while_another_person_comes() -> None:
