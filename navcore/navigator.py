@@ -207,6 +207,8 @@ class Navigator:
         )
         people = stages.track(self._tracker, frame, labels, beware, ground_m)
         correction = self._correction.apply(self.place.T_map_base, frame.twist)
+        if correction is not None:
+            self._mapper.follow_correction()
         self.place = place = stages.localise(self.localisation, frame, labels, people, ground_m)
         if self._trial.follow(place):
             self._plan_anew()

@@ -76,9 +76,7 @@ class Behaviour:
             expects_return=absence.expects_return(rules)
             and not self._is_in_lane(pose, profile, config),
             leaves_lane=self.leaves_lane,
-            is_cautious=self.waiting.has_just_ended(config.people)
-            and not absence.crosses
-            and absence.gone_s > rules.in_view_s,
+            is_cautious=self.waiting.has_just_ended(config.people) and not absence.crosses,
             ignore_predictions=self.waiting.is_over(config.people),
         )
 
@@ -184,7 +182,16 @@ class Behaviour:
             people_config=config.people,
             config=config.behaviours,
         )
-        waiting = self.waiting.after(motion, pose, stamp_ns, config.behaviours.waiting)
+        in_view_s = config.behaviours.absence.in_view_s
+        waiting = self.waiting.after(
+            motion,
+            pose,
+            stamp_ns,
+            config.behaviours.waiting,
+            is_lost=any(
+                person.walking_speed_mps > 0.0 and person.unseen_s >= in_view_s for person in people
+            ),
+        )
         lane_retreat = self.lane_retreat.after(
             motion,
             pose,

@@ -26,30 +26,35 @@ class WaitingTimer:
     """Pose where the robot started to wait, map frame."""
     waited_s: float = 0.0
     """Time in seconds for which it has waited there in all."""
-    newest_ns: int | None = None
-    """Stamp in nanoseconds of the newest tick in which it waited there; None before that."""
+    lost_ns: int | None = None
+    """Stamp in nanoseconds of the newest tick in which it waited, anywhere, while a person who
+    walks was out of sight; None before that."""
     now_ns: int = 0
     """Stamp of the newest tick in nanoseconds."""
 
     def after(
-        self, motion: Motion, pose: Pose2, stamp_ns: int, config: WaitingConfig = _DEFAULT
+        self,
+        motion: Motion,
+        pose: Pose2,
+        stamp_ns: int,
+        config: WaitingConfig = _DEFAULT,
+        *,
+        is_lost: bool = False,
     ) -> WaitingTimer:
-        """Return the timer after one more tick; `pose` is in the map frame."""
-        if self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > config.position_m:
-            return WaitingTimer(at=pose, now_ns=stamp_ns)
-        step_s = elapsed_s(self.now_ns, stamp_ns, config)
+        """Return the timer after one more tick; `pose` is in the map frame, and `is_lost` tells
+        whether a person who walks is out of sight."""
         waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
-        return WaitingTimer(
-            at=self.at,
-            waited_s=self.waited_s + step_s * waits,
-            newest_ns=stamp_ns if waits else self.newest_ns,
-            now_ns=stamp_ns,
-        )
+        lost_ns = stamp_ns if waits and is_lost else self.lost_ns
+        if self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > config.position_m:
+            return WaitingTimer(at=pose, lost_ns=lost_ns, now_ns=stamp_ns)
+        waited_s = self.waited_s + elapsed_s(self.now_ns, stamp_ns, config) * waits
+        return WaitingTimer(at=self.at, waited_s=waited_s, lost_ns=lost_ns, now_ns=stamp_ns)
 
     def has_just_ended(self, people_config: PeopleConfig) -> bool:
-        """Return whether the robot has waited until a moment ago."""
-        newest_ns = self.newest_ns
-        return newest_ns is not None and self.now_ns - newest_ns < 1e9 * people_config.cautious_s
+        """Return whether the robot has waited until a moment ago, and a person was out of sight."""
+        if self.lost_ns is None:
+            return False
+        return 0 <= self.now_ns - self.lost_ns < 1e9 * people_config.cautious_s
 
     def is_over(self, people_config: PeopleConfig) -> bool:
         """Return whether the robot has waited long enough, until it leaves the position."""

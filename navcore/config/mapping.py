@@ -177,12 +177,12 @@ class MappingConfig:
     """Height in metres within which a measurement shows the floor and disproves a prior map."""
     body_m: float = ranged(0.0, 1.0, default=0.15)
     """Distance in metres from a person's points within which obstacles belong to the person."""
-    people_s: float = ranged(0.0, 600.0, default=5.0)
+    people_s: float = ranged(0.1, 600.0, default=5.0)
     """Time in seconds after which a person whom no image has shown, and whom the tracker does not
     follow, is no person on the map any more, but the obstacle that depth shows."""
-    near_m: float = ranged(0.0, 10.0, default=2.0)
-    """Distance in metres from the robot within which obstacles of a loaded map stay that belong to
-    a person of it."""
+    bodies_from_m: float = ranged(0.0, 10.0, default=2.0)
+    """Distance in metres from the robot from which obstacles of a loaded map go that belong to a
+    person of it."""
     budget_mb: float = ranged(0.01, 16_384.0, default=256.0)
     """Memory of the points in megabytes. Beyond it the oldest are thinned to one a cell and class:
     detail goes, obstacles stay."""

@@ -52,7 +52,7 @@ class PeopleExpectations:
     leaves_lane: bool = False
     """Whether the robot backs off from the lane of a person, and may cross that lane instead."""
     is_cautious: bool = False
-    """Whether the robot has just waited for people whom it does not see."""
+    """Whether the robot has just waited while a person was out of sight."""
     ignore_predictions: bool = False
     """Whether the robot, having waited long enough, waits only where people are and not where they
     may come to."""

@@ -57,8 +57,8 @@ class MapTrial:
         self._is_corrected = place.place_correction is not None or (
             self._is_corrected and not is_applied
         )
-        if place.place_correction is not None:
-            self._driven_m = 0.0
+        if place.place_correction is not None and place.place_correction.source is None:
+            self._driven_m = 0.0  # by scans: the place that they have found has to prove itself
         if not self._localisation.is_in_new:
             self._driven_m += self._localisation.tracker.moved_m
         if not self._localisation.is_on_trial or self._driven_m >= self._config.trial_m:

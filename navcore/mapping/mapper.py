@@ -35,7 +35,8 @@ class Mapper:
         self._tracker, self._profile, self._config = tracker, profile, config
         self._placed = False
         self._sightings = PeopleSightings(config.map.people_s)
-        self._is_loaded = False
+        self._has_loaded_people = False
+        self._moves = (0, False)  # edits of the map by hand, and whether a correction has moved it
 
     def update(
         self,
@@ -52,9 +53,9 @@ class Mapper:
         self._mark_driven(frame.pose)
         rules = self._config.points
         people = beware.people_ids
-        if self._is_loaded and people:
+        if self._has_loaded_people and people:
             self.map.forget_people(people, frame.pose)
-            self._is_loaded = False
+            self._has_loaded_people = False
         seen = observe(frame, labels, beware, self.map.spec, rules, ground_m)
         self.map.insert(seen, frame, labels)
         if ground_m is None:
@@ -73,8 +74,12 @@ class Mapper:
 
     def begin_loaded_map(self) -> None:
         """Begin with a map that was loaded, whose people are forgotten at the next frame."""
-        self._is_loaded = True
+        self._has_loaded_people = True
         self._sightings.clear()
+
+    def follow_correction(self) -> None:
+        """Take it that a correction has moved the points of the map, people among them."""
+        self._moves = (self._moves[0], True)
 
     def reset_pose(self) -> None:
         """Expect the robot anywhere: the next frame's pose is a new start."""
@@ -86,6 +91,9 @@ class Mapper:
         """Forget people where none has been seen, or followed by the tracker, for a while."""
         shown = seen.points_map[np.isin(seen.class_ids, people), :2].astype(np.float64)
         self._sightings.note(shown, stamp_ns)
+        if self._moves != (self.map.edits, False):
+            self._sightings.note(self.map.positions_of(people), stamp_ns)
+            self._moves = (self.map.edits, False)
         followed = T_map_odom.to_parent(self._tracker.positions)
         self._sightings.note(followed, stamp_ns, self._config.perception.people.return_m)
         cells = self._sightings.take_old(stamp_ns, self.map.spec)

@@ -16,7 +16,7 @@ from navcore.geometry.arrays import Indices, Points
 from navcore.grid.grid import GridSpec
 
 _PLACE_M = 0.5
-"""Side of a place in metres; a correction of the map moves points by less."""
+"""Side of a place in metres."""
 Places = npt.NDArray[np.int64]
 """(N, 2) places, x and y in units of their side."""
 

@@ -191,17 +191,23 @@ class PointMap:
             self._remove(within_image(self._points, ghosts, frame))
 
     def forget_people(self, class_ids: Iterable[int], robot: Pose2) -> None:
-        """Remove the people of a map that was loaded: all points of `class_ids`, and of what is
-        farther than `near_m` from the robot, T_map_base, their bodies: obstacles within `body_m` of
-        them. What is nearer may be out of the camera's sight, and stays until it is not."""
+        """Remove the people of a map that was loaded: all points of `class_ids` and, farther than
+        `bodies_from_m` from the robot, T_map_base, obstacles within `body_m` of them. What is
+        nearer may be out of the camera's sight, and stays until it is not."""
         people, rules = list(class_ids), self._rules
         cells = self._body_cells(people, (0, 0, self.spec.rows, self.spec.cols))
         bodies = points_of_bodies(self._points, cells, self.spec, people)
         at = self._points.records[bodies]
-        is_far = np.hypot(at["x"] - robot.x_m, at["y"] - robot.y_m) > rules.near_m
+        is_far = np.hypot(at["x"] - robot.x_m, at["y"] - robot.y_m) > rules.bodies_from_m
         bodies = bodies[is_far & (at["z"] > rules.flat_m)]
         named = np.flatnonzero(class_set(people)[self._points.live["class_id"]])
         self._remove(np.union1d(bodies, named))
+
+    def positions_of(self, class_ids: Iterable[int]) -> Points:
+        """Return the (N, 2) positions in metres of all points of some classes."""
+        live = self._points.live
+        held = live[class_set(class_ids)[live["class_id"]]]
+        return np.column_stack([held["x"], held["y"]]).astype(np.float64)
 
     def _body_cells(self, people: list[int], box: Box) -> Indices:
         planes = (plane for plane in map(self.layers.plane, people) if plane is not None)

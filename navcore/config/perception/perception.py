@@ -255,8 +255,8 @@ class PersonDetectorConfig:
     """Share of the cells of a disc that must show floor for the disc to be free; single cells fall
     between the image rows or are hidden by noise."""
     past_share: float = ranged(0.0, 1.0, default=0.9)
-    """Share of the positions on a body, below the camera and in view, behind which depth must be
-    measured for a person not to be there."""
+    """Share of the positions on a body, in view and with floor within range behind, past which
+    depth must be measured for a person not to be there."""
     min_area_share: float = ranged(0.0, 1.0, default=0.04)
     """Least number of pixels of a person as a share of those of 1 m × 1 m at the same distance; a
     person in full view has about ten times as many."""
@@ -337,6 +337,9 @@ class PeopleTrackerConfig:
     unseen_s: float = ranged(0.0, 60.0, default=1.0)
     """Time in seconds after which a person is given up where the camera looks and does not see
     the person: both at the predicted position and where the person was seen last."""
+    past_s: float = ranged(0.0, 60.0, default=3.0)
+    """Time in seconds after which a person is given up who is too near for the camera, or at the
+    border of its view, while depth is measured past both positions."""
     walking_unseen_s: float = ranged(0.0, 60.0, default=8.0)
     """Time in seconds after which a walking person is given up where the camera does not look."""
     standing_unseen_s: float = ranged(0.0, 600.0, default=20.0)

@@ -45,7 +45,7 @@ _ASIDE = np.array([-0.75, -0.375, 0.0, 0.375, 0.75])
 """Positions across a body at which it must be seen past, in units of its radius: a look between
 two legs is none."""
 _LEAST_LOOKS = 2
-"""Least number of heights in view, below the camera, at its middle and at one side."""
+"""Least number of heights in view with floor behind, at its middle and at one side."""
 _MIN_RANGE_M = 0.2
 """Least distance in metres from the camera that is divided by."""
 _KEY = 1 << 32
@@ -197,7 +197,7 @@ class PersonDetector:
         """Return whether the camera measures behind a person at a position of the map frame, past
         their middle and one side, and nowhere the person: however near, they are not there.
 
-        Below the camera there is floor to be measured; above it depth may end before a wall.
+        It has to where there is floor within range behind them; elsewhere depth may end.
         """
         camera, lens = frame.T_map_camera, frame.intrinsics
         dx_m, dy_m = x_m - camera[0, 3], y_m - camera[1, 3]
@@ -216,7 +216,7 @@ class PersonDetector:
         rows = np.rint(y / depth * lens.fy + lens.cy).astype(np.int64)
         measured_m = frame.depth_m[rows, cols]
         is_past = measured_m > depth + radius_m + _BACK_M
-        is_low = body[shown, 2] < camera[2, 3]
+        is_low = body[shown, 2] < camera[2, 3] * (1.0 - range_m / self._config.max_range_m)
         looks = np.bincount(shown[is_low] // len(_BODY_HEIGHTS_M), minlength=len(columns))
         middle, sides = looks[len(columns) // 2], max(looks[0], looks[-1])
         if min(middle, sides) < _LEAST_LOOKS or (~is_past & (measured_m > 0.0)).any():

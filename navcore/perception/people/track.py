@@ -132,6 +132,8 @@ class KalmanTrack:
     missed_s: float = 0.0
     """Time in seconds for which the camera has looked where the person may be, and not shown
     them."""
+    past_s: float = 0.0
+    """Time in seconds for which depth was measured past where the person may be."""
     slow_s: float = 0.0
     """Time in seconds for which the speed has been that of a standing person."""
     radius_m: float = 0.0

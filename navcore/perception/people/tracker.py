@@ -183,11 +183,15 @@ class PeopleTracker:
         is_missed = unseen_s > 0 and all(
             self._detector.is_floor(*at, one.radius_m, frame.stamp_ns / 1e9)
             or (not too_near and self._detector.looks_at(frame, *at, one.radius_m))
-            or self._detector.sees_past(frame, *at, one.radius_m)
             for at in positions
         )
+        # Too near, or at the border of the image, they may have stepped aside, and be back soon.
+        is_past = unseen_s > 0 and all(
+            self._detector.sees_past(frame, *at, one.radius_m) for at in positions
+        )
         one.missed_s = one.missed_s + step_s if is_missed else 0.0
-        if one.missed_s >= config.unseen_s:
+        one.past_s = one.past_s + step_s if is_past else 0.0
+        if one.missed_s >= config.unseen_s or one.past_s >= config.past_s:
             return True
         return unseen_s >= (config.walking_unseen_s if one.walks else config.standing_unseen_s)
 

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from navcore.behaviours.supervisor import Behaviour
 from navcore.behaviours.waiting import WaitingTimer
 from navcore.config.behaviours import WaitingConfig
+from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.control.social import PEOPLE_CONFIG
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.mission.beware_list import BewareList
+from navcore.mission.order import NavigationRequest
+from navcore.perception.people.track import Track
+from navcore.robot.profile import HUSKY
+from tests.navcore.scene import picture
 
 YIELDS = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
 DRIVES = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=ControllerState.FOLLOW)
@@ -52,9 +59,69 @@ def test_time_without_pictures_is_no_waiting() -> None:
     assert after(WaitingTimer(), 60.0, tick_s=5.0).waited_s <= 12 * RULES.max_gap_s
 
 
-def test_it_has_just_ended_for_a_moment_after_the_wait() -> None:
-    assert not after(WaitingTimer(), 5.0, DRIVES).has_just_ended(PEOPLE_CONFIG)
-    waited = after(WaitingTimer(), 3.0)
-    assert waited.has_just_ended(PEOPLE_CONFIG)
-    assert after(waited, PEOPLE_CONFIG.cautious_s - 0.2, DRIVES).has_just_ended(PEOPLE_CONFIG)
-    assert not after(waited, PEOPLE_CONFIG.cautious_s + 0.2, DRIVES).has_just_ended(PEOPLE_CONFIG)
+def lost(unseen_s: float, *, walked: bool = True) -> Track:
+    """A person who was lost from sight so long ago."""
+    return Track(
+        id=1,
+        x_m=1.0,
+        y_m=2.0,
+        vx_mps=0.0,
+        vy_mps=0.0,
+        radius_m=0.3,
+        age_s=9.0,
+        last_seen_ns=0,
+        unseen_s=unseen_s,
+        walking_speed_mps=0.8 if walked else 0.0,
+    )
+
+
+def behaving(
+    behaviour: Behaviour, x_m: float, seconds: float, motion: Motion, *people: Track
+) -> Behaviour:
+    """Behaviours after so many more seconds at a position."""
+    for _ in range(round(seconds / TICK_S)):
+        frame = picture(
+            pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0),
+            stamp_ns=behaviour.waiting.now_ns + round(TICK_S * 1e9),
+        )
+        behaviour, _ = behaviour.after(
+            motion,
+            frame=frame,
+            route=None,
+            people=people,
+            request=NavigationRequest(goal=None, beware=BewareList(classes=()), zones=()),
+            profile=HUSKY,
+            config=NavigatorConfig(),
+        )
+    return behaviour
+
+
+def is_cautious(behaviour: Behaviour) -> bool:
+    return behaviour.waiting.has_just_ended(PEOPLE_CONFIG)
+
+
+def test_the_robot_is_cautious_after_a_wait_for_a_person_out_of_sight() -> None:
+    """However far it had come from where its wait is counted; a person in view changes nothing."""
+    driven = behaving(Behaviour(), 0.0, 0.5, DRIVES)
+    waited = behaving(driven, 0.95, 3.0, YIELDS, lost(2.0), lost(0.0))
+    assert is_cautious(waited)
+    on = behaving(waited, 1.1, PEOPLE_CONFIG.cautious_s - 0.2, DRIVES)
+    assert on.waiting.at != waited.waiting.at and is_cautious(on)
+    assert not is_cautious(behaving(on, 1.5, 0.4, DRIVES))
+
+
+def test_it_is_not_where_all_were_in_view_or_none_walked_or_it_did_not_wait() -> None:
+    for motion, person in (
+        (YIELDS, lost(0.1)),
+        (YIELDS, lost(5.0, walked=False)),
+        (DRIVES, lost(5.0)),
+    ):
+        assert not is_cautious(behaving(Behaviour(), 0.0, 3.0, motion, person))
+
+
+def test_a_clock_that_runs_backwards_does_not_keep_it_cautious() -> None:
+    waiting = WaitingTimer(lost_ns=10**10, now_ns=10**10)
+    assert waiting.has_just_ended(PEOPLE_CONFIG)
+    assert not waiting.after(DRIVES, Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), 0).has_just_ended(
+        PEOPLE_CONFIG
+    )

@@ -161,6 +161,40 @@ def test_a_followed_person_is_seen_all_around() -> None:
     assert row * SPEC.cols + col not in sightings.take_old(6 * 10**9, SPEC)
 
 
+@pytest.mark.parametrize("is_told", [True, False], ids=["told", "control"])
+def test_people_whom_a_correction_has_moved_get_old_where_they_are_now(is_told: bool) -> None:
+    drive = Drive()
+    drive.see(12, pose=AWAY, sure=False)
+    drive.see(1)
+    point_map, mapper = (
+        drive.navigator.map,
+        Mapper(drive.navigator.map, PeopleTracker(), HUSKY, NavigatorConfig()),
+    )
+
+    def look(stamp_ns: int) -> None:
+        frame = picture(WALL, pose=AWAY, stamp_ns=stamp_ns)
+        drive.network.sure = False
+        mapper.update(frame, drive.network.segment(frame, BEWARE), BEWARE)
+
+    mapper.update(
+        picture(POST, WALL, stamp_ns=0),
+        drive.network.segment(picture(POST, WALL), BEWARE),
+        BEWARE,
+    )
+    point_map.correct(
+        {
+            k: Pose2(x_m=p.x_m, y_m=p.y_m + 2.0, yaw_rad=p.yaw_rad)
+            for k, p in enumerate(point_map.poses)
+        }
+    )
+    if is_told:
+        mapper.follow_correction()
+    look(10**9)
+    assert drive.cells()[0] > 0
+    look(7 * 10**9)
+    assert (drive.cells()[0] == 0) is is_told
+
+
 def test_a_map_that_is_loaded_holds_no_people() -> None:
     first, second = Drive(), Drive()
     first.see(15)

@@ -105,9 +105,15 @@ CAME: list[tuple[float, float] | None] = [(3.0 - 0.08 * i, 0.0) for i in range(2
 @pytest.mark.parametrize("scanner", [True, False])
 def test_a_person_who_came_up_to_the_robot_and_has_gone_is_given_up(scanner: bool) -> None:
     """The camera measures past where they stood, though it does not see the floor there."""
-    walk = [*CAME, *[None] * 15]
+    walk = [*CAME, *[None] * 38]
     assert follow(walk, scanner=scanner)[len(CAME) - 1]
     assert not follow(walk, scanner=scanner)[-1]
+
+
+def test_one_who_steps_aside_before_the_robot_is_expected_there_for_some_seconds() -> None:
+    """The camera, which measures past where they came, does not see its flank."""
+    aside: list[tuple[float, float] | None] = [(0.9, -0.8)] * 24
+    assert follow([*CAME, *aside], scanner=False)[-1]
 
 
 def test_one_who_is_too_near_to_be_measured_may_still_stand_there() -> None:
