@@ -36,7 +36,7 @@ class Mapper:
         self._placed = False
         self._sightings = PeopleSightings(config.map.people_s)
         self._has_loaded_people = False
-        self._moves = (0, False)  # edits of the map by hand, and whether a correction has moved it
+        self._edits, self._is_corrected = point_map.edits, False
 
     def update(
         self,
@@ -79,7 +79,7 @@ class Mapper:
 
     def follow_correction(self) -> None:
         """Take it that a correction has moved the points of the map, people among them."""
-        self._moves = (self._moves[0], True)
+        self._is_corrected = True
 
     def reset_pose(self) -> None:
         """Expect the robot anywhere: the next frame's pose is a new start."""
@@ -91,9 +91,10 @@ class Mapper:
         """Forget people where none has been seen, or followed by the tracker, for a while."""
         shown = seen.points_map[np.isin(seen.class_ids, people), :2].astype(np.float64)
         self._sightings.note(shown, stamp_ns)
-        if self._moves != (self.map.edits, False):
+        if self._is_corrected or self._edits != self.map.edits:
+            # Points have moved, or were put back, with no look at where they are now.
             self._sightings.note(self.map.positions_of(people), stamp_ns)
-            self._moves = (self.map.edits, False)
+            self._edits, self._is_corrected = self.map.edits, False
         followed = T_map_odom.to_parent(self._tracker.positions)
         self._sightings.note(followed, stamp_ns, self._config.perception.people.return_m)
         cells = self._sightings.take_old(stamp_ns, self.map.spec)

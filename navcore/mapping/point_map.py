@@ -165,10 +165,8 @@ class PointMap:
     def forget(self, cells: Indices, class_ids: Iterable[int]) -> None:
         """Remove the points of some classes in (N,) distinct cells, row · cols + col, for example
         where a person walked."""
-        gone = points_in(self._points.first, self._points.records, cells, class_set(class_ids))
-        if len(gone):
-            self._points.remove(gone)
-            self.version += self.layers.refresh(self._points, cells)
+        kinds = class_set(class_ids)
+        self._remove(points_in(self._points.first, self._points.records, cells, kinds))
 
     def clear_ghosts(
         self,
@@ -214,11 +212,10 @@ class PointMap:
         return body_cells(planes, self.spec, box, self._rules.body_m)
 
     def _remove(self, indices: Indices) -> None:
-        cells = self._points.live["cell"][indices]
-        self._points.remove(indices)
-        self.version += self.layers.refresh(
-            self._points, sorted_distinct(cells[cells >= 0]).astype(np.int64)
-        )
+        if len(indices):
+            cells = sorted_distinct(self._points.live["cell"][indices]).astype(np.int64)
+            self._points.remove(indices)
+            self.version += self.layers.refresh(self._points, cells[cells >= 0])
 
     def erase(self, cells: Indices, class_ids: Iterable[int]) -> Erased:
         """Remove the points of some classes in (N,) cells, row · cols + col, and with `NOTHING` the
