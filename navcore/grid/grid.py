@@ -12,6 +12,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navcore.geometry.arrays import sorted_distinct
+
 BoolGrid = npt.NDArray[np.bool_]
 """(rows, cols) truth value of each cell; row 0 has the smallest y."""
 Cell = tuple[int, int]
@@ -54,6 +56,14 @@ class GridSpec:
             math.floor((y_m - self.origin_y_m) / self.resolution_m),
             math.floor((x_m - self.origin_x_m) / self.resolution_m),
         )
+
+    def cells_at(self, positions: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+        """Return the (K,) distinct cells on the grid, row · cols + col, in which (N, 2) positions
+        in metres lie, in rising order."""
+        cols = np.floor((positions[:, 0] - self.origin_x_m) / self.resolution_m).astype(np.int64)
+        rows = np.floor((positions[:, 1] - self.origin_y_m) / self.resolution_m).astype(np.int64)
+        inside = (rows >= 0) & (rows < self.rows) & (cols >= 0) & (cols < self.cols)
+        return sorted_distinct((rows * self.cols + cols)[inside])
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
         """Return (x, y) of a cell's centre in metres of the map frame."""

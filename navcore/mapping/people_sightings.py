@@ -57,14 +57,6 @@ class PeopleSightings:
 def _cells(places: Places, spec: GridSpec) -> Indices:
     """Return the (N,) cells of the grid at places."""
     count = math.ceil(_PLACE_M / spec.resolution_m)
-    across = (np.arange(count) + 0.5) / count * _PLACE_M
-    low = places * _PLACE_M
-    cols = np.floor((low[:, :1] + across - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
-    rows = np.floor((low[:, 1:] + across - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
-    flat = np.where(
-        ((rows >= 0) & (rows < spec.rows))[:, :, None]
-        & ((cols >= 0) & (cols < spec.cols))[:, None],
-        rows[:, :, None] * spec.cols + cols[:, None],
-        -1,
-    )
-    return np.unique(flat[flat >= 0])
+    within = np.stack(np.meshgrid(*[(np.arange(count) + 0.5) / count] * 2), axis=-1)
+    positions = (places[:, None] + within.reshape(1, -1, 2)) * _PLACE_M
+    return spec.cells_at(positions.reshape(-1, 2))

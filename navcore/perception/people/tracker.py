@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
-from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, sorted_distinct
+from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
@@ -82,11 +82,7 @@ class PeopleTracker:
             for axis in (0, 1)
         )
         points = np.stack(np.broadcast_arrays(x[:, None, :], y[:, :, None]), axis=-1)
-        x, y = np.moveaxis(T_map_odom.to_parent(points.reshape(-1, 2)), -1, 0)
-        rows = np.floor((y - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
-        cols = np.floor((x - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
-        inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
-        return sorted_distinct((rows * spec.cols + cols)[inside])
+        return spec.cells_at(T_map_odom.to_parent(points.reshape(-1, 2)))
 
     def is_free_floor(self, positions: Floats) -> Bools:
         """Return (N,) at which of (N, 2) positions in metres of odometry's frame no person stands:

@@ -21,7 +21,7 @@ from navcore.localisation.relocalisation.relocalisation import (
     SearchTask,
 )
 from navcore.localisation.relocalisation.submap import Submap
-from navcore.localisation.scans.scan import Keyframe
+from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.start_check import Probation, StartCheck
 from navcore.localisation.tasks import PrepareSearch
 from navcore.localisation.tracking.localiser import Localiser
@@ -349,6 +349,19 @@ def test_a_place_that_a_search_has_found_is_given_up_when_the_next_metres_contra
     assert localisation.follow(frame_at(ROUTE[-1], 4), scan).is_known is known
 
 
+def started() -> tuple[Localisation, Scan, LocalisationEstimate]:
+    """A robot whose place in the kept map the first looks have confirmed, its scan there, and the
+    newest estimate."""
+    ids, keyframes = kept_map()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(keyframes)
+    scan = WORLD.scan(ROUTE[40], np.random.default_rng(2))
+    for k in range(10):
+        before = localisation.follow(frame_at(ROUTE[40], k), scan)
+    assert before.is_known
+    return localisation, scan, before
+
+
 @pytest.mark.parametrize(
     ("beside", "unmoved", "is_corrected"),
     [
@@ -363,13 +376,7 @@ def test_a_start_that_the_next_metres_show_to_be_beside_its_place_is_corrected(
     beside: PlaceFit, unmoved: PlaceFit, is_corrected: bool
 ) -> None:
     """Only where they fit clearly better there, and say where along a corridor that is."""
-    rng, (ids, keyframes) = np.random.default_rng(2), kept_map()
-    localisation = Localisation(ids, LocalisationConfig())
-    localisation.load(keyframes)
-    scan = WORLD.scan(ROUTE[40], rng)
-    for k in range(10):
-        before = localisation.follow(frame_at(ROUTE[40], k), scan)
-    assert before.is_known
+    localisation, scan, before = started()
     localisation.take(search_result(beside, unmoved=unmoved))
     after = localisation.follow(frame_at(ROUTE[40], 10), scan)
     shift = after.place_correction
@@ -411,13 +418,7 @@ def test_a_refuted_start_is_beside_its_place_where_the_searches_find_that_one_al
     searches: list[tuple[PlaceFit, ...]], is_corrected: bool
 ) -> None:
     """Farther than a fit from the place that was given reaches; otherwise the robot is lost."""
-    rng, (ids, keyframes) = np.random.default_rng(2), kept_map()
-    localisation = Localisation(ids, LocalisationConfig())
-    localisation.load(keyframes)
-    scan = WORLD.scan(ROUTE[40], rng)
-    for k in range(10):
-        before = localisation.follow(frame_at(ROUTE[40], k), scan)
-    assert before.is_known
+    localisation, scan, _ = started()
     for found in searches:
         localisation.take(search_result(fit(0.3), *found))
     after = localisation.follow(frame_at(ROUTE[40], 10), scan)
