@@ -115,6 +115,8 @@ def _drive(ticks: int, size: tuple[int, int]) -> Drive:
         beside[_CONTACT].append((time.thread_time() - between) * 1e3)
         if result.route is None or len(result.route.track) < 2:
             raise RuntimeError("the forest has no path; choose another seed")
+        if not result.place.is_known:
+            raise RuntimeError("the robot has lost its place, so no map is updated any more")
         people += len(result.people) if number >= WARM_UP else 0
         pose = _ahead(pose, result.route.track)
     stages = {stage: np.array(durations) for stage, durations in (timer.ms | beside).items()}

@@ -5,7 +5,8 @@ on another floor or with other tyres. Two scans half a metre apart tell the moti
 few millimetres, wherever the map lies, so many of them tell that scale. Over more than that the
 parts of surfaces that come into view and leave it pull the match towards no motion.
 
-They also tell when the robot was pushed, or its wheels have slipped.
+They also tell when the robot was pushed, or its wheels have slipped: once that is over. People who
+walk together before the camera look the same for a moment, but they walk on.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.transform import IDENTITY, difference
+from navcore.geometry.transform import IDENTITY, Pose2, difference
 from navcore.localisation.scans.matching import match
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
@@ -25,6 +26,8 @@ from navcore.localisation.tracking.push_search import Push, PushSearch
 
 _MOST_SPACINGS = 2.0
 """Number of spacings over which a scan is compared with the reference if it does not fit."""
+_MORE_SPACINGS = 1.0
+"""Number of spacings more over which it is if a push was found that may not be over."""
 
 
 class ScanOdometry:
@@ -37,10 +40,13 @@ class ScanOdometry:
         self._reference: ScanMap | None = None
         self._checked_ns = 0
         self._refused_ns: int | None = None
+        self._pushed: Pose2 | None = None
+        """T_found_expected of the push that the search before has found, in the reference's
+        frame."""
 
     def clear(self) -> None:
         """Forget the scan: the robot was placed elsewhere."""
-        self._reference = self._refused_ns = None
+        self._reference = self._refused_ns = self._pushed = None
 
     def follow(self, scan: Scan, own: PoseFilter, stamp_ns: int) -> Push | None:
         """Measure the motion by one more scan if it is far enough, and refer to that scan then.
@@ -60,19 +66,31 @@ class ScanOdometry:
         push = None
         is_measured = self._measured(scan, own, self._reference, fuse=is_far)
         if is_measured:
-            self._refused_ns = None
-        elif self._refused_ns is None:
+            self._refused_ns = self._pushed = None
+        elif self._refused_ns is None or stamp_ns - self._refused_ns >= rules.refused_s * 1e9:
             self._refused_ns = stamp_ns
-        elif stamp_ns - self._refused_ns >= rules.refused_s * 1e9:
-            self._refused_ns = stamp_ns
-            push = self._pushes.find(scan, self._reference, own)
+            push = self._that_is_over(self._pushes.find(scan, self._reference, own), own)
         if push is not None:
             own.push(*push)
         # A push takes a while: until all of it is told, no part of it becomes the reference.
         is_over = is_measured and is_far
-        if is_over or push is not None or spacings >= _MOST_SPACINGS:
+        most = _MOST_SPACINGS + (_MORE_SPACINGS if self._pushed else 0.0)
+        if is_over or push is not None or spacings >= most:
             self._refer(scan, own)
         return push
+
+    def _that_is_over(self, push: Push | None, own: PoseFilter) -> Push | None:
+        """Return the push if the search before has found the same one."""
+        before, self._pushed = self._pushed, None
+        if push is None:
+            return None
+        found = own.motion @ push.motion
+        self._pushed = found @ own.motion.inverse()
+        if before is None:
+            return None
+        apart, rules = difference(found, before @ own.motion), self._rules
+        is_same = math.hypot(apart[0], apart[1]) <= rules.over_m
+        return push if is_same and abs(apart[2]) <= math.radians(rules.over_deg) else None
 
     def _spacings(self, own: PoseFilter) -> float:
         """Return how far the robot has come from the reference, in spacings."""

@@ -110,6 +110,27 @@ def test_along_a_bare_wall_no_push_is_made_up_and_across_it_is_told() -> None:
             assert math.sqrt(estimates[-1].covariance[0, 0]) > 0.1
 
 
+def pushes_by_a_group(config: LocalisationConfig) -> list[float]:
+    """The pushes that are told to a robot that stands in a hall, where three people who have stood
+    before it begin to walk together."""
+    trip, told = Trip(Localiser(PoseIds(0.25, 10.0), config)), []
+    for k in range(AT + 6):
+        world, walked_m = PlanWorld(), 0.28 * max(k - AT - 2, 0)
+        world.box(4.2, 1.0, 4.6, 1.4)
+        for x, y in ((1.6, -0.8), (2.4, -0.2), (3.6, -1.6)):
+            world.box(x, y + walked_m, x + 0.45, y + walked_m + 0.45)
+        told += [estimate.pushed_m for estimate, _ in trip.go([IDENTITY], [IDENTITY], world)]
+    return told
+
+
+def test_people_who_walk_together_before_the_robot_do_not_push_it() -> None:
+    config = LocalisationConfig()
+    assert not any(pushes_by_a_group(config))
+    # Control: it would be told of one if the push did not have to be over.
+    at_once = replace(config.scan_odometry, over_m=1.0, over_deg=90.0)
+    assert any(pushes_by_a_group(replace(config, scan_odometry=at_once)))
+
+
 @pytest.mark.parametrize("heading_deg", [30.0, 34.0])
 def test_more_of_a_wall_that_comes_into_view_by_a_turn_is_no_push(heading_deg: float) -> None:
     """Along the wall a motion would bring all that is seen now onto what was seen before."""
