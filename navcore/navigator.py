@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from navcore.behaviours.supervisor import Behaviour
@@ -31,6 +31,7 @@ from navcore.localisation.map_correction import (
 )
 from navcore.localisation.map_trial import MapTrial
 from navcore.localisation.scans.keyframe_store import restored, stored
+from navcore.localisation.tasks import TaskFailed
 from navcore.localisation.zone_margins import ZoneMargins
 from navcore.mapping.correction import PreparedCorrection
 from navcore.mapping.mapper import Mapper
@@ -219,7 +220,8 @@ class Navigator:
         if self.behaviour is not before:
             self.zone_margins.restore_clearance()
         keep_outs = self.behaviour.keep_outs
-        grown = self.zone_margins.follow(request.zones, place)
+        has_moved_map = correction is not None
+        grown = self.zone_margins.follow(request.zones, place, with_map=has_moved_map)
         reach_m = self._config.local.reach_m + self._profile.circumscribed_radius_m
         kept_zones = self.zone_margins.near(
             request.zones, place, reach_m, self._config.control.collision.kept_besides_m
@@ -233,7 +235,9 @@ class Navigator:
             stages.update_map(self._mapper, frame, labels, beware, ground_m, place.T_map_odom)
         costmap = stages.update_costmap(self._costmap, beware, zones)
         around = costmap.around(frame.pose, DEFAULT_SAFETY.keep_out.seen_within_m)
-        grown_cells = self._cell_margins.follow(beware_cells(around), frame, place)
+        grown_cells = self._cell_margins.follow(
+            beware_cells(around), frame, place, with_map=has_moved_map
+        )
         costmap = self._kept_from(grown_cells, frame.pose, beware)
         route = stages.plan(self._planner, costmap, frame.pose, request, keep_outs, stages.replan)
         while self._planner.lacking and self.grow_to(
@@ -346,7 +350,7 @@ class Navigator:
         wrong."""
         return self._trial.is_open
 
-    def take(self, outcome: Outcome | PreparedCorrection) -> None:
+    def take(self, outcome: Outcome | PreparedCorrection | TaskFailed) -> None:
         """Receive the outcome of a task before the next tick."""
         self._correction.take(outcome)
 
@@ -384,6 +388,19 @@ class Navigator:
             self._taken_back = True
         self.localisation.place(T_map_base, covariance, frame)
         self.reset_pose()
+
+    def accept_jump(self, frame: Frame) -> None:
+        """Accept the pose of a frame by odometry, which has jumped: the place is as uncertain."""
+        if self.place.is_known:
+            self.localisation.accept_jump(self.place, frame)
+        self.reset_pose()
+
+    def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
+        """Move what was seen from past poses, T_map_base by pose ID, to corrected ones. The robot
+        and what an operator has drawn stay. Raises `BadConfiguration`, and changes nothing, for a
+        pose ID that is unknown or belongs to a loaded map."""
+        self.map.correct(poses)
+        self._mapper.follow_correction()
 
     def reset_pose(self) -> None:
         """Expect the robot anywhere: it was moved by other means than its wheels."""

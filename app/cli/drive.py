@@ -127,7 +127,13 @@ def drive(settings: DriveSettings) -> None:
         result = _run(episode)
         if settings.report is not None:
             settings.report.write_text(json.dumps(result, indent=1), encoding="utf-8")
-        save_map(world, beware, settings.kept)
+        if settings.kept is not None and episode.controller.navigator.map_is_on_trial:
+            typer.echo(
+                f"{settings.kept} stays as it was: the robot was not sure of its place in this map",
+                err=True,
+            )
+        else:
+            save_map(world, beware, settings.kept)
         if settings.plots is not None:
             plot_episode(result, episode, keyframes, settings.plots)
     finally:

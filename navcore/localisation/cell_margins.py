@@ -5,7 +5,8 @@ robot, as odometry has become since, and no more than the position has by its mo
 of two covariances in the map holds errors, as of the heading far behind, that moved robot and cell
 alike. Nor is it more uncertain than cell and robot are in the map, together. What was in view stays
 known when the robot leaves it: on its way back a cell is as uncertain as the drive in between has
-made it, and not as the whole map.
+made it, and not as the whole map. Once the estimate has moved by other means than the wheels,
+odometry tells nothing of what was in view before.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.geometry.camera import project
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.relative_uncertainty import RelativeUncertainty
 from navcore.localisation.tracking.odometry_model import OdometryStep, travel_of, travel_variance
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -58,12 +60,17 @@ class _Seen:
     """(N, 2, 2, 2) covariance of the robot's position then, in the map and by motion, square
     metres."""
     travels: Floats
-    """(N, 3) travel by odometry until then; NaN for cells that were never in view."""
+    """(N, 3) travel by odometry until then; NaN for cells that were never in view, and infinite for
+    those that were before the estimate moved by other means."""
 
     @staticmethod
     def never(cells: Points) -> _Seen:
         """Return what is known of (N, 2) cells that were never in view."""
         return _Seen(cells, np.zeros((len(cells), 2, 2, 2)), np.full((len(cells), 3), np.nan))
+
+    def before_a_jump(self) -> _Seen:
+        """Return the same cells, of whose view odometry tells nothing any more."""
+        return _Seen(self.cells, self.covariances, self.travels - np.inf)
 
     def only(self, which: Bools) -> _Seen:
         """Return some of the cells, (N,) true for those."""
@@ -108,7 +115,7 @@ class CellMargins:
 
     def __init__(self, *, keep_out: KeepOutMonitorConfig, odometry: OdometryConfig) -> None:
         self._keep_out, self._odometry = keep_out, odometry
-        self._travel = np.zeros(3)
+        self._travel, self._relative = np.zeros(3), RelativeUncertainty()
         self.forget()
         self._last: tuple[Pose2, int] | None = None
 
@@ -117,23 +124,35 @@ class CellMargins:
         than its wheels."""
         self._seen = _Seen.never(np.empty((0, 2)))
 
-    def follow(self, cells: Points, frame: Frame, place: LocalisationEstimate) -> GrownCells:
+    def follow(
+        self,
+        cells: Points,
+        frame: Frame,
+        place: LocalisationEstimate,
+        *,
+        with_map: bool = False,
+    ) -> GrownCells:
         """Return those of (N, 2) centres of beware cells, map frame, that are near the robot, and
         their growth; of what the camera may see all have to be given.
 
         The frame is placed in the map. Cells that are no longer there are forgotten. One that was
         never in view counts as seen with the nearest that was, since both are where the map has
-        them; without one it is as uncertain as the robot's place in the map.
+        them; without one it is as uncertain as the robot's place in the map. `with_map`: a
+        correction has moved cells and robot.
         """
         rules = self._keep_out
         self._advance(place.T_map_odom.inverse() @ frame.pose, frame.stamp_ns)
+        self._relative.follow(place, with_map=with_map)
+        if self._relative.is_moved:
+            self._seen = self._seen.before_a_jump()
         if not len(cells) and not len(self._seen.cells):
             return GrownCells()
         cells = cells[_away_m(cells, frame) <= rules.seen_within_m]
         far = _away_m(self._seen.cells, frame) > rules.seen_within_m
         seen = self._seen.only(~far).of(cells, rules.neighbour_m)
         in_view = self._in_view(cells, frame)
-        seen.covariances[in_view], seen.travels[in_view] = place.positions, self._travel
+        covariances = np.stack([place.positions[0], self._relative.covariance(place)])
+        seen.covariances[in_view], seen.travels[in_view] = covariances, self._travel
         self._seen = self._seen.only(far).joined(seen)
         near = seen.only(_away_m(cells, frame) <= rules.cells_within_m)
         near = near.beside(seen, rules.neighbour_m)
@@ -149,11 +168,12 @@ class CellMargins:
 
     def _variance(self, seen: _Seen, place: LocalisationEstimate, away_m: Floats) -> Floats:
         """Return the (N,) largest variances of cells relative to the robot, square metres."""
-        in_map, by_motion = place.positions
+        in_map, by_motion = place.positions[0], self._relative.covariance(place)
         together = np.linalg.eigvalsh(in_map + seen.covariances[:, 0])[:, -1]
         since_then = np.linalg.eigvalsh(by_motion - seen.covariances[:, 1])[:, -1]
         in_map = np.minimum(together, np.maximum(since_then, 0.0))
-        by_odometry = travel_variance(self._travel - seen.travels, away_m, self._odometry)
+        with np.errstate(invalid="ignore"):  # no error in proportion to an infinite way
+            by_odometry = travel_variance(self._travel - seen.travels, away_m, self._odometry)
         return np.asarray(np.fmin(in_map, by_odometry))
 
     def _in_view(self, cells: Points, frame: Frame) -> Bools:

@@ -10,9 +10,11 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
+import numpy as np
+
 from navcore.config.localisation.localisation import LocalisationConfig, StartConfig
 from navcore.geometry.arrays import FloatImage
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2, wrap_angle
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference, wrap_angle
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.fixes import TagMap, fixes_of
@@ -62,8 +64,10 @@ class Localisation:
         self._start: StartCheck | None = None
         self._is_asked = False
         """Whether the search that the start waits for was asked for."""
-        self._start_task: SearchTask | None = None
-        """The newest search of the place that is checked; answers to others are of another one."""
+        self._asked: SearchTask | None = None
+        """The newest search that was asked for; None if not for the start that is checked."""
+        self._outdated: SearchTask | None = None
+        """A search that was asked for while another place was on trial than now."""
         self._last: Pose2 | None = None
         self._may_be_elsewhere = False
         self._kept: LocalisationEstimate | None = None
@@ -128,6 +132,8 @@ class Localisation:
         the last metres have said otherwise."""
         self._is_lost, self._may_be_there, self._still = True, may_be_there, None
         self._beside = None
+        if self._relocaliser is not None:  # what it has found is what led here
+            self._relocaliser = self._relocaliser.reconsidered()
         if not len(self.tracker.saved_map):
             self._place_map = None  # the map has grown since it was searched last
 
@@ -167,6 +173,7 @@ class Localisation:
     def _found(self, place: PlaceFix, frame: Frame) -> LocalisationEstimate:
         """Return the estimate at a place that a search has found, which is on probation."""
         T_map_odom, covariance = place
+        self._T_map_odom = T_map_odom
         self.tracker.place(T_map_odom @ frame.pose, covariance, frame)
         self._is_lost, self._still = False, None
         self._prove(by_search=True)
@@ -177,6 +184,7 @@ class Localisation:
         led to it, too, and so has any other that is to replace it: corridors are alike."""
         searched = self._relocaliser if by_search else None
         self._relocaliser = None if searched is None else searched.reconsidered()
+        self._outdated = self._asked
         self._probation = Probation(self._config.start, self._config.relocalisation)
         self._restart_chain()
 
@@ -238,7 +246,7 @@ class Localisation:
         return self._lost(estimate, frame)
 
     def _start_check(self) -> StartCheck:
-        self._start_task = None
+        self._outdated, self._asked = self._asked, None
         return StartCheck(self._config.start, self._config.relocalisation)
 
     def _unconfirmed(
@@ -257,7 +265,7 @@ class Localisation:
 
     def _is_fixed(self, frame: Frame) -> bool:
         """Whether an absolute position has located the robot lately."""
-        return frame.stamp_ns - self._fixed_ns < FIX_LIFE_NS
+        return 0 <= frame.stamp_ns - self._fixed_ns < FIX_LIFE_NS
 
     def _lost(self, estimate: LocalisationEstimate, frame: Frame) -> LocalisationEstimate:
         if estimate.state is not LocalisationState.LOST:
@@ -288,7 +296,7 @@ class Localisation:
         task = self._relocaliser.next_task(given, last)
         if task is None:
             return None
-        self._start_task = task
+        self._asked = task
         return SearchPlaces(task=task, place_map=self._place_map, config=rules)
 
     def take(self, outcome: Outcome) -> None:
@@ -307,9 +315,9 @@ class Localisation:
         if self._is_lost and (fit := outcome.still_there(self._config.relocalisation)):
             T_base_odom = outcome.task.everything.T_odom_base.inverse()
             self._still = fit.T_map_base @ T_base_odom, fit.covariance
-        if self._start is not None and outcome.task is self._start_task:
+        if self._start is not None and outcome.task is self._asked:
             self._start.take(outcome)
-        if self._probation is not None:
+        if self._probation is not None and outcome.task is not self._outdated:
             self._probation.take(outcome)
             self._beside = self._probation.correction or self._beside
             if fit := outcome.beside(self._config.relocalisation):
@@ -342,7 +350,17 @@ class Localisation:
         """Set the pose of the robot at a frame, with its (3, 3) covariance."""
         self.tracker.place(T_map_base, covariance, frame)
         self._relocaliser, self._is_lost, self._start, self._last = None, False, None, None
-        self._probation = self._beside = None
+        self._kept = self._probation = self._beside = None
+        self._restart_chain()
+
+    def accept_jump(self, before: LocalisationEstimate, frame: Frame) -> None:
+        """Follow odometry that has jumped since an estimate: the robot may be where it was then, or
+        where the frame's pose has it, and is as uncertain. A place on trial stays on trial."""
+        there = before.T_map_odom @ frame.pose
+        jump = np.diag(difference(there, before.T_map_base))
+        self.tracker.place(there, before.covariance + jump**2, frame)
+        self._relocaliser = self._last = self._beside = None
+        self._outdated = self._asked
         self._restart_chain()
 
     def corrected(self, closures: LoopClosures) -> tuple[dict[int, Pose2], Pose2]:
@@ -376,6 +394,7 @@ class Localisation:
     def search(self, stamp_ns: int) -> None:
         """Forget the place, and look for it in the whole map."""
         self.tracker.lose(stamp_ns)
+        self._kept = self._start = self._last = self._probation = None
         self._begin_search(may_be_there=False)
 
     def load(
@@ -400,6 +419,7 @@ class Localisation:
         self._kept, self._probation, self._beside = kept, None, None
         self._start = self._start_check() if has_map and kept is None else None
         self._is_asked = False
+        self._fixes, self._fixed_ns = FreshFixes(), -FIX_LIFE_NS
         self._last = last if has_map and kept is None else None
         self._may_be_elsewhere = False
 

@@ -14,6 +14,7 @@ from navcore.config.localisation.localisation import TrackingConfig
 from navcore.geometry.transform import Pose2, Twist
 from navcore.localisation.localisation import Localisation, Outcome, Task
 from navcore.localisation.loops.loop_closure import LoopClosures
+from navcore.localisation.tasks import TaskFailed
 from navcore.mapping.correction import MapSnapshot, PreparedCorrection, prepare
 from navcore.mapping.point_map import PointMap
 
@@ -72,10 +73,14 @@ class MapCorrection:
         self._prepared, self._prepared_for = None, closures
         return PrepareCorrection(snapshot=self._map.snapshot(), poses=poses)
 
-    def take(self, outcome: Outcome | PreparedCorrection) -> None:
-        """Receive the outcome of a task."""
+    def take(self, outcome: Outcome | PreparedCorrection | TaskFailed) -> None:
+        """Receive the outcome of a task. Loops whose correction could not be computed are given up;
+        the next ones come with the next keyframes."""
         if isinstance(outcome, PreparedCorrection):
             self._prepared = outcome
+        elif isinstance(outcome, TaskFailed):
+            if isinstance(outcome.task, PrepareCorrection):
+                self._prepared_for = self._localisation.closures = None
         else:
             self._localisation.take(outcome)
 

@@ -46,8 +46,6 @@ class MapTrial:
 
         An edit by hand ends the trial, too: the operator has looked at the map and found it right.
         """
-        if self._map.edits != self._edits:
-            self._saved = None
         if not place.is_known:
             self._driven_m = 0.0
             return self.take_back()
@@ -61,13 +59,24 @@ class MapTrial:
             self._driven_m = 0.0  # by scans: the place that they have found has to prove itself
         if not self._localisation.is_in_new:
             self._driven_m += self._localisation.tracker.moved_m
-        if not self._localisation.is_on_trial or self._driven_m >= self._config.trial_m:
+        if (
+            self._is_edited
+            or not self._localisation.is_on_trial
+            or self._driven_m >= self._config.trial_m
+        ):
             self._saved = None
         self._is_clean = False
         return is_changed
 
+    @property
+    def _is_edited(self) -> bool:
+        """Whether the operator has edited the map by hand since it was loaded."""
+        return self._map.edits != self._edits
+
     def take_back(self) -> bool:
         """Restore the saved map while the trial is open; returns whether it has changed."""
+        if self._is_edited:
+            self._saved = None
         if self._saved is None or self._is_clean:
             return False
         scans = self._map.scans

@@ -13,6 +13,14 @@ from navcore.localisation.scans.scan import Keyframe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TaskFailed:
+    """The outcome of a task that raised an exception."""
+
+    task: object
+    """The task."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PrepareSearch:
     """Make the search tables of a map."""
 

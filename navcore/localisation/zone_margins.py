@@ -3,9 +3,9 @@
 A zone belongs to the place beside which it was drawn. What counts is how uncertain the robot's
 position has become since it was there, not how uncertain it is in the map: a zone drawn beside the
 robot is exact however far it has come by dead reckoning. Since then it has become no more uncertain
-than by its motion, and no more than place and robot are in the map, together: a zone that was drawn
-at the start is kept by the position in the map, which is well known again where the robot comes
-back.
+than by its motion (`navcore.localisation.relative_uncertainty`), and no more than place and robot
+are in the map, together: a zone that was drawn at the start is kept by the position in the map,
+which is well known again where the robot comes back.
 
 With the margin that the planner keeps besides, the growth is more than that of the safety gate:
 where the planner leads, the gate lets pass.
@@ -31,6 +31,7 @@ from navcore.config.localisation.zone_margins import ZoneMarginConfig
 from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.relative_uncertainty import RelativeUncertainty, growth
 from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import (
     GrownZone,
@@ -88,14 +89,19 @@ class ZoneMargins:
         self._safety_margin_m = safety_margin_m
         self._inflation_m = profile.width_m / 2 + safety_margin_m
         self._margins: dict[tuple[str, int], _Margin] = {}
+        self._relative = RelativeUncertainty()
         self._trail: list[tuple[float, float]] = []
         self._covariances: list[Matrix] = []
         self._gives_up = False
 
-    def follow(self, zones: tuple[Zone, ...], place: LocalisationEstimate) -> tuple[Zone, ...]:
+    def follow(
+        self, zones: tuple[Zone, ...], place: LocalisationEstimate, *, with_map: bool = False
+    ) -> tuple[Zone, ...]:
         """Return the zones, grown by the present uncertainty; the same objects as long as their
-        growth has not changed."""
-        self._note(place)
+        growth has not changed. `with_map`: a correction has moved map, zones and robot."""
+        self._relative.follow(place, with_map=with_map)
+        if place.is_known:
+            self._note(place)
         keys = {(zone.id, zone.version) for zone in zones}
         self._margins = {key: one for key, one in self._margins.items() if key in keys}
         return tuple(self._grown(zone, place) for zone in zones)
@@ -126,7 +132,7 @@ class ZoneMargins:
         here, found = place.T_map_base, []
         outline = here.to_parent(self._footprint)[None]
         middle = np.array([shapely.points(here.x_m, here.y_m)])
-        most_m = self._gate.sigmas * math.sqrt(float(np.trace(place.positions[1])))
+        most_m = self._gate.sigmas * math.sqrt(float(np.trace(self._by_motion(place))))
         for zone in zones:
             if not zone.closed or float(distance_m(zone, middle)[0]) > reach_m + most_m:
                 continue
@@ -166,8 +172,7 @@ class ZoneMargins:
         metres."""
         margin = self._margins.get((zone.id, zone.version))
         in_map, by_motion = _EXACT if margin is None else margin.anchor
-        variances, axes = np.linalg.eigh(place.positions[1] - by_motion)
-        since = (axes * np.maximum(variances, 0.0)) @ axes.T
+        since = growth(self._by_motion(place), by_motion)
         both = place.positions[0] + in_map
         return np.asarray(min(since, both, key=lambda bound: float(np.linalg.eigvalsh(bound)[-1])))
 
@@ -176,6 +181,11 @@ class ZoneMargins:
     ) -> dict[str, Matrix]:
         """Return the covariance relative to each zone by its id."""
         return {zone.id: self.covariance(zone, place) for zone in zones}
+
+    def _by_motion(self, place: LocalisationEstimate) -> Matrix:
+        """Return the (2, 2) covariance of the position by motion: in a loaded map the one in it,
+        which its zones belong to."""
+        return place.positions[1] if self._frozen else self._relative.covariance(place)
 
     def _grown(self, zone: Zone, place: LocalisationEstimate) -> Zone:
         margin = self._margins.get((zone.id, zone.version))
@@ -237,8 +247,9 @@ class ZoneMargins:
 
     def _note(self, place: LocalisationEstimate) -> None:
         here = place.T_map_base
+        covariances = np.stack([place.positions[0], self._by_motion(place)])
         if self._trail and here.distance_to(*self._trail[-1]) < self._config.trail_spacing_m:
-            self._covariances[-1] = place.positions
+            self._covariances[-1] = covariances
             return
         self._trail.append((here.x_m, here.y_m))
-        self._covariances.append(place.positions)
+        self._covariances.append(covariances)

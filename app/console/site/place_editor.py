@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.runtime.control.robot_controller import RobotController
+from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.errors import Refused
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
@@ -16,6 +17,7 @@ from navcore.localisation.relocalisation.place_check import check_place
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.submap import submap_of
 from navcore.localisation.scans.scan import Scan
+from navcore.localisation.scans.scan_map import ScanMap
 from navcore.mission.mission import Goal, checked
 from web.interface.localisation import PlaceCheck, PlaceOut
 
@@ -30,7 +32,7 @@ class PlaceEditor:
 
     def __init__(self, controller: RobotController) -> None:
         self._controller = controller
-        self._place_map: tuple[int, PlaceMap] | None = None
+        self._place_map: tuple[ScanMap, int, PlaceMap] | None = None
 
     def status(self) -> PlaceOut:
         """Return how well the robot knows where it is."""
@@ -87,12 +89,19 @@ class PlaceEditor:
         checked(Goal(id=0, x_m=pose.x_m, y_m=pose.y_m), self._controller.navigator.map.spec)
         rules = self._controller.navigator.config.localisation.relocalisation
         searched = self._controller.navigator.localisation.searched_map
+        tables = self._tables(searched, rules)
+        return check_place(submap_of([(IDENTITY, scan)]), pose, tables, rules)
+
+    def _tables(self, searched: ScanMap, rules: RelocalisationConfig) -> PlaceMap:
+        """Return the search tables of a map, made again where it has changed."""
+        made, version = self._place_map, searched.version
+        if made is not None and made[0] is searched and made[1] == version:
+            return made[2]
         surfaces = searched.surfaces  # a copy
-        if self._place_map is None or self._place_map[0] != len(surfaces):
-            normals = surfaces[:, 2:4] * surfaces[:, 5:]
-            tables = place_map_of(surfaces[:, :2], normals, rules.search, searched.keyframes)
-            self._place_map = len(surfaces), tables
-        return check_place(submap_of([(IDENTITY, scan)]), pose, self._place_map[1], rules)
+        normals = surfaces[:, 2:4] * surfaces[:, 5:]
+        tables = place_map_of(surfaces[:, :2], normals, rules.search, searched.keyframes)
+        self._place_map = searched, version, tables
+        return tables
 
 
 def _answer(scan: Scan, found: CheckedPlace) -> PlaceCheck:

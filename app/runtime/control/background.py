@@ -9,6 +9,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Protocol
 
+from navcore.localisation.tasks import TaskFailed
+
 JOIN_S = 2.0
 """Longest wait for the end of the thread, seconds."""
 log = logging.getLogger(__name__)
@@ -32,7 +34,8 @@ class Background(Protocol):
         """Begin a task; only while idle."""
 
     def poll(self) -> Any:
-        """Return the outcome of the last task once, when it has one; else None."""
+        """Return the outcome of the last task once, when it has one, `TaskFailed` if it raised an
+        exception; else None."""
 
     def discard(self) -> None:
         """Cancel the task that runs; no outcome of an earlier task is returned any more."""
@@ -65,7 +68,7 @@ class InlineBackground:
 
 
 class ThreadBackground:
-    """Runs tasks in a thread of its own; a task that fails is logged and has no outcome."""
+    """Runs tasks in a thread of its own; the exception of one that fails is logged."""
 
     def __init__(self) -> None:
         self._tasks: queue.SimpleQueue[tuple[int, Task] | None] = queue.SimpleQueue()
@@ -115,6 +118,7 @@ class ThreadBackground:
                     self._outcomes.put((generation, outcome))
             except Exception:
                 log.exception("a task in the background failed")
+                self._outcomes.put((generation, TaskFailed(task=task)))
             self._busy.clear()
 
     def _is_cancelled(self, generation: int) -> bool:

@@ -3,13 +3,18 @@ next tick."""
 
 from __future__ import annotations
 
+import dataclasses
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from navcore.errors import BadConfiguration, BadFrame
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.mapping.point_map import PointMap
 from navcore.navigator import Navigator
-from navcore.robot.frame import Frame
+from navcore.robot.frame import Frame, check_frame
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,17 +34,45 @@ class MapRequests:
     place: tuple[Pose2, Matrix] | None = None
     """T_map_base at the next frame with its (3, 3) covariance; None to keep the estimate."""
 
-    def apply(self, navigator: Navigator, frame: Frame) -> None:
-        """Do what was asked, before the tick of a frame."""
+    def before(self, newer: MapRequests) -> MapRequests:
+        """Return newer requests with those of these that are about the pose: of two places the
+        newer one counts, and none on another map."""
+        if newer.replace_map is not None:
+            return dataclasses.replace(newer, trust_pose=newer.trust_pose or self.trust_pose)
+        return dataclasses.replace(
+            newer,
+            trust_pose=newer.trust_pose or self.trust_pose,
+            search=newer.search or self.search,
+            place=newer.place or self.place,
+        )
+
+    def apply(self, navigator: Navigator, frame: Frame | None) -> MapRequests:
+        """Do what was asked, before the tick of a frame; return what has to wait for another one.
+
+        Whatever places the robot by its odometry waits without a frame that can be believed (None),
+        and with one that is malformed.
+        """
         if self.replace_map is not None:
             self.replace_map()
         if self.poses:
-            navigator.map.correct(self.poses)
+            try:
+                navigator.correct_poses(self.poses)
+            except BadConfiguration:  # the map was replaced since they were asked for
+                log.exception("the poses of the map were not corrected")
         for edit in self.edits:
             edit(navigator.map)
-        if self.replace_map is not None or self.trust_pose:
+        if self.replace_map is not None:
             navigator.reset_pose()
+        if frame is None or not (self.trust_pose or self.search or self.place):
+            return dataclasses.replace(self, replace_map=None, poses={}, edits=())
+        try:
+            check_frame(frame)
+        except BadFrame:
+            return dataclasses.replace(self, replace_map=None, poses={}, edits=())
+        if self.trust_pose:
+            navigator.accept_jump(frame)
         if self.search:
             navigator.localisation.search(frame.stamp_ns)
         if self.place is not None:
             navigator.place_robot(*self.place, frame)
+        return MapRequests()

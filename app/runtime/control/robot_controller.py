@@ -23,11 +23,12 @@ from navcore.behaviours.assisted_teleop import stays_out
 from navcore.behaviours.search_turn import SearchTurn
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
-from navcore.errors import BadConfiguration, BadFrame, Refused
+from navcore.errors import BadFrame, Refused
 from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
 from navcore.localisation.cell_margins import GrownCells
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.pose_ids import check_movable
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.order import NavigationRequest
@@ -53,6 +54,8 @@ COMMAND_PERIOD_S = 0.05
 """Time between two commands, seconds."""
 STANDSTILL_MPS = 0.03
 """Speed below which the robot may have arrived, m/s."""
+STANDSTILL_RADPS = 0.05
+"""Yaw rate below which the robot stands, rad/s."""
 CLOCK_SLACK_NS = 100_000_000
 """A command that is younger than the clock's reading by at most this much was decided while the
 command thread waited for the lock, nanoseconds."""
@@ -137,12 +140,11 @@ class RobotController:
         """Correct past poses, by pose ID, e.g. after a loop closure; the map follows before the
         next tick.
 
-        Raises `BadConfiguration`, and changes nothing, for a pose ID that is not on the map.
+        Raises `BadConfiguration`, and changes nothing, for a pose ID that is not on the map, or
+        belongs to a loaded one.
         """
-        known = len(self.navigator.map.poses)  # it only grows
-        for pose_id in poses:
-            if not 0 <= pose_id < known:
-                raise BadConfiguration(f"pose ID {pose_id} is not on the map, which has {known}")
+        pose_ids = self.navigator.map.pose_ids
+        check_movable(poses, len(pose_ids), pose_ids.frozen)
         with self._lock:
             self._ask(poses={**self._requests.poses, **poses})
 
@@ -177,7 +179,8 @@ class RobotController:
             raise Refused(
                 f"the mission is {self._intent.mission.phase}; pause or cancel it, then {then}"
             )
-        moves = newest is not None and abs(newest.twist.v_mps) > STANDSTILL_MPS
+        twist = STANDSTILL if newest is None else newest.twist
+        moves = abs(twist.v_mps) > STANDSTILL_MPS or abs(twist.w_radps) > STANDSTILL_RADPS
         if moves or self._sent != STANDSTILL:
             raise Refused(f"the robot moves; let it stand, then {then}")
 
@@ -209,13 +212,17 @@ class RobotController:
             intent = self._intent
             requests, self._requests = self._requests, MapRequests()
             senses = self._mapped = self._mapped.after(frame, self.profile)
+        is_refused = senses.fault is not None or senses.repeats
         goal, request = intent.mission.goal, request_of(intent)
         if requests.replace_map is not None:
             self._background.discard()  # it computes on the map before
         if (outcome := self._background.poll()) is not None:
             self.navigator.take(outcome)
-        requests.apply(self.navigator, frame)
-        if senses.fault is not None or senses.repeats:
+        later = requests.apply(self.navigator, None if is_refused else frame)
+        if later != MapRequests():
+            with self._lock:
+                self._requests = later.before(self._requests)
+        if is_refused:
             # An implausible frame must not enter the map; the gate says why the robot stands, or
             # the command just expires.
             command = None if senses.fault is not None else self._tick_state.command
@@ -467,12 +474,13 @@ class RobotController:
         """Return why teleoperation may not go on: it would enter a zone, or a mapped object of the
         beware list.
 
-        The present zones hold before the first tick, too, and when ticks fail.
+        The present zones hold before the first tick, too, and when ticks fail. A lost robot
+        may be driven anywhere: neither zones nor the map tell what is beside it.
         """
         decision, newest = self._tick_state.decision, self._watched.newest
         spec = self.navigator.map.spec
         seen = None if decision is None else decision.occupancy
-        if newest is None:
+        if newest is None or self.place.state is LocalisationState.LOST:
             return []
         if stays_out(
             hand.twist,

@@ -37,12 +37,12 @@ class ScanOdometryConfig:
     check_s: float = ranged(0.1, 10.0, default=0.5)
     """Time in seconds after which a robot that has not come so far looks whether it was pushed."""
     refused_s: float = ranged(0.0, 10.0, default=0.2)
-    """Time in seconds for which scans are refused until it is looked for where the robot was pushed
-    to, and until it is looked for again: a push takes as long."""
-    over_m: float = ranged(0.0, 1.0, default=0.1)
+    """Time in seconds between two searches for where the robot was pushed to: a push takes as
+    long."""
+    over_m: float = ranged(0.0, 1.0, default=0.05)
     """Largest distance in metres between the places found by two searches, one after the other, for
     the push to be over: people who walk together before the camera go farther between them."""
-    over_deg: float = ranged(0.0, 90.0, default=3.0)
+    over_deg: float = ranged(0.0, 90.0, default=2.0)
     """Largest angle in degrees between the two."""
     pushed_share: float = ranged(0.0, 1.0, default=0.7)
     """Least share of the points of a scan that fits where the robot was pushed to."""

@@ -49,6 +49,8 @@ class ScanMap:
     def __init__(self, config: MatchConfig = _DEFAULT) -> None:
         self._cell_m = config.cell_m
         self._keyframes: dict[int, Keyframe] = {}
+        self.version = 0
+        """Number that grows with every change."""
         self._clear()
 
     def _clear(self) -> None:
@@ -62,7 +64,8 @@ class ScanMap:
     @property
     def keyframes(self) -> tuple[Keyframe, ...]:
         """All keyframes, by pose ID."""
-        return tuple(self._keyframes[pose_id] for pose_id in sorted(self._keyframes))
+        held = dict(self._keyframes)  # another thread may put one meanwhile
+        return tuple(held[pose_id] for pose_id in sorted(held))
 
     def keyframe(self, pose_id: int) -> Keyframe | None:
         """Return the keyframe of a pose ID, or None."""
@@ -155,11 +158,13 @@ class ScanMap:
     def replace(self, keyframes: Iterable[Keyframe]) -> None:
         """Replace all keyframes."""
         self._keyframes = {keyframe.pose_id: keyframe for keyframe in keyframes}
+        self.version += 1
         self._clear()
         for keyframe in self.keyframes:
             self._sum(keyframe, 1.0)
 
     def _sum(self, keyframe: Keyframe, sign: float) -> None:
+        self.version += 1
         if len(keyframe.scan) == 0:
             return
         points, facings, lines = placed(keyframe.scan, keyframe.T_map_base)

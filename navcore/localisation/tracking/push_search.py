@@ -27,7 +27,8 @@ motion beyond it is none."""
 _TOLD_M = 0.15
 """Standard deviation in metres up to which a push is told."""
 _LEAST_SIZE_M = 2.0
-"""Size in metres of what must be in view: two people who walk beside each other are less."""
+"""Size in metres of what must be in view: two people who walk beside each other are less, and a
+larger group walks on while the push has to be over (`ScanOdometry`)."""
 
 
 class Push(NamedTuple):

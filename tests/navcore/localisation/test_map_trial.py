@@ -62,6 +62,15 @@ def test_the_metres_before_a_correction_prove_nothing() -> None:
     assert frames_until_closed(corrected_at=30) == pytest.approx(needed + 30, abs=1)
 
 
+def test_an_edit_by_hand_ends_the_trial_at_once() -> None:
+    for edits in (0, 1):
+        begun, point_map, driving = trial()
+        begun.follow(LOCATED)
+        point_map.edits += edits
+        assert begun.take_back() is (edits == 0)
+        assert driving.forgotten == 1 - edits and begun.is_open is (edits == 0)
+
+
 def test_what_was_seen_before_a_correction_is_taken_back_once_it_is_applied() -> None:
     begun, point_map, driving = trial()
     begun.follow(LOCATED)

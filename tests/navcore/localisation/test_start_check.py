@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.relocalisation.place_fit import PlaceFit, doubt_of
+from navcore.localisation.relocalisation.place_map import PlaceMap
 from navcore.localisation.relocalisation.relocalisation import (
     PlaceProposal,
     RelocalisationState,
@@ -426,6 +428,54 @@ def test_a_refuted_start_is_beside_its_place_where_the_searches_find_that_one_al
     if is_corrected:
         assert after.place_correction is not None
         assert after.place_correction.shift_m == pytest.approx(1.2, abs=0.05)
+
+
+def accepted_elsewhere(robot: Localisation) -> None:
+    """Let the search beside a place on trial have found another one."""
+    robot._relocaliser = Relocaliser(cast(PlaceMap, None), RelocalisationConfig())
+    robot._relocaliser.proposal = PlaceProposal(
+        state=RelocalisationState.ACCEPTED,
+        reason="",
+        T_map_odom=Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.0),
+        covariance=0.01 * np.eye(3),
+    )
+
+
+@pytest.mark.parametrize("how", ["lost", "asked"])
+def test_what_was_found_on_trial_does_not_place_a_robot_that_is_lost_after_it(how: str) -> None:
+    localisation, _, _ = started()
+    accepted_elsewhere(localisation)
+    if how == "asked":
+        localisation.search(0)
+    else:
+        localisation._begin_search(may_be_there=False)
+    assert localisation.proposal is not None
+    assert localisation.proposal.state is not RelocalisationState.ACCEPTED
+    assert localisation.is_on_trial is (how == "lost")
+
+
+def test_the_place_that_an_operator_shows_counts_before_a_kept_one() -> None:
+    ids, keyframes = kept_map()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(keyframes, kept=LocalisationEstimate())
+    shown, frame = ROUTE[40], frame_at(ROUTE[40], 0)
+    localisation.place(shown, 0.01 * np.eye(3), frame)
+    estimate = localisation.follow(frame, WORLD.scan(shown, np.random.default_rng(2)))
+    assert estimate.T_map_base.distance_to(shown.x_m, shown.y_m) < 0.05
+
+
+def test_an_answer_about_the_place_before_says_nothing_of_the_one_that_was_found() -> None:
+    for is_of_the_place_before in (True, False):
+        localisation, _, _ = started()
+        asked = search_result(fit(0.2), fit(0.9, x_m=9.0))
+        localisation._asked = asked.task
+        if is_of_the_place_before:
+            localisation._prove()
+        assert localisation._probation is not None
+        for _ in range(RULES.doubts):
+            localisation.take(asked)
+        verdict = localisation._probation.after(0.0)
+        assert verdict is (None if is_of_the_place_before else False)
 
 
 def test_nor_where_the_mirrored_scans_fit_as_well() -> None:

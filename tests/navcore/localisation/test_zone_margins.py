@@ -15,6 +15,7 @@ from navcore.config.safety import DEFAULT_SAFETY
 from navcore.geometry.transform import Pose2
 from navcore.localisation import zone_margins
 from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.estimate import LocalisationState as State
 from navcore.localisation.zone_margins import ZoneMargins
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.mission.zone_growth import (
@@ -143,6 +144,28 @@ def test_a_zone_drawn_at_the_start_is_kept_by_the_position_in_the_map() -> None:
     start = both(0.0, 0.0)
     came_back, never_was = both(0.05, 0.3), both(0.3, 0.3)
     assert 0 < growth_m(start, came_back) < 0.1 < 0.3 < growth_m(start, never_was)
+
+
+def test_an_absolute_position_leaves_a_zone_as_uncertain_as_the_robot_was() -> None:
+    """The estimate jumps by what it has drifted, and the zone stays where it was drawn."""
+    assert growth_m(both(0.3, 0.3), both(0.02, 0.02)) > 0.3
+    assert growth_m(both(0.03, 0.03), both(0.02, 0.02)) == 0.0  # from fix to fix of RTK
+
+
+def test_a_closed_loop_moves_a_zone_with_the_robot() -> None:
+    margins = margins_of()
+    margins.follow((ZONE,), both(0.3, 0.3))
+    assert margins.follow((ZONE,), both(0.05, 0.05), with_map=True) == (ZONE,)
+    (later,) = margins.follow((ZONE,), both(0.1, 0.1))
+    assert Polygon(later.polygon).area > Polygon(ZONE.polygon).area + 0.5
+
+
+def test_a_place_that_is_not_known_is_no_anchor_of_a_zone() -> None:
+    margins, lost = margins_of(), dataclasses.replace(place(1.0, 0.1), state=State.LOST)
+    margins.follow((), place(-20.0, 0.0))
+    margins.follow((), lost)
+    (grown,) = margins.follow((ZONE,), place(-21.0, 0.1))
+    assert grown != ZONE
 
 
 def test_relative_to_a_place_far_in_the_map_both_positions_count() -> None:

@@ -72,6 +72,18 @@ def test_a_place_near_the_true_one_is_refined_to_it(desk: Desk) -> None:
     assert len(checked.scan) > 40
 
 
+def test_a_corrected_map_is_searched_as_it_is_now(desk: Desk) -> None:
+    searched = desk.controller.navigator.localisation.searched_map
+    before = desk.editor.check(HERE).pose
+    shift = Pose2(x_m=0.0, y_m=0.8, yaw_rad=0.0)
+    moved = {one.pose_id: shift @ one.T_map_base for one in searched.keyframes}
+    back = {one.pose_id: one.T_map_base for one in searched.keyframes}
+    searched.correct(moved)
+    after = desk.editor.check(Pose2(x_m=0.0, y_m=0.8, yaw_rad=0.0)).pose
+    searched.correct(back)
+    assert after.y_m - before.y_m == pytest.approx(0.8, abs=0.02)
+
+
 def test_a_place_that_contradicts_the_map_is_refused_unless_forced(desk: Desk) -> None:
     elsewhere = Pose2(x_m=-3.0, y_m=4.0, yaw_rad=2.0)
     with pytest.raises(Refused):

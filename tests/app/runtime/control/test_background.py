@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from app.runtime.control.background import InlineBackground, ThreadBackground
+from navcore.localisation.tasks import TaskFailed
 
 
 class Slow:
@@ -61,6 +62,20 @@ def test_what_was_computed_before_a_discard_is_never_returned(
     thread.submit(task)
     assert polled(thread) == "outcome of the map before"
     assert thread.poll() is None
+
+
+def test_of_a_task_that_fails_the_outcome_says_so(
+    thread: ThreadBackground, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Failing:
+        def run(self, is_cancelled: Callable[[], bool]) -> str:
+            raise MemoryError("no room for the map")
+
+    task = Failing()
+    thread.submit(task)
+    failed = polled(thread)
+    assert isinstance(failed, TaskFailed) and failed.task is task
+    assert "no room for the map" in caplog.text
 
 
 def test_in_simulated_time_too() -> None:

@@ -21,6 +21,7 @@ from navcore.errors import BadConfiguration, BadFrame, Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.nearest import nearest_free
+from navcore.localisation.estimate import LocalisationState
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.erasing import Erasable
 from navcore.mission.mission import Mission, Phase
@@ -216,6 +217,70 @@ def test_a_corrected_pose_moves_its_points_at_the_next_tick_and_an_unknown_one_i
         np.sort(before.points_map[:, 1] + np.float32(0.5)),
         atol=1e-5,
     )
+
+
+def test_a_pose_of_a_loaded_map_is_refused() -> None:
+    driver = controller()
+    think(driver, picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND))
+    driver.navigator.map.restore(driver.navigator.map.state())
+    with pytest.raises(BadConfiguration, match="pose ID 0 belongs to the loaded map"):
+        driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
+
+
+def test_poses_that_were_taken_back_meanwhile_keep_nothing_else_from_being_done() -> None:
+    driver, shown = controller(), Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.0)
+    think(driver, picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND))
+    driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
+    driver.navigator.map.restore(driver.navigator.map.state())
+    driver.place_robot(shown, np.eye(3))
+    think(driver, picture(stamp_ns=2 * SECOND))
+    assert driver.place.T_map_base.distance_to(shown.x_m, shown.y_m) < 0.01
+
+
+JUMPED = Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)
+NOWHERE = Pose2(x_m=math.nan, y_m=0.0, yaw_rad=0.0)
+
+
+@pytest.mark.parametrize("refused", [JUMPED, NOWHERE], ids=["jumped", "not a number"])
+def test_a_place_that_is_shown_waits_for_a_frame_that_is_believed(refused: Pose2) -> None:
+    driver, shown = controller(), Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.5)
+    times = [SECOND + 100_000_000 * k for k in range(8)]
+    driver.think(picture(stamp_ns=times[0]), clock=lambda: times[0])
+    driver.place_robot(shown, 0.01 * np.eye(3))
+    bad = dataclasses.replace(picture(stamp_ns=times[1]), pose=refused)
+    assert driver.think(bad, clock=lambda: times[1]) is None
+    assert driver.place.T_map_base.distance_to(0.0, 0.0) < 0.01
+    for k, now in enumerate(times[2:]):  # until odometry is believed again
+        seen = picture(stamp_ns=now)  # with the noise of a camera that works
+        rgb, depth_m = seen.rgb + np.uint8(k + 1), seen.depth_m * np.float32(1 + 1e-4 * (k + 1))
+        driver.think(dataclasses.replace(seen, rgb=rgb, depth_m=depth_m), clock=lambda: SECOND)
+    there = driver.place.T_map_base
+    assert there.distance_to(shown.x_m, shown.y_m) < 0.01
+    assert there.yaw_rad == pytest.approx(shown.yaw_rad)
+
+
+def test_a_jump_of_odometry_that_is_accepted_leaves_the_place_as_uncertain() -> None:
+    driver = controller()
+    driver.think(OPEN, clock=lambda: SECOND)
+    there = Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.5)
+    driver.think(picture(stamp_ns=SECOND + 100_000_000, pose=there), clock=lambda: SECOND)
+    assert driver.pose_in_doubt
+    driver.trust_pose()
+    driver.think(picture(stamp_ns=SECOND + 200_000_000, pose=there), clock=lambda: SECOND)
+    assert driver.place.T_map_base.distance_to(there.x_m, there.y_m) < 0.01
+    assert driver.place.sigma_along_m(1.0, 0.0) == pytest.approx(3.0, rel=0.05)
+    assert math.sqrt(driver.place.covariance[2, 2]) == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_robot_that_turns_does_not_stand() -> None:
+    driver = controller()
+    turns = dataclasses.replace(OPEN, twist=Twist(v_mps=0.0, w_radps=0.5))
+    driver.command(lambda: SECOND, 0.05, newest=turns)
+    with pytest.raises(Refused, match="the robot moves"):
+        driver.require_standing()
+    stands = picture(stamp_ns=SECOND + 100_000_000)
+    driver.command(lambda: SECOND, 0.05, newest=stands)
+    driver.require_standing()
 
 
 def test_an_edit_of_the_map_is_done_before_the_next_tick_also_when_its_frame_is_refused() -> None:
@@ -509,6 +574,17 @@ def test_a_zone_holds_teleoperation_before_the_first_tick_and_when_ticks_fail(
     assert ahead.twist == STANDSTILL and Cause.BEWARE_AHEAD in causes(ahead)
     back = pushed(driver, Twist(v_mps=-0.2, w_radps=0.0)).command(lambda: SECOND, 0.05, newest=OPEN)
     assert back.twist.v_mps < 0 and Cause.BEWARE_AHEAD not in causes(back)
+
+
+def test_a_lost_robot_is_driven_by_hand_wherever_the_zones_were() -> None:
+    """It is not where it takes itself to be, and has to be driven to find its place."""
+    driver = controller()
+    think(driver)
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(NEAR,)))
+    held = pushed(driver).command(lambda: SECOND, 0.05, newest=OPEN)
+    assert Cause.BEWARE_AHEAD in causes(held)
+    driver.navigator.place = dataclasses.replace(driver.place, state=LocalisationState.LOST)
+    assert pushed(driver).command(lambda: SECOND, 0.05, newest=OPEN).twist.v_mps > 0
 
 
 def test_a_speed_limit_holds_for_teleoperation_too() -> None:
