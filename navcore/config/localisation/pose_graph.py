@@ -52,14 +52,21 @@ class LoopClosureConfig:
     matched with at last: over more of it odometry's errors are in the map that it makes."""
     per_keyframe: int = ranged(1, 20, default=2)
     """Largest number of earlier places that a keyframe is matched with."""
-    least_fit_share: float = ranged(0.1, 1.0, default=0.6)
-    """Share of the points that must fit."""
-    least_score: float = ranged(0.05, 1.0, default=0.45)
-    """Mean likelihood of the points that a match must reach."""
+    least_fit_share: float = ranged(0.1, 1.0, default=0.3)
+    """Share of the points that must fit: a robot that comes back the other way sees the other sides
+    of most things, which speaks neither for a match nor against it."""
+    least_points: int = ranged(1, 10_000, default=40)
+    """Number of points that must fit."""
+    least_closeness: float = ranged(0.1, 1.0, default=0.75)
+    """Mean likelihood that the points which fit must reach: how near they are to their surfaces."""
+    contradicted_share: float = ranged(0.0, 1.0, default=0.02)
+    """Share of the points where was seen that nothing stands that a match must stay below."""
     through_walls_share: float = ranged(0.0, 1.0, default=0.1)
     """Share of the lines of sight through walls that a match must stay below."""
-    second_share: float = ranged(0.1, 1.0, default=0.9)
-    """Share of the best score that the second best match must stay below."""
+    margin: float = ranged(0.0, 1.0, default=0.1)
+    """Evidence by which the best match must exceed every other."""
+    most_sigma_m: float = ranged(0.01, 5.0, default=0.15)
+    """Largest standard deviation in metres of the position by a match, as along a corridor."""
     agreeing: int = ranged(1, 20, default=3)
     """Least number of loops near each other that must agree."""
     agree_driven_m: float = ranged(0.5, 100.0, default=12.0)

@@ -27,6 +27,8 @@ MATCH_SCALE = 0.1
 """Number of measurements that a point counts as between two keyframes."""
 _REFINED = np.diag([0.02, 0.02, math.radians(0.1)]) ** 2
 """Covariance of a pose by matching two scans that no number of points makes smaller."""
+_SEARCH = PlaceSearchConfig(levels=3, max_candidates=4, least_score=0.12, least_evidence=0.25)
+"""Search within odometry's uncertainty, which leaves few places."""
 LEAST_REACH_M = 0.3
 """Half the edge in metres of the smallest search window."""
 LEAST_REACH_RAD = math.radians(4.0)
@@ -57,7 +59,7 @@ class LoopFinder:
         self._place_maps: dict[int, PlaceMap] = {}
         self._near: dict[int, ScanMap] = {}
         self._match_config = match_config
-        self._rules = RelocalisationConfig(search=PlaceSearchConfig(levels=3, max_candidates=4))
+        self._rules = RelocalisationConfig(search=_SEARCH)
 
     def loops_of(self, index: int) -> list[Edge]:
         """Return the edges from earlier keyframes to this one."""
@@ -109,7 +111,7 @@ class LoopFinder:
         )
         place_map = self._place_map(other)
         places = search_places(query, place_map, self._rules, window)
-        if not places or not self._is_clear(places):
+        if not places or not self._is_clear(places, len(query)):
             return None
         pose, spread = self._refined(other, index, places[0])
         edge = Edge(
@@ -153,13 +155,18 @@ class LoopFinder:
             self._near[index] = surfaces
         return self._near[index]
 
-    def _is_clear(self, places: list[PlaceFit]) -> bool:
+    def _is_clear(self, places: list[PlaceFit], points: int) -> bool:
+        """Return whether the best of some places, at which so many points were matched, is a loop
+        as far as a match alone tells."""
         rules, best = self._config, places[0]
         return (
             best.fit_share >= rules.least_fit_share
-            and best.score >= rules.least_score
+            and best.fit_share * points >= rules.least_points
+            and best.closeness >= rules.least_closeness
+            and best.contradicted_share < rules.contradicted_share
             and best.through_walls_share < rules.through_walls_share
-            and all(place.score < rules.second_share * best.score for place in places[1:])
+            and best.sigma_m <= rules.most_sigma_m
+            and all(best.evidence >= place.evidence + rules.margin for place in places[1:])
         )
 
     def _around(self, index: int) -> list[int]:
