@@ -378,8 +378,8 @@ def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
 
     One whose way led by the robot is not looked for, neither soon nor before it sets off: one who
     comes back walks into the turning robot as often as into one that sets off unseeing, and where
-    people walk to and fro beside it, it would wait twice as long. In a door or another narrow place
-    it does not turn either.
+    people walk to and fro beside it, it would wait twice as long. Beside a person, whom a corner
+    would swing towards, in a door or another narrow place it does not turn either.
     """
     sought = checker.people.expected_discs[:, :2] - (checker.profile.camera.x_m, 0.0)
     if len(sought) == 0 or checker.profile.scanner is not None:
@@ -389,11 +389,21 @@ def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
     if abs(bearing) <= in_view:
         return motion
     turn = _turn_with_room(checker, bearing)
-    if turn is None:
+    if turn is None or _is_beside_people(checker):
         return motion
     around_m = checker.profile.circumscribed_radius_m + checker.people_config.personal_m
     checker = dataclasses.replace(checker, people=checker.people.as_expected(around_m))
     return _slow_beside_people(checker, dataclasses.replace(motion, twist=turn.twist))
+
+
+def _is_beside_people(checker: CollisionChecker) -> bool:
+    """Return whether a person who walks is within twice the personal distance of the body, or may
+    be if they have walked on: so near the camera sees only a part of them."""
+    beside_m = 2.0 * checker.people_config.personal_m
+    return any(
+        checker.profile.gap_m(x, y) - radius <= beside_m
+        for x, y, _, radius in checker.people.expected_discs.tolist()
+    )
 
 
 def _turn(

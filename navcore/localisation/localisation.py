@@ -62,6 +62,7 @@ class Localisation:
         self.closures: LoopClosures | None = None
         """Loop closures that wait to be applied to the map and to the poses alike."""
         self._start: StartCheck | None = None
+        """Check of the place at which the robot has started; None once it has ended."""
         self._is_asked = False
         """Whether the search that the start waits for was asked for."""
         self._asked: SearchTask | None = None
@@ -69,15 +70,25 @@ class Localisation:
         self._outdated: SearchTask | None = None
         """A search that was asked for while another place was on trial than now."""
         self._last: Pose2 | None = None
+        """The place at the end of the session before, which is tried where the first looks
+        contradict odometry's: T_map_base until the first frame, then T_map_odom."""
         self._may_be_elsewhere = False
+        """Whether that is another place than odometry's."""
         self._kept: LocalisationEstimate | None = None
+        """Estimate of before another map was used, from which the next frame goes on."""
         self._probation: Probation | None = None
+        """First metres from a place that may be wrong; None once it is believed for good."""
         self._place_map: PlaceMap | None = None
+        """Search tables of the map."""
         self._relocaliser: Relocaliser | None = None
+        """Search of the place in the whole map."""
         self._is_lost, self._T_map_odom = False, IDENTITY
         self._may_be_there = False
+        """Whether a lost robot may be where odometry has it."""
         self._still: PlaceFix | None = None
+        """Place of a lost robot that is where odometry has it, as a search has found."""
         self._beside: tuple[Pose2, Matrix] | None = None
+        """Place beside the believed one, which the next frame takes over."""
 
     def update(
         self, frame: Frame, labels: Labels, people: tuple[Track, ...], ground_m: FloatImage

@@ -396,6 +396,19 @@ def test_behind_a_person_the_robot_waits_until_it_would_pass_before_they_return(
     )  # the control: as though no person ever turned back
 
 
+@pytest.mark.parametrize(("x_m", "y_m", "turns"), [(1.2, 0.9, True), (1.1, 0.7, False)])
+def test_beside_a_person_the_robot_does_not_turn_after_them(
+    x_m: float, y_m: float, turns: bool
+) -> None:
+    """A corner would swing towards them."""
+    person = Track(
+        id=1, x_m=x_m, y_m=y_m, vx_mps=0.0, vy_mps=0.6, radius_m=0.3, age_s=9.0, last_seen_ns=0
+    )
+    motion = decide(people=PeopleState.of((person,), ORIGIN))
+    assert motion.outcome is ControllerState.WAIT_FOR_PEOPLE
+    assert (motion.twist.w_radps > 0.0) is turns
+
+
 def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bool]:
     """A person crosses the robot's path, turns after a rest, and comes back: whether they touch,
     and while the robot moves.
