@@ -220,8 +220,7 @@ class Navigator:
         if self.behaviour is not before:
             self.zone_margins.restore_clearance()
         keep_outs = self.behaviour.keep_outs
-        has_moved_map = correction is not None
-        grown = self.zone_margins.follow(request.zones, place, with_map=has_moved_map)
+        grown = self.zone_margins.follow(request.zones, place)
         reach_m = self._config.local.reach_m + self._profile.circumscribed_radius_m
         kept_zones = self.zone_margins.near(
             request.zones, place, reach_m, self._config.control.collision.kept_besides_m
@@ -235,9 +234,7 @@ class Navigator:
             stages.update_map(self._mapper, frame, labels, beware, ground_m, place.T_map_odom)
         costmap = stages.update_costmap(self._costmap, beware, zones)
         around = costmap.around(frame.pose, DEFAULT_SAFETY.keep_out.seen_within_m)
-        grown_cells = self._cell_margins.follow(
-            beware_cells(around), frame, place, with_map=has_moved_map
-        )
+        grown_cells = self._cell_margins.follow(beware_cells(around), frame, place)
         costmap = self._kept_from(grown_cells, frame.pose, beware)
         route = stages.plan(self._planner, costmap, frame.pose, request, keep_outs, stages.replan)
         while self._planner.lacking and self.grow_to(
@@ -391,8 +388,7 @@ class Navigator:
 
     def accept_jump(self, frame: Frame) -> None:
         """Accept the pose of a frame by odometry, which has jumped: the place is as uncertain."""
-        if self.place.is_known:
-            self.localisation.accept_jump(self.place, frame)
+        self.localisation.accept_jump(self.place, frame)
         self.reset_pose()
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:

@@ -5,8 +5,8 @@ robot, as odometry has become since, and no more than the position has by its mo
 of two covariances in the map holds errors, as of the heading far behind, that moved robot and cell
 alike. Nor is it more uncertain than cell and robot are in the map, together. What was in view stays
 known when the robot leaves it: on its way back a cell is as uncertain as the drive in between has
-made it, and not as the whole map. Once the estimate has moved by other means than the wheels,
-odometry tells nothing of what was in view before.
+made it, and not as the whole map. What has moved the estimate otherwise than odometry, a fix or a
+push, adds to that.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.geometry.camera import project
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate
-from navcore.localisation.relative_uncertainty import RelativeUncertainty
 from navcore.localisation.tracking.odometry_model import OdometryStep, travel_of, travel_variance
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -57,20 +56,15 @@ class _Seen:
     cells: Points
     """(N, 2) centres, map frame."""
     covariances: Floats
-    """(N, 2, 2, 2) covariance of the robot's position then, in the map and by motion, square
-    metres."""
+    """(N, 3, 2, 2) covariances of the robot's position then, square metres: in the map, by motion,
+    and of what has moved it besides odometry."""
     travels: Floats
-    """(N, 3) travel by odometry until then; NaN for cells that were never in view, and infinite for
-    those that were before the estimate moved by other means."""
+    """(N, 3) travel by odometry until then; NaN for cells that were never in view."""
 
     @staticmethod
     def never(cells: Points) -> _Seen:
         """Return what is known of (N, 2) cells that were never in view."""
-        return _Seen(cells, np.zeros((len(cells), 2, 2, 2)), np.full((len(cells), 3), np.nan))
-
-    def before_a_jump(self) -> _Seen:
-        """Return the same cells, of whose view odometry tells nothing any more."""
-        return _Seen(self.cells, self.covariances, self.travels - np.inf)
+        return _Seen(cells, np.zeros((len(cells), 3, 2, 2)), np.full((len(cells), 3), np.nan))
 
     def only(self, which: Bools) -> _Seen:
         """Return some of the cells, (N,) true for those."""
@@ -79,7 +73,7 @@ class _Seen:
     def of(self, cells: Points, within_m: float) -> _Seen:
         """Return when (N, 2) other cells were in view: when the nearest of these was, within a
         distance."""
-        known = np.append(self.covariances, np.zeros((1, 2, 2, 2)), axis=0)
+        known = np.append(self.covariances, np.zeros((1, 3, 2, 2)), axis=0)
         travels = np.append(self.travels, np.full((1, 3), np.nan), axis=0)
         # Most cells are here themselves, and need no search for a neighbour. Without one the index
         # is that of the row that was added.
@@ -115,7 +109,7 @@ class CellMargins:
 
     def __init__(self, *, keep_out: KeepOutMonitorConfig, odometry: OdometryConfig) -> None:
         self._keep_out, self._odometry = keep_out, odometry
-        self._travel, self._relative = np.zeros(3), RelativeUncertainty()
+        self._travel = np.zeros(3)
         self.forget()
         self._last: tuple[Pose2, int] | None = None
 
@@ -124,34 +118,23 @@ class CellMargins:
         than its wheels."""
         self._seen = _Seen.never(np.empty((0, 2)))
 
-    def follow(
-        self,
-        cells: Points,
-        frame: Frame,
-        place: LocalisationEstimate,
-        *,
-        with_map: bool = False,
-    ) -> GrownCells:
+    def follow(self, cells: Points, frame: Frame, place: LocalisationEstimate) -> GrownCells:
         """Return those of (N, 2) centres of beware cells, map frame, that are near the robot, and
         their growth; of what the camera may see all have to be given.
 
         The frame is placed in the map. Cells that are no longer there are forgotten. One that was
         never in view counts as seen with the nearest that was, since both are where the map has
-        them; without one it is as uncertain as the robot's place in the map. `with_map`: a
-        correction has moved cells and robot.
+        them; without one it is as uncertain as the robot's place in the map.
         """
         rules = self._keep_out
         self._advance(place.T_map_odom.inverse() @ frame.pose, frame.stamp_ns)
-        self._relative.follow(place, with_map=with_map)
-        if self._relative.is_moved:
-            self._seen = self._seen.before_a_jump()
         if not len(cells) and not len(self._seen.cells):
             return GrownCells()
         cells = cells[_away_m(cells, frame) <= rules.seen_within_m]
         far = _away_m(self._seen.cells, frame) > rules.seen_within_m
         seen = self._seen.only(~far).of(cells, rules.neighbour_m)
-        in_view = self._in_view(cells, frame)
-        covariances = np.stack([place.positions[0], self._relative.covariance(place)])
+        in_view = self._in_view(cells, frame) & place.is_known
+        covariances = np.stack([place.positions[0], place.relative, place.moved])
         seen.covariances[in_view], seen.travels[in_view] = covariances, self._travel
         self._seen = self._seen.only(far).joined(seen)
         near = seen.only(_away_m(cells, frame) <= rules.cells_within_m)
@@ -168,13 +151,12 @@ class CellMargins:
 
     def _variance(self, seen: _Seen, place: LocalisationEstimate, away_m: Floats) -> Floats:
         """Return the (N,) largest variances of cells relative to the robot, square metres."""
-        in_map, by_motion = place.positions[0], self._relative.covariance(place)
-        together = np.linalg.eigvalsh(in_map + seen.covariances[:, 0])[:, -1]
-        since_then = np.linalg.eigvalsh(by_motion - seen.covariances[:, 1])[:, -1]
+        together = np.linalg.eigvalsh(place.positions[0] + seen.covariances[:, 0])[:, -1]
+        since_then = np.linalg.eigvalsh(place.relative - seen.covariances[:, 1])[:, -1]
+        moved = np.linalg.eigvalsh(place.moved - seen.covariances[:, 2])[:, -1]
         in_map = np.minimum(together, np.maximum(since_then, 0.0))
-        with np.errstate(invalid="ignore"):  # no error in proportion to an infinite way
-            by_odometry = travel_variance(self._travel - seen.travels, away_m, self._odometry)
-        return np.asarray(np.fmin(in_map, by_odometry))
+        by_odometry = travel_variance(self._travel - seen.travels, away_m, self._odometry)
+        return np.asarray(np.fmin(in_map, by_odometry + np.maximum(moved, 0.0)))
 
     def _in_view(self, cells: Points, frame: Frame) -> Bools:
         """Return (N,) whether the camera shows the floor at cells, and nothing before it."""

@@ -44,6 +44,10 @@ def _certain() -> Matrix:
     return np.zeros((3, 3))
 
 
+def _unmoved() -> Matrix:
+    return np.zeros((2, 2))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LocalisationEstimate:
     """Result of one frame of localisation."""
@@ -56,9 +60,14 @@ class LocalisationEstimate:
     """(3, 3) covariance of `T_map_base` relative to the map: x and y in metres along the map's
     axes, yaw in radians."""
     covariance_by_motion: Matrix | None = None
-    """(3, 3) covariance without what the robot's own new map tells, which only grows until an
-    absolute position is known: by its growth the robot has become uncertain, at most, relative to
-    where it was. None where it is the same."""
+    """(3, 3) covariance without what the robot's own new map tells; None where it is the same."""
+    offset: Matrix = field(default_factory=_unmoved)
+    """(2, 2) covariance that has to be added to that of the position for its growth to bound how
+    uncertain the robot has become relative to where it was: it shrinks by absolute positions, which
+    move the estimate away from what is on the map."""
+    moved: Matrix = field(default_factory=_unmoved)
+    """(2, 2) covariance of what the position was moved by so far, otherwise than odometry has told:
+    absolute positions, and pushes."""
     state: LocalisationState = LocalisationState.DEAD_RECKONING
     """How the robot knows its pose."""
     match_share: float | None = None
@@ -70,6 +79,8 @@ class LocalisationEstimate:
     candidates: tuple[Pose2, ...] = ()
     """Places that are possible while none is believed (`CHECKING`, `AMBIGUOUS`), T_map_base, best
     first."""
+    is_searched: bool = False
+    """Whether the robot is lost, and its place is looked for in the whole map."""
     place_correction: PlaceCorrection | None = None
     """Correction at this frame, None without one; if it is large, it waits until the robot
     stands."""
@@ -83,11 +94,22 @@ class LocalisationEstimate:
         return self.state in (LocalisationState.LOCATED, LocalisationState.DEAD_RECKONING)
 
     @property
+    def is_lost(self) -> bool:
+        """Whether the pose has nothing to do with where the robot is."""
+        return self.state is LocalisationState.LOST or self.is_searched
+
+    @property
     def positions(self) -> Matrix:
         """(2, 2, 2) covariances of the position, in the map and by motion."""
         by_motion = self.covariance_by_motion
         both = (self.covariance, self.covariance if by_motion is None else by_motion)
         return np.array([covariance[:2, :2] for covariance in both])
+
+    @property
+    def relative(self) -> Matrix:
+        """(2, 2) covariance by motion whose growth since an earlier estimate bounds that of the
+        position relative to where it was then."""
+        return np.asarray(self.positions[1] + self.offset)
 
     def sigma_along_m(self, x: float, y: float) -> float:
         """Return the standard deviation of the position along a direction (x, y), metres."""

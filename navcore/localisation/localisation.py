@@ -321,14 +321,20 @@ class Localisation:
         if isinstance(outcome, PlaceMap):
             self._place_map = outcome
             return
+        if outcome.task is self._outdated:
+            return
         if self._relocaliser is not None:
             self._relocaliser.take(outcome)
-        if self._is_lost and (fit := outcome.still_there(self._config.relocalisation)):
+        if (
+            self._is_lost
+            and self._may_be_there
+            and (fit := outcome.still_there(self._config.relocalisation))
+        ):
             T_base_odom = outcome.task.everything.T_odom_base.inverse()
             self._still = fit.T_map_base @ T_base_odom, fit.covariance
         if self._start is not None and outcome.task is self._asked:
             self._start.take(outcome)
-        if self._probation is not None and outcome.task is not self._outdated:
+        if self._probation is not None:
             self._probation.take(outcome)
             self._beside = self._probation.correction or self._beside
             if fit := outcome.beside(self._config.relocalisation):
@@ -366,11 +372,14 @@ class Localisation:
 
     def accept_jump(self, before: LocalisationEstimate, frame: Frame) -> None:
         """Follow odometry that has jumped since an estimate: the robot may be where it was then, or
-        where the frame's pose has it, and is as uncertain. A place on trial stays on trial."""
+        where the frame's pose has it, and is as uncertain. A place on trial stays on trial, and a
+        lost robot lost; what was seen before the jump is no part of its search."""
         there = before.T_map_odom @ frame.pose
-        jump = np.diag(difference(there, before.T_map_base))
-        self.tracker.place(there, before.covariance + jump**2, frame)
-        self._relocaliser = self._last = self._beside = None
+        jump = difference(there, before.T_map_base)
+        self.tracker.place(there, before.covariance + np.outer(jump, jump), frame)
+        if self._is_lost:
+            self.tracker.lose(frame.stamp_ns)
+        self._relocaliser = self._kept = self._last = self._still = self._beside = None
         self._outdated = self._asked
         self._restart_chain()
 
@@ -449,5 +458,6 @@ def _ambiguous(estimate: LocalisationEstimate, proposal: PlaceProposal) -> Local
     return dataclasses.replace(
         estimate,
         state=LocalisationState.AMBIGUOUS,
+        is_searched=True,
         candidates=tuple(place.T_map_base for place in proposal.candidates),
     )

@@ -3,7 +3,7 @@
 A zone belongs to the place beside which it was drawn. What counts is how uncertain the robot's
 position has become since it was there, not how uncertain it is in the map: a zone drawn beside the
 robot is exact however far it has come by dead reckoning. Since then it has become no more uncertain
-than by its motion (`navcore.localisation.relative_uncertainty`), and no more than place and robot
+than by its motion and by what absolute positions have moved it, and no more than place and robot
 are in the map, together: a zone that was drawn at the start is kept by the position in the map,
 which is well known again where the robot comes back.
 
@@ -31,7 +31,6 @@ from navcore.config.localisation.zone_margins import ZoneMarginConfig
 from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.localisation.estimate import LocalisationEstimate
-from navcore.localisation.relative_uncertainty import RelativeUncertainty, growth
 from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import (
     GrownZone,
@@ -89,17 +88,13 @@ class ZoneMargins:
         self._safety_margin_m = safety_margin_m
         self._inflation_m = profile.width_m / 2 + safety_margin_m
         self._margins: dict[tuple[str, int], _Margin] = {}
-        self._relative = RelativeUncertainty()
         self._trail: list[tuple[float, float]] = []
         self._covariances: list[Matrix] = []
         self._gives_up = False
 
-    def follow(
-        self, zones: tuple[Zone, ...], place: LocalisationEstimate, *, with_map: bool = False
-    ) -> tuple[Zone, ...]:
+    def follow(self, zones: tuple[Zone, ...], place: LocalisationEstimate) -> tuple[Zone, ...]:
         """Return the zones, grown by the present uncertainty; the same objects as long as their
-        growth has not changed. `with_map`: a correction has moved map, zones and robot."""
-        self._relative.follow(place, with_map=with_map)
+        growth has not changed."""
         if place.is_known:
             self._note(place)
         keys = {(zone.id, zone.version) for zone in zones}
@@ -172,7 +167,8 @@ class ZoneMargins:
         metres."""
         margin = self._margins.get((zone.id, zone.version))
         in_map, by_motion = _EXACT if margin is None else margin.anchor
-        since = growth(self._by_motion(place), by_motion)
+        variances, axes = np.linalg.eigh(self._by_motion(place) - by_motion)
+        since = (axes * np.maximum(variances, 0.0)) @ axes.T
         both = place.positions[0] + in_map
         return np.asarray(min(since, both, key=lambda bound: float(np.linalg.eigvalsh(bound)[-1])))
 
@@ -185,7 +181,7 @@ class ZoneMargins:
     def _by_motion(self, place: LocalisationEstimate) -> Matrix:
         """Return the (2, 2) covariance of the position by motion: in a loaded map the one in it,
         which its zones belong to."""
-        return place.positions[1] if self._frozen else self._relative.covariance(place)
+        return np.asarray(place.positions[1]) if self._frozen else place.relative
 
     def _grown(self, zone: Zone, place: LocalisationEstimate) -> Zone:
         margin = self._margins.get((zone.id, zone.version))

@@ -34,8 +34,8 @@ class Background(Protocol):
         """Begin a task; only while idle."""
 
     def poll(self) -> Any:
-        """Return the outcome of the last task once, when it has one, `TaskFailed` if it raised an
-        exception; else None."""
+        """Return the outcome of the last task once, when it has one; else None. That of a task
+        which raised an exception in another thread is `TaskFailed`."""
 
     def discard(self) -> None:
         """Cancel the task that runs; no outcome of an earlier task is returned any more."""

@@ -42,8 +42,8 @@ class MapRequests:
         return dataclasses.replace(
             newer,
             trust_pose=newer.trust_pose or self.trust_pose,
-            search=newer.search or self.search,
-            place=newer.place or self.place,
+            search=newer.search or (self.search and newer.place is None),
+            place=newer.place or (None if newer.search else self.place),
         )
 
     def apply(self, navigator: Navigator, frame: Frame | None) -> MapRequests:

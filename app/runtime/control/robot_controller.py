@@ -156,7 +156,7 @@ class RobotController:
     def place_robot(self, T_map_base: Pose2, covariance: Matrix) -> None:
         """Set the pose of the robot, with its (3, 3) covariance, before the next tick."""
         with self._lock:
-            self._ask(place=(T_map_base, covariance))
+            self._ask(place=(T_map_base, covariance), search=False)
 
     def enter_site(
         self, edit: Callable[[OperatorState], OperatorState], replace_map: Callable[[], None]
@@ -193,7 +193,7 @@ class RobotController:
                 raise Refused("the emergency stop is latched; reset it first")
             self._replace(dataclasses.replace(self._intent, searching=True))
             self._search = SearchTurn()
-            self._ask(search=True)
+            self._ask(search=True, place=None)
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
         """Label a frame for `think`, one at a time, in any thread. Raises `BadFrame`."""
@@ -457,7 +457,7 @@ class RobotController:
     def _limited(self, hand: Command | None) -> Command | None:
         """Return a command of teleoperation within the operator's speed limits."""
         newest = self._watched.newest
-        if hand is None or newest is None:
+        if hand is None or newest is None or self.place.is_lost:
             return hand
         asked = Motion(twist=hand.twist, outcome=ControllerState.FOLLOW)
         return dataclasses.replace(
@@ -480,7 +480,7 @@ class RobotController:
         decision, newest = self._tick_state.decision, self._watched.newest
         spec = self.navigator.map.spec
         seen = None if decision is None else decision.occupancy
-        if newest is None or self.place.state is LocalisationState.LOST:
+        if newest is None or self.place.is_lost:
             return []
         if stays_out(
             hand.twist,

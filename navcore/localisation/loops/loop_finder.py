@@ -137,7 +137,8 @@ class LoopFinder:
             search_m=self._match_config.fine_m,
             config=self._match_config,
         )
-        if 2 * found.fitting < len(scan) or found.fitting < self._match_config.min_points:
+        least = max(self._config.least_fit_share * len(scan), self._match_config.min_points)
+        if found.fitting < least:
             return place.T_map_base, place.covariance
         prior = np.linalg.inv(place.covariance)
         spread = np.linalg.inv(MATCH_SCALE * found.information + prior)

@@ -157,7 +157,7 @@ class Localiser:
             self._filter.move(motion)
             self._scan_odometry.clear()
             if covariance is not None:
-                self._filter.place(self._filter.pose, np.asarray(covariance))
+                self._filter.place(self._filter.pose, np.asarray(covariance), with_map=True)
 
     def place(self, T_map_base: Pose2, covariance: Matrix | None, frame: Frame) -> None:
         """Set the pose of the robot at a frame: given by the operator or found by relocalisation;
@@ -466,6 +466,8 @@ class Localiser:
             match_share=share,
             since_ns=self._since_ns,
             since_m=self._since_m,
+            offset=self._require_filter().offset,
+            moved=self._require_filter().moved,
             place_correction=self.place_correction,
             pushed_m=self.pushed_m,
         )

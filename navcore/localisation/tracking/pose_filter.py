@@ -55,6 +55,10 @@ class PoseFilter:
     elsewhere all the way. The map that it has drawn does not move with that, so neither does the
     reference, and the pose only by as much as the motion since then changes: else a robot that
     stands would move away from the walls beside it.
+
+    An absolute measurement moves the estimate, and not what is on the map beside it: the robot is
+    as uncertain relative to that as the covariance by motion has shrunk, which is the covariance of
+    the correction. `offset` and `moved` add that up.
     """
 
     def __init__(self, pose: Pose2, config: OdometryConfig = _DEFAULT) -> None:
@@ -65,6 +69,12 @@ class PoseFilter:
         self._covariance[:STATES, :STATES] = initial_covariance(config)
         self._within = self._covariance.copy()
         self._best = self._covariance.copy()
+        self.offset: Matrix = np.zeros((2, 2))
+        """(2, 2) covariance of the position in square metres that has to be added to the one by
+        motion for its growth to be that of the position relative to where it was."""
+        self.moved: Matrix = np.zeros((2, 2))
+        """(2, 2) covariance of what the position was moved by so far, otherwise than odometry has
+        told."""
         self.refer()
 
     @property
@@ -137,14 +147,34 @@ class PoseFilter:
             residual = step.turn_rad / step.duration_s - before[GYRO_BIAS]
             self._learn(np.array([known * residual]), bias, np.array([[known]]))
 
-    def place(self, pose: Pose2, covariance: Matrix) -> None:
-        """Set the pose, which is the reference as well; what was learnt about odometry stays."""
+    def place(self, pose: Pose2, covariance: Matrix, *, with_map: bool = False) -> None:
+        """Set the pose, which is the reference as well; what was learnt about odometry stays.
+        `with_map`: the map is as certain as the pose."""
+        before = self._covariance
+        away = np.array([pose.x_m - self.pose.x_m, pose.y_m - self.pose.y_m])
         self._state[:3] = (pose.x_m, pose.y_m, pose.yaw_rad)
         spread = self._covariance.copy()
         spread[:3], spread[:, :3] = 0.0, 0.0
         spread[:3, :3] = covariance
         self._covariance = self._within = self._best = spread
+        shrunk, jump = self._shrunk_since(before), np.outer(away, away)
+        if with_map:
+            self.offset = self.offset + shrunk
+        else:
+            self.offset = self.offset + 2.0 * shrunk + jump
+            self.moved = self.moved + shrunk + jump
         self.refer()
+
+    def _shrunk_since(self, before: Matrix) -> Matrix:
+        """Return the (2, 2) covariance by which the position by motion is more certain than by an
+        earlier covariance of the state."""
+        variances, axes = np.linalg.eigh((before - self._covariance)[:2, :2])
+        return np.asarray((axes * np.maximum(variances, 0.0)) @ axes.T)
+
+    def _note_correction(self, before: Matrix) -> None:
+        """Note that an absolute measurement has moved the pose, by the covariance of before."""
+        shrunk = self._shrunk_since(before)
+        self.offset, self.moved = self.offset + 2.0 * shrunk, self.moved + shrunk
 
     def move(self, motion: Pose2) -> None:
         """Move rigidly with the map: T_new_old; the pose is the reference then."""
@@ -167,6 +197,7 @@ class PoseFilter:
         grown = in_axes_of(after, covariance)
         for spread in (self._covariance, self._within, self._best):
             spread[:3, :3] += grown
+        self.moved = self.moved + grown[:2, :2]
         self.refer()
 
     def _turn(self, change: Matrix) -> None:
@@ -201,7 +232,9 @@ class PoseFilter:
         spread = spread - cross @ (before - posterior) @ cross.T
         self._within = (spread + spread.T) / 2
         if absolute:
+            earlier = self._covariance
             self._covariance = self._best = self._within
+            self._note_correction(earlier)
 
     def bound(self, most: Matrix) -> None:
         """Know the pose, but for the scale of lengths, in every direction at least as well as a
@@ -293,9 +326,10 @@ class PoseFilter:
         self._state = self._state + gain @ residual
         self._state[YAW] = wrap_angle(self._state[YAW])
         keep = np.eye(len(self._state)) - gain @ full
-        known = gain @ covariance @ gain.T
+        known, before = gain @ covariance @ gain.T, self._covariance
         self._covariance = self._within = keep @ self._covariance @ keep.T + known
         self._best = keep @ self._best @ keep.T + known
+        self._note_correction(before)
 
 
 def _gain(covariance: Matrix, rows: Matrix, information: Matrix) -> Matrix:

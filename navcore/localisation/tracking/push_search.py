@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.transform import Matrix, Pose2, difference
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference
 from navcore.localisation.scans.ambiguity import poses_beside, spread_to
 from navcore.localisation.scans.matching import AS_PROBABLE, Match, match, search
 from navcore.localisation.scans.scan import Scan
@@ -47,17 +47,22 @@ class PushSearch:
         self._least_points, self._rules = config.tracking.judged_points, config.scan_odometry
         self._match, self._scan = config.match, config.scan
 
-    def find(self, scan: Scan, reference: ScanMap, own: PoseFilter) -> Push | None:
+    def find(
+        self, scan: Scan, reference: ScanMap, own: PoseFilter, so_far: Pose2 = IDENTITY
+    ) -> Push | None:
         """Return the motion from where odometry has the robot to where a scan has it, which is
         relative to the `reference`, that of the filter; None if odometry is right as probably.
 
+        `so_far`: T_found_expected of a push that was found a moment ago, around which it is looked
+        for; the robot may be pushed on.
         Only what the camera had in view at the reference tells: along a wall that the robot has
         seen more of since, other motions would explain more of the scan. Where several motions are
         as probable, it is the least, as uncertain as those are apart; where they are far apart, as
         along a corridor, none in that direction.
         """
         rules, expected, view = self._rules, own.motion, reference.keyframes[0].scan
-        whole, scan = scan, self._part_in_view(scan, expected, view)
+        around = so_far @ expected
+        whole, scan = scan, self._part_in_view(scan, around, view)
         points = len(scan)
         if (
             points < self._least_points
@@ -72,24 +77,25 @@ class PushSearch:
         away = difference(here.pose, expected)
         against = here.cost + 0.5 * float(away @ np.linalg.solve(known, away)) / rules.point_weight
         most = against - rules.pushed_evidence * points
-        if 2 * here.near < points or most < 0.0:
+        is_known = so_far != IDENTITY  # by a search where more of the surfaces was near
+        if (2 * here.near < points and not is_known) or most < 0.0:
             return None
 
         def tells(one: Match) -> bool:
-            moved = difference(one.pose, expected)
+            moved = difference(one.pose, around)
             is_near = math.hypot(moved[0], moved[1]) <= _WINDOW[0] and abs(moved[2]) <= _WINDOW[1]
             return is_near and one.share >= rules.pushed_share and one.cost <= most
 
-        coarse = search(scan, reference, expected, window=_WINDOW, config=self._match).pose
+        coarse = search(scan, reference, around, window=_WINDOW, config=self._match).pose
         found = [
-            self._fit(scan, reference, expected, coarse),
-            self._fit(scan, reference, expected, expected, self._match.search_m),
+            self._fit(scan, reference, around, coarse),
+            self._fit(scan, reference, around, around, self._match.search_m),
         ]
         best = min(found, key=_cost)
         if not tells(best):
             return None
         beside = poses_beside(best.pose, self._covariance(best))
-        found += (self._fit(scan, reference, expected, start) for start in beside)
+        found += (self._fit(scan, reference, around, start) for start in beside)
         possible = min(map(_cost, found)) + AS_PROBABLE / rules.point_weight
         alike = [one for one in found if one.cost < possible]
         best = min(alike, key=lambda one: one.pose.distance_to(expected.x_m, expected.y_m))
@@ -125,15 +131,16 @@ class PushSearch:
         self,
         scan: Scan,
         reference: ScanMap,
-        expected: Pose2,
+        around: Pose2,
         start: Pose2,
         search_m: float | None = None,
     ) -> Match:
-        """Return the most probable motion of a robot that was pushed, from a start on."""
+        """Return the most probable motion of a robot that was pushed to around a place, from a
+        start on."""
         return match(
             scan,
             reference,
-            expected,
+            around,
             _PUSHED,
             start=start,
             scale=self._rules.point_weight,

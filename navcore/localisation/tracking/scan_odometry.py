@@ -69,7 +69,8 @@ class ScanOdometry:
             self._refused_ns = self._pushed = None
         elif self._refused_ns is None or stamp_ns - self._refused_ns >= rules.refused_s * 1e9:
             self._refused_ns = stamp_ns
-            push = self._that_is_over(self._pushes.find(scan, self._reference, own), own)
+            so_far = self._pushed or IDENTITY
+            push = self._told(self._pushes.find(scan, self._reference, own, so_far), own)
         if push is not None:
             own.push(*push)
         # A push takes a while: until all of it is told, no part of it becomes the reference.
@@ -79,8 +80,9 @@ class ScanOdometry:
             self._refer(scan, own)
         return push
 
-    def _that_is_over(self, push: Push | None, own: PoseFilter) -> Push | None:
-        """Return the push if the search before has found the same one."""
+    def _told(self, push: Push | None, own: PoseFilter) -> Push | None:
+        """Return the push that a search has found if it is over: the search before has found the
+        same one. Where the reference is about to get out of view, it is told as far as it goes."""
         before, self._pushed = self._pushed, None
         if push is None:
             return None
@@ -89,8 +91,10 @@ class ScanOdometry:
         if before is None:
             return None
         apart, rules = difference(found, before @ own.motion), self._rules
-        is_same = math.hypot(apart[0], apart[1]) <= rules.over_m
-        return push if is_same and abs(apart[2]) <= math.radians(rules.over_deg) else None
+        is_over = math.hypot(apart[0], apart[1]) <= rules.over_m
+        is_over &= abs(apart[2]) <= math.radians(rules.over_deg)
+        is_last = self._spacings(own) >= _MOST_SPACINGS
+        return push if is_over or is_last else None
 
     def _spacings(self, own: PoseFilter) -> float:
         """Return how far the robot has come from the reference, in spacings."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from navcore.config.localisation.localisation import OdometryConfig
 from navcore.config.safety import KeepOutMonitorConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.cell_margins import CellMargins, _index_of
-from navcore.localisation.estimate import LocalisationEstimate, PlaceCorrection
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.tracking.odometry_model import travel_variance
 from navcore.robot.frame import Frame
 from tests.navcore.scene import Box, picture
@@ -72,35 +71,44 @@ def test_it_grows_by_no_more_than_odometry_has_become_uncertain(margins: CellMar
     assert margins.follow(unseen, turned(3.0), place(0.5)).growth_m[1] == pytest.approx(1.0)
 
 
-PUSHED = {"pushed_m": 0.3}
-CORRECTED = {"place_correction": PlaceCorrection(source=None, shift_m=0.3)}
+def corrected(before_m: float, after_m: float, *, with_map: bool) -> LocalisationEstimate:
+    """An estimate that an absolute position, or a closed loop, has made more certain."""
+    shrunk = (before_m**2 - after_m**2) * np.eye(2)
+    offset, moved = (shrunk, 0.0 * shrunk) if with_map else (2.0 * shrunk, shrunk)
+    return dataclasses.replace(place(after_m), offset=offset, moved=moved)
 
 
-@pytest.mark.parametrize("by_other_means", [PUSHED, CORRECTED], ids=["pushed", "corrected"])
-def test_odometry_tells_nothing_after_a_motion_by_other_means(
-    margins: CellMargins, by_other_means: dict[str, Any]
-) -> None:
-    start, moved = place(0.05), dataclasses.replace(place(0.3), **by_other_means)
-    margins.follow(AHEAD, turned(0.0), start)
-    (growth_m,) = margins.follow(AHEAD, turned(3.0), moved).growth_m
-    assert growth_m == pytest.approx(2 * math.sqrt(0.3**2 - 0.05**2))
-    (later_m,) = margins.follow(AHEAD, turned(3.0), place(0.3)).growth_m
-    assert later_m == pytest.approx(growth_m)
-    margins.follow(AHEAD, turned(0.0), place(0.3))  # seen again, it is where it is seen
-    assert margins.follow(AHEAD, turned(3.0), place(0.3)).growth_m[0] < 0.3
+def test_what_was_in_view_before_a_push_is_as_uncertain_as_the_push(margins: CellMargins) -> None:
+    pushed = dataclasses.replace(place(0.3), moved=0.25**2 * np.eye(2))
+    margins.follow(AHEAD, turned(0.0), place(0.05))
+    assert margins.follow(AHEAD, turned(3.0), place(0.3)).growth_m[0] < 0.2  # control
+    assert margins.follow(AHEAD, turned(3.0), pushed).growth_m == pytest.approx([0.52], abs=0.03)
+    margins.follow(AHEAD, turned(0.0), pushed)  # seen again, it is where it is seen
+    assert margins.follow(AHEAD, turned(3.0), pushed).growth_m[0] < 0.3
 
 
 def test_an_absolute_position_moves_the_robot_away_from_what_it_saw_before(
     margins: CellMargins,
 ) -> None:
     margins.follow(AHEAD, turned(0.0), place(0.3))
-    (growth_m,) = margins.follow(AHEAD, turned(3.0), place(0.02)).growth_m
+    there = corrected(0.3, 0.02, with_map=False)
+    (growth_m,) = margins.follow(AHEAD, turned(3.0), there).growth_m
     assert growth_m == pytest.approx(2 * math.sqrt(0.3**2 - 0.02**2), rel=1e-3)
+
+
+def test_what_a_lost_robot_sees_is_as_uncertain_as_what_was_never_in_view(
+    margins: CellMargins,
+) -> None:
+    lost = dataclasses.replace(place(0.3), state=LocalisationState.LOST)
+    margins.follow(AHEAD, turned(0.0), lost)
+    (growth_m,) = margins.follow(AHEAD, turned(3.0), place(0.03)).growth_m
+    assert growth_m == pytest.approx(2 * 0.03)
 
 
 def test_a_closed_loop_moves_what_it_saw_with_the_robot(margins: CellMargins) -> None:
     margins.follow(AHEAD, turned(0.0), place(0.3))
-    (growth_m,) = margins.follow(AHEAD, turned(3.0), place(0.02), with_map=True).growth_m
+    there = corrected(0.3, 0.02, with_map=True)
+    (growth_m,) = margins.follow(AHEAD, turned(3.0), there).growth_m
     assert growth_m == pytest.approx(0.0, abs=1e-6)
 
 

@@ -21,6 +21,7 @@ ROUTE += turn_on_spot((9.0, 0.0), 0.0, 2.0 * np.pi + 0.5)
 HERE = ROUTE[-1]
 """Turned aside: straight on, a corridor does not tell how far along it the robot is."""
 PUSHED = HERE @ Pose2(x_m=-0.25, y_m=0.1, yaw_rad=0.1)
+RULES = LocalisationConfig().relocalisation
 COVERED, STANDING = 40, 25
 """Frames in which something else is before the camera, and in which the robot then stands."""
 
@@ -68,6 +69,24 @@ def test_without_its_last_place_it_stays_lost_as_does_one_that_the_operator_has_
     assert not standing(*lost_robot(asked=True), WORLD, HERE).is_known
     monkeypatch.setattr(SearchResult, "still_there", lambda *_: None)
     assert not standing(*lost_robot(), WORLD, HERE).is_known
+
+
+def test_an_answer_from_before_look_round_does_not_put_the_robot_back() -> None:
+    robot, count = lost_robot()
+    rng = np.random.default_rng(2)
+    outcome = None
+    for k in range(count + 1, count + STANDING):
+        robot.follow(frame_at(HERE, k), WORLD.scan(HERE, rng))
+        task = robot.next_task()
+        outcome = task.run(lambda: False) if task else None
+        if isinstance(outcome, SearchResult) and outcome.still_there(RULES):
+            break
+        if outcome:
+            robot.take(outcome)
+    assert isinstance(outcome, SearchResult)
+    robot.search(k)
+    robot.take(outcome)
+    assert not robot.follow(frame_at(HERE, k + 1), WORLD.scan(HERE, rng)).is_known
 
 
 @pytest.mark.parametrize("at", [ROUTE[20], Pose2(x_m=8.0, y_m=3.0, yaw_rad=2.5)])

@@ -454,6 +454,19 @@ def test_what_was_found_on_trial_does_not_place_a_robot_that_is_lost_after_it(ho
     assert localisation.is_on_trial is (how == "lost")
 
 
+def test_a_lost_robot_whose_odometry_jumps_is_not_placed_by_what_was_found_before() -> None:
+    localisation, scan, before = started()
+    localisation.search(0)
+    accepted_elsewhere(localisation)
+    late = search_result(fit(0.9))
+    localisation._asked = late.task
+    jumped = frame_at(Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.0) @ ROUTE[40], 20)
+    localisation.accept_jump(before, jumped)
+    localisation.take(late)
+    assert localisation.follow(jumped, scan).state is LocalisationState.LOST
+    assert localisation.proposal is None
+
+
 def test_the_place_that_an_operator_shows_counts_before_a_kept_one() -> None:
     ids, keyframes = kept_map()
     localisation = Localisation(ids, LocalisationConfig())

@@ -146,18 +146,25 @@ def test_a_zone_drawn_at_the_start_is_kept_by_the_position_in_the_map() -> None:
     assert 0 < growth_m(start, came_back) < 0.1 < 0.3 < growth_m(start, never_was)
 
 
+def corrected(before_m: float, after_m: float, *, with_map: bool) -> LocalisationEstimate:
+    """An estimate that an absolute position, or a closed loop, has made more certain."""
+    shrunk = (before_m**2 - after_m**2) * np.eye(2)
+    offset = shrunk if with_map else 2.0 * shrunk
+    return dataclasses.replace(both(after_m, after_m), offset=offset)
+
+
 def test_an_absolute_position_leaves_a_zone_as_uncertain_as_the_robot_was() -> None:
     """The estimate jumps by what it has drifted, and the zone stays where it was drawn."""
-    assert growth_m(both(0.3, 0.3), both(0.02, 0.02)) > 0.3
-    assert growth_m(both(0.03, 0.03), both(0.02, 0.02)) == 0.0  # from fix to fix of RTK
+    assert growth_m(both(0.3, 0.3), corrected(0.3, 0.02, with_map=False)) > 0.3
+    assert growth_m(both(0.03, 0.03), corrected(0.03, 0.02, with_map=False)) < 0.1  # RTK
 
 
 def test_a_closed_loop_moves_a_zone_with_the_robot() -> None:
-    margins = margins_of()
-    margins.follow((ZONE,), both(0.3, 0.3))
-    assert margins.follow((ZONE,), both(0.05, 0.05), with_map=True) == (ZONE,)
-    (later,) = margins.follow((ZONE,), both(0.1, 0.1))
-    assert Polygon(later.polygon).area > Polygon(ZONE.polygon).area + 0.5
+    assert growth_m(both(0.3, 0.3), corrected(0.3, 0.05, with_map=True)) == 0.0
+    later = dataclasses.replace(
+        corrected(0.3, 0.05, with_map=True), covariance_by_motion=0.15**2 * np.eye(3)
+    )
+    assert growth_m(both(0.3, 0.3), later) > 0.2
 
 
 def test_a_place_that_is_not_known_is_no_anchor_of_a_zone() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from app.runtime.control.background import InlineBackground
+from app.runtime.control.map_requests import MapRequests
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
@@ -581,10 +582,27 @@ def test_a_lost_robot_is_driven_by_hand_wherever_the_zones_were() -> None:
     driver = controller()
     think(driver)
     driver.change(lambda intent: dataclasses.replace(intent, zones=(NEAR,)))
-    held = pushed(driver).command(lambda: SECOND, 0.05, newest=OPEN)
-    assert Cause.BEWARE_AHEAD in causes(held)
-    driver.navigator.place = dataclasses.replace(driver.place, state=LocalisationState.LOST)
-    assert pushed(driver).command(lambda: SECOND, 0.05, newest=OPEN).twist.v_mps > 0
+    place = driver.place
+    for state, is_searched, is_held in (
+        (LocalisationState.LOCATED, False, True),
+        (LocalisationState.AMBIGUOUS, False, True),  # at a start, where it may be right
+        (LocalisationState.AMBIGUOUS, True, False),
+        (LocalisationState.LOST, False, False),
+    ):
+        driver.navigator.place = dataclasses.replace(place, state=state, is_searched=is_searched)
+        verdict = pushed(driver).command(lambda: SECOND, 0.05, newest=OPEN)
+        assert (Cause.BEWARE_AHEAD in causes(verdict)) is is_held
+        assert (verdict.twist.v_mps > 0) is not is_held
+
+
+def test_of_a_place_and_a_search_that_wait_the_newer_counts() -> None:
+    shown = (Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0), np.eye(3))
+    placed, searched = MapRequests(place=shown), MapRequests(search=True)
+    assert placed.before(searched) == searched
+    after = searched.before(placed)
+    assert after.place == shown and not after.search
+    kept = MapRequests(trust_pose=True).before(MapRequests())
+    assert kept.trust_pose and placed.before(MapRequests()).place == shown
 
 
 def test_a_speed_limit_holds_for_teleoperation_too() -> None:

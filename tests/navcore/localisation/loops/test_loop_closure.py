@@ -116,7 +116,9 @@ def test_a_lap_is_closed_and_the_drift_of_odometry_is_removed() -> None:
         gap = gap_of(loop, true)
         error = np.array([gap.x_m, gap.y_m, gap.yaw_rad])
         # Along a corridor a loop tells little, and says so.
-        assert error @ np.linalg.solve(loop.covariance, error) < 16.3
+        assert error @ np.linalg.solve(loop.covariance, error) < 1.0
+        assert math.hypot(gap.x_m, gap.y_m) < 0.25
+        assert abs(gap.yaw_rad) < math.radians(2.5)
     assert error_on_return(before, true) > 0.3
     assert error_on_return(closed.poses, true) < 0.15
 

@@ -49,14 +49,14 @@ def room() -> PlanWorld:
 
 
 def followed(
-    odometry: Sequence[Pose2], push: Pose2, world: PlanWorld | None = None
+    odometry: Sequence[Pose2], push: Pose2, world: PlanWorld | None = None, frames: int = 3
 ) -> tuple[list[LocalisationEstimate], list[Pose2]]:
-    """Estimates and true poses of a robot that three frames push, which odometry does not tell."""
-    part = Pose2(x_m=push.x_m / 3, y_m=push.y_m / 3, yaw_rad=push.yaw_rad / 3)
+    """Estimates and true poses of a robot that some frames push, which odometry does not tell."""
+    part = Pose2(x_m=push.x_m / frames, y_m=push.y_m / frames, yaw_rad=push.yaw_rad / frames)
     true = [odometry[0]]
     for k, (before, after) in enumerate(itertools.pairwise(odometry), start=1):
         step = before.inverse() @ after
-        true.append(true[-1] @ (part @ step if AT <= k < AT + 3 else step))
+        true.append(true[-1] @ (part @ step if AT <= k < AT + frames else step))
     trip = Trip(Localiser(PoseIds(0.25, 10.0)))
     return [e for e, _ in trip.go(true, odometry, world or room())], true
 
@@ -82,6 +82,26 @@ def test_a_robot_that_is_pushed_knows_by_how_much_within_a_second(
             assert error_m(estimate, there) < 0.05
             turn = wrap_angle(estimate.T_map_base.yaw_rad - there.yaw_rad)
             assert abs(turn) < math.radians(1.0)
+
+
+@pytest.mark.parametrize("frames", [4, 8, 10])
+def test_a_long_push_is_followed_until_it_is_over(frames: int) -> None:
+    """Farther than a search reaches."""
+    estimates, true = followed(STANDS, Pose2(x_m=0.0, y_m=0.8, yaw_rad=0.0), frames=frames)
+    told = [estimate.pushed_m for estimate in estimates if estimate.pushed_m > 0.0]
+    assert told == [pytest.approx(0.8, abs=0.05)]
+    assert error_m(estimates[-1], true[-1]) < 0.05
+
+
+@pytest.mark.parametrize(("step_m", "slip_m"), [(0.12, 0.8), (0.1, 1.0)])
+def test_wheels_that_slip_for_seconds_leave_no_certain_wrong_place(
+    step_m: float, slip_m: float
+) -> None:
+    drives = [Pose2(x_m=step_m * k, y_m=0.0, yaw_rad=0.0) for k in range(60)]
+    slip = Pose2(x_m=-slip_m, y_m=0.0, yaw_rad=0.0)
+    estimates, true = followed(drives, slip, frames=10)
+    assert error_m(estimates[-1], true[-1]) < 3.0 * estimates[-1].sigma_m
+    assert sum(estimate.pushed_m for estimate in estimates) > 0.3
 
 
 @pytest.mark.parametrize("odometry", [STANDS, DRIVES], ids=["standing", "driving"])
