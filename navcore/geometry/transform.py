@@ -141,6 +141,13 @@ class Twist:
 STANDSTILL = Twist(v_mps=0.0, w_radps=0.0)
 
 
+def growth(now: Matrix, then: Matrix) -> Matrix:
+    """Return by how much a symmetric matrix, as a covariance, is larger than another one, in the
+    directions in which it is; 0 in the others."""
+    values, axes = np.linalg.eigh(now - then)
+    return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T)
+
+
 def difference(pose: Pose2, other: Pose2) -> Matrix:
     """Return (3,) x, y and yaw of a pose minus those of another."""
     return np.array(

@@ -29,7 +29,7 @@ import shapely
 
 from navcore.config.localisation.zone_margins import ZoneMarginConfig
 from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
-from navcore.geometry.transform import Matrix, Pose2
+from navcore.geometry.transform import Matrix, Pose2, growth
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import (
@@ -167,8 +167,7 @@ class ZoneMargins:
         metres."""
         margin = self._margins.get((zone.id, zone.version))
         in_map, by_motion = _EXACT if margin is None else margin.anchor
-        variances, axes = np.linalg.eigh(self._by_motion(place) - by_motion)
-        since = (axes * np.maximum(variances, 0.0)) @ axes.T
+        since = growth(self._by_motion(place), by_motion)
         both = place.positions[0] + in_map
         return np.asarray(min(since, both, key=lambda bound: float(np.linalg.eigvalsh(bound)[-1])))
 

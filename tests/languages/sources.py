@@ -78,6 +78,7 @@ SENTENCES = (
     "navcore/localisation/relocalisation/place_check.py",
     "navcore/localisation/relocalisation/place_fit.py",
     "navcore/localisation/relocalisation/relocalisation.py",
+    "navcore/mapping/points/pose_ids.py",
     "navcore/mission/*.py",
     "navcore/perception/colour_rule.py",
     "navcore/perception/labels.py",

@@ -44,6 +44,12 @@ def zone_names(program: httpx.Client) -> list[str]:
     return [feature["properties"]["name"] for feature in features]
 
 
+def stands(state: dict[str, Any]) -> bool:
+    """Whether the robot neither drives nor turns."""
+    twist = state["twist"]
+    return not state["moving"] and abs(twist["v_mps"]) < 0.01 and abs(twist["w_radps"]) < 0.02
+
+
 def test_another_site_has_its_own_map_zones_goals_and_list_and_the_first_comes_back(
     tmp_path: Path,
 ) -> None:
@@ -59,7 +65,7 @@ def test_another_site_has_its_own_map_zones_goals_and_list_and_the_first_comes_b
         assert refused.status_code == 409 and "pause or cancel" in refused.text
         assert zone_names(program) == ["wet floor"]
         program.post("mission/pause").raise_for_status()
-        _when(program, lambda state: not state["moving"] and abs(state["twist"]["v_mps"]) < 0.01)
+        _when(program, stands)
         before = _when(program, lambda state: state["explored_m2"] > 0)
         program.patch("beware/cup", json={"margin_m": 0.4}).raise_for_status()
         version = program.get("beware").json()["version"]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from navcore.config.localisation.localisation import OdometryConfig
-from navcore.geometry.transform import Matrix, Pose2, difference, wrap_angle
+from navcore.geometry.transform import Matrix, Pose2, difference, growth, wrap_angle
 from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.tracking.odometry_model import (
     ERRORS,
@@ -157,7 +157,7 @@ class PoseFilter:
         spread[:3], spread[:, :3] = 0.0, 0.0
         spread[:3, :3] = covariance
         self._covariance = self._within = self._best = spread
-        shrunk, jump = self._shrunk_since(before), np.outer(away, away)
+        shrunk, jump = growth(before[:2, :2], spread[:2, :2]), np.outer(away, away)
         if with_map:
             self.offset = self.offset + shrunk
         else:
@@ -165,15 +165,9 @@ class PoseFilter:
             self.moved = self.moved + shrunk + jump
         self.refer()
 
-    def _shrunk_since(self, before: Matrix) -> Matrix:
-        """Return the (2, 2) covariance by which the position by motion is more certain than by an
-        earlier covariance of the state."""
-        variances, axes = np.linalg.eigh((before - self._covariance)[:2, :2])
-        return np.asarray((axes * np.maximum(variances, 0.0)) @ axes.T)
-
     def _note_correction(self, before: Matrix) -> None:
         """Note that an absolute measurement has moved the pose, by the covariance of before."""
-        shrunk = self._shrunk_since(before)
+        shrunk = growth(before[:2, :2], self._covariance[:2, :2])
         self.offset, self.moved = self.offset + 2.0 * shrunk, self.moved + shrunk
 
     def move(self, motion: Pose2) -> None:
