@@ -293,13 +293,7 @@ class Localisation:
             )
         rules, self._is_asked = self._config.relocalisation, True
         if self._place_map is None:
-            surfaces = self.searched_map.surfaces
-            return PrepareSearch(
-                surfaces=surfaces[:, :2],
-                normals=surfaces[:, 2:4] * surfaces[:, 5:],
-                keyframes=self.searched_map.keyframes,
-                config=rules,
-            )
+            return PrepareSearch.of(self.searched_map, rules)
         if self._relocaliser is None:
             return None
         given = None if self._is_lost else self._T_map_odom

@@ -10,6 +10,7 @@ from navcore.geometry.arrays import Points
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.relocalisation import SearchResult, SearchTask, search_task
 from navcore.localisation.scans.scan import Keyframe
+from navcore.localisation.scans.scan_map import ScanMap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +34,18 @@ class PrepareSearch:
     config: RelocalisationConfig
     """Sizes of the tables."""
 
-    def run(self, is_cancelled: Callable[[], bool]) -> PlaceMap | None:
+    @staticmethod
+    def of(scan_map: ScanMap, config: RelocalisationConfig) -> PrepareSearch:
+        """Return the task for a map as it is now."""
+        surfaces = scan_map.surfaces  # a copy
+        return PrepareSearch(
+            surfaces=surfaces[:, :2],
+            normals=surfaces[:, 2:4] * surfaces[:, 5:],
+            keyframes=scan_map.keyframes,
+            config=config,
+        )
+
+    def run(self, is_cancelled: Callable[[], bool]) -> PlaceMap:
         """Return the tables."""
         del is_cancelled
         return place_map_of(self.surfaces, self.normals, self.config.search, self.keyframes)

@@ -14,10 +14,11 @@ from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.relocalisation.place_check import PlaceCheck as CheckedPlace
 from navcore.localisation.relocalisation.place_check import check_place
-from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
+from navcore.localisation.relocalisation.place_map import PlaceMap
 from navcore.localisation.relocalisation.submap import submap_of
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.scans.scan_map import ScanMap
+from navcore.localisation.tasks import PrepareSearch
 from navcore.mission.mission import Goal, checked
 from web.interface.localisation import PlaceCheck, PlaceOut
 
@@ -97,9 +98,7 @@ class PlaceEditor:
         made, version = self._place_map, searched.version
         if made is not None and made[0] is searched and made[1] == version:
             return made[2]
-        surfaces = searched.surfaces  # a copy
-        normals = surfaces[:, 2:4] * surfaces[:, 5:]
-        tables = place_map_of(surfaces[:, :2], normals, rules.search, searched.keyframes)
+        tables = PrepareSearch.of(searched, rules).run(lambda: False)
         self._place_map = searched, version, tables
         return tables
 

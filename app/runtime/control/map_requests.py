@@ -63,12 +63,13 @@ class MapRequests:
             edit(navigator.map)
         if self.replace_map is not None:
             navigator.reset_pose()
+        later = dataclasses.replace(self, replace_map=None, poses={}, edits=())
         if frame is None or not (self.trust_pose or self.search or self.place):
-            return dataclasses.replace(self, replace_map=None, poses={}, edits=())
+            return later
         try:
             check_frame(frame)
         except BadFrame:
-            return dataclasses.replace(self, replace_map=None, poses={}, edits=())
+            return later
         if self.trust_pose:
             navigator.accept_jump(frame)
         if self.search:
