@@ -139,7 +139,7 @@ class TerrainConfig:
     """Number of pixels that make the height of a cell."""
     min_cells: int = ranged(6, 25, default=15)
     """Number of heights among the 5 × 5 cells from which a plane is fitted to them."""
-    look_every_m: float = ranged(0.0, 1.0, default=0.05)
+    look_every_m: float = ranged(0.0, 1.0, default=0.15)
     """Distance in metres after which another look counts: images from one position err alike."""
     look_every_deg: float = ranged(0.0, 90.0, default=3.0)
     """Turn in degrees after which another look counts."""

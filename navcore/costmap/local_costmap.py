@@ -12,7 +12,8 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 
-from navcore.geometry.arrays import Floats, Points
+from navcore.compiled import compiled
+from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_by
 from navcore.mission.zone import Zone, forbidden_cells
@@ -113,11 +114,32 @@ def _half_diagonal_m(spec: GridSpec) -> float:
 def nearby(mask: npt.NDArray[np.bool_], grid: OccupancyGrid, pose: Pose2, reach_m: float) -> Points:
     """Return the (N, 2) centres of marked cells within a square of `reach_m` around the robot, in
     metres of the base frame."""
-    row, col = grid.spec.cell(pose.x_m, pose.y_m)
-    reach = math.ceil(reach_m / grid.spec.resolution_m)
+    spec = grid.spec
+    row, col = spec.cell(pose.x_m, pose.y_m)
+    reach = math.ceil(reach_m / spec.resolution_m)
     top, left = max(row - reach, 0), max(col - reach, 0)
-    cells = np.argwhere(mask[top : max(row + reach + 1, 0), left : max(col + reach + 1, 0)])
-    return np.ascontiguousarray(pose.from_parent(grid.spec.centres(cells + np.array([top, left]))))
+    part = mask[top : max(row + reach + 1, 0), left : max(col + reach + 1, 0)]
+    first = pose.from_parent(np.array([spec.centre(top, left)]))[0]
+    step = spec.resolution_m * np.array([math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)])
+    return _marked(part, first, step)
+
+
+@compiled
+def _marked(mask: Bools, first: Floats, step: Floats) -> Points:
+    """Return the (N, 2) positions of marked cells: that of row 0, column 0 is `first`, the next
+    row's is by (step[1], step[0]) from it and the next column's by (step[0], −step[1])."""
+    count = 0
+    for row in range(mask.shape[0]):
+        for col in range(mask.shape[1]):
+            count += mask[row, col]
+    positions, found = np.empty((count, 2)), 0
+    for row in range(mask.shape[0]):
+        for col in range(mask.shape[1]):
+            if mask[row, col]:
+                positions[found, 0] = first[0] + row * step[1] + col * step[0]
+                positions[found, 1] = first[1] + row * step[0] - col * step[1]
+                found += 1
+    return positions
 
 
 def footprint_overlaps(forbidden: Points, profile: RobotProfile, cell_m: float) -> bool:

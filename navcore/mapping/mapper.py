@@ -11,6 +11,7 @@ from navcore.geometry.arrays import FloatImage
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.mapping.people_sightings import PeopleSightings
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.people_points import class_set
 from navcore.mapping.views.observation import Observation, observe
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.ground import flat_ground
@@ -89,7 +90,7 @@ class Mapper:
         self, seen: Observation, people: list[int], stamp_ns: int, T_map_odom: Pose2
     ) -> None:
         """Forget people where none has been seen, or followed by the tracker, for a while."""
-        shown = seen.points_map[np.isin(seen.class_ids, people), :2].astype(np.float64)
+        shown = seen.points_map[class_set(people)[seen.class_ids], :2].astype(np.float64)
         self._sightings.note(shown, stamp_ns)
         if self._is_corrected or self._edits != self.map.edits:
             # Points have moved, or were put back, with no look at where they are now.

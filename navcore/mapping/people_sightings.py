@@ -12,11 +12,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.geometry.arrays import Indices, Points
+from navcore.geometry.arrays import Indices, Points, sorted_distinct
 from navcore.grid.grid import GridSpec
 
 _PLACE_M = 0.5
 """Side of a place in metres."""
+_KEY = 1 << 32
+"""Factor of a column in a number that stands for a place."""
 Places = npt.NDArray[np.int64]
 """(N, 2) places, x and y in units of their side."""
 
@@ -33,7 +35,10 @@ class PeopleSightings:
         """Note people at (N, 2) positions in metres of the map frame, or anywhere within a distance
         of them."""
         reach = range(-math.ceil(within_m / _PLACE_M), math.ceil(within_m / _PLACE_M) + 1)
-        places = np.unique(np.floor(positions / _PLACE_M).astype(np.int64), axis=0).tolist()
+        columns, rows = np.floor(positions / _PLACE_M).astype(np.int64).T
+        keys = sorted_distinct(columns * _KEY + rows)
+        columns = (keys + _KEY // 2) // _KEY
+        places = zip(columns.tolist(), (keys - columns * _KEY).tolist(), strict=True)
         for (x, y), dx, dy in itertools.product(places, reach, reach):
             self._seen_ns[x + dx, y + dy] = stamp_ns
 
@@ -43,6 +48,8 @@ class PeopleSightings:
         is."""
         first_ns = stamp_ns - self._kept_ns
         old = [at for at, seen_ns in self._seen_ns.items() if not first_ns < seen_ns <= stamp_ns]
+        if not old:
+            return np.empty(0, dtype=np.int64)
         for at in old:
             del self._seen_ns[at]
         beside = itertools.product(old, (-1, 0, 1), (-1, 0, 1))

@@ -17,6 +17,7 @@ from navcore.compiled import compiled, inlined
 from navcore.config.mapping import TerrainConfig
 from navcore.geometry.arrays import FloatImage, Floats, Indices
 from navcore.geometry.camera import Pinhole, column_slope, row_slope
+from navcore.grid.runs import WORD, Codes, run_starts
 from navcore.robot.frame import Frame
 
 VALUES = 6
@@ -24,6 +25,9 @@ VALUES = 6
 step could be measured, and its height in metres."""
 REACH = 2
 """Cells on every side of a cell to which its plane is fitted."""
+_UNIT_M = np.float32(1e-5)
+"""Unit in metres in which heights are added up: sums of whole numbers are several times as fast as
+those of real ones, and do not depend on the order."""
 
 
 class TerrainLooks(NamedTuple):
@@ -90,32 +94,30 @@ def _cell_heights(
     the range and the height of an object.
     """
     width = depth_m.shape[1]
-    total, count = np.zeros(side * side), np.zeros(side * side, dtype=np.int32)
-    across, heights = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.float32)
-    codes = np.empty(width, dtype=np.int32)
+    total, count = np.zeros(side * side, dtype=np.int64), np.zeros(side * side, dtype=np.int32)
+    across, heights = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.int32)
+    codes, starts = np.full(width + 1, -2, dtype=np.int32), np.empty(width + 1, dtype=np.int32)
+    changed = np.zeros((width + WORD - 1) // WORD * WORD, dtype=np.uint8)
     for j in range(width):
         across[j] = column_slope(j, lens)
     for i in range(depth_m.shape[0]):
         b = np.float32(row_slope(i, lens))
         ground = ground_m[i if len(ground_m) > 1 else 0]
         _row(depth_m[i], ground, across, b, affine, side, limits, codes, heights)
-        j = 0
-        while j < width:  # consecutive pixels of one cell are added up before they are written
-            code, first = codes[j], j
-            cell = code >> 1
+        for run in range(run_starts(codes, changed, starts, width)):
+            first, end = starts[run], starts[run + 1]
+            code = codes[first + 1]
             if code < 0:
-                j += 1
-            elif code & 1:
-                count[cell] = -(1 << 30)  # no ground, however many pixels follow
-                j += 1
-            else:
-                height = total[cell]
-                while j < width and codes[j] == code:
-                    height += heights[j]
-                    j += 1
-                total[cell] = height
-                count[cell] += j - first
-    means = np.where(count >= min_pixels, total / np.maximum(count, 1), np.nan)
+                continue
+            if code & 1:
+                count[code >> 1] = -(1 << 30)  # no ground, however many pixels follow
+                continue
+            height = total[code >> 1]
+            for j in range(first, end):
+                height += heights[j]
+            total[code >> 1] = height
+            count[code >> 1] += end - first
+    means = np.where(count >= min_pixels, _UNIT_M * total / np.maximum(count, 1), np.nan)
     return means.reshape(side, side)
 
 
@@ -128,25 +130,27 @@ def _row(
     t: FloatImage,
     side: int,
     limits: FloatImage,
-    codes: npt.NDArray[np.int32],
-    heights: FloatImage,
+    codes: Codes,
+    heights: npt.NDArray[np.int32],
 ) -> None:
-    """Write for each pixel of a row of the image its height, and twice its cell, row · side + col,
-    plus one on an object, or −1 outside the grid; free of branches, so that the compiler
-    vectorises it."""
+    """Write for each pixel of a row of the image its height in `_UNIT_M`, and twice its cell,
+    row · side + col, plus one on an object, or −1 outside the grid; free of branches, so that the
+    compiler vectorises it."""
     x0, y0, z0 = t[0, 0], t[1, 0], t[2, 0]
     x1, y1, z1 = t[0, 1] * b + t[0, 2], t[1, 1] * b + t[1, 2], t[2, 1] * b + t[2, 2]
     x3, y3, z3 = t[0, 3], t[1, 3], t[2, 3]
     zero, wide, far, object_m = np.float32(0), np.float32(side), limits[0], limits[1]
+    units = np.float32(1) / _UNIT_M
     for j in range(len(across)):
         depth, a = depth_m[j], across[j]
         x, y, z = (x0 * a + x1) * depth + x3, (y0 * a + y1) * depth + y3, (z0 * a + z1) * depth + z3
-        heights[j] = z
         # Truncation is the floor of non-negative values; negative ones are outside.
         inside = (depth > zero) & (depth <= far) & (x >= zero) & (y >= zero) & (x < wide)
         cell = np.int32(y) * np.int32(side) + np.int32(x)
         code = np.int32(2) * cell + np.int32(abs(z - ground_m[j]) > object_m)
-        codes[j] = code if inside & (y < wide) else np.int32(-1)
+        inside &= y < wide
+        codes[j + 1] = code if inside else np.int32(-1)
+        heights[j] = np.int32(z * units) if inside else np.int32(0)
 
 
 @compiled

@@ -17,8 +17,9 @@ import numpy.typing as npt
 from navcore.compiled import compiled, inlined
 from navcore.geometry.arrays import FloatImage, Points
 from navcore.geometry.camera import Intrinsics
-from navcore.grid.bitplane import ONE, lowest
+from navcore.grid.bitplane import ONE
 from navcore.grid.grid import Box, GridSpec
+from navcore.grid.runs import WORD, run_starts
 from navcore.perception.ground import flat_ground
 from navcore.robot.frame import Frame
 
@@ -32,8 +33,6 @@ not on the border of two."""
 
 Pixels = npt.NDArray[np.int32]
 """(N,) pixels, row · width + column."""
-_GATHER = np.uint64(0x0102040810204080)
-"""Factor that moves eight bytes of 0 or 1 into the eight bits of the product's highest byte."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -222,30 +221,6 @@ def _row(
         codes[j + 1] = voxel * np.int32(2) + np.int32(counts) if inside else np.int32(-1)
 
 
-@inlined
-def _starts(
-    codes: npt.NDArray[np.int32],
-    changed: npt.NDArray[np.uint8],
-    starts: npt.NDArray[np.int32],
-    width: int,
-) -> int:
-    """Return the number of runs of one code in a row; write where each begins, and where the row
-    ends."""
-    for j in range(width):
-        changed[j] = codes[j + 1] != codes[j]
-    bytes_, count = changed.view(np.uint64), 0
-    for word in range(len(bytes_) // 8):
-        left = np.uint64(0)
-        for byte in range(8):
-            left |= ((bytes_[8 * word + byte] * _GATHER) >> np.uint64(56)) << np.uint64(8 * byte)
-        while left != 0:
-            starts[count] = 64 * word + lowest(left)
-            count += 1
-            left &= left - ONE
-    starts[count] = width
-    return count
-
-
 @compiled
 def _measured(
     depth_m: FloatImage,
@@ -261,8 +236,8 @@ def _measured(
     min_support: int,
 ) -> Pixels:
     height, width = depth_m.shape
-    words = (width + 63) // 64
-    codes, changed = np.full(width + 1, -2, dtype=np.int32), np.zeros(64 * words, dtype=np.uint8)
+    codes = np.full(width + 1, -2, dtype=np.int32)
+    changed = np.zeros((width + WORD - 1) // WORD * WORD, dtype=np.uint8)
     starts, tall = np.empty(width + 1, dtype=np.int32), np.empty(width + 1, dtype=np.int32)
     outside = np.uint32(rows * cols * HEIGHT_BINS)
     touched, pixels, count = (
@@ -274,7 +249,7 @@ def _measured(
         ground = ground_m[i if len(ground_m) > 1 else 0]
         _row(depth_m[i], ground, across, down[i], t, rows, cols, limits, codes)
         high = 0
-        for run in range(_starts(codes, changed, starts, width)):
+        for run in range(run_starts(codes, changed, starts, width)):
             code = codes[starts[run] + 1]
             voxel = np.uint32(code >> 1) if code >= 0 else outside
             seen[voxel >> 6] |= ONE << np.uint64(voxel & 63)

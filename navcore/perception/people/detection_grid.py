@@ -11,16 +11,18 @@ import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
-from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
+from navcore.geometry.camera import Pinhole, column_slope, row_slope
+from navcore.grid.runs import WORD, Codes, run_starts
 
 SIDE = 128
 """Number of cells along each side of the grid; beyond, its memory repeats itself."""
 FIXED, MOVABLE, NEW = range(1, 4)
 """Kinds of occupied cells: for long, for a while, and where floor was shortly before."""
-_TOGETHER = 16
-"""Number of columns of the image that are copied together."""
-_NEITHER, _FLOOR, _BODY = (np.uint8(kind) for kind in range(3))
-"""What a pixel shows."""
+_NONE, _FLOOR, _BODY = np.int32(-1), np.int32(0), np.int32(1)
+"""What a pixel shows: neither floor nor a body within the grid, or one of them in a cell: its code
+is twice the number of the cell, row · `SIDE` + column, and this."""
+_ROW_BIT = (2 * SIDE).bit_length() - 1
+"""Number of the bit of a code at which the row begins."""
 
 Counts = npt.NDArray[np.int32]
 Mask = npt.NDArray[np.uint8]
@@ -62,120 +64,131 @@ def bin_pixels(
     sums: Floats,
 ) -> None:
     """Count the pixels of bodies and of people in each cell, mark those that show floor, add up x
-    and y and find the greatest height; every second column is evaluated."""
+    and y and find the greatest height; every second row is evaluated.
+
+    From below upwards: positions, in cells of the grid, and codes of a row are computed in vectors,
+    of which only runs of one code are visited.
+    """
     height, width = depth_m.shape
-    # A column of the image lies in as many cache lines as it has rows: some are copied together.
-    depths = np.empty((_TOGETHER, height), dtype=np.float32)
-    grounds = np.empty((_TOGETHER, height), dtype=np.float32)
-    points, cells = np.empty((3, height)), np.empty((2, height), dtype=np.int32)
-    kinds, down = np.empty(height, dtype=np.uint8), np.empty(height)
-    for i in range(height):
-        down[i] = row_slope(i, lens)
-    for first in range(0, width, 2 * _TOGETHER):
-        columns = min(_TOGETHER, (width - first + 1) // 2)
-        for i in range(height):
-            ground = ground_m[i if len(ground_m) > 1 else 0]
-            for n in range(columns):
-                depths[n, i], grounds[n, i] = depth_m[i, first + 2 * n], ground[first + 2 * n]
-        for n in range(columns):
-            j = first + 2 * n
-            a = column_slope(j, lens)
-            _column(depths[n], grounds[n], a, down, t, limits, origin, points, cells, kinds)
-            _bin_column(points, cells, kinds, is_person[:, j], limits, origin, counts, sums)
+    across = np.empty(width, dtype=np.float32)
+    for j in range(width):
+        across[j] = column_slope(j, lens)
+    affine = t[:3].copy()
+    affine[:2] /= limits.cell_m
+    affine[0, 3] -= origin[0]
+    affine[1, 3] -= origin[1]
+    narrow = affine.astype(np.float32)
+    # Of the present row and the one below it. Parts of one array would keep the compiler from
+    # vectorising.
+    x, x_below = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.float32)
+    y, y_below = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.float32)
+    codes = np.full(width + 1, _NONE, dtype=np.int32)
+    codes_below = np.full(width + 1, _NONE, dtype=np.int32)
+    z = np.empty(width, dtype=np.float32)
+    changed = np.zeros((width + WORD - 1) // WORD * WORD, dtype=np.uint8)
+    starts = np.empty(width + 1, dtype=np.int32)
+    apart = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
+    eights = apart.view(np.uint64)
+    for i in range(height - 1, -1, -2):
+        ground, b = ground_m[i if len(ground_m) > 1 else 0], np.float32(row_slope(i, lens))
+        _row(depth_m[i], ground, across, b, narrow, limits, x, y, z, codes)
+        for run in range(run_starts(codes, changed, starts, width)):
+            first, end = starts[run], starts[run + 1]
+            code = codes[first + 1]
+            if code == _NONE:
+                continue
+            row, col = (code >> 1) // SIDE, (code >> 1) % SIDE
+            if code & 1 == _FLOOR:
+                counts[row, col, 2] = 1
+                continue
+            people, x_sum, y_sum, top = 0, 0.0, 0.0, sums[row, col, 2]
+            for j in range(first, end):
+                people += is_person[i, j]
+                x_sum += x[j]
+                y_sum += y[j]
+                top = max(top, float(z[j]))
+            pixels = end - first
+            counts[row, col, 0] += pixels
+            counts[row, col, 1] += people
+            sums[row, col, 0] += (x_sum + pixels * origin[0]) * limits.cell_m
+            sums[row, col, 1] += (y_sum + pixels * origin[1]) * limits.cell_m
+            sums[row, col, 2] = top
+        _far_floor(codes, codes_below, apart)
+        for eight in range(len(eights)):
+            if eights[eight] == 0:
+                continue
+            for j in range(8 * eight, min(8 * eight + 8, width)):
+                if apart[j]:
+                    to = (x_below[j] - x[j], y_below[j] - y[j])
+                    _continue_floor(x[j], y[j], to, limits, counts)
+        x, x_below, y, y_below = x_below, x, y_below, y
+        codes, codes_below = codes_below, codes
 
 
 @inlined
-def _column(
+def _row(
     depths: FloatImage,
     grounds: FloatImage,
-    a: float,
-    down: Floats,
-    t: Floats,
+    across: FloatImage,
+    b: np.float32,
+    t: FloatImage,
     limits: GridLimits,
-    origin: Indices,
-    points: Floats,
-    cells: Counts,
-    kinds: Mask,
+    x: FloatImage,
+    y: FloatImage,
+    z: FloatImage,
+    codes: Codes,
 ) -> None:
-    """Write (3, H) x, y and height above the ground of the pixels of a column, (2, H) the columns
-    and rows of their cells, and (H,) what they show; free of branches, so that the compiler
-    vectorises it."""
-    first_col, first_row = np.int32(origin[0]), np.int32(origin[1])
-    for i in range(len(depths)):
-        depth = depths[i]
-        x, y, z = point_on_ray(t, a, down[i], depth)
-        z -= grounds[i]
-        points[0, i], points[1, i], points[2, i] = x, y, z
-        cells[0, i] = np.int32(math.floor(x / limits.cell_m)) - first_col
-        cells[1, i] = np.int32(math.floor(y / limits.cell_m)) - first_row
-        near = (depth > np.float32(0)) & (depth <= limits.max_range_m)
-        floor = (abs(z) < limits.floor_m) & (depth <= limits.floor_range_m)
-        body = (limits.body_low_m < z) & (z < limits.body_high_m)
-        kind = _FLOOR if floor else (_BODY if body else _NEITHER)
-        kinds[i] = kind if near else _NEITHER
+    """Write for each pixel of a row of the image its column and row in the grid, in cells, and its
+    height above the ground in metres, and, after a sentinel, its code; free of branches, so that
+    the compiler vectorises it."""
+    x0, y0, z0 = t[0, 0], t[1, 0], t[2, 0]
+    x1, y1, z1 = t[0, 1] * b + t[0, 2], t[1, 1] * b + t[1, 2], t[2, 1] * b + t[2, 2]
+    x3, y3, z3 = t[0, 3], t[1, 3], t[2, 3]
+    zero, side = np.float32(0), np.float32(SIDE)
+    far, floor_far = np.float32(limits.max_range_m), np.float32(limits.floor_range_m)
+    low, high = np.float32(limits.body_low_m), np.float32(limits.body_high_m)
+    flat = np.float32(limits.floor_m)
+    for j in range(len(across)):
+        depth, a = depths[j], across[j]
+        col, row = (x0 * a + x1) * depth + x3, (y0 * a + y1) * depth + y3
+        up = (z0 * a + z1) * depth + z3 - grounds[j]
+        x[j], y[j], z[j] = col, row, up
+        # Truncation is the floor of non-negative values; negative ones are outside.
+        inside = (depth > zero) & (depth <= far) & (col >= zero) & (row >= zero)
+        inside &= (col < side) & (row < side)
+        floor = (abs(up) < flat) & (depth <= floor_far)
+        body = (low < up) & (up < high)
+        cell = np.int32(row) * np.int32(SIDE) + np.int32(col)
+        code = np.int32(2) * cell + (_FLOOR if floor else _BODY)
+        codes[j + 1] = code if inside & (floor | body) else _NONE
 
 
 @inlined
-def _bin_column(
-    points: Floats,
-    cells: Counts,
-    kinds: Mask,
-    is_person: Bools,
-    limits: GridLimits,
-    origin: Indices,
-    counts: Counts,
-    sums: Floats,
-) -> None:
-    """Add the pixels of one column, from below upwards; consecutive pixels of a body in one cell
-    are added up before they are written."""
-    i, floor_below = len(kinds) - 1, False
-    while i >= 0:
-        row, col = cells[1, i], cells[0, i]
-        in_grid = np.uint32(row) < SIDE and np.uint32(col) < SIDE  # negative ones are large
-        if kinds[i] == _FLOOR:
-            if in_grid:
-                counts[row, col, 2] = 1
-            if floor_below:
-                _continue_floor(points, cells, i, limits, origin, counts)
-            floor_below = True
-            i -= 1
-            continue
-        floor_below = False
-        if kinds[i] == _NEITHER or not in_grid:
-            i -= 1
-            continue
-        bodies, people = 0, 0
-        x, y, top = sums[row, col, 0], sums[row, col, 1], sums[row, col, 2]
-        while i >= 0 and kinds[i] == _BODY and cells[1, i] == row and cells[0, i] == col:
-            bodies += 1
-            people += is_person[i]
-            x += points[0, i]
-            y += points[1, i]
-            top = max(top, points[2, i])
-            i -= 1
-        counts[row, col, 0] += bodies
-        counts[row, col, 1] += people
-        sums[row, col, 0], sums[row, col, 1], sums[row, col, 2] = x, y, top
+def _far_floor(codes: Codes, below: Codes, apart: Mask) -> None:
+    """Write for each pixel of a row whether it and the one below it show floor in cells that share
+    no side."""
+    one, cols_of, row_bit = np.int32(1), np.int32(2 * SIDE - 2), np.int32(_ROW_BIT)
+    for j in range(len(codes) - 1):
+        code, other = codes[j + 1], below[j + 1]
+        both = code | other  # negative if either shows nothing, odd if either is a body
+        cols = abs((code & cols_of) - (other & cols_of)) >> one
+        rows = abs((code >> row_bit) - (other >> row_bit))
+        apart[j] = (both >= 0) & ((both & one) == 0) & (cols + rows > one)
 
 
 @inlined
 def _continue_floor(
-    points: Floats, cells: Counts, i: int, limits: GridLimits, origin: Indices, counts: Counts
+    x: float, y: float, to: tuple[float, float], limits: GridLimits, counts: Counts
 ) -> None:
-    """Mark the floor between pixel i of a column and the one below it, where both show floor and
-    are near to each other; nothing lies between cells that share a side."""
-    if abs(cells[0, i + 1] - cells[0, i]) + abs(cells[1, i + 1] - cells[1, i]) <= 1:
+    """Mark the floor between a position and the one `to` which it is, in cells, if they are near to
+    each other."""
+    squared = to[0] * to[0] + to[1] * to[1]
+    if not 0.25 < squared < (limits.fill_m / limits.cell_m) ** 2:
         return
-    cell_m, x, y = limits.cell_m, points[0, i], points[1, i]
-    to_x, to_y = points[0, i + 1] - x, points[1, i + 1] - y
-    squared = to_x * to_x + to_y * to_y
-    if not (cell_m / 2) ** 2 < squared < limits.fill_m**2:
-        return
-    steps = math.ceil(2 * math.sqrt(squared) / cell_m)
+    steps = math.ceil(2 * math.sqrt(squared))
     for step in range(1, steps):
         share = step / steps
-        col = math.floor((x + share * to_x) / cell_m) - origin[0]
-        row = math.floor((y + share * to_y) / cell_m) - origin[1]
+        col, row = math.floor(x + share * to[0]), math.floor(y + share * to[1])
         if 0 <= row < SIDE and 0 <= col < SIDE:
             counts[row, col, 2] = 1
 
