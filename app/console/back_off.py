@@ -10,10 +10,10 @@ import logging
 import threading
 from collections.abc import Callable
 
-from app.runtime.control.operator_state import MOVING, StateHolder
+from app.runtime.control.operator_state import StateHolder
 from navcore.errors import BewareNavError, Refused
 from navcore.geometry.transform import Pose2, Twist
-from navcore.mission.mission import Mission, Phase
+from navcore.mission.mission import Phase
 
 log = logging.getLogger(__name__)
 DISTANCE_M = 0.5
@@ -35,13 +35,14 @@ class BackOff:
         *,
         drive: Callable[[Twist | None], None],
         pose: Callable[[], Pose2],
-        change_mission: Callable[[Callable[[Mission], Mission]], object],
+        resume: Callable[[], None],
         wait: Callable[[threading.Event], bool] = lambda ended: ended.wait(PERIOD_S),
     ) -> None:
-        """`drive` drives by hand, `pose` gives the present pose; `wait` waits for the next command
-        and returns whether to end."""
+        """`drive` drives by hand, `pose` gives the present pose, `resume` goes on with a paused
+        mission as an operator would; `wait` waits for the next command and returns whether to
+        end."""
         self._holder, self._drive, self._pose = holder, drive, pose
-        self._change_mission, self._wait = change_mission, wait
+        self._resume, self._wait = resume, wait
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -49,7 +50,8 @@ class BackOff:
         """Begin; raises `Refused` while it goes on, and for the reasons of driving by hand."""
         if self._thread is not None and self._thread.is_alive():
             raise Refused("the robot is backing off already")
-        was_driving = self._holder.intent.mission.phase in MOVING
+        # A robot that was leaving an area waits for the operator as soon as it is out of it.
+        was_driving = self._holder.intent.mission.phase is Phase.DRIVING
         self._drive(BACK)
         self._thread = threading.Thread(
             target=self._run, args=(self._pose(), was_driving), name="back off", daemon=True
@@ -74,6 +76,6 @@ class BackOff:
                 self._drive(BACK)
             self._drive(None)
             if was_driving and self._holder.intent.mission.phase is Phase.PAUSED:
-                self._change_mission(Mission.resume)
+                self._resume()
         except BewareNavError as refused:
             log.info("backing off has ended: %s", refused)

@@ -3,6 +3,7 @@ path settings."""
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import threading
 from collections import deque
@@ -84,6 +85,15 @@ class EditStack(Generic[Step]):
         note_edit(number)
         while sum(self._bytes_used(edit.step) for edit in self._done) > self._max_bytes:
             self._done.popleft()
+
+    def follow(self, change: Callable[[Step], Step]) -> None:
+        """Change what all edits undo and repeat, because what they are about has moved."""
+        with self.editing():
+            moved = [dataclasses.replace(edit, step=change(edit.step)) for edit in self._done]
+            self._done = deque(moved, maxlen=MAX_UNDO)
+            self._undone = [
+                dataclasses.replace(edit, step=change(edit.step)) for edit in self._undone
+            ]
 
     def undo(self, take_back: Callable[[Edit[Step]], None]) -> str:
         """Take back the newest edit and return its description; raises `Refused` without one.

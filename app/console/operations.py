@@ -147,7 +147,7 @@ class LiveOperations:
             controller,
             drive=self.drive,
             pose=lambda: recorder.pose,
-            change_mission=controller.change_mission,
+            resume=lambda: self.mission("resume"),
         )
         self.map_edits = self._map_editor()
         self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits, self.path_settings))
@@ -233,7 +233,12 @@ class LiveOperations:
         self._recorder.watch_zones(self.zones.stored)
         self._forget_map()
         # The tick that runs now still notes what it saw on the map before.
-        self._controller.edit_map(lambda _: self._forget_map())
+        self._controller.edit_map(lambda _: self._begin_map())
+
+    def _begin_map(self) -> None:
+        """Begin on the map of another site, in the thread of the ticks."""
+        self._forget_map()
+        self._recorder.forget_path()
 
     def _forget_map(self) -> None:
         """Forget what was seen, and what zones and goals were anchored to, on another map."""
@@ -298,6 +303,7 @@ class LiveOperations:
             by_hand=by_hand,
             summary=status_message(intent, decision, reasons, moving=moving, by_hand=by_hand),
             stop_latched=intent.stopped_by is not None or self._controller.pose_in_doubt,
+            stop_pressed=intent.stopped_by is not None,
             reasons=reasons,
             pose=self._recorder.pose,
             place=self.place.status(),
@@ -313,6 +319,7 @@ class LiveOperations:
             unknown_price=self.path_settings.unknown_price,
             explored_m2=self._recorder.explored_m2,
             replans=self._recorder.replans,
+            images=self._recorder.images,
             tick_ms=self._controller.timer.tick_ms,
             frame_age_s=(now_ns - tick_state.frame_ns) / 1e9
             if tick_state.frame_ns is not None

@@ -135,6 +135,7 @@ class SiteTable:
         with self._database.writing() as connection:
             if new_name.lower() != before.lower():
                 self._require_free(connection.execute, new_name)
+                self._delete_folder(new_name)  # of a site whose deletion was interrupted
             connection.execute(
                 "UPDATE sites SET name = ?, renamed_from = ? WHERE name = ?",
                 (new_name, before, before),

@@ -20,6 +20,7 @@ from app.storage.users import UserTable
 from navcore.errors import NotKnown, StorageFailed
 
 MAX_RUNS = 1000
+"""Largest number of reports that are kept."""
 
 
 class Store:
@@ -88,7 +89,13 @@ class Store:
         return report
 
     def save_run(self, report: dict[str, Any]) -> None:
-        """Store the report of a mission under its `id`."""
-        self._database.write(
-            "INSERT OR REPLACE INTO runs VALUES (?, ?)", (report["id"], json.dumps(report))
-        )
+        """Store the report of a mission under its `id`; the oldest go."""
+        with self._database.writing() as connection:
+            connection.execute(
+                "INSERT OR REPLACE INTO runs VALUES (?, ?)", (report["id"], json.dumps(report))
+            )
+            connection.execute(
+                "DELETE FROM runs WHERE rowid NOT IN "
+                "(SELECT rowid FROM runs ORDER BY rowid DESC LIMIT ?)",
+                (MAX_RUNS,),
+            )

@@ -252,6 +252,7 @@ class FakeOperations:
                 by_hand=self.hand is not None,
                 summary=self._summary(reasons, moving),
                 stop_latched=self._stopped_by is not None,
+                stop_pressed=self._stopped_by is not None,
                 reasons=reasons,
                 pose=self._pose,
                 place=self.place.status(),
@@ -623,6 +624,10 @@ class MemoryStore:
 
     def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
         """Do nothing: the editor keeps the zones."""
+
+    def beware(self) -> BewareList | None:
+        """Implement the store."""
+        return self._lists[-1].list if self._lists else None
 
     def beware_versions(self) -> tuple[BewareVersion, ...]:
         """Implement the store."""

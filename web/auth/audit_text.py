@@ -57,6 +57,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("POST", r"/map/undo", "took back the last edit of the map"),
     ("POST", r"/map/redo", "repeated an edit of the map"),
     ("POST", r"/map/changes/accept", "accepted changes of the map"),
+    ("POST", r"/pose\?check=true", "compared what the robot sees with a place on the map"),
     ("POST", r"/pose", "placed the robot on the map"),
     ("POST", r"/localisation/search", "had the robot search for its place"),
     ("POST", r"/sites", "made the site {given}"),
@@ -103,10 +104,12 @@ def describe_entry(entry: Mapping[str, Any]) -> str:
     """Return what the visitor did, in words; an action without words of its own keeps its
     method and path."""
     method, address = str(entry.get("method", "")), str(entry.get("path", ""))
-    path = unquote(urlsplit(address).path)
-    below = path.removeprefix("/api/v1")
+    parts = urlsplit(address)
+    below = unquote(parts.path).removeprefix("/api/v1")
+    whole = f"{below}?{parts.query}"
     for expected, pattern, text in RULES:
-        found = re.fullmatch(pattern, below) if method == expected else None
+        matched = whole if r"\?" in pattern else below
+        found = re.fullmatch(pattern, matched) if method == expected else None
         if found is not None:
             given = _name_in(entry.get("detail"))
             return text.format(given=given, **found.groupdict()).rstrip()

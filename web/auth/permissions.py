@@ -25,7 +25,8 @@ _BY_ANYONE = {
 _ADMINS = re.compile(rf"{_API}/users(/|$)")
 _OPERATORS = re.compile(rf"{_API}/audit(/|$)")
 _DRIVES = re.compile(
-    rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue)|sites/.+/choose)/?"
+    rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue)|sites/.+/choose"
+    r"|localisation/search)/?"
 )
 _NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}
 """Stopping is always allowed."""

@@ -64,7 +64,9 @@ class State:
     summary: str
     """Sentence on the present motion, or on the reason of the standstill."""
     stop_latched: bool
-    """Whether an emergency stop holds; it holds until it is reset."""
+    """Whether an emergency stop holds, or odometry has jumped; both hold until they are reset."""
+    stop_pressed: bool = False
+    """Whether an emergency stop holds."""
     reasons: tuple[Annotated[StopReason, PlainSerializer(_reason_out, return_type=ReasonOut)], ...]
     """Reasons why the robot stands during a mission, the worst first; empty when nothing holds
     it."""
@@ -92,6 +94,8 @@ class State:
     """Area of the floor seen since the start, square metres."""
     replans: int
     """Number of paths planned since the start."""
+    images: int = 0
+    """Number of images that were processed since the start."""
     tick_ms: float
     """Duration of the last tick of the navigator, milliseconds."""
     frame_age_s: float | None

@@ -28,7 +28,7 @@ import { look, mark, onLinkOpen } from "./viewer/link.js";
 import "./viewer/pointer.js";
 import { enableButtons } from "./mission/buttons.js";
 import { showFigures } from "./mission/figures.js";
-import { showGoals } from "./mission/goals.js";
+import { dropOffer, showGoals } from "./mission/goals.js";
 import { onProposal, showPlace } from "./localisation/place.js";
 import { showPathSettings } from "./mission/path_settings.js";
 import { showStatus } from "./mission/status.js";
@@ -67,10 +67,16 @@ const loadBeware = oneAtATime(async () => {
 function showState(next) {
   state = next;
   // What belongs to a site is loaded again, whatever its version.
-  if (sites.update(state)) Object.assign(versions, { zones: null, beware: null });
+  if (sites.update(state)) {
+    Object.assign(versions, { zones: null, beware: null });
+    mapUpdates.forget();
+    // What was begun on the map of another site is nowhere on this one.
+    setMode("navigate");
+    dropOffer();
+  }
   connection.stateArrived();
   setMoving(state.moving);
-  if (state.stop_latched) delivered();
+  if (state.stop_pressed) delivered();
   showStatus(state);
   showPlace(state);
   enableButtons(state);

@@ -36,6 +36,9 @@ MAX_TOLD = 3
 class BewareStore(Protocol):
     """Storage of beware lists; `app.storage.SiteStore` is one."""
 
+    def beware(self) -> BewareList | None:
+        """Return the list saved last; None on a new site."""
+
     def beware_versions(self) -> tuple[BewareVersion, ...]:
         """Return every list that was ever saved, newest first."""
 
@@ -281,7 +284,7 @@ class BewareEditor:
         """Store a list, put it in force and let the map follow; returns what that removes from the
         map. The first edit stores the list before it, too, so that this one can be brought back."""
         before, now_s = self.list, self._calendar_s()
-        if not self._store.beware_versions():
+        if self._store.beware() is None:
             self._store.save_beware(before, unix_s=now_s, by="", what="list of a new site")
         self._store.save_beware(beware, unix_s=now_s, by=by, what=what)
         self._holder.change(lambda state: dataclasses.replace(state, beware=beware))

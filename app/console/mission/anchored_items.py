@@ -26,8 +26,9 @@ class ZoneMoves(Protocol):
     def stored(self) -> tuple[Zone, ...]:
         """All zones."""
 
-    def move(self, zones: Iterable[Zone]) -> None:
-        """Replace zones by their id, because the map was corrected."""
+    def move(self, zones: Iterable[Zone], placed: Callable[[Zone], Zone]) -> None:
+        """Replace zones by their id, because the map was corrected; `placed` returns any zone of
+        before where the correction has it."""
 
 
 class AnchoredItems:
@@ -50,7 +51,8 @@ class AnchoredItems:
         for each item that moved."""
         told: list[str] = []
         if correction is not None:
-            told = [*self._move_zones(correction), *self._move_goals(correction)]
+            zones_told = self._move_zones(correction, pose_ids.frozen)
+            told = [*zones_told, *self._move_goals(correction)]
         zones = {(zone.id, zone.version): zone for zone in self._zones().stored}
         goals = {(goal.id, goal.x_m, goal.y_m): goal for goal in self._mission().queue}
         if zones.keys() != self._zone_anchors.keys() or goals.keys() != self._goal_anchors.keys():
@@ -73,7 +75,7 @@ class AnchoredItems:
         """Forget all anchors: the robot is at another site now."""
         self._zone_anchors, self._goal_anchors = {}, {}
 
-    def _move_zones(self, correction: AppliedCorrection) -> list[str]:
+    def _move_zones(self, correction: AppliedCorrection, frozen: int) -> list[str]:
         moved, told = [], []
         for zone in self._zones().stored:
             held = self._zone_anchors.get((zone.id, zone.version))
@@ -83,8 +85,20 @@ class AnchoredItems:
             if by.distance_m >= LEAST_M:
                 moved.append(replace(placed, version=zone.version + 1))
                 told.append(f"Zone “{zone.name}” moved {by.distance_m:.2f} m with the map.")
-        if moved:
-            self._zones().move(moved)
+
+        anchors: dict[tuple[tuple[float, float], ...], Anchored[Zone] | None] = {}
+
+        def there_of(zone: Zone) -> Zone:
+            if zone.polygon not in anchors:  # edits and sets mostly hold the same outlines
+                anchors[zone.polygon] = anchored(zone, correction.before, frozen)
+            held = anchors[zone.polygon]
+            if held is None:
+                return zone
+            held = replace(held, item=zone)
+            there, by = held.moved_with(correction.before, correction.after)
+            return there if by.distance_m >= LEAST_M else zone
+
+        self._zones().move(moved, there_of)
         return told
 
     def _move_goals(self, correction: AppliedCorrection) -> list[str]:

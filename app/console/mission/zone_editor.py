@@ -170,11 +170,26 @@ class ZoneEditor:
             self._step(f"change of {zone.name!r}", {zone_id: zone})
         return zone
 
-    def move(self, zones: Iterable[Zone]) -> None:
-        """Replace zones by their id, because the map was corrected: no step that can be undone."""
+    def move(self, zones: Iterable[Zone], placed: Callable[[Zone], Zone]) -> None:
+        """Replace zones by their id, because the map was corrected: no step that can be undone.
+
+        `placed` returns any zone of before where the correction has it: undone and repeated edits
+        and zone sets bring zones back there.
+        """
+
+        def step_placed(step: _Zones) -> _Zones:
+            return _Zones(_placed(step.before, placed), _placed(step.after, placed))
+
         with self._edits.editing():
             known = {zone.id for zone in self.stored}
-            self._apply({zone.id: zone for zone in zones if zone.id in known})
+            moved = {zone.id: zone for zone in zones if zone.id in known}
+            if moved:
+                self._apply(moved)
+            self._edits.follow(step_placed)
+            for name, zones_of_set in self.sets().items():
+                there = [placed(zone) for zone in zones_of_set]
+                if there != list(zones_of_set):
+                    self._store.save_document(SETS, name, [zone_record(zone) for zone in there])
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Delete a zone."""
@@ -317,6 +332,12 @@ class ZoneEditor:
         self._changes += 1
         if self._watcher is not None:
             self._watcher.watch_zones(zones)
+
+
+def _placed(
+    zones: Mapping[str, Zone | None], placed: Callable[[Zone], Zone]
+) -> dict[str, Zone | None]:
+    return {zone_id: None if zone is None else placed(zone) for zone_id, zone in zones.items()}
 
 
 def _expired_off(now_s: float, draft: ZoneDraft) -> ZoneDraft:

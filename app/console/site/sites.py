@@ -133,8 +133,14 @@ class LiveSites:
         with self._lock:
             before = self._store.sites.open(name)
             if before.name != self.chosen:
-                self._store.sites.rename(name, new_name)
+                renamed = self._store.sites.rename(name, new_name)
+                if (left := self._left.pop(before.name, None)) is not None:
+                    self._left[renamed.name] = left
                 return self._site(new_name)
+            if not self._has_entered:
+                raise Refused(
+                    f"the map of site {self.chosen!r} is being opened; try again in a moment"
+                )
             with self._user.leaving_site():
                 if self._has_own_map:
                     self._keeper.move(lambda: self._renamed(name, new_name).map_file)
@@ -163,9 +169,11 @@ class LiveSites:
     def delete(self, name: str) -> None:
         """Delete a site; refused for the one in use."""
         with self._lock:
-            if self._store.sites.open(name).name == self.chosen:
+            site = self._store.sites.open(name).name
+            if site == self.chosen:
                 raise Refused(f"the robot is at site {self.chosen!r}; choose another one first")
-            self._store.sites.delete(name)
+            self._store.sites.delete(site)
+            self._left.pop(site, None)
 
     def export(self, name: str) -> bytes:
         """Return a site as a zip archive."""

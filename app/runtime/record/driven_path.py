@@ -27,6 +27,10 @@ class DrivenPath:
         """Distance driven so far, metres, without such jumps."""
         self._T_odom_base: Pose2 | None = None
 
+    def forget(self) -> None:
+        """Forget the positions, as after a change of the map."""
+        self.points, self._T_odom_base = np.empty((0, 2)), None
+
     def add(self, T_map_base: Pose2, T_odom_base: Pose2) -> None:
         """Go on to a pose in the map, which is `T_odom_base` by odometry."""
         here = np.array([[T_map_base.x_m, T_map_base.y_m]])

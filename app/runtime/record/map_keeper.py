@@ -71,8 +71,8 @@ class MapKeeper:
         """Keep the same map in another file; `rename` moves the file and returns its new path,
         while nothing is written."""
         with self._writing:
-            self._path = rename()
-            if self._waiting is not None:
+            before, self._path = self._path, rename()
+            if self._waiting is not None and self._waiting.path == before:
                 self._waiting = dataclasses.replace(self._waiting, path=self._path)
 
     def note_tick(

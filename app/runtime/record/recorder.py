@@ -48,6 +48,8 @@ class Recorder:
         """Area that the map has observed, m²."""
         self.replans = 0
         """Number of paths planned so far."""
+        self.images = 0
+        """Number of images processed so far."""
         self._driven = DrivenPath()
         self._route: Route | None = None
         self._floor_key: tuple[int, float] = (-1, -1.0)
@@ -62,6 +64,7 @@ class Recorder:
     def note_decision(self, decision: TickResult) -> None:
         """Called by the think thread after each tick."""
         self.pose = decision.frame.pose
+        self.images += 1
         self._driven.add(self.pose, decision.place.T_map_odom.inverse() @ self.pose)
         if decision.route is not None and decision.route is not self._route:
             self.replans += isinstance(decision.route.outcome, Path)
@@ -81,6 +84,10 @@ class Recorder:
     def note_verdict(self, verdict: GateDecision) -> None:
         """Called by the command thread after each command."""
         self._reporter.note_stop(str(verdict.reasons[0].cause) if verdict.reasons else None)
+
+    def forget_path(self) -> None:
+        """Begin another driven path, on another map; called by the think thread."""
+        self._driven.forget()
 
     def watch_zones(self, zones: tuple[Zone, ...]) -> None:
         """Called with all zones whenever they have changed."""

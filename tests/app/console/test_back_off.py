@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from app.console.back_off import BACK, DISTANCE_M, MAX_STEPS, BackOff
-from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.operator_state import MOVING, OperatorState
 from navcore.errors import Refused
 from navcore.geometry.transform import Pose2, Twist
 from navcore.mission.beware_list import BewareList
@@ -39,11 +39,13 @@ class Robot:
         self.sent.append(twist)
         command = None if twist is None else Command(twist=twist, stamp_ns=self.steps)
         mission = self.intent.mission
-        mission = mission.pause() if mission.phase is Phase.DRIVING else mission
+        mission = mission.pause() if mission.phase in MOVING else mission
         self.intent = dataclasses.replace(self.intent, by_hand=command, mission=mission)
 
-    def change_mission(self, edit: Callable[[Mission], Mission]) -> None:
-        self.intent = dataclasses.replace(self.intent, mission=edit(self.intent.mission))
+    def resume(self) -> None:
+        if self.intent.stopped_by is not None:
+            raise Refused("the emergency stop is latched")
+        self.intent = dataclasses.replace(self.intent, mission=self.intent.mission.resume())
 
     def wait(self, ended: threading.Event) -> bool:
         self.going_on.wait(30.0)
@@ -57,7 +59,7 @@ class Robot:
             self,
             drive=self.drive,
             pose=lambda: Pose2(x_m=self.x_m, y_m=0.0, yaw_rad=0.0),
-            change_mission=self.change_mission,
+            resume=self.resume,
             wait=self.wait,
         )
 
@@ -76,6 +78,12 @@ def test_the_robot_backs_off_half_a_metre_and_the_mission_goes_on() -> None:
     assert robot.sent[0] == BACK and robot.sent[-1] is None
     assert robot.intent.mission.phase is Phase.DRIVING
     assert backed_off(Robot(phase=Phase.PAUSED)).intent.mission.phase is Phase.PAUSED
+
+
+def test_goals_wait_for_the_operator_after_backing_off_out_of_an_area() -> None:
+    robot = backed_off(Robot(phase=Phase.LEAVING))
+    assert -robot.x_m == pytest.approx(DISTANCE_M, abs=0.021)
+    assert robot.intent.mission.phase is Phase.PAUSED
 
 
 def test_a_robot_that_cannot_move_ends_it_after_some_seconds() -> None:

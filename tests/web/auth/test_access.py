@@ -334,6 +334,7 @@ def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() ->
         ("POST", "/api/v1/mission/start"),
     ]
     drives += [("POST", "/api/v1/stop/reset"), ("POST", "/api/v1/missions/night/load")]
+    drives += [("POST", "/api/v1/sites/hall/choose"), ("POST", "/api/v1/localisation/search")]
     assert all(requirement_of(*request).control for request in drives)
     frees = [
         ("POST", "/api/v1/mission/pause"),

@@ -169,7 +169,7 @@ def test_the_stream_of_states_overwrites_no_edit_and_a_conflict_is_reported(
         operations.step()
     expect(page.get_by_test_id("zone-name")).to_have_value("Mine")
     page.get_by_test_id("zone-finish").click()
-    expect(page.get_by_test_id("draft-note")).to_contain_text("Another user has changed this zone")
+    expect(page.get_by_test_id("draft-note")).to_contain_text("This zone has changed meanwhile")
     assert operations.zones.stored[0].name == "Theirs"
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "Mine")

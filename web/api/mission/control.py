@@ -138,7 +138,7 @@ async def _receive(
             return
         received = LiveMessage.validate_json(message.get("text") or "")
         control.heartbeat(session.visitor)
-        if isinstance(received, StopMessage) and not session.operations.state().stop_latched:
+        if isinstance(received, StopMessage) and not session.operations.state().stop_pressed:
             session.release()
             session.operations.stop(stop_source(session.visitor, received.by))
             await _note(auditor, session.visitor, f"stop?by={received.by}")

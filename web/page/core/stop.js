@@ -30,6 +30,7 @@ async function send(source) {
   }
 }
 
+// Stop the robot; ends once the stop was answered.
 export async function stop(source) {
   abortAll(t("cancelled to let the stop through; check whether it took effect"));
   const pressedMs = performance.now();
@@ -42,9 +43,18 @@ export async function stop(source) {
       return;
     }
   }
-  if (undelivered) return; // its loop goes on
+  if (undelivered) {
+    await undelivered.answered; // its loop goes on
+    return;
+  }
+  let answer;
+  const answered = new Promise((resolve) => {
+    answer = resolve;
+  });
   undelivered = {
     pressedMs,
+    answered,
+    answer,
     toast: notify(
       t("THE STOP DID NOT REACH THE ROBOT. It is sent until it does. Use the stop on the robot itself."),
       { stays: true },
@@ -61,6 +71,7 @@ export function delivered() {
   if (!undelivered) return;
   const seconds = Math.max((performance.now() - undelivered.pressedMs) / 1000, 1).toFixed(0);
   undelivered.toast.remove();
+  undelivered.answer();
   undelivered = null;
   notify(t("The stop was delivered {seconds} s late: the robot is stopped.", { seconds }), { good: true });
 }

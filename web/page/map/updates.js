@@ -73,8 +73,9 @@ export function follow(state) {
   }
 }
 
-// After a lost connection the console may serve another world.
+// After a lost connection the console may serve another world, and another site is one.
 export function forget() {
+  tiles.forget();
   mapSize = "";
   mapVersion = null;
 }

@@ -27,17 +27,17 @@ const FEWEST_MS = 5000;
 // The gate lets a command live for a quarter of a second: with fewer images it holds the robot.
 export const NEEDED_HZ = 4;
 
-// Return a function of (serial, nowMs) that says how many images a second the robot handles, or null
-// before it can tell.
+// Return a function of (images, nowMs), the number that the robot has handled so far, that says how
+// many it handles a second, or null before it can tell.
 export function rateMeter() {
   let samples = [];
-  return (serial, nowMs) => {
+  return (images, nowMs) => {
     const last = samples.at(-1);
     // A gap in the states says nothing about the robot.
-    if (!last || serial < last.serial || nowMs - last.nowMs > 1000) samples = [];
-    samples.push({ serial, nowMs });
+    if (!last || images < last.images || nowMs - last.nowMs > 1000) samples = [];
+    samples.push({ images, nowMs });
     samples = samples.filter((sample) => nowMs - sample.nowMs <= RATE_WINDOW_MS);
     const lastedMs = nowMs - samples[0].nowMs;
-    return lastedMs < FEWEST_MS ? null : (1000 * (serial - samples[0].serial)) / lastedMs;
+    return lastedMs < FEWEST_MS ? null : (1000 * (images - samples[0].images)) / lastedMs;
   };
 }

@@ -64,8 +64,10 @@ export function showGoals(state) {
   reconcile(element("goals"), [...waiting, ...reached], keyOf, itemOf, (child, goal) => {
     setText(child.querySelector(".number"), goal.number ? `⚑ ${goal.number}` : "✓");
     const name = child.querySelector(".name");
-    if (name) setValue(name, goal.name);
-    else setText(child.querySelector(".place"), `${goal.name} ${positionText(goal)}`);
+    if (name) {
+      setValue(name, goal.name);
+      showPosition(child, goal);
+    } else setText(child.querySelector(".place"), `${goal.name} ${positionText(goal)}`);
     setText(child.querySelector(".status"), statusText(goal, state.phase === "driving"));
     const up = child.querySelector("[data-up]");
     if (up) set(up, { hidden: goal.number === 1 });
@@ -102,7 +104,6 @@ function itemOf(goal) {
     item.append(make("span", { class: "place" }), make("span", { class: "status" }));
     return item;
   }
-  const where = positionText(goal);
   const rename = (event) =>
     attempt(() => request("PATCH", `/goals/${goal.id}`, { name: event.target.value.trim() }));
   const remove = () => attempt(() => request("DELETE", `/goals/${goal.id}`));
@@ -110,9 +111,6 @@ function itemOf(goal) {
     make("input", {
       class: "name",
       maxlength: 80,
-      placeholder: positionText(goal, 1), // as in messages; all of it fits beside the status
-      title: where,
-      "aria-label": t("Name of the goal at {where}", { where }),
       "data-testid": "goal-name",
       onchange: rename,
     }),
@@ -123,7 +121,6 @@ function itemOf(goal) {
         "data-up": "",
         "data-testid": "goal-up",
         title: t("Drive here earlier"),
-        "aria-label": t("Drive to {where} earlier", { where }),
         onclick: () => moveUp(goal.id),
       },
       "↑",
@@ -132,7 +129,7 @@ function itemOf(goal) {
       "button",
       {
         title: t("Remove"),
-        "aria-label": t("Remove the goal at {where}", { where }),
+        "data-remove": "",
         "data-testid": "goal-remove",
         onclick: remove,
       },
@@ -140,6 +137,18 @@ function itemOf(goal) {
     ),
   );
   return item;
+}
+
+// A goal moves when an operator drags it, and with corrections of the map.
+function showPosition(item, goal) {
+  const where = positionText(goal);
+  set(item.querySelector(".name"), {
+    placeholder: positionText(goal, 1), // as in messages; all of it fits beside the status
+    title: where,
+    ariaLabel: t("Name of the goal at {where}", { where }),
+  });
+  set(item.querySelector("[data-up]"), { ariaLabel: t("Drive to {where} earlier", { where }) });
+  set(item.querySelector("[data-remove]"), { ariaLabel: t("Remove the goal at {where}", { where }) });
 }
 
 function moveUp(id) {

@@ -68,8 +68,8 @@ function showLine(given, nowMs) {
 }
 
 // Said once, in figures: a robot that is held for want of images says it many times a second.
-function showRate({ picture_serial: serial }, nowMs) {
-  const rate = serial === null ? null : imagesPerSecond(serial, nowMs);
+function showRate({ images }, nowMs) {
+  const rate = images === 0 ? null : imagesPerSecond(images, nowMs);
   // Without any image there is another reason, which the line names.
   const isSlow = rate > 0 && rate < NEEDED_HZ && !isSlowDismissed;
   const box = element("too-slow");

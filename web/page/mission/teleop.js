@@ -17,6 +17,12 @@ const pressed = new Set();
 let timer = 0;
 
 function drive() {
+  // Of a window that loses the focus while the 3D view has it, this page hears nothing, nor of the
+  // key that is released then.
+  if (!document.hasFocus()) {
+    releaseAll();
+    return;
+  }
   const [forward, left] = [...pressed].reduce(
     (sum, key) => [sum[0] + DIRECTIONS[key][0], sum[1] + DIRECTIONS[key][1]],
     [0, 0],

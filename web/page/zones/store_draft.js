@@ -41,7 +41,7 @@ async function store() {
     if (error.body?.error?.code === "outdated") {
       draft.version = error.body.stored_version;
       note(
-        t("Another user has changed this zone meanwhile. Finish again to replace that version, Cancel to keep it."),
+        t("This zone has changed meanwhile: another user has edited it, or it has moved with the map. Finish again to replace that version, Cancel to keep it."),
         true,
       );
     } else {

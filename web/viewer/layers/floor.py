@@ -29,6 +29,9 @@ class FloorLayer:
     def push(self, scene: Scene) -> None:
         """Send the tiles in which a cell changed, or all for another beware list."""
         newest, versions = self._tiles.update(scene.tick, scene.beware)
+        for row, col in [*self._images]:  # the grid of another site may be smaller
+            if row >= versions.shape[0] or col >= versions.shape[1]:
+                self._images.pop((row, col)).remove()
         for tile, _ in changed_since(versions, self._shown):
             self._push_tile(tile, scene)
         self._shown = newest

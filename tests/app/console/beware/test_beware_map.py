@@ -87,6 +87,10 @@ class MemoryLists:
     def __init__(self) -> None:
         self.versions: list[BewareVersion] = []
 
+    def beware(self) -> BewareList | None:
+        """Return the list saved last."""
+        return self.versions[-1].list if self.versions else None
+
     def beware_versions(self) -> tuple[BewareVersion, ...]:
         """Return all lists, newest first."""
         return tuple(self.versions[::-1])

@@ -24,8 +24,9 @@ class Held:
         self.stored: tuple[Zone, ...] = (ZONE, FAR)
         self.mission = Mission(queue=(Goal(id=1, x_m=2.0, y_m=1.0, name="Dock"),))
 
-    def move(self, zones: Iterable[Zone]) -> None:
+    def move(self, zones: Iterable[Zone], placed: Callable[[Zone], Zone]) -> None:
         """Replace zones."""
+        self.placed = placed
         moved = {zone.id: zone for zone in zones}
         self.stored = tuple(moved.get(zone.id, zone) for zone in self.stored)
 
@@ -64,6 +65,8 @@ def test_a_correction_takes_zones_and_goals_along_and_says_so(pose_ids: PoseIds)
         "Zone “Wet floor” moved 0.40 m with the map.",
         "Goal “Dock” moved 0.40 m with the map.",
     )
+    assert held.placed(ZONE).polygon[0] == pytest.approx((2.4, 0.0)), "as undone edits hold it"
+    assert held.placed(FAR) is FAR
     items.note_tick(shifted(pose_ids, -0.4), pose_ids)
     assert held.stored[0].polygon[0] == pytest.approx((2.0, 0.0))
 

@@ -94,6 +94,35 @@ def test_edits_are_undone_and_redone_one_by_one_in_the_store_too(desk: Desk) -> 
         desk.editor.redo()
 
 
+def test_what_edits_and_sets_bring_back_is_where_a_correction_of_the_map_has_it(desk: Desk) -> None:
+    def placed(zone: Zone) -> Zone:
+        polygon = tuple((x + 0.5, y) for x, y in zone.polygon)
+        return dataclasses.replace(zone, polygon=polygon, drawn=None)
+
+    (kept,) = desk.editor.add_all([SLOW])
+    (gone,) = desk.editor.add_all([ROUND])
+    desk.editor.save_set("both")
+    desk.editor.delete(gone.id)
+    desk.editor.replace(kept.id, dataclasses.replace(SLOW, name="slower"))
+    desk.editor.move([placed(zone) for zone in desk.editor.stored], placed)
+    there = {"slow": placed(kept).polygon, "slower": placed(kept).polygon}
+    there |= {"round": placed(gone).polygon}
+
+    def is_there(*names: str) -> bool:
+        return {zone.name: zone.polygon for zone in desk.bound} == {n: there[n] for n in names}
+
+    assert is_there("slower")
+    desk.editor.undo()
+    assert is_there("slow")
+    desk.editor.undo()
+    assert is_there("slow", "round")
+    desk.editor.redo()
+    desk.editor.redo()
+    assert is_there("slower")
+    desk.editor.use_set("both")
+    assert is_there("slow", "round")
+
+
 def test_a_new_edit_clears_redo_and_versions_only_grow(desk: Desk) -> None:
     (zone,) = desk.editor.add_all([ROUND])
     changed = desk.editor.replace(zone.id, SLOW, expected_version=1)

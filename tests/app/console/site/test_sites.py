@@ -345,6 +345,33 @@ def test_a_robot_that_comes_back_is_looked_for_where_its_wheels_have_brought_it(
     assert found.yaw_rad == pytest.approx(there.yaw_rad, abs=0.01)
 
 
+@pytest.mark.parametrize("again", ["deleted", "renamed"])
+def test_the_place_at_a_site_is_not_taken_for_that_at_another_one_of_its_name(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch, again: str
+) -> None:
+    navigator, kept = desk.controller.navigator, []
+    adopt = navigator.adopt_map
+
+    def adopting(last: Pose2 | None = None, **given: Any) -> None:
+        kept.append(given["kept"])
+        adopt(last, **given)
+
+    monkeypatch.setattr(navigator, "adopt_map", adopting)
+    desk.choose("hall")
+    if again == "deleted":
+        desk.sites.delete("default")
+    else:
+        desk.sites.rename("default", "ward")
+    desk.sites.make("default")
+    desk.choose("default")
+    assert kept == [None, None], "of the other site of this name nothing is known"
+    desk.choose("hall")
+    assert kept[2] is not None
+    if again == "renamed":
+        desk.choose("ward")
+        assert kept[3] is not None, "it goes on under its new name"
+
+
 def test_a_site_is_compared_with_its_own_map_and_never_with_that_of_the_site_before(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:

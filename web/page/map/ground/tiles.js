@@ -13,11 +13,19 @@ let canvas = new OffscreenCanvas(1, 1);
 let colourAt = colourMixer([], false);
 let scale = 1;
 let knownVersion = 0;
+let timesForgotten = 0;
 // Counts paintings, so that a copy of the canvas knows when it is out of date.
 export let paintCount = 0;
 
+// Begin with another map.
+export function forget() {
+  knownVersion = 0;
+  timesForgotten += 1;
+}
+
 // Return a canvas with the newest map, row 0 of the grid at its lower edge, and its size in cells.
 export async function loadNewest() {
+  const begun = timesForgotten;
   const {
     version,
     tile_cells: side,
@@ -45,7 +53,7 @@ export async function loadNewest() {
     }
   };
   await Promise.all(Array.from({ length: PARALLEL_REQUESTS }, work));
-  knownVersion = version;
+  if (begun === timesForgotten) knownVersion = version;
   return { canvas, rows, cols };
 }
 
