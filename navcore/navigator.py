@@ -234,7 +234,8 @@ class Navigator:
             stages.update_map(self._mapper, frame, labels, beware, ground_m, place.T_map_odom)
         costmap = stages.update_costmap(self._costmap, beware, zones)
         around = costmap.around(frame.pose, DEFAULT_SAFETY.keep_out.seen_within_m)
-        grown_cells = self._cell_margins.follow(beware_cells(around), frame, place)
+        cells, objects = beware_cells(around)
+        grown_cells = self._cell_margins.follow(cells, frame, place, objects)
         costmap = self._kept_from(grown_cells, frame.pose, beware)
         route = stages.plan(self._planner, costmap, frame.pose, request, keep_outs, stages.replan)
         while self._planner.lacking and self.grow_to(

@@ -65,6 +65,10 @@ class Recovery:
     """Pose where the last of those started."""
     waited_s: float = 0.0
     """Time in seconds for which people beside the robot have kept it from recovering here."""
+    refused: ControllerState = ControllerState.BLOCKED
+    """What the controller asked for when the present action started."""
+    was_held: bool = False
+    """Whether the safety gate kept the robot from its motion then."""
 
     def after(
         self,
@@ -85,17 +89,24 @@ class Recovery:
         stuck = motion.outcome is ControllerState.BLOCKED or now.backs >= rules.tries
         lasts_s = (stamp_ns - self.since_ns) / 1e9
         if self.action is RecoveryAction.NONE and held:
-            return now._enter(now._stronger(), pose, stamp_ns)
+            return now._enter(now._stronger(), motion, pose, stamp_ns, held=True)
         if self.action is RecoveryAction.NONE:
-            return now._enter(RecoveryAction.WAIT, pose, stamp_ns) if stuck else now
+            return now._enter(RecoveryAction.WAIT, motion, pose, stamp_ns) if stuck else now
         if self.action is RecoveryAction.GIVE_UP:
             if motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
                 return Recovery()  # without the people the path could be followed
+            if self.was_held:
+                # What it is asked for is no sign that the gate lets it pass: all is tried again.
+                return Recovery() if lasts_s >= rules.again_s else now
+            if motion.outcome is ControllerState.MANOEUVRE and self.refused is not motion.outcome:
+                return Recovery()  # what was in its way has gone in part
             return now._ended() if motion.outcome in _ONWARD else now
         if self.action is RecoveryAction.WAIT:
             if not stuck:
                 return now._ended()
-            return now._enter(now._stronger(), pose, stamp_ns) if lasts_s >= rules.wait_s else now
+            if lasts_s < rules.wait_s:
+                return now
+            return now._enter(now._stronger(), motion, pose, stamp_ns)
         blocked = held or motion.outcome is ControllerState.BLOCKED
         if blocked or lasts_s >= rules.manoeuvre_s or now._is_done(pose, rules):
             return dataclasses.replace(now._ended(), tried=self.action, backs=0)
@@ -134,7 +145,15 @@ class Recovery:
             self, at=self.at or pose, backs=self.backs + again, backed_from=began
         )
 
-    def _enter(self, action: RecoveryAction, pose: Pose2, stamp_ns: int) -> Recovery:
+    def _enter(
+        self,
+        action: RecoveryAction,
+        motion: Motion,
+        pose: Pose2,
+        stamp_ns: int,
+        *,
+        held: bool = False,
+    ) -> Recovery:
         return dataclasses.replace(
             self,
             action=action,
@@ -143,6 +162,8 @@ class Recovery:
             since_ns=stamp_ns,
             turned_rad=0.0,
             heading_rad=pose.yaw_rad,
+            refused=motion.outcome,
+            was_held=held,
         )
 
     def _is_done(self, pose: Pose2, rules: RecoveryConfig) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerConfig
 from navcore.config.people import PeopleConfig
 from navcore.config.safety import GateConfig
-from navcore.control.footprint_distance import footprint_distances
+from navcore.control.footprint_distance import contact_slack, footprint_distances
 from navcore.control.manoeuvre import (
     Manoeuvre,
     ManoeuvreProblem,
@@ -30,6 +30,10 @@ from navcore.robot.profile import RobotProfile
 
 COMMAND_LIFE_S = GateConfig().command_life_s
 """Time in seconds that a twist is driven unless another one arrives."""
+_BESIDE_M = 1e-4
+"""Clearance in metres beyond the padding that contacts leave at poses at which they are kept."""
+_ROUNDING_M = 1e-6
+"""Error in metres of the distances of contacts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,13 +59,26 @@ class CollisionChecker:
     padding_m: float = field(init=False)
     """Clearance in metres to keep: the one asked for, or the present one if that is smaller, since
     a robot that is closer to an obstacle may leave it but not come nearer."""
+    contacts: Points = field(init=False)
+    """(C, 2) obstacles nearer than any padding: a person has come up to the robot, an operator drew
+    a zone beside it, or it was switched on with its back to a wall. Each may come no nearer than it
+    is, so that the robot can drive along and away."""
+    kept_m: Floats = field(init=False)
+    """(C,) distance in metres from the footprint to keep from the middle of each of them."""
+    others: Points = field(init=False)
+    """(M, 2) obstacles that are no contacts."""
     unseen_clearance_m: float = field(init=False)
     """Clearance in metres to keep to the centres of unobserved cells, which may be obstacles up to
     their edge; less where the body is nearer to one already."""
 
     def __post_init__(self) -> None:
         config, here = self.control.collision, np.zeros((1, 1, 3))
+        object.__setattr__(self, "contacts", self.obstacles[:0])
+        object.__setattr__(self, "kept_m", np.zeros(0))
+        object.__setattr__(self, "others", self.obstacles)
         clearance_m = float(self.clearance(here)[0, 0]) - config.tolerance_m
+        if clearance_m < config.least_padding_m:
+            clearance_m = self._split_contacts() - config.tolerance_m
         padding_m = np.clip(
             clearance_m,
             config.least_padding_m,
@@ -76,9 +93,26 @@ class CollisionChecker:
     def clearance(self, poses: Floats) -> Floats:
         """(A, S) clearance in metres to the nearest obstacle on the motion up to each of (A, S, 3)
         poses, at most about `FAR_M`."""
-        half_length_m, half_width_m = self.profile.length_m / 2, self.profile.width_m / 2
-        distances = footprint_distances(self.obstacles, poses, half_length_m, half_width_m)
-        return np.asarray(distances - self.cell_radius_m)
+        body = self.profile.length_m / 2, self.profile.width_m / 2
+        clearance = footprint_distances(self.others, poses, *body) - self.cell_radius_m
+        if not len(self.contacts):
+            return np.asarray(clearance)
+        slack, distances = contact_slack(self.contacts, self.kept_m, poses, *body)
+        least_m = np.maximum(distances - self.cell_radius_m, self.padding_m + _BESIDE_M)
+        return np.where(slack < 0.0, slack, np.minimum(clearance, least_m))
+
+    def _split_contacts(self) -> float:
+        """Note the contacts, and return the clearance in metres from all other obstacles."""
+        config = self.control.collision
+        now_m = np.maximum(self.profile.distances_m(self.obstacles), 0.0)
+        touch = now_m < self.cell_radius_m + config.least_padding_m + config.tolerance_m
+        # A corner swings out when the robot turns away from a wall, by what the cells leave of it.
+        kept_m = np.minimum(now_m[touch], self.cell_radius_m)
+        object.__setattr__(self, "others", self.obstacles[~touch])
+        clearance_m = float(self.clearance(np.zeros((1, 1, 3)))[0, 0])
+        object.__setattr__(self, "contacts", self.obstacles[touch])
+        object.__setattr__(self, "kept_m", kept_m - _ROUNDING_M)
+        return clearance_m
 
     def is_observed(self, poses: Floats) -> Bools:
         """(A, S) whether the body covers nothing unobserved on the motion up to each of (A, S, 3)

@@ -13,12 +13,14 @@ from navcore.control.social import NOTHING_EXPECTED, PeopleExpectations, PeopleS
 from navcore.control.speed_limits import allowed_speed_mps, slowed
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.local_costmap import (
+    bare_cells,
     footprint_overlaps,
     frontier,
     kept_cells,
     kept_zones,
     nearby,
     obstacle_masks,
+    outside,
     people_mask,
     split_areas,
 )
@@ -86,6 +88,7 @@ class Controller:
         reach_m = local.reach_m + self._profile.circumscribed_radius_m
         around = costmap.around(pose, reach_m)
         hard, forbidden = obstacle_masks(around, people=task.people_ids)
+        bare = bare_cells(around, people=task.people_ids)
         people_points = nearby(people_mask(around, task.people_ids), around, pose, reach_m)
         if task.leaving is not None:
             # Near the end of the escape path is still inside.
@@ -93,6 +96,7 @@ class Controller:
             within = {one.zone.id for one in task.around}
             zones = tuple(zone for zone in task.leaving if zone.id not in within)
             _, forbidden = split_areas(around, zones, self._profile, pose)
+            bare = forbidden
         else:
             besides_m = self._config.control.collision.kept_besides_m
             kept = task.kept_cells.kept_by(self._profile, pose, besides_m)
@@ -100,8 +104,12 @@ class Controller:
             forbidden |= kept_zones(around.spec, task.kept_zones)
         forbidden_points = nearby(forbidden, around, pose, reach_m)
         cell_m = around.spec.resolution_m
+        trapped = footprint_overlaps(nearby(bare, around, pose, reach_m), self._profile, cell_m)
+        if not trapped:
+            # A margin that reaches the body, as when a thing is recognised late, does not hold the
+            # robot: it drives away from it, or along.
+            forbidden_points = forbidden_points[outside(forbidden_points, self._profile, 0.0)]
         if len(task.track) == 0 and not task.around:
-            trapped = footprint_overlaps(forbidden_points, self._profile, cell_m)
             in_zone = Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
             self._motion = in_zone if trapped else IDLE
             return self._motion

@@ -20,6 +20,15 @@ def footprint_distances(
     return _sweep(lanes[0], lanes[1], poses, np.float32(half_length), np.float32(half_width))
 
 
+def contact_slack(
+    contacts: Points, kept_m: Floats, poses: Floats, half_length: float, half_width: float
+) -> tuple[Floats, Floats]:
+    """Return, (A, S) each, by how much in metres the footprint stays farther away than `kept_m`,
+    (N,), from (N, 2) points on the motion up to each of (A, S, 3) poses, the least of all, and the
+    least distance itself."""
+    return _contact_sweep(contacts, kept_m, poses, half_length, half_width)
+
+
 FAR_M = 0.5
 """Distance in metres beyond which obstacles make no difference to any motion."""
 LANES = 32
@@ -65,6 +74,27 @@ def _sweep(
                 least = min(least, nearest[lane])
             distances[a, s] = math.sqrt(least)
     return distances
+
+
+@numba.njit(cache=True, nogil=True)
+def _contact_sweep(
+    contacts: Points, kept_m: Floats, poses: Floats, half_length: float, half_width: float
+) -> tuple[Floats, Floats]:
+    count, steps = poses.shape[0], poses.shape[1]
+    slack, distances = np.empty((count, steps)), np.empty((count, steps))
+    for a in range(count):
+        least_slack, least = math.inf, math.inf
+        for s in range(steps):
+            cos, sin = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
+            for n in range(len(contacts)):
+                dx, dy = contacts[n, 0] - poses[a, s, 0], contacts[n, 1] - poses[a, s, 1]
+                out_x = max(abs(cos * dx + sin * dy) - half_length, 0.0)
+                out_y = max(abs(cos * dy - sin * dx) - half_width, 0.0)
+                distance = math.sqrt(out_x * out_x + out_y * out_y)
+                least = min(least, distance)
+                least_slack = min(least_slack, distance - kept_m[n])
+            slack[a, s], distances[a, s] = least_slack, least
+    return slack, distances
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})

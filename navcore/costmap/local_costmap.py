@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry import Polygon
 
 from navcore.compiled import compiled
-from navcore.geometry.arrays import Bools, Floats, Points
+from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_by
 from navcore.mission.zone import Zone, forbidden_cells
@@ -45,6 +45,18 @@ def obstacle_masks(
     return grid.geometric, forbidden
 
 
+def bare_cells(grid: OccupancyGrid, *, people: Collection[int] = ()) -> npt.NDArray[np.bool_]:
+    """Return the (rows, cols) cells of beware classes and zones without their margins, but for the
+    class ids of `people`."""
+    found = grid.zones.copy()
+    for class_id, layer in grid.beware.items():
+        if class_id not in people:
+            found |= layer
+    for _, layer in grid.wide_zones:
+        found |= layer
+    return found
+
+
 def people_mask(grid: OccupancyGrid, people: Collection[int]) -> npt.NDArray[np.bool_]:
     """Return the (rows, cols) cells of people, class ids, inflated by their own margins."""
     found = np.zeros_like(grid.zones)
@@ -55,13 +67,17 @@ def people_mask(grid: OccupancyGrid, people: Collection[int]) -> npt.NDArray[np.
     return found
 
 
-def beware_cells(grid: OccupancyGrid) -> Points:
+def beware_cells(grid: OccupancyGrid) -> tuple[Points, Indices]:
     """Return the (N, 2) centres of all cells of beware classes, without margins, in metres of the
-    map frame."""
-    layers = list(grid.beware.values())
-    if not layers:
-        return np.empty((0, 2))
-    return grid.spec.centres(np.argwhere(np.logical_or.reduce(layers)))
+    map frame, and (N,) the number of the object that each is of: connected cells of one class."""
+    objects, count = np.zeros((grid.spec.rows, grid.spec.cols), dtype=np.int32), 0
+    for layer in grid.beware.values():
+        if layer.any():
+            total, regions = cv2.connectedComponents(layer.view(np.uint8), connectivity=8)
+            objects[layer] = regions[layer] + count
+            count += total
+    cells = np.argwhere(objects)
+    return grid.spec.centres(cells), objects[tuple(cells.T)].astype(np.int64)
 
 
 def kept_cells(spec: GridSpec, cells: Points, clearance_m: Floats) -> BoolGrid:
@@ -155,8 +171,9 @@ def split_areas(
     (rows, cols) with its margin.
 
     Each zone is an area, and so are connected cells of one beware class. So an object inside a
-    zone, or a zone that overlaps it, stays one of the others, and a cell may belong to both. Only
-    `zones` count; those of the grid are merged.
+    zone, or a zone that overlaps it, stays one of the others, and a cell may belong to both. Of an
+    area that the footprint overlaps by its margin alone, what has the margin is one of the others.
+    Only `zones` count; those of the grid are merged.
     """
     spec, cell_m = grid.spec, grid.spec.resolution_m
     others = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
@@ -172,12 +189,17 @@ def split_areas(
         numbers = np.unique(regions[inflate_by(body, margin_m, cell_m) & layer])
         entered += [inflate_by(regions == number, margin_m, cell_m) for number in numbers]
         others |= inflate_by(layer & ~np.isin(regions, numbers), margin_m, cell_m)
+        beside = np.setdiff1d(numbers, regions[body & layer])
+        others |= np.isin(regions, beside) & layer
     for zone in zones:
         if not zone.closed or not _overlaps_grid(zone, spec):
             continue
-        area = inflate_by(forbidden_cells(zone, spec), zone.margin_m, cell_m)
+        bare = forbidden_cells(zone, spec)
+        area = inflate_by(bare, zone.margin_m, cell_m)
         if (area & body).any():
             entered.append(area)
+            if not (bare & body).any():
+                others |= bare
         else:
             others |= area
     return entered, others

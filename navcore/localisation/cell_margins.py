@@ -23,6 +23,7 @@ from navcore.geometry.camera import project
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.tracking.odometry_model import OdometryStep, travel_of, travel_variance
+from navcore.mission.zone_growth import least_share
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 
@@ -35,14 +36,18 @@ class GrownCells:
     """(N, 2) centres, map frame."""
     growth_m: Floats = field(default_factory=lambda: np.zeros(0))
     """(N,) growth in metres by the uncertainty of the position relative to each cell."""
+    objects: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """(N,) number of the object that each cell is of: connected cells of one class."""
 
     def kept_by(self, profile: RobotProfile, pose: Pose2, besides_m: float) -> GrownCells:
         """Return the cells with the growth that a robot at a pose keeps, and a distance in metres
-        besides; it may stay as near as it is, and move along there."""
-        now_m = profile.distances_m(pose.from_parent(self.cells)) - besides_m
-        return GrownCells(
-            self.cells, np.clip(self.growth_m + besides_m, 0.0, np.maximum(now_m, 0.0))
-        )
+        besides. It may stay as near to an object as it is, and move along there: all of the object
+        is kept by the share of its growth that the robot has left."""
+        now_m = np.maximum(profile.distances_m(pose.from_parent(self.cells)) - besides_m, 0.0)
+        asked_m = self.growth_m + besides_m
+        share = least_share(now_m, asked_m, self.objects)
+        kept_m = np.where(share > 0.0, share * asked_m, np.minimum(now_m, asked_m))
+        return GrownCells(self.cells, kept_m, self.objects)
 
 
 NO_CELLS = GrownCells()
@@ -118,9 +123,16 @@ class CellMargins:
         than its wheels."""
         self._seen = _Seen.never(np.empty((0, 2)))
 
-    def follow(self, cells: Points, frame: Frame, place: LocalisationEstimate) -> GrownCells:
+    def follow(
+        self,
+        cells: Points,
+        frame: Frame,
+        place: LocalisationEstimate,
+        objects: Indices | None = None,
+    ) -> GrownCells:
         """Return those of (N, 2) centres of beware cells, map frame, that are near the robot, and
-        their growth; of what the camera may see all have to be given.
+        their growth; of what the camera may see all have to be given. `objects` are the (N,)
+        numbers of what each cell is a part of, without them each is one of its own.
 
         The frame is placed in the map. Cells that are no longer there are forgotten. One that was
         never in view counts as seen with the nearest that was, since both are where the map has
@@ -130,17 +142,20 @@ class CellMargins:
         self._advance(place.T_map_odom.inverse() @ frame.pose, frame.stamp_ns)
         if not len(cells) and not len(self._seen.cells):
             return GrownCells()
-        cells = cells[_away_m(cells, frame) <= rules.seen_within_m]
+        objects = np.arange(len(cells)) if objects is None else objects
+        is_given = _away_m(cells, frame) <= rules.seen_within_m
+        cells, objects = cells[is_given], objects[is_given]
         far = _away_m(self._seen.cells, frame) > rules.seen_within_m
         seen = self._seen.only(~far).of(cells, rules.neighbour_m)
         in_view = self._in_view(cells, frame) & place.is_known
         covariances = np.stack([place.positions[0], place.relative, place.moved])
         seen.covariances[in_view], seen.travels[in_view] = covariances, self._travel
         self._seen = self._seen.only(far).joined(seen)
-        near = seen.only(_away_m(cells, frame) <= rules.cells_within_m)
+        is_near = _away_m(cells, frame) <= rules.cells_within_m
+        near = seen.only(is_near)
         near = near.beside(seen, rules.neighbour_m)
         variance = self._variance(near, place, _away_m(near.cells, frame))
-        return GrownCells(near.cells, rules.sigmas * np.sqrt(variance))
+        return GrownCells(near.cells, rules.sigmas * np.sqrt(variance), objects[is_near])
 
     def _advance(self, odom: Pose2, stamp_ns: int) -> None:
         if self._last is not None:

@@ -18,8 +18,8 @@ from navcore.localisation.tasks import TaskFailed
 from navcore.mapping.correction import MapSnapshot, PreparedCorrection, prepare
 from navcore.mapping.point_map import PointMap
 
-_STANDING = 0.01
-"""Speed in m/s and rad/s below which the robot stands."""
+_STANDING_MPS, _STANDING_RADPS = 0.01, 0.05
+"""Speed and yaw rate below which the robot stands; a gyroscope has a bias."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +96,7 @@ class MapCorrection:
         if closures is None or prepared is None or closures is not self._prepared_for:
             return None
         poses, motion = self._localisation.corrected(closures)
-        stands = max(abs(twist.v_mps), abs(twist.w_radps)) < _STANDING
+        stands = abs(twist.v_mps) < _STANDING_MPS and abs(twist.w_radps) < _STANDING_RADPS
         if self._is_large(T_map_base, motion) and not stands:
             self._waits = True
             return None

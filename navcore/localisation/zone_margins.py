@@ -200,20 +200,22 @@ class ZoneMargins:
         if not suffices or kept_m > config.kept_ratio * (growth_m + config.step_m):
             slack = (1 + config.slack) * needed + config.step_m**2 * np.eye(2)
             margin.covariance, margin.cleared = slack, None
-            margin.grown = grow(zone, self._planned(slack))
+            margin.grown = grow(zone, self._planned(slack, zone))
         keeps = zone.closed and not self._gives_up
         clearance_m = self._clearance_m(margin, growth_m, place.T_map_base) if keeps else 0.0
         if not clearance_m:
             margin.clearance_m = 0.0
             return margin.grown
         if margin.cleared is None or margin.clearance_m != clearance_m:
-            spread = self._planned(margin.covariance) + clearance_m * np.eye(2)
+            spread = self._planned(margin.covariance, zone) + clearance_m * np.eye(2)
             margin.clearance_m, margin.cleared = clearance_m, grow(zone, spread)
         return margin.cleared
 
-    def _planned(self, covariance: Matrix) -> Matrix:
-        """Return the ellipse by which the planner's zones are grown, whose margin it keeps too."""
-        return beyond_margin(spread_of(covariance, self._gate.sigmas), self._safety_margin_m)
+    def _planned(self, covariance: Matrix, zone: Zone) -> Matrix:
+        """Return the ellipse by which a zone is grown: beyond the safety margin, which the planner
+        keeps from closed zones besides."""
+        spread = spread_of(covariance, self._gate.sigmas)
+        return beyond_margin(spread, self._safety_margin_m) if zone.closed else spread
 
     def _clearance_m(self, margin: _Margin, growth_m: float, pose: Pose2) -> float:
         """Return the clearance of a zone in metres: the whole, or what a robot that is nearer

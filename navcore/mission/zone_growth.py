@@ -17,7 +17,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 
-from navcore.geometry.arrays import Floats
+from navcore.geometry.arrays import Floats, Indices
 from navcore.geometry.transform import Matrix
 from navcore.mission.zone import Zone
 
@@ -28,6 +28,8 @@ _RADIUS = 1.0 / math.cos(1.5 * math.pi / (4 * _ARC_SEGMENTS))
 rounds the number of chords, so that one may be half as long again."""
 _LEAST_M = 1e-3
 """Smallest half axis of an ellipse in metres, so that it can be inverted."""
+_NEGLIGIBLE_M = 1e-6
+"""Asked distance in metres that any distance keeps."""
 _STEP_M2 = 1e-4
 """Step of the covariances that zones are grown by, square metres."""
 
@@ -153,3 +155,15 @@ def relative_distance(zone: Zone, spread: Matrix, outlines: Floats) -> Floats:
     corners = (np.asarray(zone.polygon) @ to_disc).tolist()
     in_disc = dataclasses.replace(zone, polygon=tuple((x, y) for x, y in corners))
     return distance_m(in_disc, np.asarray(shapely.polygons(outlines @ to_disc)))
+
+
+def least_share(distances_m: Floats, asked_m: Floats, objects: Indices) -> Floats:
+    """Return (N,) for each cell the least share, 0 to 1, of the asked distance that the robot keeps
+    from any cell of the same object; (N,) distances, asked ones and numbers of the objects."""
+    share = np.clip(distances_m / np.maximum(asked_m, _NEGLIGIBLE_M), 0.0, 1.0)
+    if not len(objects):
+        return share
+    _, which = np.unique(objects, return_inverse=True)
+    least = np.ones(int(which.max()) + 1)
+    np.minimum.at(least, which, share)
+    return least[which]

@@ -127,7 +127,24 @@ def gate(
     if objections or facts.command is None:
         return GateDecision(twist=STANDSTILL, reasons=ranked(objections))
     period_s = min(period_s, config.gate.max_period_s)
-    return GateDecision(twist=_within_limits(slowed, sent, period_s, profile), reasons=())
+    twist = _within_limits(slowed, sent, period_s, profile)
+    if twist != slowed and not _is_permitted(twist, facts, profile, config):
+        # From the present velocity to the one that was checked leads an arc that goes elsewhere.
+        twist = _within_limits(STANDSTILL, sent, period_s, profile)
+    return GateDecision(twist=twist, reasons=())
+
+
+def _is_permitted(
+    twist: Twist, facts: GateInput, profile: RobotProfile, config: SafetyConfig
+) -> bool:
+    """Return whether the robot enters no area and touches nothing at a velocity."""
+    contact_s = time_to_contact(facts.obstacles, twist, profile, config.collision)
+    if _slowed(twist, contact_s, facts, profile, config) != twist:
+        return False
+    share, _ = permitted_share(
+        facts.keep_outs, twist, profile, frame_age_s=_frame_age_s(facts), config=config.keep_out
+    )
+    return share == 1.0
 
 
 def wheels_blocked(

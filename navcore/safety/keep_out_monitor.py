@@ -21,7 +21,7 @@ import numpy.typing as npt
 import shapely
 
 from navcore.config.safety import DEFAULT_SAFETY, KeepOutMonitorConfig
-from navcore.geometry.arrays import Floats, Points
+from navcore.geometry.arrays import Floats, Indices, Points
 from navcore.geometry.kinematics import arc_position
 from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.mission.zone import Zone
@@ -30,6 +30,7 @@ from navcore.mission.zone_growth import (
     distance_m,
     grow,
     largest_axis_m,
+    least_share,
     polygon_of,
     relative_distance,
     spread_of,
@@ -89,6 +90,8 @@ class KeepOuts:
     """(N, 2) centres of known beware cells near the robot, map frame."""
     cell_growth_m: Floats | None = None
     """(N,) growth of each cell in metres by the uncertainty of the position; None for none."""
+    cell_objects: Indices | None = None
+    """(N,) number of the object that each cell is a part of; None for each one of its own."""
     leaving: bool = False
     """Whether the robot was told to leave the area it stands in, which then does not count."""
     covariance: Matrix = field(default_factory=lambda: np.zeros((2, 2)))
@@ -171,12 +174,13 @@ def _fastest_mps(twist: Twist, profile: RobotProfile) -> float:
 
 def _near_cells(keep_outs: KeepOuts, pose: Pose2, reach_m: float) -> KeepOuts:
     """Return the areas with the cells that the robot may reach until it stands."""
-    cells, growth_m = keep_outs.cells, _growth_of(keep_outs)
+    cells, growth_m, objects = keep_outs.cells, _growth_of(keep_outs), keep_outs.cell_objects
+    objects = np.arange(len(cells)) if objects is None else objects
     if len(cells):
         away_m = np.hypot(cells[:, 0] - pose.x_m, cells[:, 1] - pose.y_m)
         near = away_m <= reach_m + growth_m
-        cells, growth_m = cells[near], growth_m[near]
-    return dataclasses.replace(keep_outs, cells=cells, cell_growth_m=growth_m)
+        cells, growth_m, objects = cells[near], growth_m[near], objects[near]
+    return dataclasses.replace(keep_outs, cells=cells, cell_growth_m=growth_m, cell_objects=objects)
 
 
 def _stopping_poses(
@@ -237,16 +241,25 @@ def _cell_entered(
     keep_outs: KeepOuts, start: Pose2, poses: list[Pose2], profile: RobotProfile
 ) -> str | None:
     """Return what the beware cells are called, where the footprint comes too near to any of them at
-    any of the poses."""
-    if not len(keep_outs.cells):
+    any of the poses.
+
+    What is nearer already than its growth asks for may not come nearer as a whole, so that the
+    robot may drive along it; what it touches may be covered no further.
+    """
+    cells, growth_m, objects = keep_outs.cells, _growth_of(keep_outs), keep_outs.cell_objects
+    if not len(cells) or objects is None:
         return None
-    growth_m = _growth_of(keep_outs)
-    now = profile.distances_m(start.from_parent(keep_outs.cells))
-    if keep_outs.leaving and (now < growth_m).any():
-        return None
-    kept = np.minimum(now, growth_m) - _ROUNDING
+    now_m = profile.distances_m(start.from_parent(cells))
+    share = least_share(np.maximum(now_m, 0.0), growth_m, objects)
+    exempt = share < 1.0 if keep_outs.leaving else np.zeros(len(cells), dtype=np.bool_)
+    kept_m = np.minimum(now_m, growth_m) - _ROUNDING
     for pose in poses:
-        if (profile.distances_m(pose.from_parent(keep_outs.cells)) < kept).any():
+        later_m = profile.distances_m(pose.from_parent(cells))
+        nearer = (later_m < kept_m) & ~exempt
+        if not nearer.any():
+            continue
+        later = least_share(np.maximum(later_m, 0.0), growth_m, objects)
+        if (nearer & ((share == 0.0) | (later < share - _ROUNDING))).any():
             return "an object of the beware list"
     return None
 

@@ -71,7 +71,7 @@ def cells(frame: Frame, beware: BewareList) -> Points:
     cloud = PointMap(SPEC, MappingConfig())
     labels = ColourSegmenter().segment(frame, beware)
     cloud.insert(observe(frame, labels, beware, SPEC, ObservationConfig()), frame, labels)
-    return beware_cells(layer_grid(cloud, beware, ()))
+    return beware_cells(layer_grid(cloud, beware, ()))[0]
 
 
 @pytest.mark.parametrize("pattern", POLYGONS)
@@ -186,7 +186,7 @@ def test_a_white_line_stays_as_long_as_it_is_there_and_fades_when_it_is_gone(
         for frame in rounds(world) * times:
             labels = ColourSegmenter().segment(frame, on)
             cloud.insert(observe(frame, labels, on, SPEC, ObservationConfig()), frame, labels)
-            held.append(len(beware_cells(layer_grid(cloud, on, ()))))
+            held.append(len(beware_cells(layer_grid(cloud, on, ()))[0]))
     there = held[24:72]
     assert min(there) >= 0.9 * max(there) > 20
     assert held[-1] < 0.1 * max(there)

@@ -62,8 +62,12 @@ command thread waited for the lock, nanoseconds."""
 HELD_NS = 1_000_000_000
 """Time for which the gate has to keep the robot from its motion, before a zone or an object of the
 beware list, until the recovery tries another, nanoseconds."""
+CONTACT_HELD_NS = HELD_NS + round(DEFAULT_SAFETY.collision.memory_s * 1e9)
+"""The same before an obstacle, which the gate remembers for a while where nothing is any more."""
 HAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
 """Lifetime of a command of teleoperation, nanoseconds."""
+_HOLDING = {Cause.BEWARE_AHEAD, Cause.CONTACT_IMMINENT}
+"""Reasons for which the gate keeps the robot from a motion, and may let it make another."""
 
 
 class RobotController:
@@ -96,6 +100,7 @@ class RobotController:
         self._recent_obstacles = RecentObstacles()
         self._blocked_since_ns: int | None = None
         self._held_since_ns: int | None = None
+        self._stopped_since_ns: int | None = None
         self._requests = MapRequests()
         self._search, self._was_located = SearchTurn(), False
 
@@ -250,6 +255,7 @@ class RobotController:
             command=command,
             request=request,
             zone_covariances=self.navigator.zone_margins.covariances(request.zones, decision.place),
+            waits_for_correction=self.navigator.waits_for_standstill,
         )
         if self._background.is_idle and (task := self.navigator.next_task()) is not None:
             self._background.submit(task)
@@ -350,19 +356,26 @@ class RobotController:
         return verdict
 
     def _note_held(self, verdict: GateDecision) -> None:
-        """Note since when a zone or the beware list is all that keeps the robot from its motion."""
-        causes = {reason.cause for reason in verdict.reasons}
-        if causes != {Cause.BEWARE_AHEAD}:
+        """Note since when zones, the beware list and obstacles are all that keeps the robot from
+        its motion, and since when zones and the list alone."""
+        causes, newest = {reason.cause for reason in verdict.reasons}, self._watched.newest
+        if newest is None or not causes or causes - _HOLDING:
+            self._held_since_ns = self._stopped_since_ns = None
+            return
+        if self._stopped_since_ns is None:
+            self._stopped_since_ns = newest.stamp_ns
+        if Cause.CONTACT_IMMINENT in causes:
             self._held_since_ns = None
         elif self._held_since_ns is None:
-            self._held_since_ns = self._watched.newest.stamp_ns if self._watched.newest else None
+            self._held_since_ns = newest.stamp_ns
 
     def _is_held(self, frame: Frame) -> bool:
         """Whether the gate has held the robot for so long that it has to try another motion."""
-        since_ns = self._held_since_ns
-        if since_ns is None or frame.stamp_ns - since_ns < HELD_NS:
+        waits = (self._held_since_ns, HELD_NS), (self._stopped_since_ns, CONTACT_HELD_NS)
+        if all(since is None or frame.stamp_ns - since < lasts for since, lasts in waits):
             return False
-        self._held_since_ns = None  # what the robot tries next is judged afresh
+        # What the robot tries next is judged afresh.
+        self._held_since_ns = self._stopped_since_ns = None
         return True
 
     @property
@@ -437,6 +450,7 @@ class RobotController:
             zones=self._intent.zones,
             cells=grown.cells,
             cell_growth_m=grown.growth_m,
+            cell_objects=grown.objects,
             leaving=self._intent.mission.phase is Phase.LEAVING,
             covariance=place.covariance[:2, :2],
             covariances=tick_state.zone_covariances,

@@ -77,6 +77,9 @@ def planner_stops(
         return found
     if decision.place.state in POSE_STOPS:
         found.append(POSE_STOPS[decision.place.state])
+    if tick_state.waits_for_correction:
+        text = "The robot stands for a moment so that its place on the map can be corrected."
+        found.append(StopReason(cause=Cause.POSE_UNKNOWN, text=text))
     outcome = None if decision.route is None else decision.route.outcome
     if isinstance(outcome, NoPath) and decision.motion.twist == STANDSTILL:
         where = f" {mission.goal.title}" if mission.goal is not None else ""

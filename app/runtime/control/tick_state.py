@@ -25,6 +25,8 @@ class TickState:
     """Request that the command was decided for."""
     zone_covariances: Mapping[str, Matrix] = field(default_factory=dict)
     """(2, 2) covariance of the robot's position relative to each zone by its id, square metres."""
+    waits_for_correction: bool = False
+    """Whether the robot stands so that its place on the map can be corrected."""
     bad_frame: str | None = None
     """Reason for which the newest frame was refused; None when it was not."""
     failure: str | None = None

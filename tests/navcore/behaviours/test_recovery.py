@@ -175,6 +175,20 @@ def test_a_robot_that_has_given_up_goes_on_when_its_way_is_free_again() -> None:
     assert drive.recovery == Recovery()  # far enough from there to start afresh the next time
 
 
+@pytest.mark.parametrize("refused", [ControllerState.BLOCKED, ControllerState.MANOEUVRE])
+def test_a_robot_that_has_given_up_tries_a_manoeuvre_that_was_none_then(
+    refused: ControllerState,
+) -> None:
+    given_up = Recovery(action=RecoveryAction.GIVE_UP, at=HERE, refused=refused)
+    manoeuvre = Motion(
+        twist=Twist(v_mps=-0.2, w_radps=0.0), outcome=ControllerState.MANOEUVRE, began=HERE
+    )
+    after = given_up.after(manoeuvre, HERE, 10**9, RULES)
+    goes_on = refused is ControllerState.BLOCKED
+    assert (after == Recovery()) is goes_on
+    assert (after.action is RecoveryAction.GIVE_UP) is not goes_on
+
+
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.1)
 GOAL = (5.0, 0.0)
 ORDER = NavigationRequest(goal=GOAL, beware=BewareList(classes=()), zones=())
@@ -458,5 +472,10 @@ def test_a_robot_that_the_gate_holds_backs_off_without_waiting_then_tries_what_i
         RecoveryAction.CLOSE,
         RecoveryAction.GIVE_UP,
     ]
+    for _ in range(int(RULES.again_s) - 2):
+        t_ns += 1_000_000_000
+        recovery = recovery.after(onward, here, t_ns, RULES)
+        assert recovery.action is RecoveryAction.GIVE_UP, "also while the gate is not asked"
+    assert recovery.after(onward, here, t_ns + 2_000_000_000, RULES) == Recovery()
     # Control: without the gate's word a robot that follows its path is never blocked.
     assert Recovery().after(onward, here, t_ns, RULES).action is RecoveryAction.NONE

@@ -69,7 +69,12 @@ def decided(
 
 def share_of(motion: Motion, cells: GrownCells, pose: Pose2) -> float:
     """The share of a motion that the gate permits."""
-    keep_outs = KeepOuts(pose=pose, cells=cells.cells, cell_growth_m=cells.growth_m)
+    keep_outs = KeepOuts(
+        pose=pose,
+        cells=cells.cells,
+        cell_growth_m=cells.growth_m,
+        cell_objects=cells.objects if len(cells.objects) else None,
+    )
     return permitted_share(keep_outs, motion.twist, HUSKY, frame_age_s=0.1)[0]
 
 
@@ -115,6 +120,21 @@ def test_what_it_commands_beside_uncertain_cells_the_gate_lets_pass(
     assume(HUSKY.distances_m(pose.from_parent(cells.cells)).min() > growth_m + 0.05)
     motion = decided(cells, pose, path)
     assert motion.twist == STANDSTILL or share_of(motion, cells, pose) > 0.0
+
+
+@pytest.mark.parametrize("as_one", [True, False], ids=["as one", "control"])
+def test_within_the_growth_of_a_line_it_drives_along_as_the_gate_lets_it(as_one: bool) -> None:
+    x = np.arange(-1.975, 2.0, 0.05)
+    cells = np.column_stack([x, np.full(len(x), 0.475)])  # 14 cm beside the body
+    objects = np.zeros(len(x), dtype=np.int64) if as_one else np.arange(len(x))
+    line = GrownCells(cells, np.full(len(x), 0.25), objects)
+    here = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    motion = decided(line, here, AWAY)
+    if as_one:
+        assert motion.outcome is ControllerState.FOLLOW and motion.twist.v_mps > 0.1
+        assert share_of(motion, line, here) > 0.0
+    else:
+        assert motion.twist == STANDSTILL
 
 
 def _of(cells: GrownCells) -> tuple[Points, np.ndarray]:

@@ -140,12 +140,17 @@ def squares(mask: BoolGrid) -> npt.NDArray[np.object_]:
 
 
 def newly_touched(twist: Twist, pose: Pose2, mask: BoolGrid) -> int:
-    """Cells outside the footprint now, that the motion drives onto."""
-    cells = squares(mask)
-    bodies = footprints(simulated(twist, pose))
+    """Cells outside the footprint now, that the motion drives onto; a cell so near that a corner of
+    it may touch the body counts if the body comes nearer to its middle."""
+    cells, centres = squares(mask), SPEC.centres(np.argwhere(mask))
+    poses = simulated(twist, pose)
+    bodies = footprints(poses)
     shapely.prepare(bodies)
     hits = shapely.intersects(bodies[:, None], cells[None, :])
-    return int((hits[1:].any(axis=0) & ~hits[0]).sum())
+    away_m = np.array([HUSKY.distances_m(one.from_parent(centres)) for one in poses])
+    nearer = away_m.min(axis=0) < away_m[0] - 1e-4
+    is_far = away_m[0] > SPEC.resolution_m * math.sqrt(0.5)
+    return int((hits[1:].any(axis=0) & ~hits[0] & (is_far | nearer)).sum())
 
 
 def world(seed: int) -> tuple[Pose2, BoolGrid, BoolGrid, Points, Motion]:
@@ -320,6 +325,27 @@ def test_a_zone_is_as_hard_as_a_wall() -> None:
     assert differ > 10
 
 
+@pytest.mark.parametrize("gap_m", [0.01, 0.03, 0.05, 0.065])
+def test_beside_what_touches_its_side_the_robot_drives_on_and_from_its_rear_away(
+    gap_m: float,
+) -> None:
+    """A person has come up to it, a zone was drawn there, it was switched on beside a wall."""
+    along = np.linspace(-0.5, 0.5, 11)
+    beside = np.column_stack([along, np.full(11, HUSKY.width_m / 2 + gap_m)])
+    behind = np.column_stack([np.full(7, -HUSKY.length_m / 2 - gap_m), np.linspace(-0.3, 0.3, 7)])
+    for near in (beside, behind):
+        for motion in (decide(forbidden=near), decide(geometric=near), decide(people_cells=near)):
+            assert motion.outcome is ControllerState.FOLLOW and motion.twist.v_mps > 0.1
+    into = decide(forbidden=beside, path=np.array([[0.0, 0.0], [0.0, 2.0]]))
+    assert not newly_near(into.twist, beside)
+
+
+def newly_near(twist: Twist, cells: Points) -> bool:
+    """Whether a motion from the origin brings the body nearer to any of the cells."""
+    away_m = np.array([HUSKY.distances_m(p.from_parent(cells)) for p in simulated(twist, ORIGIN)])
+    return bool((away_m.min(axis=0) < away_m[0] - 1e-3).any())
+
+
 @pytest.mark.parametrize("y_m", [-0.33, 0.0, 0.2])
 def test_from_what_has_come_up_right_before_its_front_the_robot_backs_off(y_m: float) -> None:
     """A class with a margin, seen only from nearby: its cells touch the body and no motion forward
@@ -328,7 +354,8 @@ def test_from_what_has_come_up_right_before_its_front_the_robot_backs_off(y_m: f
         [np.full(9, HUSKY.length_m / 2 + 0.016), np.linspace(y_m - 0.1, y_m + 0.1, 9)]
     )
     for motion in (decide(forbidden=across), decide(geometric=across)):
-        assert motion.outcome is ControllerState.BACK and motion.twist.v_mps < 0
+        backs = motion.outcome in (ControllerState.BACK, ControllerState.MANOEUVRE)
+        assert backs and motion.twist.v_mps < 0
     behind = np.column_stack([-across[:, 0], across[:, 1]])
     assert stands(decide(forbidden=np.vstack([across, behind])), ControllerState.BLOCKED), (
         "and not onto what it touches behind"

@@ -226,7 +226,23 @@ def test_a_speed_limit_has_no_clearance() -> None:
     closed, open_ = (
         margins_of(frozen=True).follow((zone,), place(-10.0, 0.1))[0] for zone in (ZONE, limit)
     )
-    assert gap_m(open_, -10.0) > gap_m(closed, -10.0) + 0.9 * GATE.uncertain_clearance_m
+    drawn_m, growth_m = gap_m(limit, -10.0), 1.5 * GATE.sigmas * 0.1
+    assert gap_m(open_, -10.0) > drawn_m - growth_m
+    assert gap_m(closed, -10.0) < drawn_m - 0.9 * GATE.uncertain_clearance_m  # control
+
+
+def test_a_speed_limit_grows_by_all_of_the_uncertainty_as_no_margin_is_kept_from_it() -> None:
+    limit = dataclasses.replace(ZONE, kind=ZoneKind.SPEED_LIMIT, max_speed_mps=0.3)
+    beside = {}
+    for zone in (limit, ZONE):
+        margins = margins_of()
+        margins.follow((zone,), place(0.0, 0.0))
+        (grown,) = margins.follow((zone,), place(0.0, 0.05))
+        beside[zone.kind] = zone.bounds[0] - grown.bounds[0]
+    assert beside[ZoneKind.SPEED_LIMIT] >= GATE.sigmas * 0.05
+    assert (
+        beside[ZONE.kind] < 0.5 * GATE.sigmas * 0.05
+    )  # control: the planner's margin does the rest
 
 
 def test_the_clearance_gives_way_to_a_robot_that_is_nearer_and_comes_back_behind_it() -> None:

@@ -110,6 +110,46 @@ def test_known_beware_cells_count_like_a_zone() -> None:
     assert share(KeepOuts(pose=HERE, cells=cells(-3.0)), BACK) == 1.0
 
 
+def line_beside(gap_m: float, *, growth_m: float, as_one: bool = True) -> KeepOuts:
+    """A tape of 4 m that runs beside the robot, and is uncertain."""
+    x = np.arange(-2.0, 2.0, 0.05)
+    cells = np.column_stack([x, np.full(len(x), HUSKY.width_m / 2 + gap_m)])
+    objects = np.zeros(len(x), dtype=np.int64) if as_one else None
+    return KeepOuts(
+        pose=HERE, cells=cells, cell_growth_m=np.full(len(x), growth_m), cell_objects=objects
+    )
+
+
+def test_within_the_growth_of_a_line_the_robot_drives_along_it_and_away_and_not_nearer() -> None:
+    within = line_beside(0.1, growth_m=0.15)
+    assert share(within) == 1.0 and share(within, BACK) == 1.0
+    assert share(within, Twist(v_mps=0.3, w_radps=0.3)) == 0.0, "towards it"
+    assert share(line_beside(0.1, growth_m=0.15, as_one=False)) == 0.0  # control: each by itself
+    assert share(line_beside(0.2, growth_m=0.15)) == 1.0
+
+
+def test_of_an_object_that_the_robot_touches_it_may_cover_no_more() -> None:
+    x = np.arange(0.3, 1.5, 0.05)
+    cells = np.column_stack([x, np.zeros(len(x))])
+    touched = KeepOuts(pose=HERE, cells=cells, cell_objects=np.zeros(len(x), dtype=np.int64))
+    assert share(touched) == 0.0 and share(touched, BACK) == 1.0
+
+
+def test_a_robot_that_leaves_an_object_keeps_out_of_all_others() -> None:
+    within = line_beside(0.1, growth_m=0.15)
+    towards = Twist(v_mps=0.3, w_radps=0.3)
+    assert share(dataclasses.replace(within, leaving=True), towards) == 1.0
+    ahead = np.array([[FRONT_M + 0.02, 0.0], [FRONT_M + 0.02, 0.05]])
+    both = dataclasses.replace(
+        within,
+        leaving=True,
+        cells=np.vstack([within.cells, ahead]),
+        cell_growth_m=np.append(np.full(len(within.cells), 0.15), [0.0, 0.0]),
+        cell_objects=np.append(np.zeros(len(within.cells), dtype=np.int64), [1, 1]),
+    )
+    assert share(both, towards) == 0.0 and share(both, BACK) == 1.0
+
+
 def test_a_robot_in_a_zone_may_leave_it_and_go_no_farther_in() -> None:
     half_in = KeepOuts(pose=HERE, zones=(zone(0.2, 3.0),))
     assert share(half_in, BACK) == 1.0
@@ -356,3 +396,34 @@ def test_too_uncertain_a_position_keeps_out_of_the_grown_zone() -> None:
     assert permitted == 0.0
     assert "uncertain by 0.4 m" in reason
     assert share(at_its_edge, BACK) > 0.0
+
+
+def test_what_is_sent_on_the_way_to_another_velocity_is_checked_too() -> None:
+    """A robot that drives at full speed and is asked to turn in place goes on ahead meanwhile, on
+    an arc that the turn itself does not sweep."""
+    beside = Zone(
+        id="z",
+        name="shelf",
+        polygon=tuple(
+            (FRONT_M + x, HUSKY.width_m / 2 + y)
+            for x, y in ((0.02, 0.03), (1.5, 0.03), (1.5, 1.0), (0.02, 1.0))
+        ),
+    )
+    turn = Twist(v_mps=0.0, w_radps=0.3)
+
+    def sent(zones: tuple[Zone, ...]) -> Twist:
+        facts = GateInput(
+            now_ns=0,
+            frame_ns=0,
+            stopped_by=None,
+            command=Command(twist=turn, stamp_ns=0),
+            keep_outs=KeepOuts(pose=HERE, zones=zones),
+        )
+        return gate(facts, sent=AHEAD, period_s=0.05, profile=HUSKY).twist
+
+    free, kept = sent(()), sent((beside,))
+    assert free.w_radps > 0.0 and free.v_mps > 0.5
+    assert (
+        permitted_share(KeepOuts(pose=HERE, zones=(beside,)), free, HUSKY, frame_age_s=0.0)[0] < 1
+    )
+    assert kept.w_radps == 0.0 and kept.v_mps == free.v_mps, "it brakes straight on"

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from app.runtime.control.background import InlineBackground
 from app.runtime.control.map_requests import MapRequests
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
+from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.safety import DEFAULT_SAFETY, GateConfig, SafetyConfig
 from navcore.control.motion import ControllerState, Motion
@@ -575,6 +578,37 @@ def test_a_zone_holds_teleoperation_before_the_first_tick_and_when_ticks_fail(
     assert ahead.twist == STANDSTILL and Cause.BEWARE_AHEAD in causes(ahead)
     back = pushed(driver, Twist(v_mps=-0.2, w_radps=0.0)).command(lambda: SECOND, 0.05, newest=OPEN)
     assert back.twist.v_mps < 0 and Cause.BEWARE_AHEAD not in causes(back)
+
+
+def test_an_obstacle_that_holds_longer_than_it_is_remembered_begins_the_recovery() -> None:
+    """The gate sees what the map does not: the planners would ask for the same motion for good."""
+    told: list[tuple[float, bool]] = []
+
+    def noted(behaviour: Behaviour, motion: Motion, **given: Any) -> tuple[Behaviour, Motion]:
+        told.append((given["frame"].stamp_ns / SECOND, given["held"]))
+        return behaviour, motion
+
+    ahead = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=ControllerState.FOLLOW)
+    driver = controller((3.0, 0.0), stages=Stages(control=lambda *_: ahead, supervise=noted))
+    wall = Box(x=(0.53, 0.63), y=(-1.0, 1.0), z=(0, 1.0))
+    for tenth in range(10, 90):
+        frame = picture(wall, stamp_ns=tenth * SECOND // 10)
+        think(driver, frame)
+        clock = itertools.repeat(frame.stamp_ns + 1).__next__
+        verdict = driver.command(clock, 0.1, newest=frame)
+        assert causes(verdict) == [Cause.CONTACT_IMMINENT]
+    first_s = next(at_s for at_s, held in told if held)
+    assert first_s - 1.0 == pytest.approx(1.0 + DEFAULT_SAFETY.collision.memory_s, abs=0.2)
+    assert sum(held for _, held in told) == 1, "then what it tries is judged afresh"
+
+
+def test_a_robot_that_stands_for_a_correction_of_its_place_says_so() -> None:
+    driver = controller((3.0, 0.0))
+    think(driver)
+    assert Cause.POSE_UNKNOWN not in causes(command(driver))
+    driver._tick_state = dataclasses.replace(driver.tick_state, waits_for_correction=True)
+    (said,) = [reason for reason in command(driver).reasons if reason.cause is Cause.POSE_UNKNOWN]
+    assert "can be corrected" in said.text
 
 
 def test_a_lost_robot_is_driven_by_hand_wherever_the_zones_were() -> None:
