@@ -44,7 +44,8 @@ class PresenceMonitor:
         self._access.authenticator.refresh()
         attended = self._access.control.now.holder is not None
         left, self._attended = self._attended and not attended, attended
-        if left and self._unattended == "pause" and self._operations.state().phase is Phase.DRIVING:
+        drives = self._operations.state().phase in (Phase.DRIVING, Phase.LEAVING)
+        if left and self._unattended == "pause" and drives:
             log.warning("the operator in control has left; the mission is paused")
             try:
                 self._operations.mission("pause")

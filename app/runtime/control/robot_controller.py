@@ -428,7 +428,7 @@ class RobotController:
             command=command,
             sensors=self._watched,
             obstacles=self._recent_obstacles.all_points,
-            keep_outs=KeepOuts() if hand is not None else self._keep_outs(),
+            keep_outs=self._keep_outs(),
             blocked_since_ns=self._blocked_since_ns,
         )
         verdict = gate(facts, sent=self._sent, period_s=period_s, profile=self.profile)
@@ -441,8 +441,8 @@ class RobotController:
         return GateDecision(twist=twist, reasons=ranked([*verdict.reasons, *found]))
 
     def _keep_outs(self) -> KeepOuts:
-        """Return what the gate keeps the robot out of in a mission: the operator's present zones,
-        and the beware cells of the newest tick."""
+        """Return what the gate keeps the robot out of, in a mission and by hand: the operator's
+        present zones, and the beware cells of the newest tick."""
         newest, place, tick_state = self._watched.newest, self.place, self._tick_state
         grown = tick_state.decision.grown_cells if tick_state.decision else GrownCells()
         return KeepOuts(

@@ -23,6 +23,7 @@ from web.auth.access import Access
 from web.auth.control_lease import PAGE_LEASE_S, ControlLeases
 from web.auth.presence import PresenceMonitor
 from web.auth.roles import Role, Visitor
+from web.interface.operations import MissionAction
 from web.schemas.mission.teleop import DriveMessage
 from web.server import ConsoleServer
 
@@ -194,27 +195,27 @@ def test_a_hand_that_speaks_nonsense_is_cut_off(
     assert operations.hands == []
 
 
-@pytest.mark.parametrize(
-    ("unattended", "phase"), [("pause", Phase.PAUSED), ("go on", Phase.DRIVING)]
-)
+@pytest.mark.parametrize("action", ["start", "leave"])
+@pytest.mark.parametrize("unattended", ["pause", "go on"])
 def test_when_the_operator_goes_silent_the_mission_does_as_configured(
-    unattended: Any, phase: Phase
+    unattended: Any, action: MissionAction
 ) -> None:
     now_s = [0.0]
     operations, control = FakeOperations(), ControlLeases(clock=lambda: now_s[0])
     presence = PresenceMonitor(operations, Access(control=control), unattended)
     control.claim(Visitor(name="anna", role=Role.OPERATOR, client_id="page anna"))
     operations.goals.add(3, 0)
-    operations.mission("start")
+    operations.mission(action)
+    driving = operations.state().phase
     presence.check()
     now_s[0] += PAGE_LEASE_S - 0.1
     presence.check()
-    assert operations.state().phase is Phase.DRIVING
+    assert operations.state().phase is driving
     now_s[0] += 0.2
-    presence.check()
-    assert operations.state().phase is phase
-    presence.check()
-    assert operations.state().phase is phase
+    for _ in range(2):
+        presence.check()
+        phase = Phase.PAUSED if unattended == "pause" else driving
+        assert operations.state().phase is phase
 
 
 @pytest.mark.parametrize("who", ["viewer", "operator"])

@@ -580,6 +580,29 @@ def test_a_zone_holds_teleoperation_before_the_first_tick_and_when_ticks_fail(
     assert back.twist.v_mps < 0 and Cause.BEWARE_AHEAD not in causes(back)
 
 
+@pytest.mark.parametrize("sigma_m", [0.0, 0.1])
+def test_by_hand_a_zone_is_kept_by_the_uncertainty_of_the_position_too(sigma_m: float) -> None:
+    """Two decimetres ahead are free only for a robot
+    that knows where it is."""
+    zone = Zone(id="z", name="edge", polygon=((0.73, -1.0), (1.5, -1.0), (1.5, 1.0), (0.73, 1.0)))
+    driver = controller()
+    think(driver)
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(zone,)))
+    covariance = np.diag([sigma_m**2, sigma_m**2, 0.0])
+    driver.navigator.place = dataclasses.replace(driver.place, covariance=covariance)
+    driver._tick_state = dataclasses.replace(
+        driver.tick_state, zone_covariances={"z": covariance[:2, :2]}
+    )
+    verdict = command(pushed(driver, Twist(v_mps=0.2, w_radps=0.0)))
+    if sigma_m:
+        assert verdict.twist == STANDSTILL and causes(verdict) == [Cause.BEWARE_AHEAD]
+    else:
+        assert verdict.twist.v_mps > 0.0
+    for _ in range(2):  # the wheels stop before they turn the other way
+        verdict = command(pushed(driver, Twist(v_mps=-0.2, w_radps=0.0)))
+    assert verdict.twist.v_mps < 0.0
+
+
 def test_an_obstacle_that_holds_longer_than_it_is_remembered_begins_the_recovery() -> None:
     """The gate sees what the map does not: the planners would ask for the same motion for good."""
     told: list[tuple[float, bool]] = []
