@@ -65,8 +65,8 @@ class Recovery:
     """Pose where the last of those started."""
     waited_s: float = 0.0
     """Time in seconds for which people beside the robot have kept it from recovering here."""
-    refused: ControllerState = ControllerState.BLOCKED
-    """What the controller asked for when the present action started."""
+    refused: ControllerState | None = None
+    """What the controller asked for when the present action started; None for nothing."""
     was_held: bool = False
     """Whether the safety gate kept the robot from its motion then."""
 
@@ -98,7 +98,8 @@ class Recovery:
             if self.was_held:
                 # What it is asked for is no sign that the gate lets it pass: all is tried again.
                 return Recovery() if lasts_s >= rules.again_s else now
-            if motion.outcome is ControllerState.MANOEUVRE and self.refused is not motion.outcome:
+            was_blocked = self.refused is ControllerState.BLOCKED
+            if was_blocked and motion.outcome is ControllerState.MANOEUVRE:
                 return Recovery()  # what was in its way has gone in part
             return now._ended() if motion.outcome in _ONWARD else now
         if self.action is RecoveryAction.WAIT:

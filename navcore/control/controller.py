@@ -20,7 +20,6 @@ from navcore.costmap.local_costmap import (
     kept_zones,
     nearby,
     obstacle_masks,
-    outside,
     people_mask,
     split_areas,
 )
@@ -73,6 +72,10 @@ class ControlTask:
     """Class ids of the beware list that are people."""
 
 
+_IN_ZONE = Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
+"""A robot stands in an area that the operator's rules forbid."""
+
+
 class Controller:
     """Runs the local planner; remembers the newest motion, since a manoeuvre is carried through."""
 
@@ -95,23 +98,23 @@ class Controller:
             local = dataclasses.replace(local, nearly_m=0.0)
             within = {one.zone.id for one in task.around}
             zones = tuple(zone for zone in task.leaving if zone.id not in within)
-            _, forbidden = split_areas(around, zones, self._profile, pose)
-            bare = forbidden
+            _, bare = split_areas(around, zones, self._profile, pose)
+            margins = np.zeros_like(bare)
         else:
             besides_m = self._config.control.collision.kept_besides_m
             kept = task.kept_cells.kept_by(self._profile, pose, besides_m)
-            forbidden |= kept_cells(around.spec, kept.cells, kept.growth_m)
-            forbidden |= kept_zones(around.spec, task.kept_zones)
-        forbidden_points = nearby(forbidden, around, pose, reach_m)
+            bare |= kept_cells(around.spec, kept.cells, kept.growth_m)
+            bare |= kept_zones(around.spec, task.kept_zones)
+            margins = forbidden & ~bare
+        forbidden_points = nearby(bare, around, pose, reach_m)
+        margin_points = nearby(margins, around, pose, reach_m)
         cell_m = around.spec.resolution_m
-        trapped = footprint_overlaps(nearby(bare, around, pose, reach_m), self._profile, cell_m)
-        if not trapped:
-            # A margin that reaches the body, as when a thing is recognised late, does not hold the
-            # robot: it drives away from it, or along.
-            forbidden_points = forbidden_points[outside(forbidden_points, self._profile, 0.0)]
+        in_area = any(
+            footprint_overlaps(points, self._profile, cell_m)
+            for points in (forbidden_points, margin_points)
+        )
         if len(task.track) == 0 and not task.around:
-            in_zone = Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
-            self._motion = in_zone if trapped else IDLE
+            self._motion = _IN_ZONE if in_area else IDLE
             return self._motion
         unseen = frontier(self._explored.known(around.spec))
         people, control = self._config.people, self._config.control
@@ -119,6 +122,7 @@ class Controller:
             LocalPlannerInput(
                 geometric=nearby(hard, around, pose, reach_m),
                 forbidden=forbidden_points,
+                margins=margin_points,
                 people_cells=people_points,
                 unseen=nearby(unseen, around, pose, reach_m),
                 cell_m=cell_m,
@@ -137,6 +141,8 @@ class Controller:
                 spin=task.spin,
             )
         )
+        if in_area and self._motion.outcome is ControllerState.BLOCKED:
+            self._motion = _IN_ZONE  # the operator can have it leave the margin that it is in
         at_end = self._motion.outcome in (ControllerState.ARRIVED, ControllerState.ALIGN)
         if at_end and not task.reaches_goal:
             self._motion = IDLE

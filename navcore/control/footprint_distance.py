@@ -25,7 +25,7 @@ def contact_slack(
 ) -> tuple[Floats, Floats]:
     """Return, (A, S) each, by how much in metres the footprint stays farther away than `kept_m`,
     (N,), from (N, 2) points on the motion up to each of (A, S, 3) poses, the least of all, and the
-    least distance itself."""
+    least distance itself; distances are negative under the footprint."""
     return _contact_sweep(contacts, kept_m, poses, half_length, half_width)
 
 
@@ -88,9 +88,11 @@ def _contact_sweep(
             cos, sin = math.cos(poses[a, s, 2]), math.sin(poses[a, s, 2])
             for n in range(len(contacts)):
                 dx, dy = contacts[n, 0] - poses[a, s, 0], contacts[n, 1] - poses[a, s, 1]
-                out_x = max(abs(cos * dx + sin * dy) - half_length, 0.0)
-                out_y = max(abs(cos * dy - sin * dx) - half_width, 0.0)
-                distance = math.sqrt(out_x * out_x + out_y * out_y)
+                out_x = abs(cos * dx + sin * dy) - half_length
+                out_y = abs(cos * dy - sin * dx) - half_width
+                distance = max(out_x, out_y)
+                if distance > 0.0:
+                    distance = math.hypot(max(out_x, 0.0), max(out_y, 0.0))
                 least = min(least, distance)
                 least_slack = min(least_slack, distance - kept_m[n])
             slack[a, s], distances[a, s] = least_slack, least

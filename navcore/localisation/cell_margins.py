@@ -23,7 +23,7 @@ from navcore.geometry.camera import project
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.tracking.odometry_model import OdometryStep, travel_of, travel_variance
-from navcore.mission.zone_growth import least_share
+from navcore.mission.zone_growth import kept_distances
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 
@@ -41,13 +41,12 @@ class GrownCells:
 
     def kept_by(self, profile: RobotProfile, pose: Pose2, besides_m: float) -> GrownCells:
         """Return the cells with the growth that a robot at a pose keeps, and a distance in metres
-        besides. It may stay as near to an object as it is, and move along there: all of the object
-        is kept by the share of its growth that the robot has left."""
+        besides. It may stay as near to an object as it is, and move along there."""
         now_m = np.maximum(profile.distances_m(pose.from_parent(self.cells)) - besides_m, 0.0)
-        asked_m = self.growth_m + besides_m
-        share = least_share(now_m, asked_m, self.objects)
-        kept_m = np.where(share > 0.0, share * asked_m, np.minimum(now_m, asked_m))
-        return GrownCells(self.cells, kept_m, self.objects)
+        objects = self.objects if len(self.objects) else np.arange(len(self.cells))
+        return GrownCells(
+            self.cells, kept_distances(now_m, self.growth_m + besides_m, objects), objects
+        )
 
 
 NO_CELLS = GrownCells()

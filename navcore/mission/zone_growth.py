@@ -28,8 +28,6 @@ _RADIUS = 1.0 / math.cos(1.5 * math.pi / (4 * _ARC_SEGMENTS))
 rounds the number of chords, so that one may be half as long again."""
 _LEAST_M = 1e-3
 """Smallest half axis of an ellipse in metres, so that it can be inverted."""
-_NEGLIGIBLE_M = 1e-6
-"""Asked distance in metres that any distance keeps."""
 _STEP_M2 = 1e-4
 """Step of the covariances that zones are grown by, square metres."""
 
@@ -157,13 +155,19 @@ def relative_distance(zone: Zone, spread: Matrix, outlines: Floats) -> Floats:
     return distance_m(in_disc, np.asarray(shapely.polygons(outlines @ to_disc)))
 
 
-def least_share(distances_m: Floats, asked_m: Floats, objects: Indices) -> Floats:
-    """Return (N,) for each cell the least share, 0 to 1, of the asked distance that the robot keeps
-    from any cell of the same object; (N,) distances, asked ones and numbers of the objects."""
-    share = np.clip(distances_m / np.maximum(asked_m, _NEGLIGIBLE_M), 0.0, 1.0)
-    if not len(objects):
-        return share
+def kept_distances(now_m: Floats, asked_m: Floats, objects: Indices) -> Floats:
+    """Return (N,) how far in metres a robot keeps from cells that are (N,) away now: as far as
+    asked for, (N,).
+
+    Of an object, by its (N,) numbers, that is nearer than asked for all cells are kept as far as
+    the nearest such cell is, so that the robot may drive along it. What it touches it may cover no
+    further: such cells are kept as far as they are.
+    """
+    kept_m, infringed = np.minimum(now_m, asked_m), now_m < asked_m
+    if not infringed.any():
+        return kept_m
     _, which = np.unique(objects, return_inverse=True)
-    least = np.ones(int(which.max()) + 1)
-    np.minimum.at(least, which, share)
-    return least[which]
+    nearest_m = np.full(int(which.max()) + 1, np.inf)
+    np.minimum.at(nearest_m, which[infringed], now_m[infringed])
+    least_m = nearest_m[which]
+    return np.where(least_m > 0.0, np.minimum(asked_m, least_m), kept_m)

@@ -122,29 +122,53 @@ def gate(
     if share < 1.0:
         slowed = Twist(v_mps=share * slowed.v_mps, w_radps=share * slowed.w_radps)
     if area and _fastest_point(slowed, profile) < config.collision.creep_mps:
-        text = f"Driving on would enter {area}."
-        objections.append(StopReason(cause=Cause.BEWARE_AHEAD, text=text))
+        objections.append(_area_reason(area))
     if objections or facts.command is None:
         return GateDecision(twist=STANDSTILL, reasons=ranked(objections))
     period_s = min(period_s, config.gate.max_period_s)
     twist = _within_limits(slowed, sent, period_s, profile)
-    if twist != slowed and not _is_permitted(twist, facts, profile, config):
+    if twist != slowed and (refused := _refused(twist, facts, profile, config)) is not None:
         # From the present velocity to the one that was checked leads an arc that goes elsewhere.
-        twist = _within_limits(STANDSTILL, sent, period_s, profile)
+        twist = _along(slowed, twist)
+        is_reached = _within_limits(twist, sent, period_s, profile) == twist
+        if not is_reached or _refused(twist, facts, profile, config) is not None:
+            twist = _within_limits(STANDSTILL, sent, period_s, profile)
+        if twist == STANDSTILL:
+            return GateDecision(twist=twist, reasons=(refused,))
     return GateDecision(twist=twist, reasons=())
 
 
-def _is_permitted(
+def _refused(
     twist: Twist, facts: GateInput, profile: RobotProfile, config: SafetyConfig
-) -> bool:
-    """Return whether the robot enters no area and touches nothing at a velocity."""
+) -> StopReason | None:
+    """Return why a velocity is too fast, as it would touch something or enter an area; None if it
+    is not."""
     contact_s = time_to_contact(facts.obstacles, twist, profile, config.collision)
     if _slowed(twist, contact_s, facts, profile, config) != twist:
-        return False
-    share, _ = permitted_share(
+        return _contact_reason(twist, contact_s, config)
+    share, area = permitted_share(
         facts.keep_outs, twist, profile, frame_age_s=_frame_age_s(facts), config=config.keep_out
     )
-    return share == 1.0
+    return None if share == 1.0 else _area_reason(area)
+
+
+def _along(checked: Twist, reached: Twist) -> Twist:
+    """Return the velocity on the arc of the one that was checked, no faster than what can be
+    reached."""
+    shares = [
+        min(max(part / whole, 0.0), 1.0)
+        for part, whole in (
+            (reached.v_mps, checked.v_mps),
+            (reached.w_radps, checked.w_radps),
+        )
+        if whole
+    ]
+    share = min(shares, default=0.0)
+    return Twist(v_mps=share * checked.v_mps, w_radps=share * checked.w_radps)
+
+
+def _area_reason(area: str) -> StopReason:
+    return StopReason(cause=Cause.BEWARE_AHEAD, text=f"Driving on would enter {area}.")
 
 
 def wheels_blocked(
@@ -272,6 +296,14 @@ def _fastest_point(twist: Twist, profile: RobotProfile) -> float:
 def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotProfile) -> Twist:
     """Return the velocity within the platform's speed and, since the last one, acceleration."""
     period_s = max(period_s, 0.0)  # a clock that goes back gives no licence to accelerate
+    if asked == STANDSTILL and sent != STANDSTILL:
+        # Along the arc that was checked: were each braked by itself, the body would go elsewhere.
+        stop_s = max(
+            abs(sent.v_mps) / profile.max_accel_mps2,
+            abs(sent.w_radps) / profile.max_yaw_accel_radps2,
+        )
+        share = max(1.0 - period_s / stop_s, 0.0)
+        return Twist(v_mps=share * sent.v_mps, w_radps=share * sent.w_radps)
     speed = _approach(
         asked.v_mps, sent.v_mps, profile.max_accel_mps2 * period_s, profile.max_speed_mps
     )

@@ -29,8 +29,8 @@ from navcore.mission.zone_growth import (
     covering,
     distance_m,
     grow,
+    kept_distances,
     largest_axis_m,
-    least_share,
     polygon_of,
     relative_distance,
     spread_of,
@@ -250,16 +250,13 @@ def _cell_entered(
     if not len(cells) or objects is None:
         return None
     now_m = profile.distances_m(start.from_parent(cells))
-    share = least_share(np.maximum(now_m, 0.0), growth_m, objects)
-    exempt = share < 1.0 if keep_outs.leaving else np.zeros(len(cells), dtype=np.bool_)
-    kept_m = np.minimum(now_m, growth_m) - _ROUNDING
+    if keep_outs.leaving:
+        others = ~np.isin(objects, objects[now_m < growth_m])
+        cells, growth_m, objects = cells[others], growth_m[others], objects[others]
+        now_m = now_m[others]
+    kept_m = kept_distances(now_m, growth_m, objects) - _ROUNDING
     for pose in poses:
-        later_m = profile.distances_m(pose.from_parent(cells))
-        nearer = (later_m < kept_m) & ~exempt
-        if not nearer.any():
-            continue
-        later = least_share(np.maximum(later_m, 0.0), growth_m, objects)
-        if (nearer & ((share == 0.0) | (later < share - _ROUNDING))).any():
+        if (profile.distances_m(pose.from_parent(cells)) < kept_m).any():
             return "an object of the beware list"
     return None
 

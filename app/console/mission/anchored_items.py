@@ -15,7 +15,7 @@ from navcore.mission.zone import Zone
 
 LEAST_M = 0.01
 """Distance in metres below which an item stays where it is."""
-ZoneKey = tuple[str, int]
+Outline = tuple[tuple[float, float], ...]
 GoalKey = tuple[int, float, float]
 
 
@@ -43,7 +43,7 @@ class AnchoredItems:
     ) -> None:
         """`zones` gives the editor of the present site."""
         self._zones, self._mission, self._change_mission = zones, mission, change_mission
-        self._zone_anchors: dict[ZoneKey, Anchored[Zone] | None] = {}
+        self._zone_anchors: dict[Outline, Anchored[Zone] | None] = {}
         self._goal_anchors: dict[GoalKey, Anchored[Goal] | None] = {}
 
     def note_tick(self, correction: AppliedCorrection | None, pose_ids: PoseIds) -> tuple[str, ...]:
@@ -51,18 +51,15 @@ class AnchoredItems:
         for each item that moved."""
         told: list[str] = []
         if correction is not None:
-            zones_told = self._move_zones(correction, pose_ids.frozen)
-            told = [*zones_told, *self._move_goals(correction)]
-        zones = {(zone.id, zone.version): zone for zone in self._zones().stored}
+            of_goals = self._move_goals(correction)
+            told = [*self._move_zones(correction), *of_goals]
+        poses, frozen = pose_ids.poses, pose_ids.frozen
+        # By outline, so that edits and zone sets that hold the same one move with it.
+        for zone in self._zones().stored:
+            if zone.polygon not in self._zone_anchors:
+                self._zone_anchors[zone.polygon] = anchored(zone, poses, frozen)
         goals = {(goal.id, goal.x_m, goal.y_m): goal for goal in self._mission().queue}
-        if zones.keys() != self._zone_anchors.keys() or goals.keys() != self._goal_anchors.keys():
-            poses, frozen = pose_ids.poses, pose_ids.frozen
-            self._zone_anchors = {
-                key: self._zone_anchors[key]
-                if key in self._zone_anchors
-                else anchored(zone, poses, frozen)
-                for key, zone in zones.items()
-            }
+        if goals.keys() != self._goal_anchors.keys():
             self._goal_anchors = {
                 key: self._goal_anchors[key]
                 if key in self._goal_anchors
@@ -75,30 +72,29 @@ class AnchoredItems:
         """Forget all anchors: the robot is at another site now."""
         self._zone_anchors, self._goal_anchors = {}, {}
 
-    def _move_zones(self, correction: AppliedCorrection, frozen: int) -> list[str]:
+    def _move_zones(self, correction: AppliedCorrection) -> list[str]:
+        anchors = dict(self._zone_anchors)
+
+        def placed(zone: Zone) -> tuple[Zone, float]:
+            """Return a zone where the correction has it, and how far in metres that moved it."""
+            held = anchors.get(zone.polygon)
+            if held is None:
+                return zone, 0.0
+            as_drawn = replace(zone, polygon=held.item.polygon, drawn=held.item.drawn)
+            held = replace(held, item=as_drawn)
+            there, by = held.moved_with(correction.before, correction.after)
+            if by.distance_m < LEAST_M:
+                return zone, 0.0
+            self._zone_anchors[there.polygon] = held
+            return there, by.distance_m
+
         moved, told = [], []
         for zone in self._zones().stored:
-            held = self._zone_anchors.get((zone.id, zone.version))
-            if held is None:
-                continue
-            placed, by = held.moved_with(correction.before, correction.after)
-            if by.distance_m >= LEAST_M:
-                moved.append(replace(placed, version=zone.version + 1))
-                told.append(f"Zone “{zone.name}” moved {by.distance_m:.2f} m with the map.")
-
-        anchors: dict[tuple[tuple[float, float], ...], Anchored[Zone] | None] = {}
-
-        def there_of(zone: Zone) -> Zone:
-            if zone.polygon not in anchors:  # edits and sets mostly hold the same outlines
-                anchors[zone.polygon] = anchored(zone, correction.before, frozen)
-            held = anchors[zone.polygon]
-            if held is None:
-                return zone
-            held = replace(held, item=zone)
-            there, by = held.moved_with(correction.before, correction.after)
-            return there if by.distance_m >= LEAST_M else zone
-
-        self._zones().move(moved, there_of)
+            there, distance_m = placed(zone)
+            if distance_m:
+                moved.append(replace(there, version=zone.version + 1))
+                told.append(f"Zone “{zone.name}” moved {distance_m:.2f} m with the map.")
+        self._zones().move(moved, lambda zone: placed(zone)[0])
         return told
 
     def _move_goals(self, correction: AppliedCorrection) -> list[str]:

@@ -54,8 +54,9 @@ class SiteUser(Protocol):
     def leaving_site(self) -> AbstractContextManager[None]:
         """Hold every edit of the present site; after the block they are refused."""
 
-    def enter_site(self, site: SiteStore) -> None:
-        """Edit the contents of another site from now on."""
+    def enter_site(self, site: SiteStore, *, same_map: bool = False) -> None:
+        """Edit the contents of another site from now on, or of one with the `same_map`, which has
+        another name now."""
 
 
 class MapView(Protocol):
@@ -146,7 +147,7 @@ class LiveSites:
                     self._keeper.move(lambda: self._renamed(name, new_name).map_file)
                 else:
                     self._renamed(name, new_name)
-            self._user.enter_site(self._store.site)
+            self._user.enter_site(self._store.site, same_map=True)
             return self._site(self.chosen)
 
     def furnish(self, name: str, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> Site:

@@ -237,8 +237,8 @@ class PersonDetectorConfig:
     """Time in seconds within which a cell must have shown floor before it was occupied to count as
     newly occupied."""
     fill_m: float = ranged(0.0, 5.0, default=0.6)
-    """Distance in metres between neighbouring floor pixels of a column within which the floor is
-    continuous."""
+    """Distance in metres between floor pixels of a column, of every second row, within which the
+    floor is continuous."""
     max_width_m: float = ranged(0.2, 5.0, default=1.2)
     """Greatest width in metres of a person, or of another object that moves in a crowd."""
     radius_m: float = ranged(0.05, 1.0, default=0.3)

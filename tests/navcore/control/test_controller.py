@@ -12,6 +12,7 @@ from navcore.control.controller import Controller, ControlTask
 from navcore.control.motion import ControllerState, Motion
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.local_costmap import split_areas
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mapping.point_map import PointMap
@@ -39,8 +40,13 @@ def grid(x_m: float) -> OccupancyGrid:
 
 def decided(x_m: float) -> Motion:
     """The motion to a goal beyond the landmine, past it by a metre."""
-    costmap = Costmap.of(grid(x_m), grid(x_m).geometric, version=1)
     track = np.column_stack([np.linspace(0.0, 2.5, 26), np.linspace(0.0, 1.5, 26)])
+    return motion_in(grid(x_m), track)
+
+
+def motion_in(world: OccupancyGrid, track: Points) -> Motion:
+    """The motion along a track."""
+    costmap = Costmap.of(world, world.geometric, version=1)
     controller = Controller(PointMap(SPEC, CONFIG.map).explored, HUSKY, CONFIG)
     task = ControlTask(
         costmap=costmap, pose=HERE, twist=STANDSTILL, track=track, reaches_goal=True, people=()
@@ -58,6 +64,33 @@ def test_a_margin_that_reaches_the_body_does_not_hold_the_robot(gap_m: float) ->
     step = Pose2(x_m=0.2 * motion.twist.v_mps, y_m=0.0, yaw_rad=0.2 * motion.twist.w_radps)
     later_m, now_m = (HUSKY.distances_m(pose.from_parent(mine)).min() for pose in (step, HERE))
     assert later_m >= now_m - 1e-3
+
+
+@pytest.mark.parametrize("depth_m", [0.03, 0.1, 0.3])
+def test_along_a_margin_that_reaches_its_side_the_robot_drives_on(depth_m: float) -> None:
+    """An operator draws a zone with a margin beside it."""
+    empty = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    zone = empty.copy()
+    zone[SPEC.cell(0.0, HUSKY.width_m / 2 + MARGIN_M - depth_m)[0] :] = True
+    world = OccupancyGrid(
+        spec=SPEC, geometric=empty, beware={}, zones=empty, wide_zones=((MARGIN_M, zone),)
+    )
+    motion = motion_in(world, np.column_stack([np.linspace(0.0, 2.5, 26), np.zeros(26)]))
+    assert motion.outcome is ControllerState.FOLLOW and motion.twist.v_mps > 0.1
+
+
+def test_a_margin_out_of_which_no_motion_leads_is_an_area_that_it_can_be_told_to_leave() -> None:
+    world = grid(HUSKY.length_m / 2 + 0.3)
+    around = world.geometric.copy()
+    row, col = SPEC.cell(0.0, 0.0)
+    around[row - 9 : row + 10, col - 12] = around[row - 9 : row + 10, col + 12] = True
+    around[row - 9, col - 12 : col + 13] = around[row + 9, col - 12 : col + 13] = True
+    shut = dataclasses.replace(world, geometric=around)
+    track = np.column_stack([np.linspace(0.0, 2.5, 26), np.zeros(26)])
+    assert motion_in(shut, track).outcome is ControllerState.IN_ZONE
+    assert motion_in(world, track[:0]).outcome is ControllerState.IN_ZONE, "and without a path"
+    free = dataclasses.replace(shut, beware={})
+    assert motion_in(free, track).outcome is ControllerState.BLOCKED  # control
 
 
 def test_a_thing_under_the_body_holds_it() -> None:

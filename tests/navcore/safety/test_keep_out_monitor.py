@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
@@ -188,6 +188,7 @@ def test_the_gate_slows_then_stops_with_the_reason() -> None:
     gap_m=st.floats(0.0, 1.0),
     bounded=st.booleans(),
 )
+@example(v_mps=-0.9375, w_radps=-0.375, yaw_rad=2.0, gap_m=0.0, bounded=False)
 def test_braking_from_the_permitted_velocity_never_enters_the_zone_or_leaves_the_site(
     v_mps: float, w_radps: float, yaw_rad: float, gap_m: float, bounded: bool
 ) -> None:
@@ -197,17 +198,15 @@ def test_braking_from_the_permitted_velocity_never_enters_the_zone_or_leaves_the
     permitted = share(KeepOuts(pose=start, zones=(keep_out,)), asked)
     # 0.25 s late, then the platform's braking, along the same arc.
     late_s = 0.25
-    fastest = permitted * (
-        abs(v_mps) / HUSKY.max_accel_mps2 + abs(w_radps) / HUSKY.max_yaw_accel_radps2
+    stop_s = permitted * max(
+        abs(v_mps) / HUSKY.max_accel_mps2, abs(w_radps) / HUSKY.max_yaw_accel_radps2, 1e-9
     )
     pose, step_s = start, 0.005
-    for k in range(round((late_s + fastest + 0.1) / step_s)):
-        braked_s = max(0.0, k * step_s - late_s)
-        v = math.copysign(max(0.0, abs(permitted * v_mps) - HUSKY.max_accel_mps2 * braked_s), v_mps)
-        w = math.copysign(
-            max(0.0, abs(permitted * w_radps) - HUSKY.max_yaw_accel_radps2 * braked_s), w_radps
-        )
-        pose = pose @ Pose2(x_m=v * step_s, y_m=0.0, yaw_rad=w * step_s)
+    for k in range(round((late_s + stop_s + 0.1) / step_s)):
+        left = permitted * max(0.0, 1.0 - max(0.0, k * step_s - late_s) / max(stop_s, 1e-9))
+        v, w = left * v_mps, left * w_radps
+        half = Pose2(x_m=0.0, y_m=0.0, yaw_rad=w * step_s / 2)
+        pose = pose @ half @ Pose2(x_m=v * step_s, y_m=0.0, yaw_rad=0.0) @ half
         body = Polygon(pose.to_parent(HUSKY.footprint()))
         area = Polygon(keep_out.polygon)
         entered = body.difference(area) if bounded else body.intersection(area)
@@ -427,3 +426,37 @@ def test_what_is_sent_on_the_way_to_another_velocity_is_checked_too() -> None:
         permitted_share(KeepOuts(pose=HERE, zones=(beside,)), free, HUSKY, frame_age_s=0.0)[0] < 1
     )
     assert kept.w_radps == 0.0 and kept.v_mps == free.v_mps, "it brakes straight on"
+
+
+def test_a_robot_that_stands_sets_off_on_the_arc_that_was_checked_or_says_why_not() -> None:
+    """Its yaw rate takes longer to reach than its speed, so it would begin a wider arc."""
+    arc = Twist(v_mps=0.2, w_radps=0.8)
+
+    def beside(gap_m: float) -> KeepOuts:
+        return KeepOuts(pose=HERE, cells=np.array([[FRONT_M + 0.02, gap_m - HUSKY.width_m / 2]]))
+
+    def decided_beside(gap_m: float) -> GateDecision:
+        facts = GateInput(
+            now_ns=0,
+            frame_ns=0,
+            stopped_by=None,
+            command=Command(twist=arc, stamp_ns=0),
+            keep_outs=beside(gap_m),
+        )
+        return gate(facts, sent=STANDSTILL, period_s=0.05, profile=HUSKY)
+
+    for gap_m in np.arange(-0.1, 0.2, 0.01).tolist():
+        decision = decided_beside(gap_m)
+        assert decision.twist != STANDSTILL or decision.reasons
+        if decision.twist != STANDSTILL:
+            assert permitted_share(beside(gap_m), decision.twist, HUSKY, frame_age_s=0.0)[0] == 1.0
+    assert decided_beside(-1.0).twist.w_radps > 0.0
+
+
+def test_it_brakes_along_the_arc_that_it_drives() -> None:
+    command = Command(twist=STANDSTILL, stamp_ns=0)
+    facts = GateInput(now_ns=0, frame_ns=0, stopped_by=None, command=command)
+    driven = Twist(v_mps=0.9, w_radps=0.4)
+    braking = gate(facts, sent=driven, period_s=0.05, profile=HUSKY).twist
+    assert 0.7 < braking.v_mps < 0.8
+    assert braking.w_radps / braking.v_mps == pytest.approx(driven.w_radps / driven.v_mps)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import pytest
 
@@ -69,6 +70,31 @@ def test_a_correction_takes_zones_and_goals_along_and_says_so(pose_ids: PoseIds)
     assert held.placed(FAR) is FAR
     items.note_tick(shifted(pose_ids, -0.4), pose_ids)
     assert held.stored[0].polygon[0] == pytest.approx((2.0, 0.0))
+
+
+def test_what_edits_hold_moves_with_the_zone_and_not_with_poses_that_came_by_later(
+    pose_ids: PoseIds,
+) -> None:
+    """The robot comes back beside the zone with drift, and the loop moves these poses alone."""
+    held = Held()
+    items = AnchoredItems(lambda: held, lambda: held.mission, held.change)
+    items.note_tick(None, pose_ids)
+    old = len(pose_ids.poses)
+    for step in range(5):
+        pose_ids.id_of(Pose2(x_m=2.1 + 0.3 * step, y_m=0.4, yaw_rad=0.0))
+    renamed = replace(ZONE, name="Spill", version=2)
+    held.stored = (renamed, FAR)
+    items.note_tick(None, pose_ids)
+    before = pose_ids.poses
+    later = {i: p for i, p in enumerate(before) if i >= old}
+    pose_ids.move(
+        {i: Pose2(x_m=p.x_m, y_m=p.y_m + 0.5, yaw_rad=p.yaw_rad) for i, p in later.items()}
+    )
+    motion = Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)
+    correction = AppliedCorrection(before=before, after=pose_ids.poses, motion=motion, loops=1)
+    assert items.note_tick(correction, pose_ids) == ()
+    assert held.stored == (renamed, FAR)
+    assert held.placed(ZONE) is ZONE
 
 
 def test_what_belongs_to_a_loaded_map_stays(pose_ids: PoseIds) -> None:

@@ -76,7 +76,7 @@ class Desk:
         with self.zones.retired(), self.beware.retired():
             yield
 
-    def enter_site(self, site: SiteStore) -> None:
+    def enter_site(self, site: SiteStore, *, same_map: bool = False) -> None:
         """Edit another site."""
         self.zones = ZoneEditor(self.controller, store=site)
         self.beware = beware_editor(site, holder=self.controller)
