@@ -7,7 +7,7 @@ import json
 import statistics
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 from rich.console import Console as Terminal
 from rich.table import Table
 
-from app.fleet.campaign_files import EPISODES, CampaignCard, Report, recorded
+from app.fleet.campaign_files import CARD, EPISODES, CampaignCard, Report, read_card, recorded
 from app.fleet.campaign_progress import Driven, shown
 from app.fleet.engine import Engine, Lost, run
 from app.fleet.local import ThisProcess
@@ -78,27 +78,29 @@ class Campaign:
             key=self.key,
             keys=tuple(keys),
             shard=None if fleet.shard is None else str(fleet.shard),
+            planned=max(len(keys), _planned(out)),
         )
         kept = out / EPISODES
-        try:
+        with _writing(out):
             text = kept.read_text(encoding="utf-8") if kept.exists() else ""
             reports = [report for _, report in recorded(text)]
-            if any(report.get("campaign") != name for report in reports):
-                raise BadConfiguration(f"{kept} holds episodes of {self.holds}; give another --out")
-            done = {report[self.key]: report for report in reports}
+        if any(report.get("campaign") != name for report in reports):
+            raise BadConfiguration(f"{kept} holds episodes of {self.holds}; give another --out")
+        done = {report[self.key]: report for report in reports}
+        with _writing(out):
             out.mkdir(parents=True, exist_ok=True)
             card.write(out)
-            with kept.open("a", encoding="utf-8") as file:
-                if text and not text.endswith("\n"):
-                    file.write("\n")
-                left = [key for key in wanted if key not in done]
-                known = [done[key] for key in wanted if key in done]
-                for report in shown(self._driven(left, fleet.engine), known, len(wanted)):
-                    done[report[self.key]] = report
+            file = kept.open("a", encoding="utf-8")
+        with file:
+            if text and not text.endswith("\n"):
+                file.write("\n")
+            left = [key for key in wanted if key not in done]
+            known = [done[key] for key in wanted if key in done]
+            for report in shown(self._driven(left, fleet.engine), known, len(wanted)):
+                done[report[self.key]] = report
+                with _writing(out):
                     file.write(json.dumps({**report, "campaign": name}) + "\n")
                     file.flush()
-        except OSError as error:
-            raise BadConfiguration(f"{out} cannot be written: {error}") from None
         return [done[key] for key in wanted]
 
     def _driven(self, keys: list[int], engine: Engine) -> Iterator[Driven]:
@@ -113,6 +115,21 @@ class Campaign:
                     yield Driven(self.unpack(outcome.result), outcome.node, outcome.pid)
         if causes:
             raise EpisodesFailed(self.key, causes)
+
+
+@contextmanager
+def _writing(out: Path) -> Iterator[None]:
+    """Raise `BadConfiguration` where a file of the folder cannot be read or written; an error of an
+    episode is none of these."""
+    try:
+        yield
+    except OSError as error:
+        raise BadConfiguration(f"{out} cannot be written: {error}") from None
+
+
+def _planned(out: Path) -> int:
+    """Return how many episodes were ever asked for in a folder; 0 for a new one."""
+    return read_card(out).planned if (out / CARD).exists() else 0
 
 
 class EpisodesFailed(BadConfiguration):
@@ -151,11 +168,13 @@ def origin_of(
 
 
 def write_summary(summary: Report, out: Path) -> None:
-    """Write `summary.json`; raises `BadConfiguration` when the folder cannot be written."""
-    try:
+    """Write `summary.json`, with the number of episodes that were planned if there were more;
+    raises `BadConfiguration` when the folder cannot be written."""
+    planned = _planned(out)
+    if planned > summary.get("episodes", planned):
+        summary["planned"] = planned
+    with _writing(out):
         (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
-    except OSError as error:
-        raise BadConfiguration(f"{out} cannot be written: {error}") from None
 
 
 def conclude(

@@ -33,6 +33,9 @@ class CampaignCard:
     """Keys of all episodes, of all shards."""
     shard: str | None
     """Share of these keys that was driven here, as `i/n`; None for all."""
+    planned: int = 0
+    """Largest number of episodes that was ever asked for, of all shards: a campaign that was ended
+    early is not one that was planned so."""
 
     def write(self, folder: Path) -> None:
         """Write the file; raises `OSError`."""

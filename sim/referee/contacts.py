@@ -23,7 +23,7 @@ class Contact:
     """Whether the robot drove into the object, or on against it; else it was struck or pushed while
     it stood or made way."""
     pressed_m: float = 0.0
-    """Distance that the robot has driven against the object since."""
+    """Distance that the robot has driven, or rolled its wheels, against the object since."""
 
 
 class Contacts:
@@ -44,10 +44,13 @@ class Contacts:
         movers from whom it drove away."""
         return sum(contact.collided for contact in self._all)
 
-    def judge(self, touched: Mapping[int, float], *, driving: bool, t_s: float) -> None:
-        """Judge one step by the objects in contact, each with the distance in metres by which the
-        robot moved against it, and whether the wheels drive the robot."""
-        for number, advance_m in touched.items():
+    def judge(
+        self, touched: Mapping[int, tuple[float, float]], *, driving: bool, t_s: float
+    ) -> None:
+        """Judge one step by the objects in contact, each with the distances in metres by which the
+        robot moved against it, and by which its wheels rolled against it, and whether the wheels
+        drive the robot. A robot that pushes against a person who stands does not move."""
+        for number, (advance_m, rolled_m) in touched.items():
             contact = self._open.get(number)
             if contact is None:
                 walks = self._walks(number)
@@ -57,7 +60,7 @@ class Contacts:
                 self._all.append(contact)
                 self.struck_while_standing += walks and not collided
             elif driving:
-                contact.pressed_m += advance_m
+                contact.pressed_m += max(advance_m, rolled_m)
                 contact.collided = contact.collided or contact.pressed_m > PUSH_LIMIT_M
         self._open = {
             number: contact for number, contact in self._open.items() if number in touched

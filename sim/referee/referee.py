@@ -101,7 +101,7 @@ class Referee:
             abs(rolling.v_mps) + abs(rolling.w_radps) * self._robot.circumscribed_radius_m
             > STANDING_MPS
         )
-        self._judge_contacts(body, people, driving, before)
+        self._judge_contacts(body, people, driving, before, rolling, period_s)
         believed = body if odometry is None else odometry.to_parent(self._footprint)
         self._beware.judge(
             body, believed, t_s=self._t_s, period_s=period_s, displaced=self._displaced(items)
@@ -252,7 +252,13 @@ class Referee:
         }
 
     def _judge_contacts(
-        self, body: Polygon, people: Sequence[Pose2], driving: bool, before: Pose2
+        self,
+        body: Polygon,
+        people: Sequence[Pose2],
+        driving: bool,
+        before: Pose2,
+        rolling: Twist,
+        period_s: float,
     ) -> None:
         """Judge what the body touches. Fixed things are driven against by all of a step, since the
         body scrapes along them; people and movers only where it moves towards them, since they may
@@ -260,23 +266,27 @@ class Referee:
         assert self._pose is not None
         touched, self.min_clearance_m = self._fixed.proximity(body, CONTACT_M, self.min_clearance_m)
         step_m = before.distance_to(self._pose.x_m, self._pose.y_m)
-        now = {int(k): step_m for k in np.flatnonzero(touched)} if touched.any() else {}
+        now = {int(k): (step_m, step_m) for k in np.flatnonzero(touched)} if touched.any() else {}
+        rolled = Pose2(x_m=rolling.v_mps * period_s, y_m=0.0, yaw_rad=rolling.w_radps * period_s)
         shapes = [self._person] * (len(people) - len(self._movers)) + self._movers
         for i, (person, shape) in enumerate(zip(people, shapes, strict=True)):
             gap_m = self._gap_to(person, *shape, body)
             self.min_clearance_m = min(self.min_clearance_m, gap_m)
             if gap_m <= CONTACT_M:
-                now[self._fixed.count + i] = self._advance_m(before, person)
+                there = self._pose @ rolled
+                now[self._fixed.count + i] = (
+                    self._advance_m(before, self._pose, person),
+                    self._advance_m(self._pose, there, person),
+                )
         self._contacts.judge(now, driving=driving, t_s=self._t_s)
 
-    def _advance_m(self, before: Pose2, person: Pose2) -> float:
-        """Return by how much the point of the body that is nearest to the middle of a person has
-        moved towards it since `before`, in metres; 0 where it has moved away."""
-        assert self._pose is not None
+    def _advance_m(self, before: Pose2, after: Pose2, person: Pose2) -> float:
+        """Return by how much the point of the body that is nearest to the middle of a person after
+        a motion has moved towards it, in metres; 0 where it has moved away."""
         centre = np.array([person.x_m, person.y_m])
         half = np.array([self._robot.length_m, self._robot.width_m]) / 2
-        nearest = np.clip(self._pose.from_parent(centre), -half, half)
-        here, there = self._pose.to_parent(nearest), before.to_parent(nearest)
+        nearest = np.clip(after.from_parent(centre), -half, half)
+        here, there = after.to_parent(nearest), before.to_parent(nearest)
         return max(0.0, math.dist(there, centre) - math.dist(here, centre))
 
     def _gap_to(self, person: Pose2, outline: Polygon, reach_m: float, body: Polygon) -> float:

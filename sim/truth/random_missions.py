@@ -34,6 +34,8 @@ MIN_DISTANCE_SHARE = 0.25
 """Least distance of a goal as a share of the shorter side of the world."""
 MIN_DISTANCE_M = 4.0
 """Least distance of a goal where the world is large enough."""
+LEAST_SHARE = 0.2
+"""Least share of the positions on which the robot can turn that have the clearance of a start."""
 TRIES = 200
 """Number of pairs of start and goal that are tried."""
 GRID_M = 0.1
@@ -56,16 +58,24 @@ def draw_mission(
     """Return the scenario of a seed with a start and one goal drawn at random.
 
     The robot has `start_clear_m` of clearance at its start. Between start and goal the true map
-    leaves a path that keeps half the width of the robot and `margin_m` from everything, the
-    `margins_m` of its class from every beware object, and a little more. Raises `BadConfiguration`
-    where there is no such pair.
+    leaves a path that keeps half the width of the robot and `margin_m` from everything, and the
+    `margins_m` of its class from every beware object; start and goal have a little more. Raises
+    `BadConfiguration` where there is no such pair, or where hardly a position has that clearance.
     """
     rng = np.random.default_rng((seed, SALT))
     spec = GridSpec.centred(size_m=scenario.size_m, resolution_m=GRID_M)
     clear_m = _clearance_m(scenario, spec, margins_m)
     reach_m = robot.circumscribed_radius_m + EXTRA_CLEARANCE_M
-    starts = np.argwhere((clear_m >= max(start_clear_m, reach_m)) & ~_walking_areas(scenario, spec))
-    areas = _areas(clear_m >= robot.width_m / 2 + margin_m + EXTRA_CLEARANCE_M)
+    possible = (clear_m >= reach_m) & ~_walking_areas(scenario, spec)
+    usual = possible & (clear_m >= start_clear_m)
+    if usual.sum() < LEAST_SHARE * possible.sum():
+        raise BadConfiguration(
+            f"world {scenario.name!r}: only {usual.sum()} of {possible.sum()} positions have "
+            f"{start_clear_m:.2f} m of clearance; the world is too small or too full for starts "
+            "that differ"
+        )
+    starts = np.argwhere(usual)
+    areas = _areas(clear_m >= robot.width_m / 2 + margin_m)
     goals = (
         clear_m >= max(reach_m, robot.width_m / 2 + margin_m + EXTRA_CLEARANCE_M)
     ) & ~_walking_areas(scenario, spec)

@@ -320,7 +320,7 @@ def lines(summary: dict[str, Any]) -> list[str]:
             f"wrong at the end of {found['runs']}; odometry alone {found['odometry_m']:.2f} m off"
             for name, found in summary["disturbed"].items()
         ),
-        f"{summary['days']['days']} days: places crept by {summary['days']['crept_m']:.3f} m, rms "
+        f"{summary['days']['days']} days: rms "
         + " ".join(f"{value:.3f}" for value in summary["days"]["rms_m"])
         + f" m, {summary['days']['keyframes'][0]} to {summary['days']['keyframes'][-1]} keyframes",
     ]

@@ -271,10 +271,11 @@ def _observe(
         if listed.closed:
             continue
         away_m = float(np.hypot(*(listed.points - (frame.pose.x_m, frame.pose.y_m)).T).min())
+        listed.closed = away_m <= IN_TIME_M
+        if listed.closed:
+            continue
         if away_m <= IN_VIEW_M and not listed.in_view:
-            listed.in_view = away_m > IN_TIME_M and _pixels_on(
-                listed, cloud.spec, points[seen == LABELS[listed.name]]
-            )
+            listed.in_view = _pixels_on(listed, cloud.spec, points[seen == LABELS[listed.name]])
         if listed.found_as is None or listed.found_as != listed.name:
             held = [
                 names[class_id]
@@ -284,7 +285,6 @@ def _observe(
             if held:
                 listed.first_m = listed.first_m or away_m
                 listed.found_as = listed.name if listed.name in held else held[0]
-        listed.closed = away_m <= IN_TIME_M
 
 
 def _pixels_on(listed: ListedObject, spec: GridSpec, points: npt.NDArray[np.float64]) -> bool:

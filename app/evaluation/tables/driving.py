@@ -28,9 +28,11 @@ _SHOWN_RATES = tuple(key for key in RATES if key != "struck_rate")
 
 
 def world(result: Result) -> str:
-    """Return the world of a result, and what sets it apart from others in that world."""
+    """Return the world of a result, what sets it apart from others in that world, and how many
+    episodes were planned if there were more than it has."""
     day, sensor = ", second day" * is_second_day(result), ", with a scanner" * has_scanner(result)
-    return f"`{result['scenario']}`{day}{sensor}"
+    planned = f" ({result['planned']} planned)" if "planned" in result else ""
+    return f"`{result['scenario']}`{day}{sensor}{planned}"
 
 
 def _short_row(result: Result) -> Row:

@@ -269,6 +269,20 @@ def test_a_robot_that_was_struck_collides_if_it_drives_on_against_the_person_but
 
 
 @pytest.mark.parametrize(("speed_mps", "collisions"), [(-0.2, 0), (0.2, 1)])
+def test_a_robot_that_pushes_against_a_person_who_stands_in_its_way_drives_into_them(
+    speed_mps: float, collisions: int
+) -> None:
+    """It does not get on, so only its wheels tell."""
+    person = Person(points=((1.5, 0.0), (-1.5, 0.0)), speed_mps=0.8, yields=False, begins_at=0.0)
+    with blind(open_floor(people=(person,), start=(0.0, 0.0, 0.0)), seed=2) as simulator:
+        wait(simulator, 3.0)
+        assert simulator.referee.struck_while_standing == 1
+        assert simulator.referee.collisions == 0
+        drive(simulator, speed_mps, 0.0, 2.0)
+        assert simulator.referee.collisions == collisions
+
+
+@pytest.mark.parametrize(("speed_mps", "collisions"), [(-0.2, 0), (0.2, 1)])
 def test_a_person_who_catches_up_with_a_robot_that_drives_away_is_not_driven_into(
     speed_mps: float, collisions: int
 ) -> None:

@@ -66,6 +66,20 @@ def test_a_world_without_clearance_is_refused_in_one_sentence() -> None:
         drawn(tight, 0)
 
 
+def test_where_a_wide_clearance_leaves_one_corner_to_start_in_it_is_refused() -> None:
+    world = randomise(load_scenario("clutter"), 0)
+    with pytest.raises(BadConfiguration, match="starts that differ"):
+        drawn(world, 0)
+    starts, lengths = set(), []
+    for seed in range(8):
+        scenario = draw_mission(
+            world, seed, robot=HUSKY, margin_m=0.15, start_clear_m=0.71, margins_m=MARGINS_M
+        )
+        starts.add((scenario.start[0] > 0.0, scenario.start[1] > 0.0))
+        lengths.append(math.dist(scenario.start[:2], scenario.goals[0]))
+    assert len(starts) >= 3 and max(lengths) > 6.0
+
+
 def test_zones_lie_on_the_path_and_leave_another() -> None:
     scenario = dataclasses.replace(open_floor(start=(-8.0, 0.0, 0.0)), goals=((8.0, 0.0),))
     spec = GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
