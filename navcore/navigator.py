@@ -77,6 +77,8 @@ class TickResult:
     closed: tuple[Zone, ...] = ()
     """Zones that the robot avoids of its own accord for a while: passages that it found blocked,
     lanes of people."""
+    in_margin: bool = False
+    """Whether the margin of a zone or of a class reaches the body, and what has it does not."""
     in_growth: bool = False
     """Whether the robot drives out of the growth of a zone before it goes on to the goal."""
     taken_back: bool = False
@@ -282,6 +284,7 @@ class Navigator:
             motion=self.limit(motion, request.zones, frame.pose, frame.twist),
             people=people,
             closed=keep_outs,
+            in_margin=self._controller.in_margin,
             in_growth=len(covering) > 0,
         )
 

@@ -10,8 +10,13 @@ from navcore.safety.gate import StopReason
 
 
 def stands_in_zone(decision: TickResult | None) -> bool:
-    """Return whether the robot stands in a closed area."""
-    return decision is not None and decision.motion.outcome is ControllerState.IN_ZONE
+    """Return whether the robot stands in a closed area, or has found no way out of a margin."""
+    if decision is None:
+        return False
+    outcome = decision.motion.outcome
+    return outcome is ControllerState.IN_ZONE or (
+        decision.in_margin and outcome is ControllerState.GIVEN_UP
+    )
 
 
 def status_message(

@@ -7,7 +7,7 @@ import json
 import statistics
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -78,7 +78,7 @@ class Campaign:
             key=self.key,
             keys=tuple(keys),
             shard=None if fleet.shard is None else str(fleet.shard),
-            planned=max(len(keys), _planned(out)),
+            planned=max(len(keys), _planned(out, name, keys)),
         )
         kept = out / EPISODES
         with _writing(out):
@@ -127,9 +127,16 @@ def _writing(out: Path) -> Iterator[None]:
         raise BadConfiguration(f"{out} cannot be written: {error}") from None
 
 
-def _planned(out: Path) -> int:
-    """Return how many episodes were ever asked for in a folder; 0 for a new one."""
-    return read_card(out).planned if (out / CARD).exists() else 0
+def _planned(out: Path, campaign: str | None = None, keys: Sequence[int] = ()) -> int:
+    """Return how many episodes were ever asked for in a folder, of a campaign that has these keys;
+    0 for a new one."""
+    if not (out / CARD).exists():
+        return 0
+    with suppress(BadConfiguration):  # a card that a kill cut short is written again
+        card = read_card(out)
+        if campaign is None or (card.campaign == campaign and set(keys) <= set(card.keys)):
+            return max(card.planned, len(card.keys))
+    return 0
 
 
 class EpisodesFailed(BadConfiguration):

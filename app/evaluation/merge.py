@@ -102,13 +102,14 @@ def _check_same(
                 f"{folder} has episodes of {what} {other!r}, and {owner} of {first!r}"
                 + ("; --allow versions merges them" if what == "version" else "")
             )
-    whole = dataclasses.replace(cards[0], shard=None)
+    planned = max(card.planned for card in cards)
+    whole = dataclasses.replace(cards[0], shard=None, planned=planned)
     for folder, card in zip(folders, cards, strict=True):
         if card.command != whole.command:
             raise BadConfiguration(
                 f"{folder} was made by {card.command!r}, and {folders[0]} by {whole.command!r}"
             )
-        if dataclasses.replace(card, shard=None) != whole:
+        if dataclasses.replace(card, shard=None, planned=planned) != whole:
             raise BadConfiguration(
                 f"{folder} is of another campaign than {folders[0]}: a file that the command "
                 "names, the configuration or the beware list differs"

@@ -8,9 +8,6 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerConfig
 from navcore.config.people import PeopleConfig
@@ -37,10 +34,6 @@ _BESIDE_M = 1e-4
 """Clearance in metres beyond the padding that contacts leave at poses at which they are kept."""
 _ROUNDING_M = 1e-6
 """Error in metres of the distances of contacts."""
-_CONTACT_REACH_M = 1.0
-"""Distance in metres from the body up to which cells count as parts of a thing that touches it."""
-_NEIGHBOUR = 2.1
-"""Largest distance of cells that are connected, in half diagonals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,9 +50,6 @@ class CollisionChecker:
     """Footprint and limits."""
     local: LocalPlannerConfig
     """Padding, braking and turning."""
-    sources: Indices | None = None
-    """(N,) number of what each obstacle comes from: only cells of one source are parts of one
-    thing; None for one source."""
     people: PeopleState = NO_PEOPLE
     """People near the robot."""
     people_config: PeopleConfig = PEOPLE_CONFIG
@@ -70,12 +60,12 @@ class CollisionChecker:
     """Clearance in metres to keep: the one asked for, or the present one if that is smaller, since
     a robot that is closer to an obstacle may leave it but not come nearer."""
     contacts: Points = field(init=False)
-    """(C, 2) cells of things that are nearer than any padding: a person has come up to the robot,
-    an operator drew a zone beside it, a margin reaches it, or it was switched on with its back to a
-    wall. Such a thing may come no nearer than it is, so that the robot can drive along and away."""
+    """(C, 2) obstacles nearer than any padding: a person has come up to the robot, an operator drew
+    a zone beside it, or it was switched on with its back to a wall. Each may come no nearer than it
+    is, so that the robot can drive along and away."""
     kept_m: Floats = field(init=False)
-    """(C,) distance in metres from the footprint to keep from the middle of each of these cells,
-    negative under it."""
+    """(C,) distance in metres from the footprint to keep from the middle of each of them, negative
+    under it."""
     others: Points = field(init=False)
     """(M, 2) obstacles that are no contacts."""
     unseen_clearance_m: float = field(init=False)
@@ -115,20 +105,12 @@ class CollisionChecker:
     def _split_contacts(self) -> float:
         """Note the contacts, and return the clearance in metres from all other obstacles."""
         config, now_m = self.control.collision, self.profile.distances_m(self.obstacles)
-        near = np.flatnonzero(now_m < _CONTACT_REACH_M)
-        sources = None if self.sources is None else self.sources[near]
-        things = _things(self.obstacles[near], sources, _NEIGHBOUR * self.cell_radius_m)
-        least_m = np.full(int(things.max(initial=-1)) + 1, np.inf)
-        np.minimum.at(least_m, things, now_m[near])
-        touches = least_m < self.cell_radius_m + config.least_padding_m + config.tolerance_m
-        contacts = near[touches[things]]
-        others = np.ones(len(self.obstacles), dtype=np.bool_)
-        others[contacts] = False
-        object.__setattr__(self, "others", self.obstacles[others])
-        clearance_m = float(self.clearance(np.zeros((1, 1, 3)))[0, 0])
+        touch = now_m < self.cell_radius_m + config.least_padding_m + config.tolerance_m
         # A corner swings out when the robot turns away from a wall, by what the cells leave of it.
-        kept_m = np.minimum(least_m[things[touches[things]]], self.cell_radius_m)
-        object.__setattr__(self, "contacts", self.obstacles[contacts])
+        kept_m = np.minimum(now_m[touch], self.cell_radius_m)
+        object.__setattr__(self, "others", self.obstacles[~touch])
+        clearance_m = float(self.clearance(np.zeros((1, 1, 3)))[0, 0])
+        object.__setattr__(self, "contacts", self.obstacles[touch])
         object.__setattr__(self, "kept_m", kept_m - _ROUNDING_M)
         return clearance_m
 
@@ -172,8 +154,11 @@ class CollisionChecker:
         return visible_by_turning(path, self._manoeuvre_problem(), beyond_rad=beyond_rad)
 
     def _manoeuvre_problem(self) -> ManoeuvreProblem:
+        # What touches the body would leave the search no first step; it is kept as each is driven.
+        apart_m = self.profile.distances_m(self.contacts)
+        beside = self.contacts[apart_m > self.cell_radius_m]
         return ManoeuvreProblem(
-            obstacles=self.obstacles,
+            obstacles=np.vstack([self.others, beside]),
             cell_radius_m=self.cell_radius_m,
             unseen=self.unseen,
             unseen_clearance_m=self.unseen_clearance_m,
@@ -202,9 +187,7 @@ class CollisionChecker:
         reach_m = self.cell_radius_m + self.control.collision.front_contact_m
         touched = ~outside(self.obstacles, self.profile, reach_m)
         in_front = self.obstacles[:, 0] > self.profile.length_m / 2
-        left = ~(touched & in_front)
-        sources = None if self.sources is None else self.sources[left]
-        return dataclasses.replace(self, obstacles=self.obstacles[left], sources=sources)
+        return dataclasses.replace(self, obstacles=self.obstacles[~(touched & in_front)])
 
     def without_people(self) -> CollisionChecker:
         """Return the surroundings without the people who walk."""
@@ -215,27 +198,13 @@ class CollisionChecker:
         people = self.people.standing_still()
         outlines = people.outlines()
         outlines = outlines[outside(outlines, self.profile, 0.0)]
-        before = np.zeros(len(self.obstacles), np.int64) if self.sources is None else self.sources
         return dataclasses.replace(
-            self,
-            people=people,
-            obstacles=np.vstack([self.obstacles, outlines]),
-            sources=np.append(before, np.full(len(outlines), before.max(initial=0) + 1)),
+            self, people=people, obstacles=np.vstack([self.obstacles, outlines])
         )
 
     def all_observed(self) -> CollisionChecker:
         """Return the surroundings as if the camera had seen all of them."""
         return dataclasses.replace(self, unseen=self.unseen[:0])
-
-
-def _things(cells: Points, sources: Indices | None, apart_m: float) -> Indices:
-    """Return (N,) the number of the thing that each of (N, 2) cells is a part of: cells of one
-    source are connected up to a distance."""
-    pairs = cKDTree(cells).query_pairs(apart_m, output_type="ndarray")
-    if sources is not None:
-        pairs = pairs[sources[pairs[:, 0]] == sources[pairs[:, 1]]]
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(cells),) * 2)
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
 
 def candidates(

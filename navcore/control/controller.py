@@ -18,6 +18,7 @@ from navcore.costmap.local_costmap import (
     frontier,
     kept_cells,
     kept_zones,
+    margins_left,
     nearby,
     obstacle_masks,
     people_mask,
@@ -72,10 +73,6 @@ class ControlTask:
     """Class ids of the beware list that are people."""
 
 
-_IN_ZONE = Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
-"""A robot stands in an area that the operator's rules forbid."""
-
-
 class Controller:
     """Runs the local planner; remembers the newest motion, since a manoeuvre is carried through."""
 
@@ -84,6 +81,8 @@ class Controller:
     ) -> None:
         self._explored, self._profile, self._config = explored, profile, config
         self._motion = IDLE
+        self.in_margin = False
+        """Whether a margin reaches the body, and what has it does not."""
 
     def control(self, task: ControlTask) -> Motion:
         """Compute the motion until the next frame; standing without a track."""
@@ -91,30 +90,32 @@ class Controller:
         reach_m = local.reach_m + self._profile.circumscribed_radius_m
         around = costmap.around(pose, reach_m)
         hard, forbidden = obstacle_masks(around, people=task.people_ids)
-        bare = bare_cells(around, people=task.people_ids)
         people_points = nearby(people_mask(around, task.people_ids), around, pose, reach_m)
+        cell_m = around.spec.resolution_m
+        bare = bare_cells(around, people=task.people_ids)
+        in_area, in_margin = (
+            footprint_overlaps(nearby(cells, around, pose, reach_m), self._profile, cell_m)
+            for cells in (bare, forbidden)
+        )
+        self.in_margin = in_margin and not in_area and task.leaving is None
         if task.leaving is not None:
             # Near the end of the escape path is still inside.
             local = dataclasses.replace(local, nearly_m=0.0)
             within = {one.zone.id for one in task.around}
             zones = tuple(zone for zone in task.leaving if zone.id not in within)
-            _, bare = split_areas(around, zones, self._profile, pose)
-            margins = np.zeros_like(bare)
+            _, forbidden = split_areas(around, zones, self._profile, pose)
         else:
+            if self.in_margin:
+                forbidden = bare | margins_left(around, self._profile, pose, task.people_ids)
             besides_m = self._config.control.collision.kept_besides_m
             kept = task.kept_cells.kept_by(self._profile, pose, besides_m)
-            bare |= kept_cells(around.spec, kept.cells, kept.growth_m)
-            bare |= kept_zones(around.spec, task.kept_zones)
-            margins = forbidden & ~bare
-        forbidden_points = nearby(bare, around, pose, reach_m)
-        margin_points = nearby(margins, around, pose, reach_m)
-        cell_m = around.spec.resolution_m
-        in_area = any(
-            footprint_overlaps(points, self._profile, cell_m)
-            for points in (forbidden_points, margin_points)
-        )
+            forbidden |= kept_cells(around.spec, kept.cells, kept.growth_m)
+            forbidden |= kept_zones(around.spec, task.kept_zones)
+        forbidden_points = nearby(forbidden, around, pose, reach_m)
         if len(task.track) == 0 and not task.around:
-            self._motion = _IN_ZONE if in_area else IDLE
+            trapped = footprint_overlaps(forbidden_points, self._profile, cell_m)
+            in_zone = Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
+            self._motion = in_zone if trapped or in_area or in_margin else IDLE
             return self._motion
         unseen = frontier(self._explored.known(around.spec))
         people, control = self._config.people, self._config.control
@@ -122,7 +123,6 @@ class Controller:
             LocalPlannerInput(
                 geometric=nearby(hard, around, pose, reach_m),
                 forbidden=forbidden_points,
-                margins=margin_points,
                 people_cells=people_points,
                 unseen=nearby(unseen, around, pose, reach_m),
                 cell_m=cell_m,
@@ -141,8 +141,6 @@ class Controller:
                 spin=task.spin,
             )
         )
-        if in_area and self._motion.outcome is ControllerState.BLOCKED:
-            self._motion = _IN_ZONE  # the operator can have it leave the margin that it is in
         at_end = self._motion.outcome in (ControllerState.ARRIVED, ControllerState.ALIGN)
         if at_end and not task.reaches_goal:
             self._motion = IDLE

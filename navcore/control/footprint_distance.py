@@ -92,7 +92,8 @@ def _contact_sweep(
                 out_y = abs(cos * dy - sin * dx) - half_width
                 distance = max(out_x, out_y)
                 if distance > 0.0:
-                    distance = math.hypot(max(out_x, 0.0), max(out_y, 0.0))
+                    out_x, out_y = max(out_x, 0.0), max(out_y, 0.0)
+                    distance = math.sqrt(out_x * out_x + out_y * out_y)
                 least = min(least, distance)
                 least_slack = min(least_slack, distance - kept_m[n])
             slack[a, s], distances[a, s] = least_slack, least

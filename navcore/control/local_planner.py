@@ -54,13 +54,10 @@ class LocalPlannerInput:
     geometric: Points
     """(N, 2) centres of occupied cells near the robot, base frame."""
     people_cells: Points = dataclasses.field(default_factory=lambda: np.empty((0, 2)))
-    """(P, 2) centres of the cells of people who stand, with their margins. Under the body they do
-    not hold it either: a person has come up to the robot, and walks on."""
+    """(P, 2) centres of the cells of people who stand, with their margins. Those that the body
+    overlaps do not hold it: a person has come up to the robot, and walks on."""
     forbidden: Points
     """(M, 2) centres of cells that the operator's rules forbid, base frame."""
-    margins: Points = dataclasses.field(default_factory=lambda: np.empty((0, 2)))
-    """(K, 2) centres of cells that belong to their margins. Under the body they do not hold it, as
-    where a thing is recognised late: it may drive where it covers them no deeper."""
     unseen: Points
     """(U, 2) centres of unobserved cells next to observed ones, base frame. The planner of paths
     counts them as free, but no part of the body is swept over them."""
@@ -154,14 +151,14 @@ def _goal(inputs: LocalPlannerInput, path: Points) -> _Goal:
 
 
 def _collision_checker(inputs: LocalPlannerInput) -> CollisionChecker:
-    """The surroundings; a geometric cell inside the body is noise, a forbidden one never is."""
+    """The surroundings; a geometric cell inside the body is noise, a forbidden one never is. Cells
+    of people in it are of those who have come up to it."""
     profile, outlines = inputs.profile, inputs.people.outlines()
     geometric = inputs.geometric[outside(inputs.geometric, profile, -inputs.cell_m / 2)]
     outlines = outlines[outside(outlines, profile, 0.0)]
-    parts = geometric, inputs.forbidden, inputs.margins, outlines, inputs.people_cells
+    people = inputs.people_cells[outside(inputs.people_cells, profile, inputs.cell_m / 2)]
     return CollisionChecker(
-        obstacles=np.vstack(parts),
-        sources=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
+        obstacles=np.vstack([geometric, inputs.forbidden, outlines, people]),
         unseen=inputs.unseen[outside(inputs.unseen, profile, 0.0)],
         cell_radius_m=inputs.cell_m * math.sqrt(0.5),
         profile=profile,

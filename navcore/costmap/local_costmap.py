@@ -17,8 +17,10 @@ from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_by
 from navcore.mission.zone import Zone, forbidden_cells
-from navcore.mission.zone_growth import GrownZone, grow
+from navcore.mission.zone_growth import GrownZone, grow, kept_distances
 from navcore.robot.profile import RobotProfile
+
+_SQUARE = np.ones((3, 3), dtype=np.uint8)
 
 
 def obstacle_masks(
@@ -55,6 +57,34 @@ def bare_cells(grid: OccupancyGrid, *, people: Collection[int] = ()) -> npt.NDAr
     for _, layer in grid.wide_zones:
         found |= layer
     return found
+
+
+def margins_left(
+    grid: OccupancyGrid, profile: RobotProfile, pose: Pose2, people: Collection[int] = ()
+) -> BoolGrid:
+    """Return the (rows, cols) cells of the margins around a robot at a pose that some of them
+    reach: from such a thing it keeps the distance that it has, from all others the whole margin."""
+    left = np.zeros_like(grid.zones)
+    layers = [
+        *(
+            (grid.margins_m.get(class_id, 0.0), layer)
+            for class_id, layer in grid.beware.items()
+            if class_id not in people
+        ),
+        *grid.wide_zones,
+        *grid.uncertain,
+    ]
+    for margin_m, layer in layers:
+        if margin_m > 0.0 and layer.any():
+            _, things = cv2.connectedComponents(layer.view(np.uint8), connectivity=8)
+            edge = layer & ~cv2.erode(layer.view(np.uint8), _SQUARE).view(np.bool_)
+            cells = np.argwhere(edge)
+            centres = grid.spec.centres(cells)
+            now_m = profile.distances_m(pose.from_parent(centres))
+            objects = things[tuple(cells.T)].astype(np.int64)
+            kept_m = kept_distances(now_m, np.full(len(cells), margin_m), objects)
+            left |= kept_cells(grid.spec, centres, kept_m) | layer
+    return left
 
 
 def people_mask(grid: OccupancyGrid, people: Collection[int]) -> npt.NDArray[np.bool_]:

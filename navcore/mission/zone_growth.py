@@ -160,8 +160,8 @@ def kept_distances(now_m: Floats, asked_m: Floats, objects: Indices) -> Floats:
     asked for, (N,).
 
     Of an object, by its (N,) numbers, that is nearer than asked for all cells are kept as far as
-    the nearest such cell is, so that the robot may drive along it. What it touches it may cover no
-    further: such cells are kept as far as they are.
+    the nearest such cell is, so that the robot may drive along it. Of what it touches it may cover
+    no further cells: they are kept as far as they are, and those under it not at all.
     """
     kept_m, infringed = np.minimum(now_m, asked_m), now_m < asked_m
     if not infringed.any():
@@ -170,4 +170,5 @@ def kept_distances(now_m: Floats, asked_m: Floats, objects: Indices) -> Floats:
     nearest_m = np.full(int(which.max()) + 1, np.inf)
     np.minimum.at(nearest_m, which[infringed], now_m[infringed])
     least_m = nearest_m[which]
+    kept_m = np.where(now_m < 0.0, -np.inf, kept_m)
     return np.where(least_m > 0.0, np.minimum(asked_m, least_m), kept_m)

