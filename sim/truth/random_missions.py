@@ -58,9 +58,9 @@ def draw_mission(
     """Return the scenario of a seed with a start and one goal drawn at random.
 
     The robot has `start_clear_m` of clearance at its start. Between start and goal the true map
-    leaves a path that keeps half the width of the robot and `margin_m` from everything, and the
-    `margins_m` of its class from every beware object; start and goal have a little more. Raises
-    `BadConfiguration` where there is no such pair, or where hardly a position has that clearance.
+    leaves a path that keeps half the width of the robot and `margin_m` from everything, the
+    `margins_m` of its class from every beware object, and a little more. Raises `BadConfiguration`
+    where there is no such pair, or where hardly a position has that clearance.
     """
     rng = np.random.default_rng((seed, SALT))
     spec = GridSpec.centred(size_m=scenario.size_m, resolution_m=GRID_M)
@@ -75,7 +75,7 @@ def draw_mission(
             "that differ"
         )
     starts = np.argwhere(usual)
-    areas = _areas(clear_m >= robot.width_m / 2 + margin_m)
+    areas = _areas(clear_m >= robot.width_m / 2 + margin_m + EXTRA_CLEARANCE_M)
     goals = (
         clear_m >= max(reach_m, robot.width_m / 2 + margin_m + EXTRA_CLEARANCE_M)
     ) & ~_walking_areas(scenario, spec)

@@ -16,7 +16,10 @@ from navcore.mission.mission import Goal, Mission, Phase
 from navcore.safety.gate import StopReason
 
 FOLLOWING = cast(
-    Any, SimpleNamespace(motion=SimpleNamespace(outcome=ControllerState.FOLLOW), in_growth=False)
+    Any,
+    SimpleNamespace(
+        motion=SimpleNamespace(outcome=ControllerState.FOLLOW), in_growth=False, in_margin=False
+    ),
 )
 
 
@@ -40,7 +43,7 @@ def test_what_holds_the_robot_comes_first() -> None:
 
 
 def test_a_robot_that_drives_out_of_the_growth_of_a_zone_says_so() -> None:
-    growing = cast(Any, SimpleNamespace(motion=FOLLOWING.motion, in_growth=True))
+    growing = cast(Any, SimpleNamespace(motion=FOLLOWING.motion, in_growth=True, in_margin=False))
     goal = Goal(id=1, x_m=3.0, y_m=0.0)
     text = status_message(operator(goal), growing, (), moving=True)
     assert text.startswith("The position has become uncertain beside a zone")

@@ -135,6 +135,13 @@ def test_of_an_object_that_the_robot_touches_it_may_cover_no_more() -> None:
     assert share(touched) == 0.0 and share(touched, BACK) == 1.0
 
 
+def test_a_robot_that_stands_over_an_object_may_drive_off_it() -> None:
+    x, y = np.meshgrid(np.arange(-0.3, 0.3, 0.05), np.arange(-0.1, 0.1, 0.05))
+    cells = np.column_stack([x.ravel(), y.ravel()])
+    over = KeepOuts(pose=HERE, cells=cells, cell_objects=np.zeros(len(cells), dtype=np.int64))
+    assert share(over) == 1.0 and share(over, BACK) == 1.0
+
+
 def test_a_robot_that_leaves_an_object_keeps_out_of_all_others() -> None:
     within = line_beside(0.1, growth_m=0.15)
     towards = Twist(v_mps=0.3, w_radps=0.3)

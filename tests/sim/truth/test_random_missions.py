@@ -70,14 +70,13 @@ def test_where_a_wide_clearance_leaves_one_corner_to_start_in_it_is_refused() ->
     world = randomise(load_scenario("clutter"), 0)
     with pytest.raises(BadConfiguration, match="starts that differ"):
         drawn(world, 0)
-    starts, lengths = set(), []
+    starts = set()
     for seed in range(8):
         scenario = draw_mission(
             world, seed, robot=HUSKY, margin_m=0.15, start_clear_m=0.71, margins_m=MARGINS_M
         )
         starts.add((scenario.start[0] > 0.0, scenario.start[1] > 0.0))
-        lengths.append(math.dist(scenario.start[:2], scenario.goals[0]))
-    assert len(starts) >= 3 and max(lengths) > 6.0
+    assert len(starts) >= 3
 
 
 def test_zones_lie_on_the_path_and_leave_another() -> None:
