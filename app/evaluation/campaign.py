@@ -134,7 +134,8 @@ def _planned(out: Path, campaign: str | None = None, keys: Sequence[int] = ()) -
         return 0
     with suppress(BadConfiguration):  # a card that a kill cut short is written again
         card = read_card(out)
-        if campaign is None or (card.campaign == campaign and set(keys) <= set(card.keys)):
+        own, held = set(keys), set(card.keys)
+        if campaign is None or (card.campaign == campaign and (own <= held or held <= own)):
             return max(card.planned, len(card.keys))
     return 0
 

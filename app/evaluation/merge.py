@@ -67,7 +67,8 @@ def merge_shards(
     try:
         out.mkdir(parents=True, exist_ok=True)
         (out / EPISODES).write_text("".join(f"{line}\n" for line, _ in ordered), encoding="utf-8")
-        dataclasses.replace(cards[0], shard=None).write(out)
+        planned = max(card.planned for card in cards)
+        dataclasses.replace(cards[0], shard=None, planned=planned).write(out)
     except OSError as error:
         raise BadConfiguration(f"{out} cannot be written: {error}") from None
     return _concluded(cards[0], [report for _, report in ordered], out)

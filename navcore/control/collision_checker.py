@@ -62,7 +62,7 @@ class CollisionChecker:
     contacts: Points = field(init=False)
     """(C, 2) obstacles nearer than any padding: a person has come up to the robot, an operator drew
     a zone beside it, or it was switched on with its back to a wall. Each may come no nearer than it
-    is, so that the robot can drive along and away."""
+    is, so that the robot can drive away."""
     kept_m: Floats = field(init=False)
     """(C,) distance in metres from the footprint to keep from the middle of each of them, negative
     under it."""

@@ -63,7 +63,8 @@ def margins_left(
     grid: OccupancyGrid, profile: RobotProfile, pose: Pose2, people: Collection[int] = ()
 ) -> BoolGrid:
     """Return the (rows, cols) cells of the margins around a robot at a pose that some of them
-    reach: from such a thing it keeps the distance that it has, from all others the whole margin."""
+    reach: from such a thing, connected cells, it keeps the distance that it has, wherever along it,
+    and from all others the whole margin."""
     left = np.zeros_like(grid.zones)
     layers = [
         *(
@@ -83,7 +84,14 @@ def margins_left(
             now_m = profile.distances_m(pose.from_parent(centres))
             objects = things[tuple(cells.T)].astype(np.int64)
             kept_m = kept_distances(now_m, np.full(len(cells), margin_m), objects)
-            left |= kept_cells(grid.spec, centres, kept_m) | layer
+            # What is masked reaches up to the body, so that it comes no nearer by a part of a cell.
+            kept_m += _half_diagonal_m(grid.spec)
+            reached = np.unique(objects[now_m < margin_m])
+            others = layer & ~np.isin(things, reached)
+            left |= layer | inflate_by(others, margin_m, grid.spec.resolution_m)
+            for thing in reached:
+                own = objects == thing
+                left |= kept_cells(grid.spec, centres[own], kept_m[own])
     return left
 
 

@@ -161,7 +161,7 @@ def kept_distances(now_m: Floats, asked_m: Floats, objects: Indices) -> Floats:
 
     Of an object, by its (N,) numbers, that is nearer than asked for all cells are kept as far as
     the nearest such cell is, so that the robot may drive along it. Of what it touches it may cover
-    no further cells: they are kept as far as they are, and those under it not at all.
+    no further cells: they are kept as far as they are, and those under it are not kept.
     """
     kept_m, infringed = np.minimum(now_m, asked_m), now_m < asked_m
     if not infringed.any():

@@ -244,7 +244,8 @@ def _cell_entered(
     any of the poses.
 
     What is nearer already than its growth asks for may not come nearer as a whole, so that the
-    robot may drive along it; what it touches may be covered no further.
+    robot may drive along it; what is under the robot may come no nearer to its middle, unless it is
+    there already.
     """
     cells, growth_m, objects = keep_outs.cells, _growth_of(keep_outs), keep_outs.cell_objects
     if not len(cells) or objects is None:
@@ -255,12 +256,20 @@ def _cell_entered(
         cells, growth_m, objects = cells[others], growth_m[others], objects[others]
         now_m = now_m[others]
     kept_m = kept_distances(now_m, growth_m, objects) - _ROUNDING
-    covered = int((now_m < 0.0).sum())
+    under_m = _least_under_m(cells, start, now_m)
     for pose in poses:
         later_m = profile.distances_m(pose.from_parent(cells))
-        if (later_m < kept_m).any() or (covered and int((later_m < 0.0).sum()) > covered):
+        deeper = _least_under_m(cells, pose, later_m) < under_m - _ROUNDING
+        if (later_m < kept_m).any() or (deeper and under_m > profile.width_m / 2):
             return "an object of the beware list"
     return None
+
+
+def _least_under_m(cells: Points, pose: Pose2, away_m: Floats) -> float:
+    """Return the distance in metres of the nearest cell under the body from its middle, infinite
+    without one; (N,) distances of the cells from the body."""
+    under = cells[away_m < 0.0]
+    return float(np.hypot(*(under - (pose.x_m, pose.y_m)).T).min(initial=np.inf))
 
 
 def _slowed(areas: list[_Area], poses: list[Pose2], profile: RobotProfile) -> str | None:

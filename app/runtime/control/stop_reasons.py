@@ -85,8 +85,11 @@ def planner_stops(
         where = f" {mission.goal.title}" if mission.goal is not None else ""
         text = f"There is no path to the goal{where}: {_why_no_path(intent, decision, outcome)}."
         found.append(StopReason(cause=Cause.NO_PATH, text=text))
-    if decision.motion.outcome in CONTROLLER_STOPS:
-        found.append(CONTROLLER_STOPS[decision.motion.outcome])
+    outcome_now = decision.motion.outcome
+    if decision.in_margin and outcome_now is ControllerState.GIVEN_UP:
+        outcome_now = ControllerState.IN_ZONE  # to leave the margin is what is left to try
+    if outcome_now in CONTROLLER_STOPS:
+        found.append(CONTROLLER_STOPS[outcome_now])
     return found
 
 

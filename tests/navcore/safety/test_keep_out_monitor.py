@@ -142,6 +142,12 @@ def test_a_robot_that_stands_over_an_object_may_drive_off_it() -> None:
     assert share(over) == 1.0 and share(over, BACK) == 1.0
 
 
+def test_what_lies_just_under_the_front_is_not_driven_over() -> None:
+    row = np.column_stack([np.full(5, FRONT_M - 0.01), np.linspace(-0.1, 0.1, 5)])
+    under = KeepOuts(pose=HERE, cells=row, cell_objects=np.zeros(5, dtype=np.int64))
+    assert share(under) == 0.0 and share(under, BACK) == 1.0
+
+
 def test_a_robot_that_leaves_an_object_keeps_out_of_all_others() -> None:
     within = line_beside(0.1, growth_m=0.15)
     towards = Twist(v_mps=0.3, w_radps=0.3)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.console.status_message import stands_in_zone
 from app.runtime.control.background import InlineBackground
 from app.runtime.control.map_requests import MapRequests
 from app.runtime.control.operator_state import OperatorState
@@ -623,6 +624,19 @@ def test_an_obstacle_that_holds_longer_than_it_is_remembered_begins_the_recovery
     first_s = next(at_s for at_s, held in told if held)
     assert first_s - 1.0 == pytest.approx(1.0 + DEFAULT_SAFETY.collision.memory_s, abs=0.2)
     assert sum(held for _, held in told) == 1, "then what it tries is judged afresh"
+
+
+def test_a_robot_that_has_given_up_in_a_margin_can_be_told_to_leave_it() -> None:
+    driver = controller((3.0, 0.0))
+    think(driver)
+    decision = driver.tick_state.decision
+    assert decision is not None
+    motion = Motion(twist=STANDSTILL, outcome=ControllerState.GIVEN_UP)
+    for in_margin, cause in ((True, Cause.IN_ZONE), (False, Cause.BOXED_IN)):
+        stuck = dataclasses.replace(decision, motion=motion, in_margin=in_margin)
+        driver._tick_state = dataclasses.replace(driver.tick_state, decision=stuck)
+        assert cause in causes(command(driver))
+        assert stands_in_zone(stuck) is in_margin
 
 
 def test_a_robot_that_stands_for_a_correction_of_its_place_says_so() -> None:
