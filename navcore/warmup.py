@@ -11,6 +11,7 @@ from navcore.config.localisation.relocalisation import PlaceSearchConfig, Reloca
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control import dynamic_window
+from navcore.control.footprint_distance import contact_slack
 from navcore.control.manoeuvre import ManoeuvreProblem, manoeuvre_along
 from navcore.control.motion_primitives import errors_to_path
 from navcore.control.social import NO_PEOPLE, clear_of_people, waiting_index
@@ -159,6 +160,7 @@ def _manoeuvre() -> None:
     waiting_index(person, poses[0], poses[0, :, 0].copy(), HUSKY, _CONFIG.people)
     errors_to_path(path, poses, horizon_m=1.0, tangent_m=0.2)
     arc_position(0.5, 0.1, 0.2)
+    contact_slack(path, path[:, 0].copy(), poses, 0.5, 0.3)
     dynamic_window.warm(HUSKY)
 
 

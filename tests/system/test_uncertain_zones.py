@@ -109,10 +109,13 @@ def test_a_robot_that_the_growth_of_a_zone_comes_over_drives_out_and_on_to_the_g
     assert report["zone_intrusions"] == 0
 
 
-def test_without_driving_out_it_stands_there_for_good(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_driving_out_it_backs_off_as_from_what_touches_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(zone_margins.ZoneMargins, "covering_robot", lambda *_: ())
-    report, _ = driven(from_m=-6.0, over_m=0.05, sigma_m=0.6, zone=AHEAD, until_s=12.0)
-    assert report["stops"][-1]["duration_s"] > 6.0
+    report, _ = driven(from_m=-6.0, over_m=0.05, sigma_m=0.6, zone=AHEAD, until_s=9.0)
+    assert report["stops"] == [] and report["distance_m"] > 2.0
+    assert report["zone_intrusions"] == 0
 
 
 def bar(left_m: float, bottom_m: float, right_m: float, top_m: float) -> Corners:

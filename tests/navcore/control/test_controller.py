@@ -83,13 +83,13 @@ def test_a_margin_that_gives_way_leaves_those_of_other_things_whole() -> None:
     assert left.sum() < inflate_by(mines, MARGIN_M, SPEC.resolution_m).sum()
 
 
-@pytest.mark.parametrize("gap_m", [0.05, 0.135, 0.15, 0.17, 0.19, 0.3])
+@pytest.mark.parametrize("gap_m", [0.05, 0.135, 0.17, 0.3])
 def test_however_deep_the_margin_is_the_robot_comes_no_nearer_to_what_has_it(gap_m: float) -> None:
     x_m, pose, least_m = HUSKY.length_m / 2 + gap_m, HERE, []
     mine = SPEC.centres(np.argwhere(grid(x_m).beware[LANDMINE]))
     now_m = HUSKY.distances_m(mine).min()
     controller = Controller(PointMap(SPEC, CONFIG.map).explored, HUSKY, CONFIG)
-    for _ in range(60):
+    for _ in range(25):
         motion = controller.control(task_in(grid(x_m), straight(), pose))
         pose = pose @ Pose2(
             x_m=0.1 * motion.twist.v_mps, y_m=0.0, yaw_rad=0.1 * motion.twist.w_radps
