@@ -9,6 +9,7 @@ from app.console.application import RunningConsole
 from app.examples.client import main
 
 
+@pytest.mark.long
 def test_the_example_drives_to_its_goal_tidies_up_and_can_be_run_again(
     running: RunningConsole, client: httpx.Client
 ) -> None:

@@ -93,6 +93,7 @@ def test_another_site_has_its_own_map_zones_goals_and_list_and_the_first_comes_b
         assert program.post("mission/resume").is_success
 
 
+@pytest.mark.long
 def test_a_site_survives_export_import_and_a_restart_and_its_nav2_map_has_no_zones(
     tmp_path: Path,
 ) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 
 from navcore.learning.data.dataset import load_dataset
 from tests.system.conftest import state_when
@@ -49,6 +50,7 @@ def answer_when(
     return answer
 
 
+@pytest.mark.long
 def test_a_drive_is_logged_explained_and_plotted(client: httpx.Client) -> None:
     zone = client.post("/api/v1/zones", json=FENCE).json()["id"]
     client.post("/api/v1/goals", json={"x_m": -2.5, "y_m": 2.0})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 
 from navcore.localisation.estimate import LocalisationState
@@ -61,6 +62,7 @@ def test_a_zone_drawn_on_the_map_bends_the_path_and_the_robot_arrives(
     expect(page.get_by_test_id("state-badge")).to_contain_text("IDLE")
 
 
+@pytest.mark.long
 def test_clicks_in_the_3d_view_draw_a_zone(page: Page, operations: FakeOperations) -> None:
     page.get_by_test_id("view-3d").click()
     expect(page.locator("body")).to_have_attribute("data-viewer", "live")

@@ -126,6 +126,7 @@ def test_a_changed_tile_is_painted_where_it_changed(page: Page) -> None:
     assert seen["inPart"] == seen["asAWhole"] != seen["before"]
 
 
+@pytest.mark.long
 def test_nothing_is_drawn_or_written_while_the_robot_stands(
     page: Page, operations: FakeOperations
 ) -> None:

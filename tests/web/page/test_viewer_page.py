@@ -57,6 +57,7 @@ def open_3d(page: Page) -> tuple[float, float]:
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
+@pytest.mark.long
 def test_what_the_3d_view_shows_is_where_it_belongs(page: Page, operations: FakeOperations) -> None:
     operations.goals.add(2.0, 1.0)
     page.get_by_test_id("view-3d").click()
