@@ -20,15 +20,6 @@ def footprint_distances(
     return _sweep(lanes[0], lanes[1], poses, np.float32(half_length), np.float32(half_width))
 
 
-def contact_slack(
-    contacts: Points, kept_m: Floats, poses: Floats, half_length: float, half_width: float
-) -> tuple[Floats, Floats]:
-    """Return, (A, S) each, by how much in metres the footprint stays farther away than `kept_m`,
-    (N,), from (N, 2) points on the motion up to each of (A, S, 3) poses, the least of all, and the
-    least distance itself; distances are negative under the footprint."""
-    return _contact_sweep(contacts, kept_m, poses, half_length, half_width)
-
-
 FAR_M = 0.5
 """Distance in metres beyond which obstacles make no difference to any motion."""
 LANES = 32
@@ -77,9 +68,12 @@ def _sweep(
 
 
 @numba.njit(cache=True, nogil=True)
-def _contact_sweep(
+def contact_slack(
     contacts: Points, kept_m: Floats, poses: Floats, half_length: float, half_width: float
 ) -> tuple[Floats, Floats]:
+    """Return, (A, S) each, by how much in metres the footprint stays farther away than `kept_m`,
+    (N,), from (N, 2) points on the motion up to each of (A, S, 3) poses, the least of all, and the
+    least distance itself; distances are negative under the footprint."""
     count, steps = poses.shape[0], poses.shape[1]
     slack, distances = np.empty((count, steps)), np.empty((count, steps))
     for a in range(count):

@@ -4,7 +4,7 @@ operator's rules forbid."""
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 
 import cv2
 import numpy as np
@@ -30,21 +30,21 @@ def obstacle_masks(
     beware classes and zones inflated by their own margins, but for the class ids of `people`
     (`people_mask`)."""
     forbidden, by_margin = grid.zones.copy(), dict[float, npt.NDArray[np.bool_]]()
-    layers = [
-        *(
-            (grid.margins_m.get(class_id, 0.0), layer)
-            for class_id, layer in grid.beware.items()
-            if class_id not in people
-        ),
-        *grid.wide_zones,
-        *grid.uncertain,
-    ]
-    for margin_m, layer in layers:
+    for margin_m, layer in _with_margins(grid, people):
         if layer.any():
             by_margin[margin_m] = by_margin[margin_m] | layer if margin_m in by_margin else layer
     for margin_m, layer in by_margin.items():
         forbidden |= inflate_by(layer, margin_m, grid.spec.resolution_m)
     return grid.geometric, forbidden
+
+
+def _with_margins(grid: OccupancyGrid, people: Collection[int]) -> Iterator[tuple[float, BoolGrid]]:
+    """Yield the margin in metres and the (rows, cols) cells of each layer that may have one."""
+    for class_id, layer in grid.beware.items():
+        if class_id not in people:
+            yield grid.margins_m.get(class_id, 0.0), layer
+    yield from grid.wide_zones
+    yield from grid.uncertain
 
 
 def bare_cells(grid: OccupancyGrid, *, people: Collection[int] = ()) -> npt.NDArray[np.bool_]:
@@ -66,16 +66,7 @@ def margins_left(
     reach: from such a thing, connected cells, it keeps the distance that it has, wherever along it,
     and from all others the whole margin."""
     left = np.zeros_like(grid.zones)
-    layers = [
-        *(
-            (grid.margins_m.get(class_id, 0.0), layer)
-            for class_id, layer in grid.beware.items()
-            if class_id not in people
-        ),
-        *grid.wide_zones,
-        *grid.uncertain,
-    ]
-    for margin_m, layer in layers:
+    for margin_m, layer in _with_margins(grid, people):
         if margin_m > 0.0 and layer.any():
             _, things = cv2.connectedComponents(layer.view(np.uint8), connectivity=8)
             edge = layer & ~cv2.erode(layer.view(np.uint8), _SQUARE).view(np.bool_)

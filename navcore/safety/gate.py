@@ -18,6 +18,7 @@ from navcore.safety.collision_monitor import (
     NO_POINTS,
     NearPoints,
     allowed_share,
+    braking_s,
     time_to_contact,
 )
 from navcore.safety.keep_out_monitor import KeepOuts, permitted_share
@@ -297,11 +298,7 @@ def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotPro
     period_s = max(period_s, 0.0)  # a clock that goes back gives no licence to accelerate
     if asked == STANDSTILL and sent != STANDSTILL:
         # Along the arc that was checked: were each braked by itself, the body would go elsewhere.
-        stop_s = max(
-            abs(sent.v_mps) / profile.max_accel_mps2,
-            abs(sent.w_radps) / profile.max_yaw_accel_radps2,
-        )
-        share = max(1.0 - period_s / stop_s, 0.0)
+        share = max(1.0 - period_s / braking_s(sent, profile), 0.0)
         return Twist(v_mps=share * sent.v_mps, w_radps=share * sent.w_radps)
     speed = _approach(
         asked.v_mps, sent.v_mps, profile.max_accel_mps2 * period_s, profile.max_speed_mps

@@ -171,16 +171,16 @@ def test_a_robot_in_a_zone_may_leave_it_and_go_no_farther_in() -> None:
     assert share(told) == 1.0
 
 
-def decided(keep_outs: KeepOuts) -> GateDecision:
-    """The gate's decision on full speed ahead."""
+def decided(keep_outs: KeepOuts, twist: Twist = AHEAD, *, sent: Twist = AHEAD) -> GateDecision:
+    """The gate's decision on a velocity, by default on going on at full speed."""
     facts = GateInput(
         now_ns=0,
         frame_ns=0,
         stopped_by=None,
-        command=Command(twist=AHEAD, stamp_ns=0),
+        command=Command(twist=twist, stamp_ns=0),
         keep_outs=keep_outs,
     )
-    return gate(facts, sent=AHEAD, period_s=0.05, profile=HUSKY)
+    return gate(facts, sent=sent, period_s=0.05, profile=HUSKY)
 
 
 def test_the_gate_slows_then_stops_with_the_reason() -> None:
@@ -424,14 +424,7 @@ def test_what_is_sent_on_the_way_to_another_velocity_is_checked_too() -> None:
     turn = Twist(v_mps=0.0, w_radps=0.3)
 
     def sent(zones: tuple[Zone, ...]) -> Twist:
-        facts = GateInput(
-            now_ns=0,
-            frame_ns=0,
-            stopped_by=None,
-            command=Command(twist=turn, stamp_ns=0),
-            keep_outs=KeepOuts(pose=HERE, zones=zones),
-        )
-        return gate(facts, sent=AHEAD, period_s=0.05, profile=HUSKY).twist
+        return decided(KeepOuts(pose=HERE, zones=zones), turn).twist
 
     free, kept = sent(()), sent((beside,))
     assert free.w_radps > 0.0 and free.v_mps > 0.5
@@ -449,14 +442,7 @@ def test_a_robot_that_stands_sets_off_on_the_arc_that_was_checked_or_says_why_no
         return KeepOuts(pose=HERE, cells=np.array([[FRONT_M + 0.02, gap_m - HUSKY.width_m / 2]]))
 
     def decided_beside(gap_m: float) -> GateDecision:
-        facts = GateInput(
-            now_ns=0,
-            frame_ns=0,
-            stopped_by=None,
-            command=Command(twist=arc, stamp_ns=0),
-            keep_outs=beside(gap_m),
-        )
-        return gate(facts, sent=STANDSTILL, period_s=0.05, profile=HUSKY)
+        return decided(beside(gap_m), arc, sent=STANDSTILL)
 
     for gap_m in np.arange(-0.1, 0.2, 0.01).tolist():
         decision = decided_beside(gap_m)
@@ -467,9 +453,7 @@ def test_a_robot_that_stands_sets_off_on_the_arc_that_was_checked_or_says_why_no
 
 
 def test_it_brakes_along_the_arc_that_it_drives() -> None:
-    command = Command(twist=STANDSTILL, stamp_ns=0)
-    facts = GateInput(now_ns=0, frame_ns=0, stopped_by=None, command=command)
     driven = Twist(v_mps=0.9, w_radps=0.4)
-    braking = gate(facts, sent=driven, period_s=0.05, profile=HUSKY).twist
+    braking = decided(KeepOuts(pose=HERE), STANDSTILL, sent=driven).twist
     assert 0.7 < braking.v_mps < 0.8
     assert braking.w_radps / braking.v_mps == pytest.approx(driven.w_radps / driven.v_mps)
