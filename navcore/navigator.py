@@ -433,7 +433,7 @@ class Navigator:
         return needed_part(
             self.map.spec,
             frame,
-            body_m=max(around_m, config.start_clear_m),
+            body_m=max(around_m, config.start_clear_m, config.start_ahead_m),
             reach_m=config.local.reach_m + around_m,
             max_range_m=config.points.max_range_m,
             goal=request.goal,

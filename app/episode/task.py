@@ -20,10 +20,14 @@ from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.schema import Scenario
 from sim.scenario.variation import randomise
 from sim.sensors.gnss_settings import GnssKind
-from sim.truth.random_missions import EXTRA_CLEARANCE_M, draw_mission, draw_zones
+from sim.truth.clearance import clearance_m, grown_obstacles
+from sim.truth.random_missions import draw_mission, draw_zones
 
 ZONES = 2
 """Default number of zones of an episode with random start and goal."""
+NARROW_CLEARANCE_M = 0.3
+"""Clearance at the start of a robot that turns in place, in a world where hardly a position has as
+much as configured. With less it sees no floor beside it that it could drive on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,19 +155,23 @@ def _placed(
     config: NavigatorConfig,
     margins_m: dict[str, float],
 ) -> tuple[Scenario, NavigatorConfig]:
-    """Draw start and goal; where no position has the usual clearance at the start, a smaller one is
-    configured."""
-    tight_m = min(robot.circumscribed_radius_m + EXTRA_CLEARANCE_M, config.start_clear_m)
+    """Draw start and goal; where hardly a position has the usual clearance at the start, the robot
+    is told of that which it has."""
+    narrow_m = min(robot.circumscribed_radius_m + NARROW_CLEARANCE_M, config.start_clear_m)
     draw = functools.partial(
         draw_mission,
         world,
         seed,
         robot=robot,
         margin_m=config.safety_margin_m,
+        start_ahead_m=config.start_ahead_m,
         margins_m=margins_m,
     )
     try:
         return draw(start_clear_m=config.start_clear_m), config
     except BadConfiguration:
-        placed = draw(start_clear_m=tight_m)
-        return placed, dataclasses.replace(config, start_clear_m=tight_m)
+        placed = draw(start_clear_m=narrow_m)
+        x_m, y_m, _ = placed.start
+        clear_m = clearance_m(grown_obstacles(placed, margins_m), x_m, y_m)
+        told_m = min(clear_m, config.start_clear_m)
+        return placed, dataclasses.replace(config, start_clear_m=told_m)

@@ -34,7 +34,10 @@ class NavigatorConfig:
     repeated exactly."""
     start_clear_m: float = ranged(0.0, 5.0, default=1.2)
     """Radius in metres of the floor that is taken for free around the start pose, where the camera
-    cannot look."""
+    cannot look. A robot that is put down in a narrow place needs a smaller one."""
+    start_ahead_m: float = ranged(0.0, 5.0, default=1.2)
+    """Distance in metres ahead of the start pose up to which the floor is taken for free, as wide
+    as the body: from there on the camera sees it."""
     points: ObservationConfig = field(default_factory=ObservationConfig)
     """Which measurements become map points."""
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)

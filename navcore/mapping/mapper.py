@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.geometry.arrays import FloatImage
+from navcore.geometry.arrays import FloatImage, Points
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.mapping.people_sightings import PeopleSightings
 from navcore.mapping.point_map import PointMap
@@ -103,11 +103,19 @@ class Mapper:
             self.map.forget(cells, people)
 
     def _mark_driven(self, pose: Pose2) -> None:
-        outline = self._profile.footprint()
-        if not self._placed:
-            # The robot is put down with clearance around it; the camera cannot see that floor.
-            angles = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
-            circle = np.column_stack([np.cos(angles), np.sin(angles)])
-            outline = self._config.start_clear_m * circle
-            self._placed = True
-        self.map.explored.mark_driven(pose.to_parent(outline), pose)
+        outlines = [self._profile.footprint()] if self._placed else self._start_area()
+        self._placed = True
+        for outline in outlines:
+            self.map.explored.mark_driven(pose.to_parent(outline), pose)
+
+    def _start_area(self) -> list[Points]:
+        """Return convex outlines, (N, 2) metres of the base frame, of the floor that is clear where
+        the robot is put down: the camera cannot see it."""
+        angles = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
+        circle = np.column_stack([np.cos(angles), np.sin(angles)])
+        ahead_m = self._config.start_ahead_m
+        beside_m = self._profile.width_m / 2 + self._config.local.padding_m
+        ahead = np.array(
+            [(0.0, -beside_m), (ahead_m, -beside_m), (ahead_m, beside_m), (0.0, beside_m)]
+        )
+        return [self._config.start_clear_m * circle, ahead]

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 import numpy.typing as npt
-import shapely
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.polyline import length_m, metres_along
+from navcore.geometry.transform import wrap_angle
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.robot.profile import RobotProfile
 from sim.models.person import PERSON
@@ -20,6 +20,7 @@ from sim.models.solids import Polygon, rectangle
 from sim.physics.pedestrians import BODY_DIAMETER_M
 from sim.scenario.layout import obstacles
 from sim.scenario.schema import Scenario, map_grid
+from sim.truth.clearance import grown_obstacles, is_clear_ahead
 from sim.truth.shortest_path import Floats, Point, shortest_path
 from sim.truth.true_map import rasterise
 from sim.truth.true_objects import true_objects
@@ -36,6 +37,8 @@ MIN_DISTANCE_M = 4.0
 """Least distance of a goal where the world is large enough."""
 LEAST_SHARE = 0.2
 """Least share of the positions on which the robot can turn that have the clearance of a start."""
+TURNED_RAD = 0.6
+"""Largest angle between heading and path at a start where the robot has little room."""
 TRIES = 200
 """Number of pairs of start and goal that are tried."""
 GRID_M = 0.1
@@ -53,14 +56,17 @@ def draw_mission(
     robot: RobotProfile,
     margin_m: float,
     start_clear_m: float,
+    start_ahead_m: float,
     margins_m: Mapping[str, float],
 ) -> Scenario:
     """Return the scenario of a seed with a start and one goal drawn at random.
 
-    The robot has `start_clear_m` of clearance at its start. Between start and goal the true map
-    leaves a path that keeps half the width of the robot and `margin_m` from everything, the
-    `margins_m` of its class from every beware object, and a little more. Raises `BadConfiguration`
-    where there is no such pair, or where hardly a position has that clearance.
+    The robot has `start_clear_m` of clearance at its start and `start_ahead_m`, as wide as its
+    body, ahead of it. Where the former is less it faces its path, for by turning it sees nothing
+    of the floor beside it. Between start and goal the true map leaves a path that keeps half the
+    width of the robot and `margin_m` from everything, the `margins_m` of its class from every
+    beware object, and a little more. Raises `BadConfiguration` where there is no such pair, or
+    where hardly a position has that clearance.
     """
     rng = np.random.default_rng((seed, SALT))
     spec = GridSpec.centred(size_m=scenario.size_m, resolution_m=GRID_M)
@@ -74,11 +80,10 @@ def draw_mission(
             f"{start_clear_m:.2f} m of clearance; the world is too small or too full for starts "
             "that differ"
         )
-    starts = np.argwhere(usual)
-    areas = _areas(clear_m >= robot.width_m / 2 + margin_m + EXTRA_CLEARANCE_M)
-    goals = (
-        clear_m >= max(reach_m, robot.width_m / 2 + margin_m + EXTRA_CLEARANCE_M)
-    ) & ~_walking_areas(scenario, spec)
+    starts, around = np.argwhere(usual), grown_obstacles(scenario, margins_m)
+    radius_m = robot.width_m / 2 + margin_m + EXTRA_CLEARANCE_M
+    areas = _areas(clear_m >= radius_m)
+    goals = (clear_m >= max(reach_m, radius_m)) & ~_walking_areas(scenario, spec)
     side_m = min(scenario.size_m)
     least_m = max(MIN_DISTANCE_SHARE * side_m, min(MIN_DISTANCE_M, 0.4 * side_m))
     for _ in range(TRIES if len(starts) else 0):
@@ -88,14 +93,34 @@ def draw_mission(
             continue
         goal = there[rng.integers(len(there))]
         (x, y), (gx, gy) = spec.centres(np.array([start, goal])).tolist()
-        if math.hypot(gx - x, gy - y) >= least_m:
-            pose = (round(x, 3), round(y, 3), round(float(rng.uniform(-math.pi, math.pi)), 4))
-            return dataclasses.replace(scenario, start=pose, goals=((round(gx, 3), round(gy, 3)),))
+        if math.hypot(gx - x, gy - y) < least_m:
+            continue
+        is_narrow = start_clear_m < start_ahead_m
+        limit_rad = TURNED_RAD if is_narrow else math.pi
+        yaw_rad = float(rng.uniform(-limit_rad, limit_rad))
+        if is_narrow:
+            path = shortest_path(around, radius_m, map_grid(scenario), [(x, y), (gx, gy)])
+            if path is None:
+                continue
+            yaw_rad = wrap_angle(yaw_rad + _bearing_rad(path, start_ahead_m))
+        pose = (round(x, 3), round(y, 3), round(yaw_rad, 4))
+        placed = dataclasses.replace(scenario, start=pose, goals=((round(gx, 3), round(gy, 3)),))
+        if not is_narrow or is_clear_ahead(
+            around, placed.start_pose, ahead_m=start_ahead_m, width_m=robot.width_m
+        ):
+            return placed
     raise BadConfiguration(
         f"world {scenario.name!r}: no start with {max(start_clear_m, reach_m):.2f} m of clearance "
         f"and a reachable goal {least_m:.1f} m away in {TRIES} tries; "
         "the world is too small or too full for --random"
     )
+
+
+def _bearing_rad(path: Floats, ahead_m: float) -> float:
+    """Return the bearing of the point of a (K, 2) path some metres along it, from its start."""
+    along = metres_along(path)
+    x, y = (float(np.interp(ahead_m, along, path[:, axis])) for axis in (0, 1))
+    return math.atan2(y - path[0, 1], x - path[0, 0])
 
 
 def draw_zones(
@@ -109,7 +134,7 @@ def draw_zones(
     """
     if not count:
         return ()
-    polygons = _grown_obstacles(scenario, margins_m)
+    polygons = grown_obstacles(scenario, margins_m)
     rng = np.random.default_rng((seed, SALT, 1))
     spec = map_grid(scenario)
     waypoints = [(scenario.start[0], scenario.start[1]), *scenario.goals]
@@ -180,26 +205,6 @@ def _areas(free: BoolGrid) -> npt.NDArray[np.int32]:
     """Return the (rows, cols) number of the connected area of each free cell, −1 for the others."""
     _, areas = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
     return np.where(free, areas, -1).astype(np.int32)
-
-
-def _grown_obstacles(scenario: Scenario, margins_m: Mapping[str, float]) -> list[Polygon]:
-    """Return the outlines of all objects, grown by the margin of their class."""
-    standing = [
-        rectangle(BODY_DIAMETER_M, BODY_DIAMETER_M) + p.points[0]
-        for p in scenario.people
-        if len(p.points) == 1
-    ]
-    rules = [
-        (outline, margins_m.get(entry.name, 0.0))
-        for entry in true_objects(scenario)
-        for outline in entry.outlines
-    ]
-    rules += [(body, margins_m.get(PERSON, 0.0)) for body in standing]
-    grown = [shapely.buffer(shapely.Polygon(outline), margin_m) for outline, margin_m in rules]
-    return [
-        *(outline for entry in obstacles(scenario) for outline in entry.outlines()),
-        *(shapely.get_coordinates(area.exterior)[:-1] for area in grown),
-    ]
 
 
 def _zone_across(path: Floats, rng: np.random.Generator) -> Polygon:

@@ -20,10 +20,13 @@ from app.episode.episode import Episode, EpisodeSettings
 from app.evaluation.campaign import HERE, Fleet, conclude
 from app.evaluation.driving.drawn_missions import drive_drawn, origin_of
 from app.evaluation.summary import rate_interval
+from navcore.config.navigator import config_for
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
+from sim.scenario.variation import randomise
+from sim.truth.clearance import clearance_m, grown_obstacles, is_clear_ahead
 
 WORLD = "office"
 DOORS = (
@@ -63,6 +66,8 @@ class Passage:
     """Pose at the start."""
     goal: tuple[float, float]
     """Goal on the other side."""
+    clear_m: float = math.inf
+    """Clearance around the start, metres; infinite before the furniture is known."""
 
 
 def draw_passages(seed: int) -> Iterator[Passage]:
@@ -115,7 +120,7 @@ def conclude_doors(reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
 
 def drive_passage(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
     """Drive the passage of a seed; return its report with the drawn values."""
-    passage, episode = _first_clear(seed, settings)
+    passage, episode = first_clear(seed, settings)
     try:
         report = episode.run()
     finally:
@@ -128,17 +133,32 @@ def drive_passage(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
     }
 
 
-def _first_clear(seed: int, settings: EpisodeSettings) -> tuple[Passage, Episode]:
-    """Return the first passage of a seed that the furniture leaves open, and its episode."""
+def first_clear(seed: int, settings: EpisodeSettings) -> tuple[Passage, Episode]:
+    """Return the first passage of a seed that the furniture leaves open and has clear floor up to
+    where the camera sees it, and its episode; the robot is told how much clearance it has."""
+    office = randomise(quiet_office(), seed)
+    walls, config = grown_obstacles(office, {}), settings.config or config_for(settings.robot)
     for passage in draw_passages(seed):
-        drawn = dataclasses.replace(settings, goals=(passage.goal,), start=passage.start)
+        start = passage.start
+        clear_m = clearance_m(walls, start.x_m, start.y_m)
+        if not is_clear_ahead(
+            walls, start, ahead_m=config.start_ahead_m, width_m=settings.robot.width_m
+        ):
+            continue
+        drawn = dataclasses.replace(
+            settings,
+            goals=(passage.goal,),
+            start=start,
+            randomised=True,
+            config=dataclasses.replace(config, start_clear_m=min(config.start_clear_m, clear_m)),
+        )
         try:
-            episode = Episode(quiet_office(), drawn, seed=seed)
+            episode = Episode(office, drawn, seed=seed)
         except BadConfiguration:
             continue  # the robot would stand in a piece of furniture
         referee = episode.simulator.referee
         if referee.shortest_m(episode.spec, episode.inflation_m, [passage.goal]) is not None:
-            return passage, episode
+            return dataclasses.replace(passage, clear_m=clear_m), episode
         episode.close()
     raise AssertionError("draw_passages ends")
 

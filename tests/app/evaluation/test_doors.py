@@ -5,15 +5,21 @@ from __future__ import annotations
 import math
 from itertools import islice
 
+import numpy as np
+import pytest
+import shapely
+
 from app.episode.episode import EpisodeSettings
 from app.evaluation.driving.doors import (
     DOORS,
     draw_passages,
     drive_passage,
+    first_clear,
     is_first_try,
     summarise,
 )
 from navcore.mission.beware_list import default_beware_list
+from sim.truth.clearance import grown_obstacles
 
 
 def test_start_and_goal_lie_on_both_sides_of_a_door_and_a_seed_draws_the_same() -> None:
@@ -26,6 +32,21 @@ def test_start_and_goal_lie_on_both_sides_of_a_door_and_a_seed_draws_the_same() 
         assert (start.y_m - y) * (passage.goal[1] - y) < 0
         towards = math.atan2(y - start.y_m, x - start.x_m)
         assert abs(math.remainder(start.yaw_rad - towards, math.tau)) <= 0.6
+
+
+def test_the_robot_is_told_how_little_clearance_it_has_and_has_clear_floor_ahead() -> None:
+    told = list[float]()
+    for seed in (2216, 2217, 2218):  # the first pose that 2216 draws has a shelf 0.15 m beside it
+        passage, episode = first_clear(seed, EpisodeSettings(beware=default_beware_list()))
+        episode.close()
+        start = passage.start
+        walls = [shapely.Polygon(one) for one in grown_obstacles(episode.scenario, {})]
+        away_m = min(float(wall.distance(shapely.Point(start.x_m, start.y_m))) for wall in walls)
+        told.append(passage.clear_m)
+        assert told[-1] == pytest.approx(away_m)
+        ahead = start.to_parent(np.array([(0.0, -0.35), (1.2, -0.35), (1.2, 0.35), (0.0, 0.35)]))
+        assert not any(wall.intersects(shapely.Polygon(ahead)) for wall in walls)
+    assert min(told) < 1.0
 
 
 def test_a_door_is_passed_and_a_way_back_is_no_first_try() -> None:

@@ -20,6 +20,7 @@ from sim.referee.referee import Referee
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Furniture, Item, MapExtent, Marking, Person, Scenario
 from sim.scenario.variation import randomise
+from sim.truth.clearance import grown_obstacles
 from sim.truth.random_missions import draw_mission, draw_zones
 from tests.sim.worlds import open_floor, seeing, shifted
 
@@ -28,7 +29,13 @@ MARGINS_M = {"landmine": 0.5, "cup": 0.05}
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:
     return draw_mission(
-        scenario, seed, robot=HUSKY, margin_m=0.15, start_clear_m=1.2, margins_m=MARGINS_M
+        scenario,
+        seed,
+        robot=HUSKY,
+        margin_m=0.15,
+        start_clear_m=1.2,
+        start_ahead_m=1.2,
+        margins_m=MARGINS_M,
     )
 
 
@@ -73,8 +80,18 @@ def test_where_a_wide_clearance_leaves_one_corner_to_start_in_it_is_refused() ->
     starts = set()
     for seed in range(8):
         scenario = draw_mission(
-            world, seed, robot=HUSKY, margin_m=0.15, start_clear_m=0.71, margins_m=MARGINS_M
+            world,
+            seed,
+            robot=HUSKY,
+            margin_m=0.15,
+            start_clear_m=0.91,
+            start_ahead_m=1.2,
+            margins_m=MARGINS_M,
         )
+        ahead = scenario.start_pose.to_parent(np.array([(0.0, -0.35), (1.2, -0.35), (1.2, 0.35)]))
+        floor = shapely.Polygon([*ahead, scenario.start_pose.to_parent(np.array([0.0, 0.35]))])
+        outlines = [shapely.Polygon(one) for one in grown_obstacles(scenario, MARGINS_M)]
+        assert not shapely.intersects(outlines, floor).any()
         starts.add((scenario.start[0] > 0.0, scenario.start[1] > 0.0))
     assert len(starts) >= 3
 
