@@ -37,10 +37,14 @@ from app.cli.options import (
     robot_profile,
 )
 from app.episode.ablations import Ablation
+from navcore.errors import BadConfiguration
+from navcore.files import write_whole
 from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
     from app.episode.episode import Episode
+    from app.replay.recording import RecordingWriter
+    from navcore.navigator import TickResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +65,10 @@ class DriveSettings:
     ] = None
     plots: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write plots of the episode here.")
+    ] = None
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Record images and poses here, as `replay` reads them."),
     ] = None
     beware: BewareOption = None
     segmentation: SegmenterOptions = field(default_factory=SegmenterOptions)
@@ -86,6 +94,7 @@ def drive(settings: DriveSettings) -> None:
     from app.episode.latency import latency_of
     from app.episode.task import Task, check_goals, episode_of
     from app.evaluation.plots import plot_episode
+    from app.replay.recording import RecordingWriter
     from app.runtime.record.map_persistence import load_map, save_map
     from app.runtime.start.preparation import prepared_perception
     from navcore.config.navigator import load_config
@@ -96,8 +105,13 @@ def drive(settings: DriveSettings) -> None:
     camera = camera_stream(settings.camera, robot.stream)
     goals = tuple(point(text, "--goal") for text in settings.goal or [])
     files = [file for file in (settings.report, settings.kept) if file is not None]
-    for folder in [*(file.parent for file in files), *([settings.plots] if settings.plots else [])]:
+    folders = [folder for folder in (settings.plots, settings.record) if folder is not None]
+    for folder in [*(file.parent for file in files), *folders]:
         prepare(folder)
+    for file in files:
+        if file.is_dir():
+            raise BadConfiguration(f"{file} is a folder; give the name of a file")
+    writer = None if settings.record is None else RecordingWriter(settings.record)
     task = Task(
         scenario=load_scenario(settings.scenario),
         goals=goals,
@@ -122,11 +136,13 @@ def drive(settings: DriveSettings) -> None:
     )
     try:
         keyframes, world = Keyframes(episode), episode.controller.navigator.map
+        if writer is not None:
+            _record(episode, writer)
         load_map(world, beware, prior=settings.prior, kept=settings.kept)
         episode.controller.navigator.adopt_map()
         result = _run(episode)
         if settings.report is not None:
-            settings.report.write_text(json.dumps(result, indent=1), encoding="utf-8")
+            write_whole(settings.report, json.dumps(result, indent=1).encode())
         if settings.kept is not None and episode.controller.navigator.map_is_on_trial:
             typer.echo(
                 f"{settings.kept} stays as it was: the robot was not sure of its place in this map",
@@ -140,6 +156,17 @@ def drive(settings: DriveSettings) -> None:
         episode.close()
     typer.echo(_in_words(result))
     sys.exit(0 if result["success"] else 1)
+
+
+def _record(episode: Episode, writer: RecordingWriter) -> None:
+    """Write the images of an episode, in the map as the robot has placed them."""
+    note = episode.on_decision
+
+    def note_and_write(t_s: float, decision: TickResult) -> None:
+        note(t_s, decision)
+        writer.add(decision.frame)
+
+    episode.on_decision = note_and_write
 
 
 def _run(episode: Episode) -> dict[str, Any]:

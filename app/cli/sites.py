@@ -146,7 +146,7 @@ def dock(
         if (numbers := _pose(at, remove, "X,Y,DEG")) is not None:
             x_m, y_m, degrees = numbers
             pose = Pose2(x_m=x_m, y_m=y_m, yaw_rad=math.radians(degrees))
-        furnish(site, dock=pose, tags=stored_tags(site))
+        furnish(site, pose, stored_tags(site))
     typer.echo(f"The dock of site {name} is {'removed' if remove else 'set'}.")
 
 
@@ -166,21 +166,27 @@ def tag(
     data: DataOption = Path("data"),
 ) -> None:
     """Set or remove a tag of a site; a running console takes it at its next start."""
-    from app.console.site.dock_and_tags import dock_of, furnish, stored_tags
+    from app.console.site.dock_and_tags import (
+        dock_of,
+        furnish,
+        stored_tags,
+        with_tag,
+        without_tag,
+    )
     from navcore.toml_config import from_table
     from web.interface.sites import Tag
 
     with _sites(data) as sites:
         site = sites.open(name)
-        tags = {one.id: one for one in stored_tags(site)}
+        tags = stored_tags(site)
         if (numbers := _pose(at, remove, "X,Y,Z,DEG")) is not None:
             x_m, y_m, z_m, degrees = numbers
             made = {"id": number, "x_m": x_m, "y_m": y_m, "z_m": z_m, "size_m": size}
             made["yaw_rad"] = math.radians(degrees)
-            tags[number] = from_table(Tag, made, f"tag {number}")
-        elif tags.pop(number, None) is None:
+            changed = with_tag(tags, from_table(Tag, made, f"tag {number}"))
+        elif (changed := without_tag(tags, number)) == tags:
             raise BadConfiguration(f"site {name} has no tag {number}")
-        furnish(site, dock=dock_of(site), tags=tuple(tags[key] for key in sorted(tags)))
+        furnish(site, dock_of(site), changed)
     typer.echo(f"Tag {number} of site {name} is {'removed' if remove else 'set'}.")
 
 

@@ -314,6 +314,7 @@ class LiveOperations:
             command=verdict.twist,
             queue=intent.mission.queue,
             reached=intent.mission.reached,
+            reached_count=intent.mission.reached_count,
             distance_to_goal_m=_length_m(decision)
             if intent.mission.phase is not Phase.IDLE
             else None,
@@ -449,10 +450,7 @@ class LiveOperations:
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Return the reports of past runs, newest first, without their time series."""
-        return tuple(
-            {key: value for key, value in report.items() if key != "series"}
-            for report in self._store.runs()
-        )
+        return self._store.runs()
 
     def run(self, run_id: str) -> Mapping[str, Any]:
         """Return the whole report of a run."""

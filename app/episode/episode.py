@@ -423,7 +423,7 @@ class Episode:
         goal, pose = self.controller.intent.mission.goal, self.pose()
         return Progress(
             goal=goal,
-            goals_done=len(self.controller.intent.mission.reached),
+            goals_done=self.controller.intent.mission.reached_count,
             goals=len(self.goals),
             distance_m=pose.distance_to(goal.x_m, goal.y_m) if goal else 0.0,
             sim_time_s=self.now_s,
@@ -440,6 +440,6 @@ class Episode:
             *((goal.x_m, goal.y_m) for goal in self.goals),
         ]
         legs = [math.dist(here, there) for here, there in pairwise(positions)]
-        done = len(self.controller.intent.mission.reached)
+        done = self.controller.intent.mission.reached_count
         left = pose.distance_to(*positions[done + 1]) if done < len(legs) else 0.0
         return min(max(1.0 - (left + sum(legs[done + 1 :])) / max(sum(legs), 1e-9), 0.0), 1.0)

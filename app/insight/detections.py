@@ -100,6 +100,11 @@ class DetectionGallery:
                 for item in sorted(self._items.values(), key=lambda item: -item.sighting.id)
             )
 
+    def clear(self) -> None:
+        """Forget all entries; their ids are not given again."""
+        with self._lock:
+            self._items.clear()
+
     def counts(self) -> dict[int, int]:
         """Return the number of entries by class id, without wrong detections."""
         return Counter(sighting.class_id for sighting in self.all() if sighting.verdict is None)

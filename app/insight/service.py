@@ -141,7 +141,7 @@ class LiveInsight:
 
     def forget_place(self) -> None:
         """Forget what was detected: the robot is at another site now."""
-        self.detections = DetectionGallery()
+        self.detections.clear()
 
     # Requests of the console
 

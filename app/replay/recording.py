@@ -24,8 +24,17 @@ from navcore.errors import BadConfiguration
 from navcore.files import read_whole
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix
-from navcore.learning.data.images import RgbArray, read_depth, read_rgb
+from navcore.learning.data.images import (
+    RgbArray,
+    read_depth,
+    read_rgb,
+    write_bytes,
+    write_grey,
+    write_rgb,
+)
+from navcore.robot.frame import Frame
 
+INTRINSICS, POSES = "camera-intrinsics.txt", "poses.txt"
 MAX_FRAMES = 100_000
 MAX_TEXT_BYTES = 1 << 25
 MAX_NUMBER = 999_999
@@ -34,6 +43,8 @@ FURTHEST_M = 1e4
 RATE_HZ = 30
 """Rate that frame numbers count."""
 UNITS_PER_M = 1000.0
+QUALITY = 95
+"""Quality of the colour images that are written, per cent."""
 NOT_MEASURED = 65535
 LEAST_MEASURED_M = 0.4
 """Smallest valid depth: triangulating cameras measure wrong values below it."""
@@ -94,16 +105,44 @@ class Recording:
             )
 
 
+class RecordingWriter:
+    """Writes the frames of a robot as a recording into a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        """Use a folder without a recording; raises `BadConfiguration` for one that has one."""
+        self._folder, self._last = folder, -1
+        if (folder / POSES).exists():
+            raise BadConfiguration(f"{folder}: holds a recording already; give another folder")
+
+    def add(self, frame: Frame) -> None:
+        """Write a frame in the map frame; one that has the number of the last one is left out."""
+        number = round(frame.stamp_ns * RATE_HZ / 1e9)
+        if not self._last < number <= MAX_NUMBER:
+            return
+        if self._last < 0:
+            lens = frame.intrinsics
+            rows = f"{lens.fx:.9g} 0 {lens.cx:.9g}\n0 {lens.fy:.9g} {lens.cy:.9g}\n0 0 1\n"
+            write_bytes(self._folder / INTRINSICS, rows.encode())
+        self._last = number
+        depth = np.round(frame.depth_m * UNITS_PER_M).clip(0, NOT_MEASURED).astype(np.uint16)
+        write_grey(self._folder / f"frame-{number:06d}.depth.png", depth)
+        write_rgb(self._folder / f"frame-{number:06d}.color.jpg", frame.rgb, jpeg_quality=QUALITY)
+        # Last, so that no pose is without its images when the drive is killed.
+        row = " ".join(f"{value:.9g}" for value in frame.T_map_camera.ravel())
+        with (self._folder / POSES).open("a", encoding="utf-8") as poses:
+            poses.write(f"{number} {row}\n")
+
+
 def open_recording(folder: Path, *, every: int = 1) -> Recording:
     """Open the recording in a folder, using every N-th frame; raises `BadConfiguration`."""
-    matrix = _numbers(folder / "camera-intrinsics.txt", 3)
+    matrix = _numbers(folder / INTRINSICS, 3)
     if matrix.shape != (3, 3) or min(matrix[0, 0], matrix[1, 1]) <= 0:
         raise BadConfiguration(
             f"{folder / 'camera-intrinsics.txt'}: expected a 3 × 3 matrix with positive focal "
             "lengths"
         )
-    table = _numbers(folder / "poses.txt", 17)
-    _check_poses(table, folder / "poses.txt")
+    table = _numbers(folder / POSES, 17)
+    _check_poses(table, folder / POSES)
     table = table[::every]
     height, width = read_depth(folder / f"frame-{int(table[0, 0]):06d}.depth.png").shape
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))

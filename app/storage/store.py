@@ -74,9 +74,10 @@ class Store:
             ) from None
 
     def runs(self) -> tuple[dict[str, Any], ...]:
-        """Return the reports of past missions, newest first."""
+        """Return the reports of past missions without their time series, newest first."""
         rows = self._database.rows(
-            "SELECT report FROM runs ORDER BY rowid DESC LIMIT ?", (MAX_RUNS,)
+            "SELECT json_remove(report, '$.series') FROM runs ORDER BY rowid DESC LIMIT ?",
+            (MAX_RUNS,),
         )
         return tuple(json.loads(row[0]) for row in rows)
 

@@ -18,7 +18,9 @@ from navcore.grid.growth import is_possible, reaching
 FARTHEST_M = 10_000.0
 """Largest coordinate of a goal in metres."""
 MAX_GOALS = 1000
-"""Largest number of queued goals, and of reached goals that are kept."""
+"""Largest number of queued goals."""
+MAX_REACHED = 20
+"""Number of the last reached goals that are kept."""
 
 
 class Phase(StrEnum):
@@ -64,7 +66,9 @@ class Mission:
     queue: tuple[Goal, ...] = ()
     """Goals to reach, the present one first."""
     reached: tuple[Goal, ...] = ()
-    """Reached goals of this mission, oldest first."""
+    """Last reached goals of this mission, oldest first."""
+    reached_count: int = 0
+    """Number of reached goals of this mission."""
     cancelled: bool = False
     """Whether the last mission was cancelled instead of completed."""
     next_id: int = 1
@@ -129,6 +133,7 @@ class Mission:
             queue=(),
             phase=Phase.IDLE,
             reached=(),
+            reached_count=0,
             loop=loop,
             cancelled=False,
             restored=False,
@@ -156,10 +161,10 @@ class Mission:
             raise Refused("there is no goal to drive to; add one first")
         if self.phase in (Phase.PAUSED, Phase.LEAVING):
             raise Refused(f"the mission is {self.phase}; resume or cancel it")
-        reached = () if self.phase is Phase.IDLE else self.reached
-        return dataclasses.replace(
-            self, phase=Phase.DRIVING, reached=reached, cancelled=False, restored=False
-        )
+        begun = dataclasses.replace(self, phase=Phase.DRIVING, cancelled=False, restored=False)
+        if self.phase is not Phase.IDLE:
+            return begun
+        return dataclasses.replace(begun, reached=(), reached_count=0)
 
     def pause(self) -> Mission:
         """Stop and keep the goals; raises `Refused` unless driving."""
@@ -207,7 +212,8 @@ class Mission:
         return dataclasses.replace(
             self,
             queue=tuple(rest),
-            reached=(*self.reached, done)[-MAX_GOALS:],
+            reached=(*self.reached, done)[-MAX_REACHED:],
+            reached_count=self.reached_count + 1,
             phase=self.phase if rest else Phase.IDLE,
             next_id=next_id,
         )

@@ -260,6 +260,7 @@ class FakeOperations:
                 command=Twist(v_mps=0.5, w_radps=0.0) if moving else STANDSTILL,
                 queue=self._intent.mission.queue,
                 reached=self._intent.mission.reached,
+                reached_count=self._intent.mission.reached_count,
                 distance_to_goal_m=self._length(self._path),
                 travelled_m=STEP_M * (len(self._driven) - 1),
                 unseen_m=picture.unseen_m if picture else None,

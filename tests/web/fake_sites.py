@@ -87,10 +87,24 @@ class FakeSites:
         self._chosen = new_name if self._chosen == name else self._chosen
         return self._sites[new_name]
 
-    def furnish(self, name: str, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> Site:
+    def set_dock(self, name: str, dock: Pose2 | None) -> Site:
         """Implement the port."""
-        self._sites[name] = dataclasses.replace(self._named(name), dock=dock, tags=tags)
+        self._sites[name] = dataclasses.replace(self._named(name), dock=dock)
         return self._sites[name]
+
+    def set_tags(self, name: str, tags: tuple[Tag, ...]) -> Site:
+        """Implement the port."""
+        self._sites[name] = dataclasses.replace(self._named(name), tags=tags)
+        return self._sites[name]
+
+    def put_tag(self, name: str, tag: Tag) -> Site:
+        """Implement the port."""
+        others = (one for one in self._named(name).tags if one.id != tag.id)
+        return self.set_tags(name, tuple(sorted((*others, tag), key=lambda one: one.id)))
+
+    def remove_tag(self, name: str, number: int) -> Site:
+        """Implement the port."""
+        return self.set_tags(name, tuple(t for t in self._named(name).tags if t.id != number))
 
     def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
         """Implement the port: a tag of number 12 straight ahead."""

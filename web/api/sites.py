@@ -14,7 +14,7 @@ from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.interface.operations import RobotService
 from web.interface.sites import SITE_NAME, MapChanges, Nav2Files, SeenTag, Site
-from web.schemas.sites import AcceptIn, Nav2ImportIn, SiteChangesIn, SiteIn, SitesOut
+from web.schemas.sites import AcceptIn, Nav2ImportIn, SiteChangesIn, SiteIn, SitesOut, TagIn
 
 SiteName = Annotated[str, Path(pattern=SITE_NAME)]
 _EDITS = refusals(404, 409, 422, 503)
@@ -67,14 +67,27 @@ def sites_router(operations: RobotService) -> APIRouter:
     def change_site(name: SiteName, changes: SiteChangesIn) -> Site:
         """Rename a site, or set its dock and its tags."""
         site, given = find(name), changes.model_fields_set
-        if given & {"dock", "tags"}:
-            dock, tags = site.dock, site.tags
-            if "dock" in given:
-                dock = None if changes.dock is None else Pose2(**changes.dock.model_dump())
-            if "tags" in given:
-                tags = tuple(changes.tags or ())
-            site = operations.sites.furnish(name, dock=dock, tags=tags)
-        return site if changes.name is None else operations.sites.rename(name, changes.name)
+        if changes.name is not None:  # first, since it may be refused
+            site = operations.sites.rename(name, changes.name)
+        if "dock" in given:
+            dock = None if changes.dock is None else Pose2(**changes.dock.model_dump())
+            site = operations.sites.set_dock(site.name, dock)
+        if "tags" in given:
+            site = operations.sites.set_tags(site.name, tuple(changes.tags or ()))
+        return site
+
+    @router.post("/sites/{name}/tags", response_model=Site, responses=_EDITS)
+    def put_tag(name: SiteName, tag: TagIn) -> Site:
+        """Add a tag to a site, or replace the one of its number."""
+        return operations.sites.put_tag(find(name).name, tag)
+
+    @router.delete("/sites/{name}/tags/{number}", response_model=Site, responses=_EDITS)
+    def remove_tag(name: SiteName, number: Annotated[int, Path()]) -> Site:
+        """Remove a tag of a site."""
+        site = find(name)
+        if all(tag.id != number for tag in site.tags):
+            raise NotKnown(f"site {site.name!r} has no tag {number}")
+        return operations.sites.remove_tag(site.name, number)
 
     @router.delete("/sites/{name}", status_code=204, responses=_EDITS)
     def delete_site(name: SiteName) -> Response:

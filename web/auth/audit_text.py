@@ -65,6 +65,8 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("POST", r"/sites/(?P<name>.+)/choose", "chose the site “{name}”"),
     ("POST", r"/sites/(?P<name>.+)/copy", "copied the site “{name}”"),
     ("PATCH", r"/sites/(?P<name>[^/]+)", "changed the site “{name}”"),
+    ("POST", r"/sites/(?P<name>[^/]+)/tags", "set a tag of the site “{name}”"),
+    ("DELETE", r"/sites/(?P<name>[^/]+)/tags/[^/]+", "removed a tag of the site “{name}”"),
     ("DELETE", r"/sites/(?P<name>[^/]+)", "deleted the site “{name}”"),
     ("POST", r"/explain", "asked for the path without some rules"),
     ("POST", r"/camera/region", "picked an object in the camera image"),

@@ -147,10 +147,14 @@ class Guard:
         self, scope: Scope, headers: Headers, visitor: Visitor, receive: Receive, send: Send
     ) -> tuple[Receive, Send]:
         """Return both directions of a connection; they close when the visitor is no longer
-        authenticated as when it was opened."""
+        authenticated as when it was opened. Names may change: two pages must not have the same."""
 
         def known() -> bool:
-            return self._authenticator.authenticate(headers, _cookie(scope, headers)) == visitor
+            now = self._authenticator.authenticate(headers, _cookie(scope, headers))
+            return now is not None and (now.client_id, now.role) == (
+                visitor.client_id,
+                visitor.role,
+            )
 
         async def receive_if_known() -> Message:
             message = await receive()

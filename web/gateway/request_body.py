@@ -11,6 +11,7 @@ from starlette.types import Message, Receive, Scope
 from web.gateway.problems import problem
 from web.interface.sites import MAX_ARCHIVE_BYTES
 from web.interface.teaching import MAX_UPLOAD_BYTES
+from web.schemas.zones import MAX_IMAGE_FILE
 
 MAX_BODY_BYTES = 1_000_000
 """Largest body in bytes."""
@@ -18,6 +19,8 @@ BODY_TIMEOUT_S = 10.0
 """Time limit of the arrival of a body, seconds."""
 LARGE_BODIES = {
     "/api/v1/sites/import": (MAX_ARCHIVE_BYTES, 120.0),
+    "/api/v1/sites/import-nav2": (MAX_IMAGE_FILE + MAX_BODY_BYTES, 120.0),
+    "/api/v1/zones/import-mask": (MAX_IMAGE_FILE + MAX_BODY_BYTES, 120.0),
     "/api/v1/teach/frames.zip": (MAX_UPLOAD_BYTES, 300.0),
     "/api/v1/teach/networks": (MAX_UPLOAD_BYTES, 300.0),
 }
@@ -25,7 +28,7 @@ LARGE_BODIES = {
 
 
 async def bounded_body(scope: Scope, receive: Receive) -> bytes | Response:
-    """Return the whole body, or the refusal of one that is too large or too slow."""
+    """Return the whole body, or the refusal of one that is too large, too slow or cut off."""
     if scope["method"] in ("GET", "HEAD", "OPTIONS"):
         return b""
     at_most, limit_s = LARGE_BODIES.get(scope["path"], (MAX_BODY_BYTES, BODY_TIMEOUT_S))
@@ -41,7 +44,9 @@ async def bounded_body(scope: Scope, receive: Receive) -> bytes | Response:
                 body += message.get("body", b"")
                 if len(body) > at_most:
                     return too_large
-                if message["type"] != "http.request" or not message.get("more_body"):
+                if message["type"] != "http.request":
+                    return problem(400, "cut_off", "the connection ended before the body", "body")
+                if not message.get("more_body"):
                     return bytes(body)
     except TimeoutError:
         return problem(408, "too_slow", f"the body did not arrive within {limit_s:g} s", "body")

@@ -149,8 +149,17 @@ class Sites(Protocol):
     def rename(self, name: str, new_name: str) -> Site:
         """Rename a site."""
 
-    def furnish(self, name: str, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> Site:
-        """Set the dock and the tags of a site."""
+    def set_dock(self, name: str, dock: Pose2 | None) -> Site:
+        """Set the pose of the robot in the dock of a site; None removes it."""
+
+    def set_tags(self, name: str, tags: tuple[Tag, ...]) -> Site:
+        """Set all tags of a site."""
+
+    def put_tag(self, name: str, tag: Tag) -> Site:
+        """Add a tag to a site, or replace the one of its number."""
+
+    def remove_tag(self, name: str, number: int) -> Site:
+        """Remove the tag of a number from a site."""
 
     def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
         """Return the markers in the newest image, by number; `size_m` is the side of their black

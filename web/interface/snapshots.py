@@ -81,7 +81,9 @@ class State:
     queue: tuple[Goal, ...]
     """Goals to reach, the present one first."""
     reached: tuple[Goal, ...]
-    """Reached goals, oldest first."""
+    """Last reached goals, oldest first; at most 20."""
+    reached_count: int = 0
+    """Number of reached goals of the mission."""
     distance_to_goal_m: float | None
     """Remaining length of the planned path in metres; null without a path."""
     travelled_m: float

@@ -13,7 +13,7 @@ from web.interface.wire import DOCUMENTED
 from web.schemas.beware import BewareEntry
 from web.schemas.fields import Body, Closed, Corner, Metres, Name, Radians, UnknownPrice
 from web.schemas.mission.mission import GoalIn
-from web.schemas.zones import MAX_FILE, MAX_IMPORT, ImportedFeatureIn
+from web.schemas.zones import MAX_IMAGE_FILE, MAX_IMPORT, ImportedFeatureIn
 
 SiteName = Annotated[StrictStr, Field(pattern=SITE_NAME)]
 TagIn = Annotated[Tag, Body()]
@@ -71,7 +71,7 @@ class Nav2ImportIn(Closed):
     """Name of the new site."""
     yaml: Annotated[StrictStr, Field(max_length=20_000)]
     """Text of the YAML file."""
-    picture: Annotated[StrictStr, Field(max_length=MAX_FILE)]
+    picture: Annotated[StrictStr, Field(max_length=MAX_IMAGE_FILE)]
     """PGM or PNG file in base64."""
     alignment: AlignmentIn | None = None
     """Where the map lies; null if its frame is that of the site."""

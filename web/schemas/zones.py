@@ -35,8 +35,8 @@ Colour = Annotated[StrictStr, Field(pattern=r"^#[0-9a-f]{6}$")]
 Ring = Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)]
 MAX_IMPORT = 500
 """Largest number of zones in an import."""
-MAX_FILE = 900_000
-"""Largest number of characters of a file in a body."""
+MAX_IMAGE_FILE = 12_000_000
+"""Largest number of characters of an image in base64: a PGM of 3000 × 3000 cells."""
 
 
 class PolygonGeometry(Closed):
@@ -236,7 +236,7 @@ class MaskImportIn(Closed):
 
     yaml: Annotated[StrictStr, Field(max_length=20_000)]
     """Text of the YAML file."""
-    picture: Annotated[StrictStr, Field(max_length=MAX_FILE)]
+    picture: Annotated[StrictStr, Field(max_length=MAX_IMAGE_FILE)]
     """PGM or PNG file in base64."""
     name: Name = "Mask"
     """Name of the zones."""

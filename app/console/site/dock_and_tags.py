@@ -15,8 +15,13 @@ from navcore.navigator import TickResult
 from navcore.perception.tags import detect_tags
 from web.interface.sites import SeenTag, Tag
 
+Dock = Pose2 | None
+"""Pose of the robot in its dock, map frame; None without a dock."""
+Tags = tuple[Tag, ...]
+"""Tags of a site."""
 
-def furnish(site: SiteStore, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> None:
+
+def furnish(site: SiteStore, dock: Dock, tags: Tags) -> None:
     """Set dock and tags of a site."""
     record = {
         "dock": None if dock is None else dataclasses.asdict(dock),
@@ -28,6 +33,16 @@ def furnish(site: SiteStore, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> No
 def stored_tags(site: SiteStore) -> tuple[Tag, ...]:
     """Return the tags of a site as they are stored."""
     return tuple(Tag(**tag) for tag in furnishings_of(site)["tags"])
+
+
+def with_tag(tags: Tags, tag: Tag) -> Tags:
+    """Return tags with one more, in the place of that of its number, by number."""
+    return tuple(sorted((*without_tag(tags, tag.id), tag), key=lambda one: one.id))
+
+
+def without_tag(tags: Tags, number: int) -> Tags:
+    """Return tags without the one of a number."""
+    return tuple(tag for tag in tags if tag.id != number)
 
 
 def tags_of(site: SiteStore) -> TagMap:

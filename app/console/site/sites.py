@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from app.console.mission.path_settings import stored_unknown_price
 from app.console.site import dock_and_tags, site_files
+from app.console.site.dock_and_tags import Dock, Tags
 from app.console.site.site_map import accepted_map, beware_of, cells_on, map_of, save_accepted
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
@@ -150,12 +151,32 @@ class LiveSites:
             self._user.enter_site(self._store.site, same_map=True)
             return self._site(self.chosen)
 
-    def furnish(self, name: str, *, dock: Pose2 | None, tags: tuple[Tag, ...]) -> Site:
-        """Set dock and tags of a site."""
-        site = self._store.sites.open(name)
-        dock_and_tags.furnish(site, dock=dock, tags=tags)
-        self._use_tags()
-        return self._site(site.name)
+    def set_dock(self, name: str, dock: Pose2 | None) -> Site:
+        """Set the pose of the robot in the dock of a site; None removes it."""
+        return self._furnish(name, lambda _, tags: (dock, tags))
+
+    def set_tags(self, name: str, tags: tuple[Tag, ...]) -> Site:
+        """Set all tags of a site."""
+        return self._furnish(name, lambda dock, _: (dock, tags))
+
+    def put_tag(self, name: str, tag: Tag) -> Site:
+        """Add a tag to a site, or replace the one of its number."""
+        return self._furnish(name, lambda dock, tags: (dock, dock_and_tags.with_tag(tags, tag)))
+
+    def remove_tag(self, name: str, number: int) -> Site:
+        """Remove the tag of a number from a site."""
+        return self._furnish(
+            name, lambda dock, tags: (dock, dock_and_tags.without_tag(tags, number))
+        )
+
+    def _furnish(self, name: str, change: Callable[[Dock, Tags], tuple[Dock, Tags]]) -> Site:
+        """Change dock and tags of a site as they are stored now: others change them, too."""
+        with self._lock:
+            site = self._store.sites.open(name)
+            before = dock_and_tags.dock_of(site), dock_and_tags.stored_tags(site)
+            dock_and_tags.furnish(site, *change(*before))
+            self._use_tags()
+            return self._site(site.name)
 
     def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
         """Return the tags in the newest image, placed by where the robot is."""
@@ -361,6 +382,7 @@ def mission_of(site: SiteStore) -> Mission:
         phase=Phase(record["phase"]),
         queue=queue,
         reached=reached,
+        reached_count=record.get("reached_count", len(reached)),
         cancelled=record["cancelled"],
         next_id=record["next_id"],
         loop=record["loop"],
@@ -398,6 +420,7 @@ def _mission_record(mission: Mission) -> dict[str, Any]:
         "phase": str(mission.phase),
         "queue": [{"id": goal.id, **goal_record(goal)} for goal in mission.queue],
         "reached": [{"id": goal.id, **goal_record(goal)} for goal in mission.reached],
+        "reached_count": mission.reached_count,
         "cancelled": mission.cancelled,
         "next_id": mission.next_id,
         "loop": mission.loop,

@@ -91,7 +91,7 @@ class RunReporter:
             "robot": self._robot,
             **run.report(),
             **(self._referee.referee_report() if self._referee is not None else {}),
-            "goals_reached": len(mission.reached),
+            "goals_reached": mission.reached_count,
         }
         try:
             self._store.save_run(report)

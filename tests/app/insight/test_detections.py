@@ -83,6 +83,11 @@ def test_an_object_has_one_entry_however_often_and_from_wherever_it_is_seen() ->
     assert gallery.crop(1).startswith(b"\xff\xd8")
     with pytest.raises(NotKnown):
         gallery.crop(99)
+    # At another site a page that still shows the first two must not meet others of their ids.
+    gallery.clear()
+    assert gallery.all() == ()
+    gallery.update(10.0, frame, labels(frame, 1.5, 0.2), BEWARE)
+    assert [one.id for one in gallery.all()] == [3]
 
 
 def test_people_and_uncertain_detections_have_no_entry() -> None:

@@ -50,10 +50,11 @@ def test_the_beware_list_comes_back_with_its_version(tmp_path: Path) -> None:
 
 def test_runs_are_listed_newest_first_and_an_unknown_one_is_named(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    store.save_run({"id": "a", "distance_m": 1.5})
+    store.save_run({"id": "a", "distance_m": 1.5, "series": {"t_s": [0.0, 1.0]}})
     store.save_run({"id": "b"})
     assert [run["id"] for run in store.runs()] == ["b", "a"]
-    assert store.run("a")["distance_m"] == 1.5
+    assert store.runs()[1] == {"id": "a", "distance_m": 1.5}
+    assert store.run("a")["series"] == {"t_s": [0.0, 1.0]}
     with pytest.raises(NotKnown, match="'c'"):
         store.run("c")
     store.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -9,7 +10,7 @@ import pytest
 
 from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.grid.grid import GridSpec
-from navcore.mission.mission import MAX_GOALS, Goal, Mission, Phase
+from navcore.mission.mission import MAX_GOALS, MAX_REACHED, Goal, Mission, Phase
 
 SPEC = GridSpec.centred(size_m=(10, 10), resolution_m=0.1)
 EMPTY = Mission()
@@ -56,6 +57,16 @@ def test_a_full_queue_is_refused() -> None:
         mission = mission.add(0.0, 0.0, SPEC)
     with pytest.raises(Refused, match="full"):
         mission.add(0.0, 0.0, SPEC)
+
+
+def test_a_patrol_keeps_the_last_goals_and_counts_all() -> None:
+    patrol = dataclasses.replace(TWO, loop=True).start()
+    for _ in range(50):
+        patrol = patrol.arrive()
+    assert (len(patrol.reached), patrol.reached_count) == (MAX_REACHED, 50)
+    assert patrol.reached[-1].id == 50 and [goal.id for goal in patrol.queue] == [51, 52]
+    again = patrol.cancel().add(1.0, 0.0, SPEC).start()
+    assert (again.reached, again.reached_count) == ((), 0)
 
 
 def test_there_is_a_goal_to_drive_to_only_while_driving() -> None:

@@ -72,6 +72,7 @@ def test_a_mission_is_queued_started_paused_resumed_and_cancelled(client: httpx.
         "phase": "idle",
         "queue": [],
         "reached": [],
+        "reached_count": 0,
         "loop": False,
     }
 
@@ -85,6 +86,9 @@ def test_the_stop_holds_until_it_is_reset_and_then_the_mission_waits(
     assert stopped["stop_latched"] and not stopped["moving"]
     assert "Emergency stop" in stopped["reasons"][0]["text"] and operations.stops == ["REST"]
     assert client.get("/api/v1/state").json()["stop_latched"]
+    # No label refuses a stop.
+    assert client.post("/api/v1/stop", params={"by": "x" * 500}).status_code == 200
+    assert operations.stops[-1] == "x" * 80
     released = client.post("/api/v1/stop/reset").json()
     assert not released["stop_latched"] and released["phase"] == "paused"
 

@@ -74,6 +74,28 @@ def test_dock_and_tags_are_set_one_by_one_and_removed_by_null(client: httpx.Clie
         assert client.patch("/api/v1/sites/default", json=bad).status_code == 422
 
 
+def test_two_operators_who_add_tags_at_once_keep_both(client: httpx.Client) -> None:
+    tag = {"id": 7, "x_m": 3.0, "y_m": 1.0, "z_m": 0.4, "yaw_rad": 0.0, "size_m": 0.16}
+    dock = {"x_m": 1.0, "y_m": -2.0, "yaw_rad": 0.5}
+    client.patch("/api/v1/sites/default", json={"dock": dock})
+    for number in (9, 7, 8):
+        client.post("/api/v1/sites/default/tags", json={**tag, "id": number})
+    site = client.post("/api/v1/sites/default/tags", json={**tag, "id": 8, "x_m": 4.0}).json()
+    assert [(one["id"], one["x_m"]) for one in site["tags"]] == [(7, 3.0), (8, 4.0), (9, 3.0)]
+    assert site["dock"] == dock
+    site = client.delete("/api/v1/sites/default/tags/7").json()
+    assert [one["id"] for one in site["tags"]] == [8, 9] and site["dock"] == dock
+    assert client.delete("/api/v1/sites/default/tags/7").status_code == 404
+    assert client.post("/api/v1/sites/default/tags", json={**tag, "size_m": 0}).status_code == 422
+
+
+def test_a_refused_name_leaves_dock_and_tags_as_they_were(client: httpx.Client) -> None:
+    client.post("/api/v1/sites", json={"name": "hall"})
+    changes = {"name": "hall", "dock": {"x_m": 1.0, "y_m": 0.0, "yaw_rad": 0.0}}
+    assert client.patch("/api/v1/sites/default", json=changes).status_code == 409
+    assert client.get("/api/v1/sites/default").json()["dock"] is None
+
+
 def test_tags_in_view_are_returned_as_they_can_be_stored(client: httpx.Client) -> None:
     (seen,) = client.get("/api/v1/tags/seen?size_m=0.16").json()
     assert (seen["tag"]["id"], seen["tag"]["size_m"], seen["known"]) == (12, 0.16, False)

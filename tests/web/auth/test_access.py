@@ -446,5 +446,18 @@ def test_a_page_has_the_name_of_its_cookie_and_no_two_have_the_same(
 
     assert name_of("V%C3%A9ra") == "Véra"
     assert name_of("V%C3%A9ra") == "Véra (2)"
+    with httpx.Client(base_url=server.url, trust_env=False, timeout=60.0) as page:
+        page.get("/")
+        headers = {"Cookie": "; ".join(f"{k}={v}" for k, v in page.cookies.items())}
+        named = {"Cookie": headers["Cookie"] + "; bewarenav-name=Ana"}
+        with connect(
+            server.url.replace("http", "ws") + "/api/v1/events",
+            proxy=None,
+            additional_headers=headers,
+        ) as socket:
+            socket.recv(timeout=60)
+            assert httpx.get(f"{server.url}/api/v1/me", headers=named).json()["name"] == "Ana"
+            for _ in range(5):
+                socket.recv(timeout=60)  # the connection outlives a change of name
     for refused in (None, "", "a" * 41, "%00", "in%0Ajected"):
         assert name_of(refused).startswith("console ")

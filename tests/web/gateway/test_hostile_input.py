@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import socket
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -239,6 +241,30 @@ def test_a_body_that_is_too_large_is_refused_whether_or_not_it_says_so(
         == "too_large"
     )
     assert client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0}).status_code == 201
+
+
+def test_a_request_that_is_cut_off_changes_nothing(server: ConsoleServer) -> None:
+    # What came of it is a whole list in TOML by itself.
+    whole = httpx.get(f"{server.url}/api/v1/beware.toml", trust_env=False).text
+    part = whole[: whole.rindex("[[")].encode()
+    before = httpx.get(f"{server.url}/api/v1/beware", trust_env=False).json()
+    host = server.url.removeprefix("http://")
+    head = (
+        f"PUT /api/v1/beware.toml HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/toml\r\n"
+        f"Content-Length: {len(whole.encode())}\r\n\r\n"
+    ).encode()
+    name, port = host.split(":")
+    with socket.create_connection((name, int(port)), timeout=60) as connection:
+        connection.sendall(head + part)
+    time.sleep(0.5)
+    assert httpx.get(f"{server.url}/api/v1/beware", trust_env=False).json() == before
+    accepted = httpx.put(
+        f"{server.url}/api/v1/beware.toml",
+        content=part,
+        headers={"Content-Type": "application/toml"},
+        trust_env=False,
+    )
+    assert accepted.status_code == 200  # control: the part alone is a list
 
 
 @pytest.mark.parametrize(

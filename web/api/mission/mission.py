@@ -36,7 +36,11 @@ def mission_router(operations: RobotService) -> APIRouter:
     def mission() -> MissionOut:
         state = operations.state()
         return MissionOut(
-            phase=state.phase, queue=state.queue, reached=state.reached, loop=state.loop
+            phase=state.phase,
+            queue=state.queue,
+            reached=state.reached,
+            reached_count=state.reached_count,
+            loop=state.loop,
         )
 
     @router.get("/state", response_model=State)
@@ -129,12 +133,11 @@ def mission_router(operations: RobotService) -> APIRouter:
         return mission()
 
     @router.post("/stop", response_model=State)
-    async def stop(
-        visitor: CurrentVisitor, by: Annotated[str, Query(max_length=MAX_NAME)] = "REST"
-    ) -> State:
+    async def stop(visitor: CurrentVisitor, by: Annotated[str, Query()] = "REST") -> State:
         """Stop the robot at once; allowed for every visitor. The stop holds until it is reset. `by`
         names the means for the operators, such as a button."""
-        by = by if by.isprintable() and by.strip() else "REST"
+        # A stop is never refused for its label.
+        by = by[:MAX_NAME] if by.isprintable() and by.strip() else "REST"
         operations.stop(stop_source(visitor, by))
         return operations.state()
 

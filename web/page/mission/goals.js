@@ -73,7 +73,7 @@ export function showGoals(state) {
     if (up) set(up, { hidden: goal.number === 1 });
   });
   set(element("no-goals"), { hidden: waiting.length + reached.length > 0 });
-  const counts = { waiting: waiting.length, reached: state.reached.length };
+  const counts = { waiting: waiting.length, reached: state.reached_count };
   setText(element("goal-count"), t("{waiting} waiting · {reached} reached", counts));
   if (!isLoopPending) element("loop").checked = state.loop;
 }

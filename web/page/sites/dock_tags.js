@@ -46,12 +46,11 @@ function take(read) {
   redraw();
 }
 
-const send = async (changes) =>
-  take(await request("PATCH", `/sites/${encodeURIComponent(site.name)}`, changes));
-const change = (changes) => attempt(() => send(changes));
-
-// A tag takes the place of that of its number.
-const withTag = (tag) => [...site.tags.filter(({ id }) => id !== tag.id), tag].sort((a, b) => a.id - b.id);
+const send = async (method, path, body) =>
+  take(await request(method, `/sites/${encodeURIComponent(site.name)}${path}`, body));
+const setDock = (dock) => send("PATCH", "", { dock });
+const putTag = (tag) => send("POST", "/tags", tag);
+const removeTag = (number) => send("DELETE", `/tags/${number}`);
 
 // `hide` and `show` close and open the panel, which covers the map.
 export function buildDockAndTags({ hide, show }) {
@@ -94,7 +93,7 @@ export function buildDockAndTags({ hide, show }) {
   const dockText = make("p", { role: "status", "data-testid": "dock-text" });
   const dockHere = button("dock-here", t("The robot stands in it now"), () => {
     const { x_m, y_m, yaw_rad } = world.state.pose;
-    change({ dock: { x_m: rounded(x_m), y_m: rounded(y_m), yaw_rad: rounded(yaw_rad) } });
+    attempt(() => setDock({ x_m: rounded(x_m), y_m: rounded(y_m), yaw_rad: rounded(yaw_rad) }));
   });
   const dockPlace = poseField("dock-place", t("Dock x, y in metres, heading in °"));
   const dockForm = make(
@@ -107,7 +106,7 @@ export function buildDockAndTags({ hide, show }) {
     dockForm,
     dockPlace,
     t("Click the middle of the robot in its dock, then the direction in which it faces."),
-    (pose) => send({ dock: pose }),
+    setDock,
   );
   const dockDrive = button("dock-drive", t("Drive there"), () =>
     addGoal([site.dock.x_m, site.dock.y_m], site.dock.yaw_rad),
@@ -116,7 +115,7 @@ export function buildDockAndTags({ hide, show }) {
     hide();
     propose(site.dock);
   }, t("Tell the robot that it is in the dock, if it does not know where it is"));
-  const dockRemove = button("dock-remove", "✕", () => change({ dock: null }), t("Remove the dock"));
+  const dockRemove = button("dock-remove", "✕", () => attempt(() => setDock(null)), t("Remove the dock"));
 
   const tagList = make("ul", { class: "list", "data-testid": "tags" });
   const noTags = make(
@@ -141,7 +140,7 @@ export function buildDockAndTags({ hide, show }) {
   function seenItem({ tag, known }) {
     const text = known ? t("Replace") : t("Add");
     const add = button("tag-add", text, () => {
-      change({ tags: withTag(tag) });
+      attempt(() => putTag(tag));
       add.closest("li").remove();
     }, `${text}: ${tag.id}`);
     return make("li", { "data-testid": "seen-tag" }, make("span", { class: "label" }, textOf(tag)), add);
@@ -151,7 +150,7 @@ export function buildDockAndTags({ hide, show }) {
     const remove = button(
       "tag-remove",
       "✕",
-      () => change({ tags: site.tags.filter(({ id: other }) => other !== tag.id) }),
+      () => attempt(() => removeTag(tag.id)),
       t("Remove tag {number}", { number: tag.id }),
     );
     remove.setAttribute("aria-label", remove.title);
@@ -174,7 +173,7 @@ export function buildDockAndTags({ hide, show }) {
       z_m: height.input.valueAsNumber,
       size_m: rounded(size.input.valueAsNumber / 100),
     };
-    return send({ tags: withTag({ ...tag, ...pose }) });
+    return putTag({ ...tag, ...pose });
   });
 
   taken = () => {

@@ -55,7 +55,9 @@ class MissionOut(BaseModel):
     queue: tuple[Goal, ...]
     """Goals to reach, the present one first."""
     reached: tuple[Goal, ...]
-    """Reached goals, oldest first."""
+    """Last reached goals, oldest first; at most 20."""
+    reached_count: int
+    """Number of reached goals of the mission."""
     loop: bool
     """Whether reached goals are queued again."""
 

@@ -62,7 +62,7 @@ def test_what_was_seen_is_stored_with_its_uncertainty_and_known_from_then_on(
 ) -> None:
     store = Store(tmp_path)
     (seen,) = seen_tags(decision(located()), 0.3, TagMap())
-    furnish(store.site, dock=None, tags=(seen.tag,))
+    furnish(store.site, None, (seen.tag,))
     told = tags_of(store.site)
     assert np.sqrt(np.diag(told.tags[12].covariance)) == pytest.approx(
         [seen.tag.sigma_m, seen.tag.sigma_m, seen.tag.sigma_rad]
@@ -84,7 +84,7 @@ def test_the_robot_is_expected_in_its_dock_until_it_was_known_to_be_elsewhere(
 ) -> None:
     store = Store(tmp_path)
     assert expected_place(store.site) is None
-    furnish(store.site, dock=DOCK, tags=(Tag(id=1, x_m=0, y_m=0, z_m=0, yaw_rad=0, size_m=0.2),))
+    furnish(store.site, DOCK, (Tag(id=1, x_m=0, y_m=0, z_m=0, yaw_rad=0, size_m=0.2),))
     assert dock_of(store.site) == expected_place(store.site) == DOCK
     store.site.save_document(*LAST_PLACE, dataclasses.asdict(HERE))
     assert expected_place(store.site) == HERE

@@ -54,7 +54,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
         goal = {"x_m": 1.0, "y_m": 1.0, "yaw_rad": None, "name": "a"}
         site.save_document("mission", "round", {"goals": [goal], "loop": True})
         site.save_beware(default_beware_list().edited("cup", margin_m=0.3).replaced(()))
-        furnish(site, dock=DOCK, tags=(TAG,))
+        furnish(site, DOCK, (TAG,))
         save_accepted(site, accepted())
         state = PointMap(SPEC, MappingConfig()).state()
         site.folder.mkdir(parents=True)

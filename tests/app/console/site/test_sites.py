@@ -435,7 +435,7 @@ def test_the_robot_is_told_of_the_tags_of_the_site_it_is_at(desk: Desk) -> None:
 
     assert known() == {}
     tag = Tag(id=7, x_m=1.0, y_m=-2.0, z_m=0.6, yaw_rad=0.5, size_m=0.3)
-    desk.sites.furnish("default", dock=None, tags=(tag,))
+    desk.sites.put_tag("default", tag)
     assert known() == {7: (1.0, -2.0)}
     desk.choose("hall")
     assert known() == {}

@@ -10,13 +10,12 @@ import { sketch, world } from "../world.js";
 
 const AHEAD_S = 2;
 const STEP_S = 0.1;
-const REACHED_SHOWN = 20;
 const WALKING_MPS = 0.05;
 const DRIVING_MPS = 0.01;
 const HEADING_M = 0.6;
 
 export function drawGoals() {
-  for (const goal of world.state?.reached.slice(-REACHED_SHOWN) ?? [])
+  for (const goal of world.state?.reached ?? [])
     dot([goal.x_m, goal.y_m], 5, COLOURS.driven);
   world.state?.queue.forEach((goal, i) => {
     if (goal.id === sketch.movedGoal) return;
