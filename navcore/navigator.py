@@ -159,7 +159,7 @@ class Navigator:
         self._tracker = PeopleTracker(
             profile, non_cooperative=config.people.non_cooperative, config=config.perception
         )
-        self._mapper = Mapper(self.map, self._tracker, profile, config)
+        self._mapper = Mapper(self.map, self._tracker, profile, config, segmenter.source_of)
         self.localisation = Localisation(self.map.pose_ids, config.localisation)
         """Estimates the pose in the map."""
         self.map.scans = lambda: stored(self.localisation.keyframes)

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.geometry.arrays import FloatImage, Points
+from navcore.geometry.arrays import Bools, FloatImage, Points
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.mapping.people_sightings import PeopleSightings
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.people_points import class_set
 from navcore.mapping.views.observation import Observation, observe
-from navcore.mission.beware_list import NOTHING, BewareList
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.perception.ground import flat_ground
-from navcore.perception.labels import Labels
+from navcore.perception.labels import Labels, LabelSource
 from navcore.perception.people.tracker import PeopleTracker
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -30,10 +31,13 @@ class Mapper:
         tracker: PeopleTracker,
         profile: RobotProfile,
         config: NavigatorConfig,
+        source_of: Callable[[BewareClass], LabelSource] = lambda entry: LabelSource.NETWORK,
     ) -> None:
+        """Update `point_map`; `source_of` tells what finds a class of the list now."""
         self.map = point_map
         """The global map."""
         self._tracker, self._profile, self._config = tracker, profile, config
+        self._source_of = source_of
         self._placed = False
         self._sightings = PeopleSightings(config.map.people_s)
         self._has_loaded_people = False
@@ -58,7 +62,7 @@ class Mapper:
             self.map.forget_people(people, frame.pose)
             self._has_loaded_people = False
         seen = observe(frame, labels, beware, self.map.spec, rules, ground_m)
-        self.map.insert(seen, frame, labels)
+        self.map.insert(seen, frame, labels, self._recognised(beware))
         if ground_m is None:
             ground_m = flat_ground(frame.intrinsics.width)
         self.map.version += self.map.terrain.observe(frame, ground_m, rules.obstacle_height_m)
@@ -101,6 +105,18 @@ class Mapper:
         cells = self._sightings.take_old(stamp_ns, self.map.spec)
         if len(cells):
             self.map.forget(cells, people)
+
+    def _recognised(self, beware: BewareList) -> Bools:
+        """Return (256,) whether the network or an example can show a class now, by its id: the
+        list may be without a class that the map holds, and the network may not have loaded."""
+        unknown = {LabelSource.NOTHING}
+        return class_set(
+            entry.class_id
+            for entry in beware.classes
+            # Of an example and a colour rule, the rule is named as the source.
+            if self._source_of(entry)
+            not in (unknown if entry.prototype else unknown | {LabelSource.COLOUR})
+        )
 
     def _mark_driven(self, pose: Pose2) -> None:
         outlines = [self._profile.footprint()] if self._placed else self._start_area()

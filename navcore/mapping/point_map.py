@@ -40,7 +40,11 @@ from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mapping.layers import MapLayers
 from navcore.mapping.points.clearing import find_outdated
 from navcore.mapping.points.coloured import PastView, is_taken
-from navcore.mapping.points.confidence import initial_confidence, update_confidence
+from navcore.mapping.points.confidence import (
+    ALL_RECOGNISED,
+    initial_confidence,
+    update_confidence,
+)
 from navcore.mapping.points.erasing import Erased, ErasedArea, put_back, take
 from navcore.mapping.points.fading import faded, left_alone, line_limits
 from navcore.mapping.points.people_points import (
@@ -107,11 +111,18 @@ class PointMap:
         """Number that grows whenever a cell of any layer becomes occupied or free, or the
         confidence of a beware point may have changed."""
 
-    def insert(self, observation: Observation, frame: Frame, labels: Labels | None = None) -> None:
+    def insert(
+        self,
+        observation: Observation,
+        frame: Frame,
+        labels: Labels | None = None,
+        recognised: Bools = ALL_RECOGNISED,
+    ) -> None:
         """Replace or append the points of the frame's pose ID, and remove those it sees through.
 
         With `labels` the confidence of uncertain points follows every image (`confidence.py`), and
-        flat points of colour rules fade (`fading.py`); without, both stay as they are. Raises
+        flat points of colour rules fade (`fading.py`); without, both stay as they are.
+        `recognised`: (256,) whether a network or an example can show a class, by its id. Raises
         `ValueError` for an observation on another grid than the map's present one.
         """
         if observation.spec != self.spec:
@@ -121,9 +132,10 @@ class PointMap:
             )
         held = self._points_in(observation.box)
         if labels is not None:
-            for judge in (self._update_confidence, self._fade):
-                if judge(frame, labels, held):  # then others have their indices
-                    held = self._points_in(observation.box)
+            if self._update_confidence(frame, labels, recognised, held):
+                held = self._points_in(observation.box)  # others have their indices now
+            if self._fade(frame, labels, held):
+                held = self._points_in(observation.box)
         pose_id = self.pose_ids.id_of(frame.pose)
         outdated = self._outdated(frame, observation, pose_id, held)
         rows, at = pose_rows([self.pose_ids[pose_id]]), np.zeros(len(observation.rgb), np.int32)
@@ -526,7 +538,9 @@ class PointMap:
             self._points.records, self._points.count, self._points.first, self.spec.cols, box
         )
 
-    def _update_confidence(self, frame: Frame, labels: Labels, held: Indices) -> bool:
+    def _update_confidence(
+        self, frame: Frame, labels: Labels, recognised: Bools, held: Indices
+    ) -> bool:
         """Update the confidence of the uncertain ones of (N,) points, and forget the disproved
         ones; return whether there were any of these."""
         if not self._has_uncertain:
@@ -536,6 +550,7 @@ class PointMap:
             held,
             frame,
             labels,
+            recognised,
             self._rules.confidence,
             self._rules.clearing,
         )

@@ -60,16 +60,6 @@ class Anchor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Displacement:
-    """How far an item moved, for the operator."""
-
-    distance_m: float
-    """Largest distance in metres that a corner or the goal moved."""
-    turn_rad: float
-    """Turn in radians, counter-clockwise."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Anchored(Generic[Item]):
     """Zone or goal as it was drawn, with the poses that it belongs to."""
 
@@ -81,18 +71,6 @@ class Anchored(Generic[Item]):
     def at(self, poses: Sequence[Pose2]) -> Item:
         """Return the item for the present poses by ID."""
         return moved(self.item, self.anchor.motion(poses))
-
-    def moved_with(
-        self, before: Sequence[Pose2], after: Sequence[Pose2]
-    ) -> tuple[Item, Displacement]:
-        """Return the item after a correction of poses, and how far that moved it; both sequences
-        are T_map_base by pose ID."""
-        old, new = self.anchor.motion(before), self.anchor.motion(after)
-        corners = corners_of(self.item)
-        steps = np.linalg.norm(new.to_parent(corners) - old.to_parent(corners), axis=1)
-        return moved(self.item, new), Displacement(
-            distance_m=float(steps.max()), turn_rad=wrap_angle(new.yaw_rad - old.yaw_rad)
-        )
 
 
 def anchored(
@@ -131,6 +109,12 @@ def moved(item: Item, motion: Pose2) -> Item:
         shape = _moved_shape(item.drawn, motion)
         return dataclasses.replace(item, drawn=shape, polygon=shape.outline())
     return dataclasses.replace(item, polygon=_pairs(motion.to_parent(np.array(item.polygon))))
+
+
+def moved_m(before: Item, after: Item) -> float:
+    """Return the largest distance in metres between a corner of an item, or a goal, at two
+    places."""
+    return float(np.linalg.norm(corners_of(after) - corners_of(before), axis=1).max())
 
 
 def corners_of(item: Zone | Goal) -> Points:

@@ -80,6 +80,7 @@ def colour_masks(
     """
     hsv = _hsv_planes(frame.rgb)
     matches, lines = cache(partial(_matches, hsv)), dict[ColourRule, Bools]()
+    ground = cache(partial(ground_heights, frame, config.colour.max_slope, config.ground))
     masks, grid = [], None
     for entry in entries:
         if entry.colour is None:
@@ -87,7 +88,10 @@ def colour_masks(
         fits, max_height_m = matches(_ranges(entry.colour)), entry.colour.max_height_m
         if not fits.any():
             continue
-        floor = heights_m <= max_height_m
+        above = heights_m
+        if (fits & (above > max_height_m)).any():
+            above = heights_m - ground()
+        floor = above <= max_height_m
         line, pattern = entry.colour.line, entry.colour.pattern
         if line is not None or pattern is not None:
             if not (fits & floor).any():
@@ -102,10 +106,7 @@ def colour_masks(
             if pattern is not None:
                 other = matches(_ranges(pattern)) & ~fits
                 fits = pattern_pixels(fits, other, floor, grid, pattern)
-        low, above = fits, heights_m
-        if (fits & (above > max_height_m)).any():
-            above = heights_m - ground_heights(frame, config.colour.max_slope, config.ground)
-            low = fits & ~(above > max_height_m)
+        low = fits & ~(above > max_height_m)
         if entry.min_size_m is not None and low.any():
             low = remove_small_regions(low, frame, entry.min_size_m)
         tall = fits & (above > max_height_m + config.colour.obstacle_above_m)

@@ -50,7 +50,8 @@ class FusedSegmenter:
     the base of a taller object (`overhang_filter`); where the latter is undecided, the region
     counts neither for nor against. Rules marked `fallback` are for classes that the network does
     not know. Classes by example, which come with the network's labels, are a third source, behind
-    the colour rules.
+    the colour rules; and so are the labels of the network that the evidence of a colour has put
+    another class in place of.
     """
 
     def __init__(
@@ -76,18 +77,19 @@ class FusedSegmenter:
         )
         fitting = self._colour_masks(frame, heights_m, seen, beware)
         masks = {entry.class_id: fits for entry, fits in fitting}
-        weighed = [entry.class_id for entry in beware.classes if self._is_weighed(entry)]
+        network, weighed = filtered, [e.class_id for e in beware.classes if self._is_weighed(e)]
         for class_id in weighed:
             filtered = weigh(filtered, class_id, masks.get(class_id), self._config.evidence)
+        behind = (*_covered(network, filtered), *examples)
         alone = [mask for mask in fitting if mask[0].class_id not in weighed]
-        if not alone and not examples:
+        if not alone and not behind:
             return filtered
         shape = filtered.class_ids.shape
         fused = fuse(filtered, topmost_label(alone, shape), beware)
-        for labels in examples:
+        for labels in behind:
             fused = _filled(fused, labels, beware)
         layers = disjoint_layers(alone, shape)
-        return dataclasses.replace(fused, hypotheses=(filtered, *layers, *examples))
+        return dataclasses.replace(fused, hypotheses=(filtered, *layers, *behind))
 
     def source_of(self, entry: BewareClass) -> LabelSource:
         """Return what finds an entry; of an example and a colour rule, the rule is named."""
@@ -176,6 +178,16 @@ def fuse(seen: Labels, coloured: npt.NDArray[np.uint8], beware: BewareList) -> L
         class_ids=np.where(colour_wins, coloured, seen.class_ids),
         confidence=np.where(colour_wins, np.float32(1), seen.confidence),
     )
+
+
+def _covered(network: Labels, weighed: Labels) -> tuple[Labels, ...]:
+    """Return the network's labels where the evidence of a colour has put another class in their
+    place; nothing where it has not. That class may be off, or become so."""
+    covered = (network.class_ids != weighed.class_ids) & (network.class_ids != NOTHING)
+    if not covered.any():
+        return ()
+    class_ids = np.where(covered, network.class_ids, np.uint8(NOTHING))
+    return (Labels(class_ids=class_ids, confidence=network.confidence),)
 
 
 def _filled(labels: Labels, behind: Labels, beware: BewareList) -> Labels:

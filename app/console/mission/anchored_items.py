@@ -3,18 +3,19 @@ which they were drawn, and a correction of these poses takes them along."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
 from navcore.localisation.map_correction import AppliedCorrection
 from navcore.mapping.points.pose_ids import PoseIds
-from navcore.mission.anchors import Anchored, anchored
+from navcore.mission.anchors import Anchored, anchored, moved_m
 from navcore.mission.mission import Goal, Mission
 from navcore.mission.zone import Zone
 
 LEAST_M = 0.01
-"""Distance in metres below which an item stays where it is."""
+"""Distance in metres below which an item stays where it is, from where its poses have it: a
+correction that moves it less adds to the next."""
 Outline = tuple[tuple[float, float], ...]
 GoalKey = tuple[int, float, float]
 
@@ -26,9 +27,9 @@ class ZoneMoves(Protocol):
     def stored(self) -> tuple[Zone, ...]:
         """All zones."""
 
-    def move(self, zones: Iterable[Zone], placed: Callable[[Zone], Zone]) -> None:
-        """Replace zones by their id, because the map was corrected; `placed` returns any zone of
-        before where the correction has it."""
+    def move(self, placed: Callable[[Zone], Zone]) -> tuple[tuple[Zone, Zone], ...]:
+        """Move zones because the map was corrected, and return each that moved, as it was and as it
+        is; `placed` returns any zone of before where the correction has it."""
 
 
 class AnchoredItems:
@@ -73,28 +74,25 @@ class AnchoredItems:
         self._zone_anchors, self._goal_anchors = {}, {}
 
     def _move_zones(self, correction: AppliedCorrection) -> list[str]:
-        anchors = dict(self._zone_anchors)
+        anchors, still_held = self._zone_anchors, dict[Outline, Anchored[Zone] | None]()
 
-        def placed(zone: Zone) -> tuple[Zone, float]:
-            """Return a zone where the correction has it, and how far in metres that moved it."""
-            held = anchors.get(zone.polygon)
-            if held is None:
-                return zone, 0.0
-            as_drawn = replace(zone, polygon=held.item.polygon, drawn=held.item.drawn)
-            held = replace(held, item=as_drawn)
-            there, by = held.moved_with(correction.before, correction.after)
-            if by.distance_m < LEAST_M:
-                return zone, 0.0
-            self._zone_anchors[there.polygon] = held
-            return there, by.distance_m
+        def placed(zone: Zone) -> Zone:
+            there, held = zone, anchors.get(zone.polygon)
+            if held is not None:
+                as_drawn = replace(zone, polygon=held.item.polygon, drawn=held.item.drawn)
+                there = replace(held, item=as_drawn).at(correction.after)
+                if moved_m(zone, there) < LEAST_M:
+                    there = zone
+            if zone.polygon in anchors:
+                still_held[there.polygon] = held
+            return there
 
-        moved, told = [], []
-        for zone in self._zones().stored:
-            there, distance_m = placed(zone)
-            if distance_m:
-                moved.append(replace(there, version=zone.version + 1))
-                told.append(f"Zone “{zone.name}” moved {distance_m:.2f} m with the map.")
-        self._zones().move(moved, lambda zone: placed(zone)[0])
+        told = [
+            f"Zone “{zone.name}” moved {moved_m(zone, there):.2f} m with the map."
+            for zone, there in self._zones().move(placed)
+        ]
+        # The others belong to no zone, edit or set any more.
+        self._zone_anchors = still_held
         return told
 
     def _move_goals(self, correction: AppliedCorrection) -> list[str]:
@@ -104,10 +102,12 @@ class AnchoredItems:
             held = self._goal_anchors.get((goal.id, goal.x_m, goal.y_m))
             if held is None:
                 continue
-            placed, by = held.moved_with(correction.before, correction.after)
-            if by.distance_m >= LEAST_M:
-                moved[goal.id] = placed
-                told.append(f"Goal {goal.title} moved {by.distance_m:.2f} m with the map.")
+            as_queued = replace(held.item, id=goal.id, name=goal.name)
+            there = replace(held, item=as_queued).at(correction.after)
+            if (distance_m := moved_m(goal, there)) >= LEAST_M:
+                moved[goal.id] = there
+                self._goal_anchors[goal.id, there.x_m, there.y_m] = held
+                told.append(f"Goal {goal.title} moved {distance_m:.2f} m with the map.")
         if moved:
             self._change_mission(
                 lambda mission: replace(

@@ -76,6 +76,7 @@ class ZoneEditor:
         self._edits = EditStack[_Zones](number=number)
         saved = (zone for zones in self.sets().values() for zone in zones)
         self._versions = {zone.id: zone.version for zone in (*self.stored, *saved)}
+        self._unstored = frozenset[str]()  # ids of zones that moved while the store refused
         self._changes = 0
 
     def retired(self) -> AbstractContextManager[None]:
@@ -170,26 +171,42 @@ class ZoneEditor:
             self._step(f"change of {zone.name!r}", {zone_id: zone})
         return zone
 
-    def move(self, zones: Iterable[Zone], placed: Callable[[Zone], Zone]) -> None:
-        """Replace zones by their id, because the map was corrected: no step that can be undone.
+    def move(self, placed: Callable[[Zone], Zone]) -> tuple[tuple[Zone, Zone], ...]:
+        """Move zones because the map was corrected, which is no step that can be undone; return
+        each that moved, as it was and as it is.
 
         `placed` returns any zone of before where the correction has it: undone and repeated edits
-        and zone sets bring zones back there.
+        and zone sets bring zones back there. The zones move even if the store refuses; `expire`
+        tries that again.
         """
 
         def step_placed(step: _Zones) -> _Zones:
             return _Zones(_placed(step.before, placed), _placed(step.after, placed))
 
         with self._edits.editing():
-            known = {zone.id for zone in self.stored}
-            moved = {zone.id: zone for zone in zones if zone.id in known}
+            moved = tuple(
+                (zone, there) for zone in self.stored if (there := placed(zone)) is not zone
+            )
             if moved:
-                self._apply(moved)
+                self._apply(
+                    {
+                        zone.id: dataclasses.replace(there, version=zone.version + 1)
+                        for zone, there in moved
+                    },
+                    even_unstored=True,
+                )
             self._edits.follow(step_placed)
-            for name, zones_of_set in self.sets().items():
-                there = [placed(zone) for zone in zones_of_set]
-                if there != list(zones_of_set):
-                    self._store.save_document(SETS, name, [zone_record(zone) for zone in there])
+            try:
+                self._move_sets(placed)
+            except StorageFailed:
+                log.exception("the sets of zones stay where the map was before its correction")
+        return moved
+
+    def _move_sets(self, placed: Callable[[Zone], Zone]) -> None:
+        for name, zones in self.sets().items():
+            there = [placed(zone) for zone in zones]
+            if there != list(zones):
+                self._store.save_document(SETS, name, [zone_record(zone) for zone in there])
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Delete a zone."""
@@ -210,8 +227,9 @@ class ZoneEditor:
         return edit.step
 
     def expire(self) -> None:
-        """Switch off expired zones; when the store refuses, the next call tries again."""
-        if not any(self._is_expired(zone) for zone in self.stored):
+        """Switch off expired zones, and store those that moved while the store refused; when it
+        refuses, the next call tries again."""
+        if not self._unstored and not any(self._is_expired(zone) for zone in self.stored):
             return
         with self._edits.editing():
             expired = [zone for zone in self.stored if self._is_expired(zone)]
@@ -223,7 +241,7 @@ class ZoneEditor:
                     }
                 )
             except StorageFailed:
-                log.exception("expired zones could not be switched off; they stay in force")
+                log.exception("expired or moved zones cannot be stored; they stay in force")
                 return
         for zone in expired:
             log.warning("zone %r has expired and is switched off", zone.name)
@@ -309,8 +327,9 @@ class ZoneEditor:
         self._apply(after)
         self._edits.add(text, _Zones(before, after))
 
-    def _apply(self, wanted: Mapping[str, Zone | None]) -> None:
-        """Store zones, then put them in force: a refusal has changed nothing.
+    def _apply(self, wanted: Mapping[str, Zone | None], *, even_unstored: bool = False) -> None:
+        """Store zones, then put them in force: a refusal has changed nothing, unless they are to
+        be in force `even_unstored`.
 
         No version number is used twice, so that an edit of an outdated version is recognised even
         when the zone was deleted and restored in between.
@@ -324,7 +343,17 @@ class ZoneEditor:
             if zone is not None
         }
         deleted = [zone_id for zone_id, zone in wanted.items() if zone is None]
-        self._store.change_zones(saved.values(), deleted)
+        waiting = {
+            zone_id: present[zone_id] for zone_id in self._unstored - wanted.keys() & present.keys()
+        }
+        try:
+            self._store.change_zones([*waiting.values(), *saved.values()], deleted)
+            self._unstored = frozenset()
+        except StorageFailed:
+            if not even_unstored:
+                raise
+            log.exception("zones that moved with the map are in force, but not stored yet")
+            self._unstored |= saved.keys()
         self._versions |= {zone_id: zone.version for zone_id, zone in saved.items()}
         merged = {**present, **saved}
         zones = tuple(zone for zone_id, zone in merged.items() if zone_id not in deleted)

@@ -4,7 +4,9 @@ A network errs now and then. One false detection must not bind the robot for eve
 found in many images must not be lost when one misses it. So a point's confidence is a probability
 that images add to in log-odds (Thrun, Burgard, Fox: Probabilistic Robotics, 4.2), with a share of
 what the network claims, because consecutive images err alike. Certain points (confidence 1: the
-colour rules) keep their confidence; flat ones fade instead (`fading.py`).
+colour rules) keep their confidence; flat ones fade instead (`fading.py`). Silence speaks against a
+point only where its class could have been shown: not while nothing recognises the class, and not
+at a pixel without a colour.
 """
 
 from __future__ import annotations
@@ -28,6 +30,9 @@ from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
 Confidence = npt.NDArray[np.float32]
+ALL_RECOGNISED = np.ones(256, dtype=np.bool_)
+"""All classes are recognised."""
+_NONE = np.zeros((0, 0), dtype=np.bool_)
 
 
 class _LogOdds(NamedTuple):
@@ -59,15 +64,17 @@ def update_confidence(
     held: Indices,
     frame: Frame,
     labels: Labels,
+    recognised: Bools,
     config: ConfidenceConfig,
     clearing: ClearingRules,
 ) -> tuple[Indices, Indices]:
     """Update the confidence of the beware points among (N,) ones that an image shows.
 
     An image shows a point if any source of its labels shows the point's class at its pixel or
-    beside: what one source cannot know, another may. Returns the indices of the points to forget,
-    and the cells (row · cols + col) with a changed confidence. `clearing` gives the tolerance of
-    depth.
+    beside: what one source cannot know, another may. `recognised`: (256,) whether a network or an
+    example can show a class, by its id; points of all others stay as they are. Returns the indices
+    of the points to forget, and the cells (row · cols + col) with a changed confidence. `clearing`
+    gives the tolerance of depth.
     """
     return _update(
         points.records,
@@ -78,6 +85,8 @@ def update_confidence(
         frame.intrinsics.pinhole,
         np.stack([one.class_ids for one in labels.all_hypotheses]),
         np.stack([one.confidence for one in labels.all_hypotheses]),
+        recognised,
+        _NONE if frame.uncoloured is None else frame.uncoloured,
         clearing,
         _LogOdds(config.claim_share, config.miss, config.least, config.most),
         config.trusted_m,
@@ -106,6 +115,8 @@ def _update(
     lens: Pinhole,
     class_ids: npt.NDArray[np.uint8],
     confidence: FloatImage,
+    recognised: Bools,
+    uncoloured: Bools,
     clearing: ClearingRules,
     steps: _LogOdds,
     trusted_m: float,
@@ -115,6 +126,8 @@ def _update(
     forget, cells = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
     for index in held:
         if records[index].class_id == NOTHING or records[index].confidence >= 1:
+            continue
+        if not recognised[records[index].class_id]:
             continue
         i, j, depth = pixel_of(records[index], t, lens, clearing.nearest_m)
         if depth > trusted_m:
@@ -132,6 +145,8 @@ def _update(
                 for c in range(j - 1, j + 2):
                     if class_ids[source, r, c] == records[index].class_id:
                         claim = max(claim, float(confidence[source, r, c]))
+        if claim == 0.0 and uncoloured.size > 0 and uncoloured[i, j]:
+            continue
         odds = _updated_log_odds(float(records[index].confidence), claim, steps)
         records[index].confidence = 1 / (1 + math.exp(-odds))
         changed[index] = True

@@ -83,7 +83,8 @@ class Reader:
 
     def source_of(self, entry: BewareClass) -> LabelSource:
         """Return books, cups and people."""
-        return LabelSource.NETWORK if entry in (BOOK, CUP, SOMEBODY) else LabelSource.NOTHING
+        known = {BOOK.class_id, CUP.class_id, SOMEBODY.class_id}
+        return LabelSource.NETWORK if entry.class_id in known else LabelSource.NOTHING
 
 
 def seen(lists: list[BewareList], segmenter: Segmenter) -> Costmap:

@@ -94,6 +94,28 @@ def test_network_and_colour_strengthen_and_weaken_each_other_and_are_never_certa
     assert (certain.confidence < 1).all()
 
 
+class KnowsBoth(Oracle):
+    """A network that knows all classes of the list."""
+
+    def source_of(self, entry: BewareClass) -> LabelSource:
+        return LabelSource.NETWORK
+
+
+def test_a_class_whose_colour_is_evidence_hides_no_other_while_it_is_off() -> None:
+    red = (FRAME.rgb == RED).all(axis=2)
+    book = FusedSegmenter(KnowsBoth(2, 0.7, "book"))
+    on, off = (
+        book.segment(FRAME, LIST.edited("red floor", enabled=is_on)) for is_on in (True, False)
+    )
+    assert (on.class_ids[red] == 1).all() and on.mask(LIST)[red].all()  # both are possible
+    without = LIST.edited("red floor", enabled=False)
+    assert (off.class_ids[red] == 2).all() and off.mask(without)[red].all()
+    # The map learns of both, whatever is on.
+    for labels in (on, off):
+        shown = [{int(v) for v in np.unique(one.class_ids[red])} for one in labels.all_hypotheses]
+        assert {1} in shown and {2} in shown
+
+
 @law(50)
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.booleans())
 def test_more_of_the_network_is_never_less_of_the_class(a: float, b: float, fit: bool) -> None:

@@ -15,7 +15,7 @@ from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.camera import pixel_rays
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mapping.views.observation import observe
-from navcore.mission.beware_list import BewareList
+from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.ground import cell_centres, ground_heights
 from navcore.robot.frame import Frame
@@ -224,3 +224,19 @@ def test_behind_a_hidden_foot_of_a_ramp_its_surface_is_ground_if_it_was_seen_bef
     assert len(heights(slopes)) == 0
     # Control: without memory a surface that rises from nowhere is an obstacle.
     assert len(heights(None)) > 10
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.12])
+def test_striped_tape_on_a_ramp_is_seen_as_on_flat_ground(slope: float) -> None:
+    frame = seen(ramp(slope))
+    rows, cols = np.mgrid[0 : LENS.height, 0 : LENS.width]
+    rays, eye = pixel_rays(rows, cols, LENS) @ MOUNT[:3, :3].T, MOUNT[:3, 3]
+    x, y, _ = np.moveaxis(eye + rays * frame.depth_m[..., None], -1, 0)
+    tape = (x > 1.8) & (x < 2.1) & (np.abs(y) < 0.6)
+    stripes = np.where((np.floor(y / 0.15) % 2 == 0)[..., None], (200, 25, 25), (240, 240, 240))
+    rgb = np.where(tape[..., None], stripes, frame.rgb).astype(np.uint8)
+    shipped = default_beware_list()
+    tapes = BewareList(classes=tuple(e for e in shipped.classes if e.name == "red-white tape"))
+    labels = ColourSegmenter().segment(dataclasses.replace(frame, rgb=rgb), tapes).class_ids
+    assert (labels[tape] == tapes.classes[0].class_id).mean() > 0.7
+    assert (labels[~tape] == 0).all()

@@ -104,7 +104,8 @@ def test_what_edits_and_sets_bring_back_is_where_a_correction_of_the_map_has_it(
     desk.editor.save_set("both")
     desk.editor.delete(gone.id)
     desk.editor.replace(kept.id, dataclasses.replace(SLOW, name="slower"))
-    desk.editor.move([placed(zone) for zone in desk.editor.stored], placed)
+    ((before, after),) = desk.editor.move(placed)
+    assert (before.polygon, after.polygon) == (kept.polygon, placed(kept).polygon)
     there = {"slow": placed(kept).polygon, "slower": placed(kept).polygon}
     there |= {"round": placed(gone).polygon}
 
@@ -121,6 +122,32 @@ def test_what_edits_and_sets_bring_back_is_where_a_correction_of_the_map_has_it(
     assert is_there("slower")
     desk.editor.use_set("both")
     assert is_there("slow", "round")
+
+
+def test_zones_move_with_the_map_even_while_the_store_refuses_and_are_stored_later(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk.editor.add_all([SLOW])
+    (before,) = desk.bound
+
+    def placed(zone: Zone) -> Zone:
+        polygon = tuple((x + 0.5, y) for x, y in zone.polygon)
+        return dataclasses.replace(zone, polygon=polygon, drawn=None)
+
+    def full(*_: object) -> None:
+        raise StorageFailed("the disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(desk.store.site, "change_zones", full)
+        desk.editor.move(placed)
+        (bound,) = desk.bound
+        assert bound.polygon == placed(before).polygon and bound.version == before.version + 1
+        assert desk.store.site.zones() == (before,)
+        desk.editor.expire()
+        with pytest.raises(StorageFailed):  # an edit of the operator is refused as before
+            desk.editor.add_all([ROUND])
+    desk.editor.expire()
+    assert desk.store.site.zones() == desk.bound == (bound,)
 
 
 def test_a_new_edit_clears_redo_and_versions_only_grow(desk: Desk) -> None:

@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from navcore.config.mapping import ConfidenceConfig, MappingConfig
 from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
+from navcore.geometry.arrays import Bools
 from navcore.mapping.point_map import PointMap
-from navcore.mapping.points.confidence import initial_confidence
+from navcore.mapping.points.confidence import ALL_RECOGNISED, initial_confidence
+from navcore.mapping.points.people_points import class_set
 from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.perception.labels import Labels
@@ -35,9 +37,11 @@ def labels(confidence: float, *, there: bool) -> Labels:
     )
 
 
-def look(cloud: PointMap, seen: Labels, frame: Frame = FLOOR) -> int:
+def look(
+    cloud: PointMap, seen: Labels, frame: Frame = FLOOR, recognised: Bools = ALL_RECOGNISED
+) -> int:
     """Return how many cells the mat occupies after one more image."""
-    cloud.insert(observe(frame, seen, LIST, SPEC, ObservationConfig()), frame, seen)
+    cloud.insert(observe(frame, seen, LIST, SPEC, ObservationConfig()), frame, seen, recognised)
     return int(layer_grid(cloud, LIST, ()).beware[MAT.class_id].sum())
 
 
@@ -78,6 +82,20 @@ def test_a_false_detection_stops_counting_after_a_few_images_and_is_forgotten_af
     assert 0 in bound[:6]
     assert bound[-1] == 0
     assert not (cloud.points.class_ids == MAT.class_id).any()
+
+
+def test_what_nothing_can_show_now_stays_as_it_is() -> None:
+    cloud, others = PointMap(SPEC, MappingConfig()), class_set([MAT.class_id + 1])
+    for _ in range(10):
+        held = look(cloud, labels(0.9, there=True))
+    assert held > 0
+    empty = labels(0.9, there=False)
+    for _ in range(30):  # the network has failed, or the class is off the list
+        assert look(cloud, empty, recognised=others) == held
+    for _ in range(30):  # a colour lens sees past the object
+        uncoloured = np.ones(FLOOR.depth_m.shape, dtype=np.bool_)
+        assert look(cloud, empty, dataclasses.replace(FLOOR, uncoloured=uncoloured)) == held
+    assert [look(cloud, empty) for _ in range(30)][-1] == 0  # control
 
 
 def test_an_object_detected_in_many_images_is_not_lost_when_some_miss_it() -> None:
