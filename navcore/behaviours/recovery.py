@@ -69,6 +69,9 @@ class Recovery:
     """What the controller asked for when the present action started; None for nothing."""
     was_held: bool = False
     """Whether the safety gate kept the robot from its motion then."""
+    stands_s: float = 0.0
+    """Time in seconds for which a robot that has given up stands, whatever it is asked for; then
+    all is tried again."""
 
     def after(
         self,
@@ -93,6 +96,8 @@ class Recovery:
         if self.action is RecoveryAction.NONE:
             return now._enter(RecoveryAction.WAIT, motion, pose, stamp_ns) if stuck else now
         if self.action is RecoveryAction.GIVE_UP:
+            if self.stands_s > 0.0:
+                return now if lasts_s < self.stands_s else Recovery()
             if motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
                 return Recovery()  # without the people the path could be followed
             if self.was_held:

@@ -12,6 +12,7 @@ from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
 from navcore.behaviours.waiting import WaitingTimer, elapsed_s
+from navcore.config.behaviours import RecoveryConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
@@ -24,6 +25,9 @@ from navcore.perception.people.track import Track
 from navcore.planning.route import NO_POINTS, Route
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
+
+MOST_DOUBLINGS = 6
+"""How often the time is doubled for which the robot stands where all passages are blocked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,6 +46,8 @@ class Behaviour:
     """Retreat from such a lane."""
     closed: tuple[Zone, ...] = ()
     """Passages that turned out to be blocked on the way to the present goal."""
+    dead_ends: int = 0
+    """How often all passages to it turned out to be blocked."""
     trail: Points = dataclasses.field(default_factory=lambda: NO_POINTS)
     """(N, 2) driven path in the map frame, newest first."""
     target: tuple[object, ...] = ()
@@ -102,7 +108,7 @@ class Behaviour:
         target = (request.goal, request.goal_yaw_rad, request.leave)
         if target == self.target:
             return self
-        return dataclasses.replace(self, target=target, closed=(), recovery=Recovery())
+        return dataclasses.replace(self, target=target, closed=(), dead_ends=0, recovery=Recovery())
 
     def on_another_way(self) -> Behaviour:
         """Start the recovery afresh: the route leads elsewhere from here."""
@@ -143,7 +149,7 @@ class Behaviour:
             route is not None and not route.reaches_goal and motion.outcome is ControllerState.IDLE
         )
         if route is None or len(route.points) == 0 or at_viewpoint:
-            return now._without_path(frame, request), motion
+            return now._without_path(frame, request, config.recovery), motion
         step_s = elapsed_s(self.waiting.now_ns, frame.stamp_ns, config.behaviours.waiting)
         recovery = now._recovered(motion, frame, people, profile, config, held=held, step_s=step_s)
         closed = now.closed
@@ -236,14 +242,23 @@ class Behaviour:
             motion = dataclasses.replace(motion, began=None)
         return self.recovery.after(motion, pose, frame.stamp_ns, rules, held=held)
 
-    def _without_path(self, frame: Frame, request: NavigationRequest) -> Behaviour:
+    def _without_path(
+        self, frame: Frame, request: NavigationRequest, rules: RecoveryConfig
+    ) -> Behaviour:
         if self.closed and request.goal is not None:
             # Only a passage that was closed may be in the way: rather give up at this pose than
-            # report that no path exists.
+            # report that no path exists. Each time it stands longer, or it would drive from one
+            # blocked passage to the other for ever.
             given_up = Recovery(
-                action=RecoveryAction.GIVE_UP, tried=RecoveryAction.CLOSE, at=frame.pose
+                action=RecoveryAction.GIVE_UP,
+                tried=RecoveryAction.CLOSE,
+                at=frame.pose,
+                since_ns=frame.stamp_ns,
+                stands_s=rules.again_s * 2.0 ** min(self.dead_ends, MOST_DOUBLINGS),
             )
-            return dataclasses.replace(self, closed=(), recovery=given_up)
+            return dataclasses.replace(
+                self, closed=(), dead_ends=self.dead_ends + 1, recovery=given_up
+            )
         return dataclasses.replace(self, recovery=Recovery())
 
     def _directed(self, motion: Motion) -> Motion:

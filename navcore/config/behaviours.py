@@ -18,7 +18,8 @@ class RecoveryConfig:
     on, before it recovers from them as from anything else."""
     again_s: float = ranged(1.0, 600.0, default=10.0)
     """Time in seconds after which a robot that has given up because the safety gate kept it from
-    every motion tries all of them again."""
+    every motion, or because all passages are blocked, tries all of them again; twice as long each
+    further time that all passages to a goal are blocked."""
     back_m: float = ranged(0.1, 5.0, default=1.0)
     """Distance in metres over which it backs off."""
     left_m: float = ranged(0.5, 20.0, default=2.5)

@@ -282,6 +282,7 @@ class PointMap:
         """
         if not len(self.pose_ids) or not len(points):
             raise ValueError("a rejection needs positions, and a map with a pose")
+        self.rejections.check_room(len(points))
         erased = self.erase(self.rejections.cells_around(points, self.spec), [class_id])
         rows, (x_m, y_m) = pose_rows(self.pose_ids.poses), points.mean(axis=0)
         seen_from = np.bincount(erased.records["pose_id"], minlength=len(rows))
@@ -299,11 +300,13 @@ class PointMap:
     def restore_rejection(self, rejection: Rejection) -> None:
         """Remember a rejection again that was taken back."""
         self.version += 1
+        self.edits += 1
         self.rejections.add(rejection, pose_rows(self.pose_ids.poses), self.spec)
 
     def take_back(self, rejection_id: int) -> Rejection | None:
         """Forget a rejection and return it; None for an unknown number."""
         self.version += 1
+        self.edits += 1
         return self.rejections.remove(rejection_id, pose_rows(self.pose_ids.poses), self.spec)
 
     @property
@@ -313,10 +316,10 @@ class PointMap:
         return np.asarray(live[live["class_id"] != NOTHING])
 
     def forget_coloured(
-        self, class_id: int, rule: ColourRule, before: ColourRule | None, past: PastView
+        self, class_id: int, rule: ColourRule | None, before: ColourRule | None, past: PastView
     ) -> Erased:
         """Remove and return the points of a class that its colour rule has found and that its new
-        rule does not take; `before` is the rule until now."""
+        rule does not take; `before` is the rule until now, `rule` None for no rule any more."""
         live = self._points.live
         indices = np.flatnonzero((live["class_id"] == class_id) & (live["confidence"] >= 1))
         gone = indices[~self.is_taken(live[indices], rule, before, past)]
@@ -328,9 +331,12 @@ class PointMap:
         )
 
     def is_taken(
-        self, points: Records, rule: ColourRule, before: ColourRule | None, past: PastView
+        self, points: Records, rule: ColourRule | None, before: ColourRule | None, past: PastView
     ) -> Bools:
-        """Return (N,) whether a new colour rule takes points that the rule until now took."""
+        """Return (N,) whether a new colour rule takes points that the rule until now took; None is
+        no rule, which takes nothing."""
+        if rule is None:
+            return np.zeros(len(points), dtype=np.bool_)
         return is_taken(points, rule, before, past, self._rules.clearing, self._rules.fading.rules)
 
     def past_points(
@@ -502,6 +508,7 @@ class PointMap:
         self.terrain.clear(self.spec)
         self.scans = lambda: state.scans
         self.rejections.load(state.rejections, rows, self.spec)
+        self._over_budget = False
         self._erased_areas = ()
         self._snapshot += 1
         self.version += 1
@@ -579,7 +586,7 @@ class PointMap:
             gone = np.concatenate([gone, alone])
             cells = sorted_distinct(self._points.live["cell"][gone]).astype(np.int64)
             self._points.remove(gone)
-            self.layers.refresh(self._points, cells)
+            self.layers.refresh(self._points, cells[cells >= 0])
             self.version += 1
         return len(gone) > 0
 

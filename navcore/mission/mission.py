@@ -153,7 +153,8 @@ class Mission:
         """Remove a goal from the queue; raises `NotKnown`."""
         gone = self.queued(goal_id)
         queue = tuple(goal for goal in self.queue if goal is not gone)
-        return dataclasses.replace(self, queue=queue, phase=self.phase if queue else Phase.IDLE)
+        goes_on = bool(queue) or self.phase is Phase.LEAVING
+        return dataclasses.replace(self, queue=queue, phase=self.phase if goes_on else Phase.IDLE)
 
     def start(self) -> Mission:
         """Start driving to the first goal; raises `Refused` without a goal or while paused."""

@@ -93,9 +93,12 @@ class GlobalPlanner:
         return self._newest[1]
 
     def grow(self, space: FreeSpace, growth: Growth) -> None:
-        """Continue on the space of a larger grid; the present path stays in its place."""
+        """Continue on the space of a larger grid; the present path stays in its place, unless the
+        grid was too small to know whether it is the shortest."""
         self._space = space
         self._replanner.grow(space, growth)
+        if self.lacking is not None:
+            self._replanner.search_again()
         self._weighted = WeightedPlanner()
 
     def plan(

@@ -10,7 +10,7 @@ import numpy as np
 from navcore.compiled import compiled, lean
 from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import ONE, PAD, BitPlane, BitPlanes
-from navcore.grid.free_space import FreeSpace
+from navcore.grid.free_space import FREED_LOG, FreeSpace
 from navcore.grid.grid import Cell
 from navcore.grid.growth import Growth
 from navcore.planning.path import REASONS, NoPath, Path, Reason
@@ -78,6 +78,11 @@ class Replanner:
         self._failure: tuple[Cell, Cell] | None = None
         self.searches = 0
         """Number of searches that were made."""
+
+    def search_again(self) -> None:
+        """Have the next plan search: a path through cells that were outside may be shorter. One of
+        the same length is not exchanged."""
+        self._space.notes[0] = FREED_LOG + 1
 
     def grow(self, space: FreeSpace, growth: Growth) -> None:
         """Continue on the space of a larger grid; the present path stays in its place."""

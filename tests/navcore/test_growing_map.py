@@ -116,6 +116,23 @@ def test_a_path_that_is_shorter_outside_makes_the_grid_grow() -> None:
     assert path_of(decision).length == pytest.approx(path_of(one).length)
 
 
+def test_a_path_that_is_shorter_outside_is_taken_where_another_one_is_on_the_grid() -> None:
+    # The goal is near the border, so that the grid grows only once a path is found: by the south.
+    fence = ((2.0, -6.0), (2.2, -6.0), (2.2, 7.1), (2.0, 7.1))
+    order = dataclasses.replace(
+        ORDER, goal=(4.0, 5.5), zones=(Zone(id="f", name="fence", polygon=fence),)
+    )
+    navigator = navigator_on(SMALL)
+    decision = navigator.tick(picture(), order)
+    assert navigator.map.spec.rows > SMALL.rows
+    spec = decision.occupancy.spec
+    expected = plan(decision.occupancy.blocked, spec.cell(0.0, 0.0), spec.cell(4.0, 5.5))
+    assert isinstance(expected, Path)
+    assert path_of(decision).length == pytest.approx(expected.length)
+    south = navigator_on(SMALL, FixedNavigator).tick(picture(), order)
+    assert path_of(south).length > 1.3 * expected.length  # control
+
+
 def test_no_path_leads_out_of_a_site_and_the_grid_does_not_grow_beyond_it() -> None:
     site = Zone(
         id="s",

@@ -31,7 +31,7 @@ from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
 from navcore.perception.colour_segmenter import colour_masks, disjoint_layers, matches_colour
 from navcore.perception.depth_filter import heights_above_floor
 from navcore.perception.ground import ground_heights
-from navcore.perception.labels import Labels, LabelSource, Segmenter
+from navcore.perception.labels import Labels, LabelSource, Segmenter, only_coloured
 from navcore.perception.prototype import prototype_labels
 from navcore.robot.frame import Frame
 
@@ -63,8 +63,8 @@ class RuleChange:
 
     entry: BewareClass
     """Entry of the new list."""
-    rule: ColourRule
-    """Its rule."""
+    rule: ColourRule | None
+    """Its rule; None where none is in use any more."""
     before: ColourRule | None
     """Rule in use until now; None without one."""
 
@@ -106,7 +106,7 @@ class BewareMap:
         new = self._new_examples(before, after)
         if not changes and not restored and not new:
             return removed
-        seen = self._seen([change.entry for change in changes]) + self._seen_by_example(new)
+        seen = self._seen(_ruled(changes)) + self._seen_by_example(new)
 
         def edit(point_map: PointMap) -> None:
             past = self._past_view(point_map, seen)
@@ -130,7 +130,7 @@ class BewareMap:
         here. `occupancy` gives the costmap of the newest tick. Raises `Refused` without one.
         """
         changes = self._changes(before, after)
-        seen = self._seen([change.entry for change in changes])
+        seen = self._seen(_ruled(changes))
         seen += self._seen_by_example(self._new_examples(before, after))
         taken: list[tuple[Costmap, Records, PastView]] = []
         done = threading.Event()
@@ -165,7 +165,7 @@ class BewareMap:
         return [
             RuleChange(entry=entry, rule=rule, before=old.get(entry.class_id))
             for entry in after.classes
-            if (rule := self._rule_of(entry)) is not None and rule != old.get(entry.class_id)
+            if (rule := self._rule_of(entry)) != old.get(entry.class_id)
         ]
 
     def _rule_of(self, entry: BewareClass) -> ColourRule | None:
@@ -203,7 +203,7 @@ class BewareMap:
             if not masks:
                 continue
             layers = disjoint_layers(masks, frame.depth_m.shape)
-            labels = dataclasses.replace(layers[0], hypotheses=layers)
+            labels = only_coloured(dataclasses.replace(layers[0], hypotheses=layers), frame)
             seen.append(PastLook(observation=self._observed(one, labels, beware), of=one))
         return seen
 
@@ -238,6 +238,10 @@ class BewareMap:
         labels = self._map.rejections.without(one.placed(self._map.poses), labels)
         ground_m = ground_heights(frame, config.points.max_slope, config.perception.ground)
         return observe(frame, labels, beware, self._map.spec, config.points, ground_m)
+
+
+def _ruled(changes: Iterable[RuleChange]) -> list[BewareClass]:
+    return [change.entry for change in changes if change.rule is not None]
 
 
 def _cells_of(points: Records, class_id: int, spec: GridSpec) -> BoolGrid:

@@ -60,7 +60,10 @@ class MapRequests:
             except BadConfiguration:  # the map was replaced since they were asked for
                 log.exception("the poses of the map were not corrected")
         for edit in self.edits:
-            edit(navigator.map)
+            try:
+                edit(navigator.map)
+            except ValueError:  # of two edits at once the first may have left no room
+                log.exception("an edit of the map was refused by the map")
         if self.replace_map is not None:
             navigator.reset_pose()
         later = dataclasses.replace(self, replace_map=None, poses={}, edits=())

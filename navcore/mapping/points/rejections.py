@@ -74,11 +74,15 @@ class Rejections:
         on_grid = ((cells >= 0) & (cells < (spec.rows, spec.cols))).all(axis=1)
         return np.unique(cells[on_grid] @ np.array([spec.cols, 1]))
 
+    def check_room(self, positions: int) -> None:
+        """Raise `ValueError` where no rejection of so many positions can be added."""
+        if len(self.all) >= MAX_REJECTIONS or positions > MAX_POINTS:
+            raise ValueError(f"at most {MAX_REJECTIONS} rejections of {MAX_POINTS} positions")
+
     def add(self, rejection: Rejection, rows: Floats, spec: GridSpec) -> Rejection:
         """Add a rejection and return it, with a new number unless it has one; `rows` and `spec` as
         for `place`. Raises `ValueError` when there are too many, and for an unknown pose ID."""
-        if len(self.all) >= MAX_REJECTIONS or len(rejection.points_base) > MAX_POINTS:
-            raise ValueError(f"at most {MAX_REJECTIONS} rejections of {MAX_POINTS} positions")
+        self.check_room(len(rejection.points_base))
         if not 0 <= rejection.pose_id < len(rows):
             raise ValueError(
                 f"pose ID {rejection.pose_id} is not on the map, which has {len(rows)}"

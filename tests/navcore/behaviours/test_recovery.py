@@ -456,6 +456,32 @@ def test_where_it_was_sent_to_look_and_sees_no_way_what_it_found_closed_is_a_way
     assert not behaviour.closed
 
 
+def test_where_all_passages_are_blocked_the_robot_stands_longer_each_time() -> None:
+    """Else it drives from one blocked passage to the other for ever."""
+    navigator = blocked_navigator()
+    route, _ = stuck_for(navigator, HERE, 0.0, 0.1)
+    behaviour, at_s, stood_s = navigator.behaviour, 1.0, list[float]()
+    ahead = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=ControllerState.FOLLOW)
+    none = dataclasses.replace(route, points=NONE, outcome=NoPath(reason=Reason.UNREACHABLE))
+    passage = closed_way(wall((-1.0, 5.0), (0.0, 0.0)), HERE, HUSKY)
+    assert passage is not None
+    for _ in range(3):
+        behaviour = dataclasses.replace(behaviour, closed=(passage,))
+        frame = picture(pose=HERE, stamp_ns=round(at_s * 1e9))
+        behaviour, _ = supervised(behaviour, IDLE, frame, none, ORDER)
+        began_s = at_s
+        for _ in range(600):
+            at_s += 0.2
+            frame = picture(pose=HERE, stamp_ns=round(at_s * 1e9))
+            behaviour, motion = supervised(behaviour, ahead, frame, route, ORDER)
+            if motion.outcome is not ControllerState.GIVEN_UP:
+                break
+        stood_s.append(at_s - began_s)
+    assert stood_s == pytest.approx([RULES.again_s * factor for factor in (1, 2, 4)], abs=0.3)
+    elsewhere = behaviour.towards(dataclasses.replace(ORDER, goal=(1.0, 1.0)))
+    assert elsewhere.dead_ends == 0
+
+
 def test_a_robot_that_the_gate_holds_backs_off_without_waiting_then_tries_what_is_stronger() -> (
     None
 ):

@@ -59,6 +59,12 @@ def test_a_full_queue_is_refused() -> None:
         mission.add(0.0, 0.0, SPEC)
 
 
+def test_a_robot_that_leaves_an_area_goes_on_when_its_last_goal_is_removed() -> None:
+    leaving = EMPTY.add(1.0, 0.0, SPEC).leave().remove(1)
+    assert (leaving.phase, leaving.queue) == (Phase.LEAVING, ())
+    assert DRIVING.remove(1).remove(2).phase is Phase.IDLE
+
+
 def test_a_patrol_keeps_the_last_goals_and_counts_all() -> None:
     patrol = dataclasses.replace(TWO, loop=True).start()
     for _ in range(50):

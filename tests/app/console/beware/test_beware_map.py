@@ -268,6 +268,19 @@ def test_a_wider_rule_brings_what_was_seen_before_and_its_undo_takes_exactly_tha
     np.testing.assert_array_equal(drive.cells()["red"], before)
 
 
+def test_what_a_rule_has_found_goes_with_the_rule_and_comes_back_with_its_undo() -> None:
+    drive = Drive()
+    for number in range(len(FRAMES)):
+        drive.see(number)
+    before = drive.cells()["red"]
+    drive.editor.edit("red", {"colour": None})
+    assert before.any() and not drive.cells()["red"].any()
+    drive.see(len(FRAMES) - 1)
+    assert not drive.cells()["red"].any()
+    drive.editor.undo()
+    np.testing.assert_array_equal(drive.cells()["red"], before)
+
+
 def test_a_preview_shows_the_cells_that_applying_gives() -> None:
     drive = Drive()
     for number in range(len(FRAMES)):
