@@ -87,10 +87,10 @@ class AnchoredItems:
                 still_held[there.polygon] = held
             return there
 
-        told = [
-            f"Zone “{zone.name}” moved {moved_m(zone, there):.2f} m with the map."
-            for zone, there in self._zones().move(placed)
-        ]
+        told = []
+        for zone, there in self._zones().move(placed):
+            distance_m = moved_m(zone, there)
+            told.append(f"Zone “{zone.name}” moved {distance_m:.2f} m with the map.")
         # The others belong to no zone, edit or set any more.
         self._zone_anchors = still_held
         return told
