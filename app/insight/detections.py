@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -12,6 +13,7 @@ import numpy.typing as npt
 
 from navcore.errors import NotKnown
 from navcore.geometry.arrays import Points
+from navcore.geometry.transform import Pose2
 from navcore.mapping.points.rejections import MAX_POINTS
 from navcore.mission.beware_list import BewareList
 from navcore.perception.instances import CELL_M, Detection, detect_instances
@@ -66,6 +68,7 @@ class DetectionExtent:
 class _Item:
     sighting: Sighting
     cells: set[tuple[int, int]]
+    seen_from: Pose2  # T_map_base
     highest: float
     pixels: int
     crop: bytes
@@ -99,6 +102,24 @@ class DetectionGallery:
                 item.sighting
                 for item in sorted(self._items.values(), key=lambda item: -item.sighting.id)
             )
+
+    def follow(self, before: Sequence[Pose2], after: Sequence[Pose2]) -> None:
+        """Move the entries with a correction of the map, T_map_base by pose ID: each with the pose
+        that is nearest to where it was seen from last."""
+        places = np.array([(pose.x_m, pose.y_m) for pose in before]).reshape(-1, 2)
+        with self._lock:
+            for item in self._items.values() if len(places) else ():
+                robot = item.seen_from
+                nearest = int(np.hypot(*(places - (robot.x_m, robot.y_m)).T).argmin())
+                moved = after[nearest] @ before[nearest].inverse()
+                if after[nearest] == before[nearest]:
+                    continue
+                middles = (np.array(sorted(item.cells))[:, ::-1] + 0.5) * CELL_M
+                cells = np.floor(moved.to_parent(middles) / CELL_M).astype(np.int64)
+                item.cells = set(map(tuple, cells[:, ::-1].tolist()))
+                item.seen_from = moved @ robot
+                x, y = moved.to_parent(np.array(item.sighting.place)).tolist()
+                item.sighting = replace(item.sighting, place=(x, y))
 
     def clear(self) -> None:
         """Forget all entries; their ids are not given again."""
@@ -178,13 +199,20 @@ class DetectionGallery:
                 )
                 self._next_id += 1
                 self._items[sighting.id] = _Item(
-                    sighting, set(region.cells), region.confidence, pixels, crop, view
+                    sighting,
+                    set(region.cells),
+                    frame.pose,
+                    region.confidence,
+                    pixels,
+                    crop,
+                    view,
                 )
                 self._keep_bounds()
                 return sighting
             if item.sighting.verdict == "rejected":
                 return None  # an image from before the rejection: none of them is surer
             item.cells |= region.cells
+            item.seen_from = frame.pose
             item.highest = max(item.highest, region.confidence)
             item.sighting = replace(item.sighting, looks=item.sighting.looks + 1, last_s=now_s)
             if better:

@@ -39,6 +39,7 @@ from web.interface.insight import (
     Candidates,
     Explanation,
     LabellingState,
+    Sighting,
 )
 from web.interface.wire import Position
 
@@ -120,6 +121,10 @@ class LiveInsight:
 
     def note_decision(self, decision: TickResult) -> None:
         """Called by the think thread after each tick."""
+        if decision.taken_back:
+            self.detections.clear()
+        elif decision.correction is not None:
+            self.detections.follow(decision.correction.before, decision.correction.after)
         self._decision = decision
         self.note_place(self._place_events.after(decision))
 
@@ -250,9 +255,10 @@ class LiveInsight:
         self._event_detector.on_tick(now_s, decision, self._here())
         if decision is not None and decision is not self._processed:
             self._processed = decision
-            for new in self.detections.update(
-                now_s, decision.frame, decision.labels, self._controller.intent.beware
-            ):
+            beware, found = self._controller.intent.beware, list[Sighting]()
+            if decision.place.is_known:
+                found = self.detections.update(now_s, decision.frame, decision.labels, beware)
+            for new in found:
                 text = f"First sight of “{new.class_name}” here, {new.confidence:.0%} sure."
                 self.event_log.note(now_s, "seen", text, new.place)
         if self.series.is_due(now_s):

@@ -50,6 +50,17 @@ class PackedSubmap:
         words = PLANES * self.rows * self.words
         return 8 * (words + self.rows // BLOCK * self.words * (WORD // BLOCK))
 
+    def is_within(self, part: GridSpec, now: Pose2, spec: GridSpec) -> bool:
+        """Return whether all cells lie in a part of the map when the pose is `now`; `spec` is the
+        grid on which the patch lies."""
+        rows, cols = (0, self.rows), (0, self.words * WORD)
+        corners = np.array([(self.left + col, self.top + row) for row in rows for col in cols])
+        origin = np.array([spec.origin_x_m, spec.origin_y_m])
+        moved = (now @ self.pose.inverse()).to_parent(origin + corners * spec.resolution_m)
+        low = np.array([part.origin_x_m, part.origin_y_m]) + part.resolution_m
+        high = low + np.array([part.cols - 2, part.rows - 2]) * part.resolution_m
+        return bool(((moved >= low) & (moved <= high)).all())
+
     def patch(self) -> Patch:
         """Return the cells; raises `ValueError` for data of another size or damaged data."""
         unpacker = zlib.decompressobj()

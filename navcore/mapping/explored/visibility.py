@@ -107,7 +107,8 @@ class VisibilityMap:
         self.submaps.shift(growth.rows, growth.cols)
         for pose_id, submap in self.submaps.values().items():
             now = self._pose_ids[pose_id]
-            if now != submap.pose:
+            # What lies on the old grid is there already, and unpacking all of them takes long.
+            if now != submap.pose and not submap.is_within(growth.old, now, self.spec):
                 placed(submap.pose, submap.patch(), now, self.spec).mark_on(
                     self.live.planes, self.live.volume
                 )

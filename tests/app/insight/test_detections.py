@@ -83,6 +83,16 @@ def test_an_object_has_one_entry_however_often_and_from_wherever_it_is_seen() ->
     assert gallery.crop(1).startswith(b"\xff\xd8")
     with pytest.raises(NotKnown):
         gallery.crop(99)
+
+    # A correction of the map takes along what was seen beside the poses that it moves.
+    def poses(y_m: float) -> list[Pose2]:
+        return [Pose2(x_m=x, y_m=y_m if x < 3 else 0.0, yaw_rad=0.0) for x in (0.0, 9.0)]
+
+    gallery.follow(poses(0.0), poses(0.5))
+    assert math.dist(gallery.all()[1].place, (1.5, 0.7)) < 0.05
+    assert np.abs(gallery.extent(1).points.mean(axis=0) - (1.5, 0.7)).max() < 0.1
+    gallery.follow(poses(0.5), poses(0.0))
+    assert math.dist(gallery.all()[1].place, (1.5, 0.2)) < 0.05
     # At another site a page that still shows the first two must not meet others of their ids.
     gallery.clear()
     assert gallery.all() == ()
