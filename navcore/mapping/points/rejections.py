@@ -47,6 +47,9 @@ class Rejection:
     """(N, 2) positions in metres of the base frame at that pose."""
 
 
+_Bars = dict[int, tuple[Indices, Floats]]
+
+
 class Rejections:
     """All rejections of a map. One thread changes them; any may read `all` and `places`."""
 
@@ -56,8 +59,8 @@ class Rejections:
         """The rejections, oldest first."""
         self.places: dict[int, tuple[float, float]] = {}
         """Middle of each rejection in metres of the map frame, by id."""
-        self._bars: dict[int, tuple[Indices, Floats]] = {}
-        self._spec: GridSpec | None = None
+        # Together, since threads read them that change nothing.
+        self._placed: tuple[GridSpec | None, _Bars] = None, {}
         self._next_id = 1
 
     def cells_around(self, points: Points, spec: GridSpec) -> Indices:
@@ -111,7 +114,7 @@ class Rejections:
     def place(self, rows: Floats, spec: GridSpec) -> None:
         """Compute the cells of all rejections on a grid; `rows`: (P, 4) `pose_rows` of all pose
         IDs."""
-        self._spec, places = spec, {}
+        places = {}
         found: dict[int, list[tuple[Indices, float]]] = {}
         for one in self.all:
             x_m, y_m, cos, sin = rows[one.pose_id]
@@ -121,15 +124,16 @@ class Rejections:
             bar = _log_odds(np.array([one.confidence]))[0] + self._config.margin
             found.setdefault(one.class_id, []).append((self.cells_around(points, spec), bar))
         self.places = places
-        self._bars = {class_id: _highest(parts) for class_id, parts in found.items()}
+        self._placed = spec, {class_id: _highest(parts) for class_id, parts in found.items()}
 
     def without(self, frame: Frame, labels: Labels) -> Labels:
         """Return the labels of a frame, which is placed in the map, without those that were
         rejected."""
-        if not self._bars:
+        spec, bars = self._placed
+        if spec is None or not bars:
             return labels
-        struck = tuple(self._struck(frame, one) for one in labels.hypotheses)
-        fused = self._struck(frame, labels)
+        struck = tuple(_struck(frame, one, spec, bars) for one in labels.hypotheses)
+        fused = _struck(frame, labels, spec, bars)
         if struck and fused is not labels:
             # What the rejected label had covered is seen again.
             class_ids, confidence = fused.class_ids.copy(), fused.confidence.copy()
@@ -139,37 +143,37 @@ class Rejections:
             fused = Labels(class_ids=class_ids, confidence=confidence)
         return dataclasses.replace(fused, hypotheses=struck)
 
-    def _struck(self, frame: Frame, labels: Labels) -> Labels:
-        """Return the labels of one source without those that were rejected; the same ones where
-        there are none."""
-        class_ids = labels.class_ids
-        for class_id, (cells, bars) in self._bars.items():
-            mask = labels.class_ids == class_id
-            rows, cols = np.nonzero(mask & (frame.depth_m > 0))
-            if not len(cells) or not len(rows):
-                continue
-            at = np.minimum(
-                np.searchsorted(cells, own := self._cells(frame, rows, cols)), len(cells) - 1
-            )
-            claims = _claims(mask, labels.confidence)[rows, cols]
-            gone = (cells[at] == own) & (claims <= bars[at])
-            if gone.any():
-                class_ids = class_ids.copy() if class_ids is labels.class_ids else class_ids
-                class_ids[rows[gone], cols[gone]] = NOTHING
-        if class_ids is labels.class_ids:
-            return labels
-        return dataclasses.replace(labels, class_ids=class_ids)
 
-    def _cells(self, frame: Frame, rows: Indices, cols: Indices) -> Indices:
-        """Return the (N,) cells of measured pixels, row · cols + col; −1 beside the grid."""
-        spec = self._spec
-        assert spec is not None
-        optical = back_project_pixels(rows, cols, frame.depth_m[rows, cols], frame.intrinsics)
-        xy = optical @ frame.T_map_camera[:2, :3].T + frame.T_map_camera[:2, 3]
-        row = np.floor((xy[:, 1] - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
-        col = np.floor((xy[:, 0] - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
-        on_grid = (row >= 0) & (row < spec.rows) & (col >= 0) & (col < spec.cols)
-        return np.where(on_grid, row * spec.cols + col, -1)
+def _struck(frame: Frame, labels: Labels, spec: GridSpec, bars_of: _Bars) -> Labels:
+    """Return the labels of one source without those that were rejected; the same ones where
+    there are none."""
+    class_ids = labels.class_ids
+    for class_id, (cells, bars) in bars_of.items():
+        mask = labels.class_ids == class_id
+        rows, cols = np.nonzero(mask & (frame.depth_m > 0))
+        if not len(cells) or not len(rows):
+            continue
+        at = np.minimum(
+            np.searchsorted(cells, own := _cells(frame, rows, cols, spec)), len(cells) - 1
+        )
+        claims = _claims(mask, labels.confidence)[rows, cols]
+        gone = (cells[at] == own) & (claims <= bars[at])
+        if gone.any():
+            class_ids = class_ids.copy() if class_ids is labels.class_ids else class_ids
+            class_ids[rows[gone], cols[gone]] = NOTHING
+    if class_ids is labels.class_ids:
+        return labels
+    return dataclasses.replace(labels, class_ids=class_ids)
+
+
+def _cells(frame: Frame, rows: Indices, cols: Indices, spec: GridSpec) -> Indices:
+    """Return the (N,) cells of measured pixels, row · cols + col; −1 beside the grid."""
+    optical = back_project_pixels(rows, cols, frame.depth_m[rows, cols], frame.intrinsics)
+    xy = optical @ frame.T_map_camera[:2, :3].T + frame.T_map_camera[:2, 3]
+    row = np.floor((xy[:, 1] - spec.origin_y_m) / spec.resolution_m).astype(np.int64)
+    col = np.floor((xy[:, 0] - spec.origin_x_m) / spec.resolution_m).astype(np.int64)
+    on_grid = (row >= 0) & (row < spec.rows) & (col >= 0) & (col < spec.cols)
+    return np.where(on_grid, row * spec.cols + col, -1)
 
 
 def _claims(mask: Bools, confidence: npt.NDArray[np.float32]) -> Floats:
