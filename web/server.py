@@ -133,16 +133,19 @@ class ConsoleServer:
         *,
         listener: socket.socket | None = None,
         allowed_hosts: Sequence[str] = (),
+        proxy: str | None = None,
         access: Access | None = None,
         unattended: Unattended = "go on",
     ) -> None:
         """`listener`: socket of `web.port.reserve`; without it, `start` opens the port.
+        `allowed_hosts`: further names under which the console answers. `proxy`: address of a proxy
+        whose headers tell scheme and address of the browser.
         `unattended`: treatment of a mission when the visitor in control has become silent.
         """
         self._operations, self._host, self._port = operations, host, port
         self._access = access or Access()
         self._presence = PresenceMonitor(operations, self._access, unattended)
-        self._listener = listener
+        self._listener, self._proxy = listener, proxy
         self._allowed = (*LOOPBACK, *_names_of(host), *allowed_hosts)
         self._viewer: Viewer | None = None
         self._server: _Server | None = None
@@ -163,7 +166,7 @@ class ConsoleServer:
         app = create_app(
             self._operations, allowed_hosts=self._allowed, access=self._access, viewer=self._viewer
         )
-        self._server = _Server(_config(app))
+        self._server = _Server(_config(app, self._proxy))
         self._thread = threading.Thread(
             target=self._server.run, args=([listener],), name="console", daemon=True
         )
@@ -207,7 +210,7 @@ class _Server(uvicorn.Server):
         await asyncio.sleep(0)  # the loop closes their sockets
 
 
-def _config(app: FastAPI) -> uvicorn.Config:
+def _config(app: FastAPI, proxy: str | None) -> uvicorn.Config:
     return uvicorn.Config(
         app,
         log_config=None,
@@ -221,7 +224,8 @@ def _config(app: FastAPI) -> uvicorn.Config:
         ws_ping_timeout=10.0,
         timeout_graceful_shutdown=1,
         server_header=False,
-        proxy_headers=False,
+        proxy_headers=proxy is not None,
+        forwarded_allow_ips=proxy,
     )
 
 

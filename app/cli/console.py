@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ipaddress
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -27,6 +29,8 @@ from navcore.errors import BadConfiguration
 from navcore.robot.camera_stream import CameraStream
 from sim.robot.odometry_grade import OdometryGrade
 
+HOST = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]{0,251}|\[[0-9A-Fa-f:.]+\]")
+"""Name or address of a host, as in the address of a page."""
 OwnMapOption = Annotated[
     Path | None,
     typer.Option(
@@ -98,6 +102,22 @@ class ConsoleSettings:
     odometry: OdometryOption = OdometryGrade.TYPICAL
     gnss: GnssOption = None
     login: Annotated[bool, typer.Option("--login", help="Require a login on loopback too.")] = False
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="A further name or address by which browsers reach the console, e.g. that of a "
+            "proxy; repeat for more. Requires a login.",
+        ),
+    ] = None
+    proxy: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="IP address of a TLS proxy before the console: its X-Forwarded-Proto and "
+            "X-Forwarded-For count. Requires a login.",
+        ),
+    ] = None
     unattended: Annotated[
         Literal["go on", "pause"],
         typer.Option(help="What a mission does when the operator in control has gone silent."),
@@ -137,6 +157,8 @@ def console(settings: ConsoleSettings) -> None:
             odometry=settings.odometry,
             gnss=settings.gnss,
             login=settings.login,
+            allowed_hosts=tuple(settings.allow_host or ()),
+            proxy=settings.proxy,
             unattended=settings.unattended,
         )
         run_console(options, listener=listener, starting=starting)
@@ -146,10 +168,21 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
     """Refuse wrong options and files before anything slow is loaded; return the camera's stream,
     None for what this machine can follow."""
     from navcore.config.navigator import load_config
+    from navcore.formats import nav2_map
     from navcore.mission.beware_sets import beware_list_of
     from sim.robot.chassis import chassis_for
     from sim.scenario.load import load_scenario
 
+    for name in settings.allow_host or ():
+        if not HOST.fullmatch(name):
+            raise BadConfiguration(f"--allow-host: {name!r} is no name of a host, such as r1.local")
+    if settings.proxy is not None:
+        try:
+            ipaddress.ip_address(settings.proxy)
+        except ValueError:
+            raise BadConfiguration(
+                f"--proxy: {settings.proxy!r} is no IP address, such as 127.0.0.1"
+            ) from None
     robot = robot_profile(settings.robot, scanner=settings.scanner)
     if settings.recording is None:
         load_scenario(settings.scenario)
@@ -160,6 +193,8 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
         beware_list_of(settings.beware)
     if settings.kept is not None:
         prepare(settings.kept.parent)
+    if settings.prior is not None:
+        nav2_map.load(settings.prior)
     if settings.recording is not None and (settings.camera != "auto" or settings.scanner):
         option = "--scanner" if settings.scanner else "--camera"
         raise BadConfiguration(

@@ -99,6 +99,7 @@ def drive(settings: DriveSettings) -> None:
     from app.runtime.start.preparation import prepared_perception
     from navcore.config.navigator import load_config
     from navcore.config.perception.perception import DEFAULT_PERCEPTION
+    from navcore.formats import nav2_map
     from sim.scenario.load import load_scenario
 
     robot = robot_profile(settings.robot, scanner=settings.scanner)
@@ -108,6 +109,8 @@ def drive(settings: DriveSettings) -> None:
     folders = [folder for folder in (settings.plots, settings.record) if folder is not None]
     for folder in [*(file.parent for file in files), *folders]:
         prepare(folder)
+    if settings.prior is not None:
+        nav2_map.load(settings.prior)
     for file in files:
         if file.is_dir():
             raise BadConfiguration(f"{file} is a folder; give the name of a file")

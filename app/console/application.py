@@ -132,6 +132,10 @@ class ConsoleOptions:
     """Configuration file of the navigation, see `load_config`; None for the defaults."""
     login: bool = False
     """Whether a login is required on loopback too."""
+    allowed_hosts: tuple[str, ...] = ()
+    """Further names under which browsers reach the console; with one a login is required."""
+    proxy: str | None = None
+    """Address of a TLS proxy before the console; with one a login is required."""
     unattended: Unattended = "go on"
     """Behaviour of a mission when the user in control has gone silent."""
 
@@ -238,7 +242,8 @@ def console(
         )
         loop.start()
         stack.callback(loop.stop)
-        locked = options.login or options.host not in LOOPBACK
+        is_reached = bool(options.allowed_hosts) or options.proxy is not None
+        locked = options.login or is_reached or options.host not in LOOPBACK
         password = _first_admin(store) if locked else None
         access = (
             Access.by_login(store.users, store.audit) if locked else Access(audit_log=store.audit)
@@ -248,6 +253,8 @@ def console(
             options.host,
             options.port,
             listener=listener,
+            allowed_hosts=options.allowed_hosts,
+            proxy=options.proxy,
             access=access,
             unattended=options.unattended,
         )
