@@ -42,6 +42,7 @@ import * as zoneList from "./zones/zones.js";
 
 const VIEW_KEY = "console.view";
 const ZOOM_FACTOR = 1.3;
+const STATE_REST_S = 3; // ten states arrive a second, also in a hidden page
 const versions = { zones: null, beware: null };
 let state = null;
 let zones = [];
@@ -68,8 +69,7 @@ function showState(next) {
   state = next;
   // What belongs to a site is loaded again, whatever its version.
   if (sites.update(state)) {
-    Object.assign(versions, { zones: null, beware: null });
-    mapUpdates.forget();
+    forgetVersions();
     // What was begun on the map of another site is nowhere on this one.
     setMode("navigate");
     dropOffer();
@@ -88,6 +88,12 @@ function showState(next) {
   map.update({ state });
   freshness.stateArrived(state, mapUpdates.versionOf(state), isOnMap());
   drawer.update({ state });
+}
+
+// A console that was started again counts from zero again, and another site has values of its own.
+function forgetVersions() {
+  Object.assign(versions, { zones: null, beware: null });
+  mapUpdates.forget();
 }
 
 // A hidden page asks for nothing but the state.
@@ -179,7 +185,7 @@ onDraft(() => {
 window.addEventListener("unhandledrejection", (event) =>
   notify(t("Error in this page: {message}", { message: event.reason?.message ?? event.reason })),
 );
-connect("/events", { onMessage: showState, onClose: mapUpdates.forget });
+connect("/events", { onMessage: showState, onClose: forgetVersions, restS: STATE_REST_S });
 setMode("navigate");
 // A processor would be slow at drawing the 3D view: there it waits until it is asked for.
 const asked = { "#map": "map", "#3d": "3d" }[location.hash];

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 
+import httpx
 import pytest
-from playwright.sync_api import Browser, Page, Route, expect
+from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
 
 from navcore.localisation.estimate import LocalisationState
 from navcore.mission.beware_list import BewareList
@@ -15,6 +17,8 @@ from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, map_view
 from web.interface.drafts import ZoneDraft
 from web.interface.localisation import PlaceOut
 from web.server import ConsoleServer
+
+CORNER = ((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0))
 
 
 def test_the_whole_console_fits_a_small_screen_without_scrolling(page: Page) -> None:
@@ -339,6 +343,46 @@ def test_without_a_connection_no_state_is_told_and_each_comes_back_with_it(
     finally:
         again.stop()
         page.context.close()
+
+
+def test_zones_whose_answer_was_lost_to_the_stop_are_asked_for_again(
+    page: Page, operations: FakeOperations
+) -> None:
+    held: list[Route] = []
+    page.route("**/api/v1/zones", lambda route: held.append(route))  # not answered
+    with page.expect_request("**/api/v1/zones"):
+        operations.zones.add(ZoneDraft(name="desk", polygon=CORNER))
+    page.keyboard.press("Space")
+    expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")
+    page.unroute("**/api/v1/zones")
+    expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "desk")
+
+
+@pytest.mark.parametrize("is_silent", [False, True])
+def test_a_page_that_connects_again_has_the_zones_of_now(
+    is_silent: bool, page: Page, client: httpx.Client, operations: FakeOperations
+) -> None:
+    operations.zones.add(ZoneDraft(name="desk", polygon=CORNER))
+    renamed = json.loads(client.get("/api/v1/zones").text.replace("desk", "door"))
+    links: list[WebSocketRoute] = []
+    silent: list[WebSocketRoute] = []
+
+    def pass_on(link: WebSocketRoute) -> None:
+        console = link.connect_to_server()
+        links.append(link)
+        console.on_message(lambda text: None if link in silent else link.send(text))
+
+    page.route_web_socket("**/api/v1/events", pass_on)
+    page.reload()
+    expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "desk")
+    # As a console that was started again, and has counted to the same number.
+    page.route("**/api/v1/zones", lambda route: route.fulfill(json=renamed))
+    if is_silent:
+        silent.append(links[0])
+    else:
+        links[0].close()
+    expect(page.get_by_test_id("zone")).to_have_attribute("data-name", "door")
+    expect(page.get_by_test_id("connection")).to_have_text("live")
 
 
 def test_the_space_key_stops_wherever_a_blank_means_nothing(

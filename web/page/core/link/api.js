@@ -79,20 +79,37 @@ export function abortAll(message) {
 
 const RECONNECT_MS = 500;
 
-// A websocket that reconnects; `onMessage` gets parsed messages.
-export function connect(path, { onMessage, onOpen = () => {}, onClose = () => {} }) {
+// A websocket that reconnects; `onMessage` gets parsed messages. One whose other end never rests is
+// given up after `restS` seconds without a message: of a lost network a browser learns late.
+export function connect(path, { onMessage, onOpen = () => {}, onClose = () => {}, restS = Infinity }) {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   let socket;
+  let restingS = 0;
   const open = () => {
+    restingS = 0;
     socket = new WebSocket(`${scheme}://${location.host}/api/v1${path}`);
     socket.onopen = () => onOpen();
-    socket.onmessage = (event) => onMessage(JSON.parse(event.data));
+    socket.onmessage = (event) => {
+      restingS = 0;
+      onMessage(JSON.parse(event.data));
+    };
     socket.onclose = () => {
       onClose();
       setTimeout(open, RECONNECT_MS);
     };
   };
   open();
+  // Counted and not measured: in a hidden page, or after the computer has slept, time passes in which
+  // no message could be taken.
+  setInterval(() => {
+    if (socket.readyState !== WebSocket.OPEN) return;
+    restingS += 1;
+    if (restingS <= restS) return;
+    const { onclose } = socket;
+    socket.onmessage = socket.onclose = null;
+    socket.close();
+    onclose();
+  }, 1000);
   return {
     send: (message) => {
       if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));

@@ -1,6 +1,7 @@
 // Values that are fetched when the robot's state says that they have changed.
 
 const STANDING_FACTOR = 2;
+const RETRY_MS = 500;
 let isMoving = false;
 
 // Around a standing robot little changes: its values are fetched half as often.
@@ -11,24 +12,23 @@ export const pause = (ms) =>
   new Promise((resolve) => setTimeout(resolve, isMoving ? ms : STANDING_FACTOR * ms));
 
 // One request at a time, and one more if the value changed meanwhile: a slow link is never flooded.
+// One that was lost, or aborted for a stop, is made again: the value may not change for hours.
 export function oneAtATime(load) {
   let isBusy = false;
   let isDue = false;
   return async function run() {
-    if (isBusy) {
-      isDue = true;
-      return;
-    }
+    isDue = true;
+    if (isBusy) return;
     isBusy = true;
-    try {
-      await load();
-    } catch {
-      // the next change tries again; a lost connection has its own banner
+    while (isDue) {
+      isDue = false;
+      try {
+        await load();
+      } catch {
+        isDue = true; // a lost connection has its own banner
+        await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+      }
     }
     isBusy = false;
-    if (isDue) {
-      isDue = false;
-      run();
-    }
   };
 }
