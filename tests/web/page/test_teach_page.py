@@ -13,6 +13,7 @@ from playwright.sync_api import BrowserContext, FloatRect, Page, expect
 from app.teaching.networks.versions import MODEL_NAME, write_version
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH
 from tests.web.api.test_teaching import look
+from tests.web.conftest import PASSWORD
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, eventually
 from web.interface.teaching import ClassFigures, NetworkVersion
@@ -214,6 +215,42 @@ def test_the_stop_is_visible_and_works_in_every_window(
         page.close()
     expect_words = opened(new_context, server, 390, 844).locator(".small-screen")
     expect(expect_words).to_contain_text("larger screen")
+
+
+def test_a_stop_without_a_log_in_says_so_and_leads_to_it(
+    new_context: Callable[..., BrowserContext], locked: ConsoleServer, operations: FakeOperations
+) -> None:
+    page = opened(new_context, locked, 1024, 768)
+
+    def log_in() -> None:
+        page.get_by_test_id("login-name").fill("operator")
+        page.get_by_test_id("login-password").fill(PASSWORD)
+        page.get_by_test_id("log-in").click()
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        page.goto(f"{locked.url}/teach")
+        expect(page.get_by_test_id("exchange")).not_to_be_empty()
+
+    log_in()
+    page.context.clear_cookies()
+    page.get_by_test_id("stop").click()
+    toasts = page.locator("#toasts")
+    expect(toasts).to_contain_text("THE STOP WAS REFUSED")
+    # Other messages, of which the oldest ones go, leave it there.
+    page.evaluate(
+        """async () => {
+            const { notify } = await import("/page/core/toasts.js");
+            for (let i = 0; i < 6; i += 1) notify(`message ${i}`);
+        }"""
+    )
+    expect(toasts.locator(".toast")).to_have_count(4)
+    expect(toasts).to_contain_text("Message 5")
+    expect(toasts).not_to_contain_text("The robot is stopped")
+    toasts.get_by_test_id("toast-action").click()
+    log_in()
+    assert operations.stops == []
+    page.get_by_test_id("stop").click()
+    expect(toasts).to_contain_text("The robot is stopped")
+    assert operations.stops == ["operator (console button)"]
 
 
 def test_the_beware_list_leads_to_the_page(page: Page) -> None:

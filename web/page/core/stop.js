@@ -8,6 +8,7 @@ const ATTEMPTS = 3;
 const TIMEOUT_MS = 1500;
 const SECOND_CHANNEL_AFTER_MS = 300;
 const RETRY_MS = 500;
+const LOGGED_OUT = 401;
 const channels = [];
 // The stop that has not been answered: when it was pressed, and the message that says so.
 let undelivered = null;
@@ -15,7 +16,7 @@ let undelivered = null;
 // Register a second, open channel for the stop, used where no answer comes soon.
 export const addStopChannel = (send) => channels.push(send);
 
-// Whether the request was answered. A browser opens few connections to one host: `keepalive` and
+// Send the stop; returns the status of the answer, 0 without one. A browser opens few connections to one host: `keepalive` and
 // the abort of all other requests let this one through.
 async function send(source) {
   try {
@@ -24,29 +25,28 @@ async function send(source) {
       keepalive: true,
       signal: AbortSignal.timeout(TIMEOUT_MS),
     });
-    return response.ok;
+    return response.status;
   } catch {
-    return false;
+    return 0;
   }
 }
 
-// Stop the robot; ends once the stop was answered.
+const isDone = (status) => status >= 200 && status < 300;
+
+// Stop the robot; ends once the stop was answered, and returns whether the robot is stopped.
 export async function stop(source) {
   abortAll(t("cancelled to let the stop through; check whether it took effect"));
   const pressedMs = performance.now();
   const sendBySecond = () => channels.forEach((sendTo) => sendTo(source));
   const timer = setTimeout(sendBySecond, SECOND_CHANNEL_AFTER_MS);
   for (let attempt = 0; attempt < ATTEMPTS; attempt += 1) {
-    if (await send(source)) {
+    const status = await send(source);
+    if (isDone(status) || status === LOGGED_OUT) {
       clearTimeout(timer);
-      delivered();
-      return;
+      return isDone(status) ? delivered() : refused();
     }
   }
-  if (undelivered) {
-    await undelivered.answered; // its loop goes on
-    return;
-  }
+  if (undelivered) return undelivered.answered; // its loop goes on
   let answer;
   const answered = new Promise((resolve) => {
     answer = resolve;
@@ -62,16 +62,33 @@ export async function stop(source) {
   };
   while (undelivered) {
     await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
-    if (undelivered && (await send(source))) delivered();
+    const status = undelivered && (await send(source));
+    if (isDone(status)) delivered();
+    else if (undelivered && status === LOGGED_OUT) refused();
   }
+  return answered;
+}
+
+function end(isStopped) {
+  undelivered?.toast.remove();
+  undelivered?.answer(isStopped);
+  undelivered = null;
+  return isStopped;
+}
+
+// Without a log-in the stop would be refused however often it is sent.
+function refused() {
+  notify(
+    t("THE STOP WAS REFUSED: you are no longer logged in. Use the stop on the robot itself, or log in and stop again."),
+    { stays: true, action: { label: t("Log in"), run: () => location.reload() } },
+  );
+  return end(false);
 }
 
 // The robot is stopped: a stop that was not answered has arrived after all.
 export function delivered() {
-  if (!undelivered) return;
+  if (!undelivered) return true;
   const seconds = Math.max((performance.now() - undelivered.pressedMs) / 1000, 1).toFixed(0);
-  undelivered.toast.remove();
-  undelivered.answer();
-  undelivered = null;
   notify(t("The stop was delivered {seconds} s late: the robot is stopped.", { seconds }), { good: true });
+  return end(true);
 }

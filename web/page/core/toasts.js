@@ -27,7 +27,9 @@ export function notify(
   if (actions.length)
     close.before(make("div", {}, ...actions.map((one) => actionButton(one, toast))));
   box.append(toast);
-  while (box.children.length > MAX_SHOWN) box.firstChild.remove();
+  toast.stays = stays;
+  const passing = [...box.children].filter((old) => old !== toast && !old.stays);
+  for (const old of passing.slice(0, Math.max(box.children.length - MAX_SHOWN, 0))) old.remove();
   if (!stays) setTimeout(() => toast.remove(), good && !actions.length ? GOOD_MS : BAD_MS);
   return toast;
 }

@@ -95,7 +95,7 @@ element("next").onclick = () => step(1);
 whenSaved(() => attempt(refreshFrames));
 
 async function stopNow() {
-  await stop("console button");
+  if (!(await stop("console button"))) return;
   notify(t("The robot is stopped. The stop is released in the console."), { good: true });
 }
 element("stop").onclick = stopNow;
