@@ -3,6 +3,8 @@
 import "./access/account.js";
 import * as ownName from "./access/own_name.js";
 import * as bewareList from "./beware/beware_list.js";
+import { close as closeEntry } from "./beware/entry.js";
+import { cancel as cancelProposal } from "./beware/proposal.js";
 import { connect, get } from "./core/link/api.js";
 import * as connection from "./core/link/connection.js";
 import { t } from "./core/text/language.js";
@@ -29,7 +31,7 @@ import "./viewer/pointer.js";
 import { enableButtons } from "./mission/buttons.js";
 import { showFigures } from "./mission/figures.js";
 import { dropOffer, showGoals } from "./mission/goals.js";
-import { onProposal, showPlace } from "./localisation/place.js";
+import { onProposal, showPlace, withdraw } from "./localisation/place.js";
 import { showPathSettings } from "./mission/path_settings.js";
 import { showStatus } from "./mission/status.js";
 import "./mission/teleop.js";
@@ -73,6 +75,9 @@ function showState(next) {
     // What was begun on the map of another site is nowhere on this one.
     setMode("navigate");
     dropOffer();
+    withdraw();
+    closeEntry();
+    cancelProposal();
   }
   connection.stateArrived();
   setMoving(state.moving);

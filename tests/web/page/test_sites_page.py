@@ -170,6 +170,26 @@ def test_a_change_is_looked_at_on_the_map_before_it_is_accepted(panel: Locator) 
     expect(shown).to_be_hidden()
 
 
+def test_what_was_begun_at_a_site_ends_with_it(panel: Locator, operations: FakeOperations) -> None:
+    page = panel.page
+    press(page.get_by_test_id("changes-all"))
+    page.get_by_test_id("change").first.get_by_title("Show it on the map").click()
+    page.get_by_test_id("beware-add").click()
+    page.evaluate(
+        """async () => {
+            const { propose } = await import("/page/localisation/place.js");
+            await propose({ x_m: 0, y_m: 0, yaw_rad: 0 });
+        }"""
+    )
+    begun = [page.locator(f"#{name}") for name in ("change-shown", "entry", "place-proposal")]
+    for part in begun:
+        expect(part).to_be_visible()
+    operations.sites.make("Ward 3")
+    operations.sites.choose("Ward 3")
+    for part in begun:
+        expect(part).to_be_hidden()
+
+
 def test_a_list_of_changes_that_is_read_again_keeps_its_items(panel: Locator) -> None:
     page = panel.page
     press(page.get_by_test_id("changes-all"))

@@ -48,11 +48,15 @@ function show(asked, checked) {
     panel.replaceChildren(
       make("p", { "data-testid": "place-fit" }, sentence(checked.text)),
       make("button", { "data-testid": id, onclick: () => accept(!checked.fits) }, text),
-      make("button", { "data-testid": "place-cancel", onclick: () => show(null, null) }, t("Cancel")),
+      make("button", { "data-testid": "place-cancel", onclick: withdraw }, t("Cancel")),
     );
     panel.querySelector("button").focus();
   }
   for (const listener of listeners) listener();
+}
+
+export function withdraw() {
+  if (proposal.checked) show(null, null);
 }
 
 async function accept(isForced) {
@@ -60,7 +64,7 @@ async function accept(isForced) {
   await attempt(async () => {
     await post(`/pose${isForced ? "?force=true" : ""}`, asked);
     notify(t("The robot takes this to be its place."), { good: true });
-    show(null, null);
+    withdraw();
   });
 }
 
@@ -70,5 +74,5 @@ element("place-search").onclick = () => attempt(() => post("/localisation/search
 element("place-proposal").addEventListener("keydown", (event) => {
   if (event.key !== "Escape") return;
   event.stopPropagation();
-  show(null, null);
+  withdraw();
 });

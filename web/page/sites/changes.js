@@ -59,6 +59,12 @@ export function hide() {
   return false;
 }
 
+// What was listed is of another site.
+export function forget() {
+  set(shown, { hidden: true });
+  hide();
+}
+
 function lookAt(area, text, place, accept) {
   const back = () => {
     set(shown, { hidden: true });

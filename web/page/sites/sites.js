@@ -41,6 +41,7 @@ export function update({ site }) {
   const isFirst = chosen === null;
   chosen = site;
   setText(opener, t("Site {site} ▾", { site }));
+  if (!isFirst) changes.forget();
   if (panel.open) refresh();
   else attempt(() => load(site));
   return !isFirst;
