@@ -344,6 +344,11 @@ def test_an_edit_that_changes_nothing_on_the_map_applies_at_once(
     margin.fill("0.1")
     margin.press("Enter")
     expect(proposal(page)).to_contain_text("the robot may come nearer to")
+    # What another operator does makes it nothing, and yet what waits goes on waiting.
+    operations.beware.edit("red floor", {"margin_m": 0.1})
+    expect(proposal(page)).to_contain_text("no cell of the map changes", ignore_case=True)
+    operations.beware.edit("red floor", {"margin_m": 0.4})
+    expect(proposal(page)).to_contain_text("the robot may come nearer to")
     page.get_by_test_id("proposal-cancel").click()
     expect(margin).to_have_value("0.4")
     assert operations.beware.list.named("red floor").margin_m == 0.4

@@ -63,11 +63,13 @@ export function renew() {
   timer = setTimeout(show, PATIENCE_MS, { text: t("Looking at what this would change …") });
   ask(proposed.question, (answer) => {
     clearTimeout(timer);
-    if (answer.isNothing) apply();
+    // What the operator has read waits for the operator, whatever another one changes meanwhile.
+    if (answer.isNothing && !proposed.isTold) apply();
     else if (answer.isRefused) {
       cancel();
       notify(answer.text);
     } else {
+      proposed.isTold = true;
       show(answer);
       showOnMap(answer);
     }
