@@ -94,6 +94,14 @@ def test_a_goal_gets_its_heading_by_drag_in_the_3d_view(
     expect(page.get_by_test_id("goal")).to_have_count(2)
     other = operations.state().queue[1]
     assert other.yaw_rad is None and other.x_m > goal.x_m and other.y_m < goal.y_m
+    # A drag may end beside the view.
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60, steps=4)
+    page.mouse.move(x, 2)
+    page.mouse.up()
+    expect(page.get_by_test_id("goal")).to_have_count(3)
+    assert operations.state().queue[2].yaw_rad is not None
 
 
 @pytest.mark.long

@@ -11,12 +11,17 @@ const MAX_NOTE = 200;
 // Modes that the 3D view knows; the others are of the map alone.
 const VIEW_MODES = new Set(["goal", "draw", "edit"]);
 let onOpen = () => {};
+let onClose = () => {};
 let onPointer = () => {};
 let display = null;
 
 // Called when the link is open again and the console has forgotten the marks.
 export const onLinkOpen = (act) => {
   onOpen = act;
+};
+
+export const onLinkClose = (act) => {
+  onClose = act;
 };
 
 // Called with the answer to `askFloor`.
@@ -30,6 +35,7 @@ const link = connect(address, {
     if (display) link.send(display);
     onOpen();
   },
+  onClose: () => onClose(),
   onMessage: (message) => {
     if (message.type === "click") {
       // A click of a goal comes from the pointer, with its heading.

@@ -5,7 +5,7 @@ import { clicked, draft } from "../zones/draft.js";
 import { finish } from "../zones/store_draft.js";
 import { cancelPress, placeGoal } from "../map/pointer/pointer.js";
 import { onFrame } from "./viewer.js";
-import { askFloor, onFloor, sendDraft } from "./link.js";
+import { askFloor, onFloor, onLinkClose, sendDraft } from "./link.js";
 import { onSketch, sketch } from "../map/world.js";
 
 const HEADING_PX = 18;
@@ -15,8 +15,11 @@ let askedMs = 0;
 
 const isPicking = () => draft.mode === "goal" && document.body.dataset.role !== "viewer";
 
+// A drag may end beside the view; the console takes shares of it.
+const share = (at) => Math.min(Math.max(at, 0), 1);
+
 function ask(phase, { clientX, clientY, view }) {
-  askFloor(phase, clientX / view.innerWidth, clientY / view.innerHeight);
+  askFloor(phase, share(clientX / view.innerWidth), share(clientY / view.innerHeight));
 }
 
 // The view itself neither turns nor clicks while a goal is picked with the first button.
@@ -48,11 +51,14 @@ const HANDLERS = {
     if (isTurn) ask("turn", event);
     ask("up", event);
   },
-  pointercancel: () => {
-    press = null;
-    cancelPress();
-  },
+  pointercancel: forget,
 };
+
+function forget() {
+  if (!press) return;
+  press = null;
+  cancelPress();
+}
 
 onFrame((inside) => {
   for (const [name, handle] of Object.entries(HANDLERS))
@@ -84,3 +90,4 @@ function set() {
 }
 
 onSketch(sendDraft);
+onLinkClose(forget); // the answers are lost with it
