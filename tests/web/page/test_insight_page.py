@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import BrowserContext, Page, Route, expect
 
 from app.insight.event_log import EventLog
 from app.storage import Store
 from tests.web.fake_operations import FakeOperations
-from tests.web.page.chromium import IS_TOPMOST, await_map, map_view
+from tests.web.page.chromium import IS_TOPMOST, await_map, eventually, map_view
 from web.interface.drafts import ZoneDraft
 from web.server import ConsoleServer
 
@@ -130,6 +130,30 @@ def test_the_explanation_names_the_rule_its_cost_and_what_to_remove(
     )
     expect(page.get_by_test_id("why-lift")).to_contain_text("Fence")
     assert operations.zones.stored[0].enabled
+
+
+def test_a_late_explanation_marks_nothing_once_its_tab_is_closed(
+    page: Page, operations: FakeOperations
+) -> None:
+    marks: list[str] = []
+
+    def note(text: str | bytes) -> None:
+        if '"mark"' in str(text):
+            marks.append(str(text))
+
+    page.on("websocket", lambda link: link.on("framesent", note))
+    page.reload()
+    operations.goals.add(4.4, -0.5)
+    page.get_by_test_id("tab-why").click()
+    eventually(page, lambda: bool(marks) and "points" in marks[-1])
+    held: list[Route] = []
+    page.route("**/api/v1/explain", lambda route: held.append(route))
+    eventually(page, lambda: bool(held))
+    page.get_by_test_id("tab-why").click()
+    with page.expect_response("**/api/v1/explain"):
+        held[0].continue_()
+    page.wait_for_timeout(100)
+    assert "points" not in marks[-1]
 
 
 def test_candidates_are_asked_for_only_while_their_layer_is_on(

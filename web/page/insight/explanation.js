@@ -19,6 +19,7 @@ const PAUSE_FACTOR = 5;
 const MAX_LINES = 200;
 const MAX_POINTS = 1000;
 let shared;
+let isClosed;
 let words;
 let main; // the button that tries the path without the costliest rules
 let table;
@@ -29,6 +30,7 @@ let isBusy = false;
 
 export function build(pane, context) {
   shared = context;
+  isClosed = () => pane.hidden;
   words = make("p", { class: "words", role: "status", "data-testid": "why-words" });
   table = make("ul", { class: "rules", "data-testid": "why-rules" });
   main = make("span", { class: "row", "data-testid": "why-main" });
@@ -44,15 +46,16 @@ export async function tick(isOpen, now = true) {
   if (isBusy || (!now && beganMs < dueMs)) return;
   isBusy = true;
   try {
-    explained = await get("/explain");
+    const answer = await get("/explain");
     if (trial) trial.answer = await post("/explain", { without: trial.keys });
+    explained = answer;
     draw();
   } catch (error) {
     explained = trial = null;
     words.textContent = capitalised(error.message);
     main.replaceChildren();
     table.replaceChildren();
-    shared.mark([]);
+    if (!isClosed()) shared.mark([]);
   }
   dueMs = performance.now() + Math.max(PERIOD_MS, PAUSE_FACTOR * (performance.now() - beganMs));
   isBusy = false;
@@ -68,6 +71,7 @@ function colourOf(key) {
 }
 
 function draw() {
+  if (isClosed() || !explained) return; // the answer came too late
   const { found, rules, lift } = explained;
   words.textContent = describe(explained, trial);
   const keys = explained.main_cost_m > MIN_COST_M ? explained.main : [];
@@ -151,7 +155,7 @@ function offButtons() {
     if (!made) return;
     trial = null;
     offerUndo(t("“{name}” is switched off.", { name }), made);
-    await tick(true);
+    await tick(!isClosed());
   };
   return [make("button", { "data-testid": "why-off", onclick }, t("Switch it off"))];
 }
