@@ -211,6 +211,23 @@ def assert_fits(page: Page) -> None:
 
 
 @pytest.mark.parametrize("language", OTHERS)
+def test_a_number_is_typed_as_the_page_writes_it(
+    new_context: Opener, server: ConsoleServer, operations: FakeOperations, language: str
+) -> None:
+    page = opened(new_context, server, language)
+    for typed, x_m, y_m in (("3,5 -1", 3.5, -1.0), ("3,5, 0,5", 3.5, 0.5), ("3.5, -1", 3.5, -1.0)):
+        page.get_by_test_id("goal-input").fill(typed)
+        page.get_by_test_id("goal-add").click()
+        expect(page.get_by_test_id("goal-input")).to_have_value("")
+        goal = operations.state().queue[-1]
+        assert (goal.x_m, goal.y_m) == (x_m, y_m)
+    page.get_by_test_id("goal-input").fill("3,5")
+    page.get_by_test_id("goal-add").click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("3,5")
+    assert len(operations.state().queue) == 3
+
+
+@pytest.mark.parametrize("language", OTHERS)
 def test_longer_words_fit_a_tablet_and_a_phone(
     new_context: Opener, server: ConsoleServer, operations: FakeOperations, language: str
 ) -> None:

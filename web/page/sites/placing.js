@@ -3,7 +3,7 @@
 import { post } from "../core/link/api.js";
 import { make, setText } from "../core/dom.js";
 import { roundedPoint } from "../core/geometry.js";
-import { t } from "../core/text/language.js";
+import { t, typedNumbers } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { askPoint } from "../map/pointer/pick.js";
 import { decodeImage, readDescription } from "./nav2_image.js";
@@ -143,7 +143,7 @@ function write(field, point) {
 
 // The point that a field says; null where it is empty or no point.
 function pointOf({ input }) {
-  const numbers = input.value.split(",").map((part) => (part.trim() ? Number(part) : NaN));
+  const numbers = typedNumbers(input.value);
   return numbers.length === 2 && numbers.every(Number.isFinite) ? numbers : null;
 }
 

@@ -2,7 +2,7 @@
 
 import { element, set } from "../core/dom.js";
 import { distance, rounded } from "../core/geometry.js";
-import { number, t, tn } from "../core/text/language.js";
+import { number, t, tn, typedNumbers } from "../core/text/language.js";
 
 const form = element("draft");
 export const field = (name) => element(`draft-${name}`);
@@ -109,7 +109,7 @@ export function parseCorners(text) {
     .map((pair) => pair.trim())
     .filter(Boolean);
   return pairs.map((pair) => {
-    const numbers = pair.split(/[,\s]+/).map(Number);
+    const numbers = typedNumbers(pair);
     if (numbers.length !== 2 || !numbers.every(Number.isFinite))
       throw new Error(
         t("“{pair}” is no corner; write x, y in metres, with ; between corners", { pair }),

@@ -51,7 +51,16 @@ const shortest = new Intl.NumberFormat(language, { maximumFractionDigits: 3, use
 // A number with as many decimals as it has, three at most.
 export const decimal = (value) => shortest.format(value);
 
-const localNumber = (text) => text.replace(".", number(0.1, 1).charAt(1));
+const decimalSign = number(0.1, 1).charAt(1);
+const localNumber = (text) => text.replace(".", decimalSign);
+
+// The numbers of a typed text, between blanks and commas; NaN for what is none. In a language that
+// writes decimals with a comma, one between two digits is no separator: 3,5 is one number.
+export const typedNumbers = (typed) =>
+  (decimalSign === "," ? typed.replace(/(?<=\d),(?=\d)/g, ".") : typed)
+    .split(/[,\s]+/)
+    .filter(Boolean)
+    .map(Number);
 
 export const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 

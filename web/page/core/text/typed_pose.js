@@ -1,16 +1,10 @@
 // A point or a pose as it is typed: x, y in metres and the heading in degrees.
 
-import { t } from "./language.js";
-
-const numbersOf = (typed) =>
-  typed
-    .split(/[,\s]+/)
-    .filter(Boolean)
-    .map(Number);
+import { t, typedNumbers } from "./language.js";
 
 // Return [x, y].
 export function typedPoint(typed) {
-  const numbers = numbersOf(typed);
+  const numbers = typedNumbers(typed);
   if (numbers.length !== 2 || !numbers.every(Number.isFinite))
     throw new Error(t("“{typed}” is no point; write x, y in metres", { typed }));
   return numbers;
@@ -18,7 +12,7 @@ export function typedPoint(typed) {
 
 // Return { x_m, y_m, yaw_rad }; the heading is null where none is typed and none is needed.
 export function typedPose(typed, { needsHeading = false } = {}) {
-  const numbers = numbersOf(typed);
+  const numbers = typedNumbers(typed);
   const isPose = numbers.length === 3 || (numbers.length === 2 && !needsHeading);
   if (!isPose || !numbers.every(Number.isFinite))
     throw new Error(
