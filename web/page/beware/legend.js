@@ -6,7 +6,7 @@ import { t } from "../core/text/language.js";
 import { isLight } from "../core/theme.js";
 import { paletteOf } from "../map/ground/cells.js";
 import { COLOURS } from "../map/drawing/strokes.js";
-import { swatch, swatchOf } from "./swatch.js";
+import { swatch } from "./swatch.js";
 
 // Layer → its colour, pattern and shape.
 const SIGNS = {
@@ -31,9 +31,7 @@ const OTHERS = [
 ];
 const css = (colour) => (Array.isArray(colour) ? `rgb(${colour.join(" ")})` : colour);
 
-export function signOf(layer, classes) {
-  if (!SIGNS[layer])
-    return swatchOf(classes.find((entry) => `class-${entry.class_id}` === layer));
+export function signOf(layer) {
   const palette = paletteOf(isLight());
   const [colour, pattern = null, shape = ""] = SIGNS[layer](palette);
   const node = swatch(css(colour), pattern, shape);

@@ -1,7 +1,8 @@
 // The layers of the map: each has a switch and a slider, remembered by this browser.
 
 import { signOf } from "../beware/legend.js";
-import { element, loadSetting, make, reconcile, saveSetting } from "../core/dom.js";
+import { swatchOf } from "../beware/swatch.js";
+import { element, loadSetting, make, reconcile, saveSetting, set, setText } from "../core/dom.js";
 import { t } from "../core/text/language.js";
 import { onTheme } from "../core/theme.js";
 import { pen } from "./drawing/strokes.js";
@@ -32,6 +33,9 @@ export const onLayers = (listener) => listeners.push(listener);
 
 const settingOf = (layer) => ({ on: !OFF.has(layer), fade: 1, ...settings[layer] });
 
+// The layer of a class. At another site its number is that of another class.
+export const layerOf = ({ name }) => `class-${name}`;
+
 // Opacity of a layer, 0 to 1; 0 where it is off.
 export function strength(layer) {
   const { on, fade } = settingOf(layer);
@@ -50,18 +54,22 @@ export function showLayers(classes = shownClasses) {
   shownClasses = classes;
   const layers = [
     ...FIXED,
-    ...classes.map((entry) => [`class-${entry.class_id}`, entry.label ?? entry.name]),
+    ...classes.map((entry) => [layerOf(entry), entry.label ?? entry.name, entry]),
   ];
   reconcile(
     element("map-layers"),
     layers,
     ([id]) => id,
     itemOf,
-    (item, [id]) => item.querySelector(".swatch").replaceWith(signOf(id, classes)),
+    (item, [id, text, entry]) => {
+      item.querySelector(".swatch").replaceWith(entry ? swatchOf(entry) : signOf(id));
+      setText(item.querySelector("label").lastChild, text);
+      set(item.lastChild, { ariaLabel: t("Opacity of {text}", { text }) });
+    },
   );
 }
 
-function itemOf([id, text]) {
+function itemOf([id]) {
   const { on, fade } = settingOf(id);
   const check = make("input", { type: "checkbox", "data-testid": `layer-${id}`, onchange: save });
   const slider = make("input", {
@@ -70,7 +78,6 @@ function itemOf([id, text]) {
     max: 1,
     step: 0.1,
     title: t("Opacity"),
-    "aria-label": t("Opacity of {text}", { text }),
     oninput: save,
   });
   [check.checked, slider.value] = [on, fade];
@@ -79,7 +86,7 @@ function itemOf([id, text]) {
     saveSetting(KEY, settings);
     for (const listener of listeners) listener();
   }
-  return make("li", {}, make("label", {}, check, signOf(id, shownClasses), make("span", {}, text)), slider);
+  return make("li", {}, make("label", {}, check, make("span", { class: "swatch" }), make("span")), slider);
 }
 
 onTheme(() => showLayers());

@@ -2,7 +2,7 @@
 // without another request.
 
 import { patternOf } from "../../beware/swatch.js";
-import { strength } from "../layers.js";
+import { layerOf, strength } from "../layers.js";
 
 const SEEN = 1;
 const OBSTACLE = 2;
@@ -98,21 +98,21 @@ export function colourMixer(classes, light) {
   const byId = new Map(
     classes.map((entry) => [
       entry.class_id,
-      { rgb: rgbOf(entry.display), isFull: PATTERNS[patternOf(entry.class_id)] },
+      {
+        rgb: rgbOf(entry.display),
+        isFull: PATTERNS[patternOf(entry.class_id)],
+        share: strength(layerOf(entry)),
+      },
     ]),
   );
-  const shown = new Set([...byId.keys()].filter((id) => id > 0 && strength(`class-${id}`) > 0));
+  const shown = new Set([...byId.keys()].filter((id) => id > 0 && byId.get(id).share > 0));
   const strengths = Object.fromEntries(FIXED.map((name) => [name, strength(name)]));
   const mixed = new Uint32Array(1 << 18); // 0 is not mixed yet: every colour is opaque
   const mix = (flags, id, isFull, isDot) => {
     let colour = groundColour(flags, isDot, palette, strengths);
     if (id) {
-      const { rgb } = byId.get(id);
-      colour = blend(
-        colour,
-        isFull ? rgb : blend(rgb, [255, 255, 255], LIGHT_TONE_SHARE),
-        strength(`class-${id}`),
-      );
+      const { rgb, share } = byId.get(id);
+      colour = blend(colour, isFull ? rgb : blend(rgb, [255, 255, 255], LIGHT_TONE_SHARE), share);
     }
     return (
       (255 << 24) |
