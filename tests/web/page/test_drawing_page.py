@@ -274,7 +274,9 @@ def test_a_click_on_an_object_in_the_camera_image_drafts_a_zone(
     assert operations.zones.stored[0].name == "Red floor"
 
 
-def test_layers_theme_and_keys_are_one_press_away_and_a_tablet_shows_it_all(page: Page) -> None:
+def test_layers_theme_and_keys_are_one_press_away_and_a_tablet_shows_it_all(
+    page: Page, operations: FakeOperations
+) -> None:
     page.set_viewport_size({"width": 1024, "height": 768})
     await_map(page)
     assert page.evaluate(
@@ -282,8 +284,15 @@ def test_layers_theme_and_keys_are_one_press_away_and_a_tablet_shows_it_all(page
     ) == [1024, 768]
     shot = page.get_by_test_id("map-canvas").screenshot()
     page.get_by_test_id("map-layers-menu").click()
-    for layer in ("free", "inflation", "obstacle", "class-1"):
+    for layer in ("free", "inflation", "obstacle", "class-cup"):
         page.get_by_test_id(f"layer-{layer}").uncheck()
+    # Another class with its number is another layer.
+    operations.beware.edit("cup", {"name": "mug"})
+    expect(page.get_by_test_id("layer-class-cup")).to_have_count(0)
+    mug = page.locator("#map-layers li", has=page.get_by_test_id("layer-class-mug"))
+    expect(mug).to_have_text("mug")
+    expect(mug.get_by_label("Opacity of mug")).to_have_count(1)
+    expect(mug.get_by_role("checkbox")).to_be_checked()
     page.get_by_test_id("map-layers-menu").click()
     assert page.get_by_test_id("map-canvas").screenshot() != shot
     theme = page.evaluate("document.documentElement.dataset.theme")

@@ -214,7 +214,10 @@ def test_curves_ages_and_the_page_of_runs_are_shown(
 ) -> None:
     await_map(page)
     expect(page.get_by_test_id("age-image")).to_have_text(re.compile(r"^image < 1 s$"))
+    # Its wall clock is not that of this browser.
+    operations.insight.event_log.note(2.0, "goal", "Nurse station is reached.")
     page.get_by_test_id("tab-plots").click()
+    expect(page.get_by_test_id("chart-speed_mps").locator(".mark")).to_have_count(1)
     for name in ("speed_mps", "distance_m", "explored_m2", "explored_m3", "tick_ms"):
         expect(page.get_by_test_id(f"chart-{name}").locator(".curve")).to_have_count(1)
     page.goto(f"{server.url}/runs")

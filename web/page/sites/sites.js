@@ -3,7 +3,7 @@
 
 import { abortableFetch, get, post, request } from "../core/link/api.js";
 import { clearSent, download, element, make, reconcile, setText } from "../core/dom.js";
-import { formatTime } from "../core/text/format.js";
+import { formatMoment } from "../core/text/format.js";
 import { number, sentence, t, tn } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
@@ -100,7 +100,7 @@ function itemOf({ name }) {
 
 function fill(item, site) {
   const map = t("map of {time}, {size} MB", {
-    time: formatTime(site.map_unix_s),
+    time: formatMoment(site.map_unix_s),
     size: number(site.map_bytes / 1e6, 1),
   });
   const parts = [

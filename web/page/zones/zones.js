@@ -2,7 +2,8 @@
 
 import { edit, post } from "../core/link/api.js";
 import { element, make, reconcile, setText, setValue } from "../core/dom.js";
-import { decimal, language, sentence, t, tn } from "../core/text/language.js";
+import { formatShortMoment } from "../core/text/format.js";
+import { decimal, sentence, t, tn } from "../core/text/language.js";
 import { savedList } from "../core/saved_list.js";
 import { attempt } from "../core/toasts.js";
 import { offerUndo } from "../core/undo.js";
@@ -69,19 +70,11 @@ export function show(collection) {
 
 // Speed limit, margin and end of a zone in words.
 function termsOf({ kind, max_speed_mps: limit, margin_m: margin, expires_at_s: end }) {
-  const time =
-    end === null
-      ? ""
-      : new Date(end * 1000).toLocaleTimeString(language, {
-          hour: "2-digit",
-          minute: "2-digit",
-          hour12: false,
-        });
   const parts = [
     kind === "speed-limit" ? t("at most {limit} m/s", { limit: decimal(limit) }) : "",
     kind === "stay-inside" ? t("stay inside") : "",
     margin ? t("margin {margin} m", { margin: decimal(margin) }) : "",
-    time ? t("until {time}", { time }) : "",
+    end === null ? "" : t("until {time}", { time: formatShortMoment(end) }),
   ];
   return parts.filter(Boolean).join(" · ");
 }

@@ -2,8 +2,9 @@
 // below the pointer, in all charts of a group at once.
 
 import { make } from "../../core/dom.js";
+import { formatTime } from "../../core/text/format.js";
 import { number, t } from "../../core/text/language.js";
-import { clockText, durationText, ticksOf, tickText } from "./ticks.js";
+import { durationText, ticksOf, tickText } from "./ticks.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 // Column of the time series → title, unit, digits.
@@ -64,7 +65,7 @@ export function plot(figure, name, curves, { startUnixS = null, marks = [] } = {
     );
   const ends = startUnixS === null
     ? ["0", durationText(duration)]
-    : [clockText(startUnixS), clockText(startUnixS + duration)];
+    : [formatTime(startUnixS), formatTime(startUnixS + duration)];
   svg.append(label(ends[0], LEFT, 125, "middle"), label(ends[1], LEFT + span, 125, "end"));
   const [first] = filled;
   for (const { t, text } of marks) {
@@ -123,7 +124,7 @@ function showAt(figure, seconds) {
   const x = LEFT + (span * seconds) / duration;
   cross.setAttribute("x1", x);
   cross.setAttribute("x2", x);
-  const at = startUnixS === null ? durationText(seconds) : clockText(startUnixS + seconds);
+  const at = startUnixS === null ? durationText(seconds) : formatTime(startUnixS + seconds);
   const values = filled.map(({ t, values: curve }) => {
     const value = curve[indexAt(t, t[0] + seconds)];
     return typeof value === "number" ? number(value, digits) : "–";

@@ -53,8 +53,11 @@ export async function tick(isOpen) {
   isBusy = true;
   try {
     await loadNew();
-    const { entries } = await get(`/journal?since=0&limit=${MAX_MARKS}&${MARKED}`);
-    marks = entries.map((entry) => ({ t: entry.stamp_s, unixS: entry.unix_s, text: sentence(entry.text) }));
+    const { entries, start } = await get(`/journal?since=0&limit=${MAX_MARKS}&${MARKED}`);
+    // The robot counted its time from zero at each start.
+    marks = entries
+      .filter((entry) => entry.start === start)
+      .map((entry) => ({ t: entry.stamp_s, unixS: entry.unix_s, text: sentence(entry.text) }));
     draw();
   } catch {
     // a lost connection has its own banner
@@ -69,13 +72,13 @@ function draw() {
   const from = times.at(-1) - Number(choice.value);
   const first = Math.max(times.findIndex((t) => t >= from), 0);
   const t = times.slice(first);
-  // The newest row is of now, up to a second.
-  const startUnixS = Date.now() / 1000 - (t[t.length - 1] - t[0]);
-  const inTime = marks.filter((one) => Math.abs(one.unixS - startUnixS - (one.t - t[0])) < 5);
+  // The newest mark tells the robot's clock; without one the newest row is of now, up to a second.
+  const known = marks.at(-1) ?? { t: t.at(-1), unixS: Date.now() / 1000 };
+  const startUnixS = known.unixS - (known.t - t[0]);
   for (const name of Object.keys(COLUMNS))
     plot(charts[name], name, [{ t, values: (series[name] ?? []).slice(first) }], {
       startUnixS,
-      marks: inTime,
+      marks,
     });
 }
 

@@ -1,6 +1,6 @@
 // Round numbers and times for the axes of charts.
 
-import { decimal, language, number } from "../../core/text/language.js";
+import { decimal, number } from "../../core/text/language.js";
 
 const MAX_STEPS = 4;
 
@@ -17,9 +17,6 @@ export const tickText = (value) =>
   Math.abs(value) >= 1000
     ? `${decimal(Number((value / 1000).toPrecision(3)))}k`
     : decimal(Number(value.toPrecision(3)));
-
-export const clockText = (unixS) =>
-  new Date(1000 * unixS).toLocaleTimeString(language, { hour12: false });
 
 export function durationText(seconds) {
   return seconds < 120 ? `${number(seconds, 0)} s` : `${number(seconds / 60, 1)} min`;
