@@ -3,7 +3,7 @@
 
 import { swatchOf } from "../beware/swatch.js";
 import { get, post, request } from "../core/link/api.js";
-import { element, make, setText } from "../core/dom.js";
+import { element, make, reconcile, setText } from "../core/dom.js";
 import { formatAge } from "../core/text/format.js";
 import { number, t, tn } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
@@ -23,7 +23,6 @@ let missed;
 let rejected;
 let shownRejected = "";
 let isBusy = false;
-let shownKeys = "";
 let ticks = 0;
 
 export function build(pane, context, button) {
@@ -76,20 +75,13 @@ function show({ seen, sightings, labelling }) {
     })),
   );
   showInBewareList(seen);
-  // Cards are rebuilt only when their set or a verdict changes, so that an open choice stays.
-  const keys = sightings.map((detection) => `${detection.id}${detection.verdict ?? ""}`).join();
-  if (keys !== shownKeys) {
-    shownKeys = keys;
-    cards.replaceChildren(...sightings.map(cardOf));
-  }
-  sightings.forEach((detection, i) => {
+  // A card that says the same stays, and so does an open choice.
+  reconcile(cards, sightings, keyOf, cardOf, (card, { looks, age_s: age }) =>
     setText(
-      cards.children[i].querySelector(".soft"),
-      tn("{n} view · {age} ago", "{n} views · {age} ago", detection.looks, {
-        age: formatAge(detection.age_s ?? 0),
-      }),
-    );
-  });
+      card.querySelector(".soft"),
+      tn("{n} view · {age} ago", "{n} views · {age} ago", looks, { age: formatAge(age ?? 0) }),
+    ),
+  );
   const { pictures, max_pictures: most, folder } = labelling;
   const size = number(labelling.bytes_used / 1e6, 1);
   const text = t(
@@ -98,6 +90,9 @@ function show({ seen, sightings, labelling }) {
   );
   setText(collected, text);
 }
+
+// Numbers begin again with another start of the console.
+const keyOf = ({ id, class_name: name, place, verdict }) => [id, name, placeText(place), verdict].join();
 
 function showCounts(seen, sightings) {
   const total = Object.values(seen).reduce((sum, count) => sum + count, 0);
@@ -196,13 +191,14 @@ function cardOf(detection) {
   );
 }
 
+const placeText = ([x, y]) => `◎ ${x.toFixed(1)}, ${y.toFixed(1)}`;
+
 function placeButton(place) {
-  const [x, y] = place;
   const look = () => shared.look(place);
   return make(
     "button",
     { class: "jump", title: t("Show this place"), "data-testid": "detection-jump", onclick: look },
-    `◎ ${x.toFixed(1)}, ${y.toFixed(1)}`,
+    placeText(place),
   );
 }
 
