@@ -62,6 +62,14 @@ def test_a_saved_mission_is_replaced_only_after_a_question(
     replace.click()
     expect(page.get_by_test_id("toasts")).to_contain_text("“round” is saved")
     assert len(operations.goals.missions()["round"].goals) == 3
+    page.get_by_test_id("missions").click()
+    delete = page.get_by_test_id("missions-entry").get_by_role("button").last
+    delete.click()
+    expect(delete).to_have_text("Delete?")
+    assert "round" in operations.goals.missions()
+    delete.click()
+    expect(page.get_by_test_id("missions-entry")).to_have_count(0)
+    assert operations.goals.missions() == {}
 
 
 def test_a_zone_cannot_be_finished_before_it_is_one(page: Page) -> None:
@@ -185,6 +193,23 @@ def test_ticks_are_round_and_cover_the_values(page: Page, low: float, high: floa
     step = ticks[1] - ticks[0]
     assert 2 <= len(ticks) <= 7 and ticks[0] <= low and ticks[-1] >= high
     assert f"{step:.0e}"[0] in "125"
+
+
+def test_midnight_is_no_hour_24_and_a_time_of_another_day_has_its_date(page: Page) -> None:
+    night, *today = page.evaluate(
+        """async () => {
+            const { formatMoment, formatShortMoment, formatTime } =
+                await import("/page/core/text/format.js");
+            const [night, now] = [new Date(2024, 0, 2, 0, 5) / 1000, Date.now() / 1000];
+            return [
+                [formatTime(night), formatMoment(night), formatShortMoment(night)],
+                formatMoment(now),
+                formatShortMoment(now),
+            ];
+        }"""
+    )
+    assert night == ["00:05:00", "Jan 2, 2024, 00:05:00", "Jan 2, 00:05"]
+    assert [len(time) for time in today] == [8, 5]
 
 
 def test_the_pointer_shows_the_values_of_all_plots_at_one_time(page: Page) -> None:

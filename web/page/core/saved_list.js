@@ -4,6 +4,7 @@ import { get, request } from "./link/api.js";
 import { clearSent, make } from "./dom.js";
 import { t } from "./text/language.js";
 import { attempt, notify } from "./toasts.js";
+import { askTwice } from "./twice.js";
 
 // `action` is the last part of the address that loads an entry, `verb` its button, `describe` the
 // entry in words; `onLoaded` is called after one was loaded; `nothing` says what can be saved here.
@@ -31,6 +32,14 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
     refresh();
   }
 
+  // What is deleted is gone for good, so the button asks once more.
+  function deleteButton(entry) {
+    const label = t("Delete {name}", entry);
+    const button = make("button", { title: t("Delete"), "aria-label": label }, "✕");
+    askTwice(button, t("Delete?"), () => attempt(() => remove(entry)));
+    return button;
+  }
+
   const itemOf = (entry) =>
     make(
       "li",
@@ -42,15 +51,7 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
         make("small", {}, describe(entry)),
       ),
       make("button", { onclick: () => attempt(() => load(entry)) }, verb),
-      make(
-        "button",
-        {
-          title: t("Delete"),
-          "aria-label": t("Delete {name}", entry),
-          onclick: () => attempt(() => remove(entry)),
-        },
-        "✕",
-      ),
+      deleteButton(entry),
     );
 
   async function refresh() {
