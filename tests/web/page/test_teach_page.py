@@ -8,7 +8,7 @@ import httpx
 import numpy as np
 import numpy.typing as npt
 import pytest
-from playwright.sync_api import BrowserContext, FloatRect, Page, expect
+from playwright.sync_api import BrowserContext, FloatRect, Page, Route, expect
 
 from app.teaching.networks.versions import MODEL_NAME, write_version
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH
@@ -137,6 +137,55 @@ def test_keys_belong_to_the_field_that_has_the_focus_and_a_stroke_to_its_image(
     delete.click()
     expect(current).to_have_attribute("data-testid", "frame-000001")
     assert len(client.get("/api/v1/teach/frames").json()["frames"]) == 1
+
+
+def test_marks_that_were_not_saved_are_kept_until_they_are(
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+) -> None:
+    client.post("/api/v1/beware", json={"name": "shoe"})
+    for x_m, brightness in ((1.0, 120), (3.0, 60)):
+        look(operations, x_m, brightness)
+        client.post("/api/v1/teach/frames")
+    page = opened(new_context, server, 1024, 768)
+    current = page.locator("[aria-current=true]")
+    page.get_by_test_id("class").select_option("shoe")
+    page.keyboard.press("b")
+    expect(page.get_by_test_id("canvas")).to_have_attribute("aria-busy", "false")
+    page.route("**/labels", lambda route: route.abort())
+    click_pixel(page, *ON_BLOCK)
+    expect(page.get_by_test_id("saved")).to_have_text("not saved")
+    page.keyboard.press("n")
+    expect(page.locator(".toast")).to_contain_text("does not answer")
+    expect(current).to_have_attribute("data-testid", "frame-000001")
+    assert not marked(client, "shoe").any()
+    page.unroute("**/labels")
+    eventually(page, lambda: marked(client, "shoe").any())
+
+    # A stroke that is drawn while the one before is saved on the way to the next image.
+    first = marked(client, "shoe").sum()
+    held: list[Route] = []
+    page.route("**/labels", lambda route: route.continue_() if held else held.append(route))
+    click_pixel(page, 10, 10)
+    page.keyboard.press("n")
+    eventually(page, lambda: len(held) == 1)
+    click_pixel(page, 50, 10)
+    held[0].continue_()
+    expect(current).to_have_attribute("data-testid", "frame-000002")
+    both = marked(client, "shoe")
+    assert both[10, 10] and both[10, 50] and both.sum() > first
+
+    page.keyboard.press("p")
+    expect(current).to_have_attribute("data-testid", "frame-000001")
+    expect(page.get_by_test_id("canvas")).to_have_attribute("aria-busy", "false")
+    click_pixel(page, 50, 40)
+    page.keyboard.press("Meta+z")
+    click_pixel(page, 30, 40)
+    page.goto("about:blank")
+    eventually(page, lambda: bool(marked(client, "shoe")[40, 30]))
+    assert not marked(client, "shoe")[40, 50]
 
 
 def test_a_network_that_does_not_find_its_class_is_no_success(

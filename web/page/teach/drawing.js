@@ -8,13 +8,17 @@ import { classNames, colourOf, labelOf, selectedName } from "./classes.js";
 import { makeLabels, runsOf, valuesOf } from "./labels.js";
 
 const SAVE_MS = 300;
+const RETRY_MS = 2000;
+const GONE = 404;
 const marks = element("marks");
 let frame = null;
 let labels = null;
 let tool = "region";
 let stroke = null;
 let timer = null;
-let saving = Promise.resolve();
+let edits = 0;
+let saved = 0; // so many of the edits are stored
+let saving = null; // the request that stores more of them
 let onSaved = () => {};
 
 export const whenSaved = (act) => {
@@ -23,10 +27,12 @@ export const whenSaved = (act) => {
 
 export const shownFrame = () => frame;
 
-// Show an image and its marks; the marks of the one before are saved first.
+// Show an image and its marks, once those of the one before are saved, also those made meanwhile.
 export async function show(next) {
-  endStroke();
-  await flush();
+  do {
+    endStroke();
+    await flush();
+  } while (stroke);
   frame = next;
   labels = null;
   const canvas = element("canvas");
@@ -61,32 +67,47 @@ function refresh() {
 function edited() {
   refresh();
   setText(element("saved"), t("saving …"));
+  edits += 1;
   clearTimeout(timer);
-  timer = setTimeout(save, SAVE_MS);
+  timer = setTimeout(() => attempt(flush), SAVE_MS);
 }
 
-function save() {
-  timer = null;
-  const body = { class_names: classNames(), runs: runsOf(labels.values) };
-  const of = frame;
-  saving = saving.then(() =>
-    attempt(async () => {
-      setText(element("saved"), t("not saved"));
-      const stored = await request("PUT", `/teach/frames/${of.id}/labels`, body);
-      setText(element("saved"), t("saved"));
-      onSaved(stored);
-    }),
-  );
-}
+const isUnsaved = () => saved < edits;
+const addressOf = ({ id }) => `/teach/frames/${id}/labels`;
+const marked = () => ({ class_names: classNames(), runs: runsOf(labels.values) });
 
-// Save what is not saved yet, and wait for it.
+// Save what is not saved yet; an error says that it could not be, and it is tried again.
 export async function flush() {
-  if (timer) {
-    clearTimeout(timer);
-    save();
-  }
-  await saving;
+  while (isUnsaved()) await (saving ??= save().finally(() => (saving = null)));
 }
+
+async function save() {
+  clearTimeout(timer);
+  const upTo = edits;
+  try {
+    const stored = await request("PUT", addressOf(frame), marked());
+    saved = upTo;
+    setText(element("saved"), t("saved"));
+    onSaved(stored);
+  } catch (error) {
+    if (error.status === GONE) {
+      saved = edits; // marks of an image that was deleted
+      return;
+    }
+    setText(element("saved"), t("not saved"));
+    timer = setTimeout(() => flush().catch(() => {}), RETRY_MS);
+    throw error;
+  }
+}
+
+// A page that is left waits for no answer.
+window.addEventListener("pagehide", () => {
+  endStroke();
+  if (!isUnsaved()) return;
+  const headers = { "Content-Type": "application/json" };
+  const body = JSON.stringify(marked());
+  fetch(`/api/v1${addressOf(frame)}`, { method: "PUT", keepalive: true, headers, body });
+});
 
 function pixelAt(event) {
   const box = marks.getBoundingClientRect();

@@ -117,7 +117,7 @@ document.addEventListener(
       return;
     }
     if (event.target.matches?.(NUMBER)) return; // its digits, its e, its undo
-    if (event.ctrlKey && event.key.toLowerCase() === "z") {
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z") {
       event.preventDefault();
       (event.shiftKey ? redo : undo)();
     } else if (!event.ctrlKey && !event.altKey && !event.metaKey) {
