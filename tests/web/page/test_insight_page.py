@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import httpx
 import pytest
 from playwright.sync_api import BrowserContext, Page, Route, expect
 
@@ -207,6 +208,17 @@ def test_a_wrong_detection_and_a_missed_object_are_labelled(
     (said, none), (missed, drawn) = operations.insight.taught
     assert (said, none, missed) == ("book", None, "cup") and drawn is not None
     assert all(abs(a - b) <= 4 for a, b in zip(drawn, (128, 72, 208, 144), strict=True))
+
+
+def test_a_card_follows_its_number_to_another_object(page: Page, client: httpx.Client) -> None:
+    page.get_by_test_id("tab-seen").click()
+    card = page.get_by_test_id("detection")
+    expect(card).to_have_attribute("data-class", "cup")
+    answer = client.get("/api/v1/sightings").json()
+    answer["sightings"][0] |= {"class_name": "shoe", "place": [1.0, 2.0]}
+    page.route("**/api/v1/sightings", lambda route: route.fulfill(json=answer))
+    expect(card).to_have_attribute("data-class", "shoe")
+    expect(card.get_by_test_id("detection-jump")).to_contain_text("1.0, 2.0")
 
 
 def test_curves_ages_and_the_page_of_runs_are_shown(

@@ -162,7 +162,7 @@ def test_marks_that_were_not_saved_are_kept_until_they_are(
     expect(current).to_have_attribute("data-testid", "frame-000001")
     assert not marked(client, "shoe").any()
     page.unroute("**/labels")
-    eventually(page, lambda: marked(client, "shoe").any())
+    eventually(page, lambda: bool(marked(client, "shoe").any()))
 
     # A stroke that is drawn while the one before is saved on the way to the next image.
     first = marked(client, "shoe").sum()
