@@ -231,8 +231,8 @@ class PointMap:
 
     def erase(self, cells: Indices, class_ids: Iterable[int]) -> Erased:
         """Remove the points of some classes in (N,) cells, row · cols + col, and with `NOTHING` the
-        prior map, and return it; what the camera sees there later comes back. Raises `ValueError`
-        for a cell that is not on the grid."""
+        prior map and what is known of the ground, and return it; what the camera sees there later
+        comes back. Raises `ValueError` for a cell that is not on the grid."""
         cells = np.unique(cells).astype(np.int64)
         if len(cells) and not 0 <= cells[0] <= cells[-1] < self.spec.rows * self.spec.cols:
             raise ValueError(f"cells {cells[0]} to {cells[-1]} are not all on the grid of the map")
@@ -245,15 +245,26 @@ class PointMap:
             self.erasures += 1
             area = ErasedArea(number=self.erasures, cells=cells, kinds=kinds)
             self._erased_areas = (*self._erased_areas, area)[-MOST_ERASED_AREAS:]
-        prior = self.layers.erase_prior(cells) if kinds[NOTHING] else cells[:0]
+        prior, beyond, ground = cells[:0], cells[:0], None
+        if kinds[NOTHING]:
+            prior, beyond = self.layers.erase_prior(cells), self._beyond_limits(cells)
+            ground = self.terrain.erase(self._centres(cells))
         self._changed_by_hand(cells, prior)
         return Erased(
             records=taken,
-            prior_xy=self.spec.centres(np.column_stack(np.divmod(prior, self.spec.cols))),
-            cells=len(np.union1d(taken["cell"], prior)),
+            prior_xy=self._centres(prior),
+            cells=len(np.union1d(np.union1d(taken["cell"], prior), beyond)),
             number=self.erasures,
             is_area=is_area,
+            ground=ground,
         )
+
+    def _centres(self, cells: Indices) -> Points:
+        return self.spec.centres(np.column_stack(np.divmod(cells, self.spec.cols)))
+
+    def _beyond_limits(self, cells: Indices) -> Indices:
+        """Return those of (N,) cells whose ground is beyond the robot's limits."""
+        return cells[self.terrain.bools.ravel()[cells]]
 
     def put_back(self, erased: Erased) -> None:
         """Put back what `erase` or `forget_coloured` has removed from this map, with the poses from
@@ -269,6 +280,8 @@ class PointMap:
         rows, cols = (self.spec.cell(x, y) for x, y in erased.prior_xy), self.spec.cols
         prior = np.array([row * cols + col for row, col in rows], dtype=np.int64)
         self.layers.put_back_prior(prior, self.explored.has_floor(prior))
+        if erased.ground is not None:
+            self.terrain.put_back(erased.ground)
         cells = taken["cell"][taken["cell"] >= 0].astype(np.int64)
         self._changed_by_hand(np.union1d(cells, prior), prior)
         self._keep_to_budget()

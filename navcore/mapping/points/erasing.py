@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from navcore.geometry.arrays import Bools, Indices, Points
+from navcore.geometry.arrays import Bools, FloatImage, Indices, Points
 from navcore.mapping.points.point_links import Records
 from navcore.mapping.points.point_queries import points_in
 from navcore.mapping.points.point_table import PointTable
@@ -52,6 +52,16 @@ class ErasedArea:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ErasedGround:
+    """Ground that was erased; it belongs to one map."""
+
+    records: Indices
+    """(N,) records that held it."""
+    sums: FloatImage
+    """(N, V) their sums of V values."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Erased:
     """Points and cells of the prior map that were erased; they belong to one map."""
 
@@ -66,11 +76,14 @@ class Erased:
     """Number of the newest erasure of beware points then."""
     is_area: bool = False
     """Whether that is this one."""
+    ground: ErasedGround | None = None
+    """Ground that was forgotten; None where none was asked for."""
 
     @property
     def bytes_used(self) -> int:
         """Memory in bytes."""
-        return self.records.nbytes + self.prior_xy.nbytes
+        ground = 0 if self.ground is None else self.ground.sums.nbytes + self.ground.records.nbytes
+        return self.records.nbytes + self.prior_xy.nbytes + ground
 
 
 def take(points: PointTable, indices: Indices) -> Records:

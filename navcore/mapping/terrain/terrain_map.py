@@ -21,6 +21,7 @@ from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.grid.bitplane import ONE, PAD, BitPlane, empty_plane, unpack
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.grid.growth import Growth
+from navcore.mapping.points.erasing import ErasedGround
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mapping.terrain.ground_sums import (
     NO_RECORD,
@@ -147,12 +148,9 @@ class TerrainMap:
     def place(self) -> None:
         """Compute all cells from the records at the present poses, after these were corrected."""
         live = self._records[: self._count]
-        poses = self._pose_ids.array()[live["pose_id"]].reshape(-1, 3)
+        poses = self._poses_of_records()
         live["yaw_rad"] = poses[:, 2]
-        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        x, y = live["base"].astype(np.float64).T
-        middle = np.column_stack([poses[:, 1] + sin * x + cos * y, poses[:, 0] + cos * x - sin * y])
-        cells = np.floor(middle / self._cell_m).astype(np.int64)
+        cells = self._cells_of_records(poses)
         values = _turned(live["sums"], poses[:, 2])
         self._tiles = {}
         tile_of, inside = np.divmod(cells, TILE)
@@ -167,6 +165,39 @@ class TerrainMap:
             tile.record[rows, cols] = own
             tile.is_uneven = bool(judged(tile.sums[rows, cols], self._limits)[2].any())
         self._mark_all()
+
+    def erase(self, positions: Points) -> ErasedGround:
+        """Forget the ground of the cells at (N, 2) positions in metres of the map frame, and return
+        it."""
+        live = self._records[: self._count]
+        chosen = {
+            tuple(c) for c in np.floor(positions[:, ::-1] / self._cell_m).astype(int).tolist()
+        }
+        own = self._cells_of_records(self._poses_of_records()).tolist()
+        records = np.flatnonzero([tuple(cell) in chosen for cell in own])
+        taken = ErasedGround(records=records, sums=live["sums"][records].copy())
+        if len(records):
+            live["sums"][records] = 0.0
+            self.place()
+        return taken
+
+    def put_back(self, erased: ErasedGround) -> None:
+        """Put back what `erase` has removed, beside what was seen since."""
+        if len(erased.records):
+            self._records["sums"][erased.records] += erased.sums
+            self.place()
+
+    def _poses_of_records(self) -> Floats:
+        """Return (N, 3) x, y, yaw of the pose of each record."""
+        held = self._records["pose_id"][: self._count]
+        return np.asarray(self._pose_ids.array()[held].reshape(-1, 3))
+
+    def _cells_of_records(self, poses: Floats) -> Indices:
+        """Return the (N, 2) cells of the records at (N, 3) poses."""
+        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x, y = self._records["base"][: self._count].astype(np.float64).T
+        middle = np.column_stack([poses[:, 1] + sin * x + cos * y, poses[:, 0] + cos * x - sin * y])
+        return np.floor(middle / self._cell_m).astype(np.int64)
 
     def grow(self, growth: Growth) -> None:
         """Continue on a larger grid."""

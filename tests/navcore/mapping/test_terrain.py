@@ -21,7 +21,7 @@ from navcore.grid.growth import growth_to
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.terrain.looks import TerrainLooks, terrain_looks
 from navcore.mapping.terrain.terrain_map import TerrainMap
-from navcore.mission.beware_list import BewareList
+from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.ground import flat_ground, ground_heights
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
@@ -187,6 +187,27 @@ def test_the_costmap_follows_the_terrain_as_it_grows_and_is_corrected() -> None:
     live.grow(growth)
     assert len(np.argwhere(point_map.terrain.bools)) == cells
     assert live.follow(NO_CLASSES, ()).grid.geometric.sum() == cells
+
+
+def test_a_false_step_is_erased_and_comes_back_with_the_undo_where_a_correction_has_it() -> None:
+    point_map = new_map()
+    live = LiveCostmap(point_map, vehicle_width_m=0.7, safety_margin_m=0.1)
+    looked(point_map, with_kerb(0.08))
+    kerb = np.flatnonzero(point_map.terrain.bools)
+    assert live.follow(NO_CLASSES, ()).grid.geometric.sum() == len(kerb) > 0
+    left = kerb[SPEC.centres(np.column_stack(np.divmod(kerb, SPEC.cols)))[:, 1] > 0.0]
+    erased = point_map.erase(left, [NOTHING])
+    assert erased.cells == len(left) < len(kerb)
+    assert not point_map.terrain.bools.ravel()[left].any()
+    assert live.follow(NO_CLASSES, ()).grid.geometric.sum() == point_map.terrain.bools.sum() > 0
+    point_map.correct({0: Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0)})
+    point_map.put_back(erased)
+    assert point_map.terrain.bools.sum() == pytest.approx(len(kerb), rel=0.05)
+    # What is seen again after it was erased is there again.
+    point_map.erase(np.flatnonzero(point_map.terrain.bools), [NOTHING])
+    assert not point_map.terrain.bools.any()
+    looked(point_map, dataclasses.replace(with_kerb(0.08), pose=point_map.pose_ids[0]))
+    assert point_map.terrain.bools.any()
 
 
 def test_a_robot_that_stands_adds_no_looks(flat: Frame) -> None:
