@@ -56,6 +56,8 @@ class LocalisationEstimate:
     """Pose of odometry's frame in the map."""
     T_map_base: Pose2 = IDENTITY
     """Pose of the robot in the map at the frame's stamp."""
+    T_driven_base: Pose2 = IDENTITY
+    """Pose by odometry without its turns at standstill (`DrivenOdometry`)."""
     covariance: Matrix = field(default_factory=_certain)
     """(3, 3) covariance of `T_map_base` relative to the map: x and y in metres along the map's
     axes, yaw in radians."""

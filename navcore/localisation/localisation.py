@@ -34,6 +34,7 @@ from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.start_check import Probation, StartCheck
 from navcore.localisation.tasks import PrepareSearch, SearchPlaces
 from navcore.localisation.tracking.localiser import Localiser
+from navcore.localisation.tracking.odometry_model import DrivenOdometry
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.perception.labels import Labels
 from navcore.perception.people.track import Track
@@ -43,7 +44,7 @@ FIX_LIFE_NS = 2_000_000_000
 """Time in nanoseconds for which an absolute position locates the robot."""
 Task = CloseLoops | PrepareSearch | SearchPlaces
 PlaceFix = tuple[Pose2, Matrix | None]
-"""T_map_odom, and the (3, 3) covariance of the robot's pose there."""
+"""T_map_driven, and the (3, 3) covariance of the robot's pose there."""
 Outcome = LoopClosures | PlaceMap | SearchResult
 
 
@@ -55,6 +56,8 @@ class Localisation:
         self.tracker = Localiser(pose_ids, config)
         """Frame by frame."""
         self._pose_ids, self._config = pose_ids, config
+        self._driven = DrivenOdometry(config.odometry)
+        """What the search goes by, since the tracker's pose stays at standstill as well."""
         self._loops = LoopCloser(config.loops, config.graph, config.match)
         self._fixes, self._fixed_ns = FreshFixes(), -FIX_LIFE_NS
         self.tags = TagMap({})
@@ -71,7 +74,7 @@ class Localisation:
         """A search that was asked for while another place was on trial than now."""
         self._last: Pose2 | None = None
         """The place at the end of the session before, which is tried where the first looks
-        contradict odometry's: T_map_base until the first frame, then T_map_odom."""
+        contradict odometry's: T_map_base until the first frame, then T_map_driven."""
         self._may_be_elsewhere = False
         """Whether that is another place than odometry's."""
         self._kept: LocalisationEstimate | None = None
@@ -82,7 +85,7 @@ class Localisation:
         """Search tables of the map."""
         self._relocaliser: Relocaliser | None = None
         """Search of the place in the whole map."""
-        self._is_lost, self._T_map_odom = False, IDENTITY
+        self._is_lost, self._T_map_driven = False, IDENTITY
         self._may_be_there = False
         """Whether a lost robot may be where odometry has it."""
         self._still: PlaceFix | None = None
@@ -107,22 +110,28 @@ class Localisation:
 
     def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         """Return the estimate for one more frame, whose pose is T_odom_base, and its scan."""
+        self._driven.follow(frame.pose, frame.stamp_ns)
+        estimate = self._followed(frame, scan)
+        return dataclasses.replace(estimate, T_driven_base=self._driven.pose)
+
+    def _followed(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         if self._kept is not None:
-            there = self._kept.T_map_odom @ frame.pose
+            moved = self._kept.T_driven_base.inverse() @ self._driven.pose
+            there = self._kept.T_map_base @ moved
             self.tracker.place(there, self._kept.covariance, frame)
             self._kept = None
         elif self._start is not None and self.tracker.scan is None:
             self.tracker.place(frame.pose, self._start.covariance, frame)
             if self._last is not None:
                 self._may_be_elsewhere = _are_apart(self._last, frame.pose, self._config.start)
-                self._last = self._last @ frame.pose.inverse()
+                self._last = self._last @ self._driven.pose.inverse()
         self.tracker.is_confirmed = self._start is None
         estimate = self.tracker.follow(frame, scan)
         self._loops.note(self.tracker.take_edges())
         beside, self._beside = self._beside, None
         if beside is not None and estimate.state is not LocalisationState.LOST:
-            T_map_odom, covariance = beside
-            self.tracker.shift(T_map_odom @ frame.pose, covariance)
+            T_map_driven, covariance = beside
+            self.tracker.shift(T_map_driven @ self._driven.pose, covariance)
             estimate = self.tracker.estimate(frame, estimate.match_share)
             self._prove(by_search=True)
         elif self.tracker.place_correction is not None:  # by scans: rooms are alike
@@ -130,7 +139,7 @@ class Localisation:
         is_believed = not self.is_on_trial
         estimate = self._confirmed(self._fixed(frame, estimate), frame)
         was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
-        self._T_map_odom = estimate.T_map_odom
+        self._T_map_driven = estimate.T_map_base @ self._driven.pose.inverse()
         if self._is_lost and not was_lost:
             self._begin_search(may_be_there=is_believed and not len(self.tracker.saved_map))
         if not self._is_searching:
@@ -172,7 +181,7 @@ class Localisation:
             self._relocaliser = Relocaliser(self._place_map, self._config.relocalisation)
         if self._relocaliser is None or self.tracker.scan is None:
             return estimate
-        self._relocaliser.observe(self.tracker.scan, frame.pose, frame.stamp_ns)
+        self._relocaliser.observe(self.tracker.scan, self._driven.pose, frame.stamp_ns)
         if not self._is_lost:
             return estimate
         proposal = self._relocaliser.proposal
@@ -183,9 +192,8 @@ class Localisation:
 
     def _found(self, place: PlaceFix, frame: Frame) -> LocalisationEstimate:
         """Return the estimate at a place that a search has found, which is on probation."""
-        T_map_odom, covariance = place
-        self._T_map_odom = T_map_odom
-        self.tracker.place(T_map_odom @ frame.pose, covariance, frame)
+        self._T_map_driven, covariance = place
+        self.tracker.place(self._T_map_driven @ self._driven.pose, covariance, frame)
         self._is_lost, self._still = False, None
         self._prove(by_search=True)
         return self.tracker.estimate(frame)
@@ -243,17 +251,17 @@ class Localisation:
                 is_searching=self._is_asked,
             )
         if verdict is None:
-            return self._unconfirmed(estimate, self._start, frame)
+            return self._unconfirmed(estimate, self._start)
         self._start = None
         if verdict:
             self._probation = Probation(self._config.start, self._config.relocalisation)
             return estimate
         if self._last is not None:
-            self._start, last = self._start_check(), self._last @ frame.pose
+            self._start, last = self._start_check(), self._last @ self._driven.pose
             self._last, self._may_be_elsewhere = None, True
             self._relocaliser = None  # what is searched is compared with the place now given
             self.tracker.place(last, self._start.covariance, frame)
-            return self._unconfirmed(self.tracker.estimate(frame), self._start, frame)
+            return self._unconfirmed(self.tracker.estimate(frame), self._start)
         return self._lost(estimate, frame)
 
     def _start_check(self) -> StartCheck:
@@ -261,13 +269,13 @@ class Localisation:
         return StartCheck(self._config.start, self._config.relocalisation)
 
     def _unconfirmed(
-        self, estimate: LocalisationEstimate, start: StartCheck, frame: Frame
+        self, estimate: LocalisationEstimate, start: StartCheck
     ) -> LocalisationEstimate:
         """Return the estimate of a robot that waits until the scans have told whether a place is
         right."""
         places = [estimate.T_map_base]
         if self._last is not None and self._may_be_elsewhere:
-            places.append(self._last @ frame.pose)
+            places.append(self._last @ self._driven.pose)
         return dataclasses.replace(
             estimate,
             state=LocalisationState.CHECKING if start.is_looking else LocalisationState.AMBIGUOUS,
@@ -296,8 +304,8 @@ class Localisation:
             return PrepareSearch.of(self.searched_map, rules)
         if self._relocaliser is None:
             return None
-        given = None if self._is_lost else self._T_map_odom
-        last = self._T_map_odom if self._is_lost and self._may_be_there else None
+        given = None if self._is_lost else self._T_map_driven
+        last = self._T_map_driven if self._is_lost and self._may_be_there else None
         task = self._relocaliser.next_task(given, last)
         if task is None:
             return None
@@ -324,16 +332,16 @@ class Localisation:
             and self._may_be_there
             and (fit := outcome.still_there(self._config.relocalisation))
         ):
-            T_base_odom = outcome.task.everything.T_odom_base.inverse()
-            self._still = fit.T_map_base @ T_base_odom, fit.covariance
+            T_base_driven = outcome.task.everything.T_odom_base.inverse()
+            self._still = fit.T_map_base @ T_base_driven, fit.covariance
         if self._start is not None and outcome.task is self._asked:
             self._start.take(outcome)
         if self._probation is not None:
             self._probation.take(outcome)
             self._beside = self._probation.correction or self._beside
             if fit := outcome.beside(self._config.relocalisation):
-                T_base_odom = outcome.task.everything.T_odom_base.inverse()
-                self._beside = fit.T_map_base @ T_base_odom, fit.covariance
+                T_base_driven = outcome.task.everything.T_odom_base.inverse()
+                self._beside = fit.T_map_base @ T_base_driven, fit.covariance
 
     @property
     def keyframes(self) -> tuple[Keyframe, ...]:

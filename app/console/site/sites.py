@@ -327,11 +327,12 @@ class LiveSites:
     def _expected_place(self, site: SiteStore) -> tuple[Pose2 | None, LocalisationEstimate | None]:
         """Return T_map_base at which to look for the robot, and the estimate of its place that
         still holds. A robot that has left the site in this session is where odometry, which has
-        gone on since, has it, and if it has hardly moved it knows its place still."""
+        gone on since, has it, and if it has hardly moved it knows its place still. Odometry's turn
+        while it stood, an hour perhaps, is its gyro's drift."""
         left = self._left.get(site.name)
         if left is None:
             return expected_place(site), None
-        moved = _by_odometry(left).inverse() @ _by_odometry(self._controller.place)
+        moved = left.T_driven_base.inverse() @ self._controller.place.T_driven_base
         is_there = math.hypot(moved.x_m, moved.y_m) < STAYED_M and abs(moved.yaw_rad) < STAYED_RAD
         return left.T_map_base @ moved, left if is_there else None
 
@@ -400,11 +401,6 @@ def expected_place(site: SiteStore) -> Pose2 | None:
     """Return T_map_base at which to look for the robot first: where it was last known to be, else
     in the dock."""
     return last_place_of(site) or dock_and_tags.dock_of(site)
-
-
-def _by_odometry(place: LocalisationEstimate) -> Pose2:
-    """Return T_odom_base."""
-    return place.T_map_odom.inverse() @ place.T_map_base
 
 
 def _has_moved(before: Pose2 | None, now: Pose2) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from navcore.config.localisation.localisation import DEGPH, OdometryConfig
 from navcore.geometry.arrays import Floats
-from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, wrap_angle
 
 X, Y, YAW, GYRO_BIAS, LENGTH_SCALE, GYRO_SCALE, SCAN_SCALE = range(7)
 """Elements of the state: pose in metres and radians, bias in rad/s, relative errors."""
@@ -66,6 +66,28 @@ class OdometryStep:
             and self.distance_m <= config.standing_mps * self.duration_s
             and abs(self.turn_rad) <= config.standing_radps * self.duration_s
         )
+
+
+class DrivenOdometry:
+    """Odometry that stays while the robot stands, as its pose in the map does: the gyro drifts on,
+    by a degree in less than a minute."""
+
+    def __init__(self, config: OdometryConfig = _DEFAULT) -> None:
+        self._config = config
+        self._last: tuple[Pose2, int] | None = None
+        self.pose = IDENTITY
+        """T_driven_base at the newest frame; the first has it where odometry has it."""
+
+    def follow(self, T_odom_base: Pose2, stamp_ns: int) -> None:
+        """Go on to a frame's pose by odometry; without a motion if the robot stood."""
+        if self._last is None:
+            self.pose = T_odom_base
+        else:
+            before, then_ns = self._last
+            step = OdometryStep.between(before, T_odom_base, (stamp_ns - then_ns) / 1e9)
+            if not step.is_standing(self._config):
+                self.pose = self.pose @ before.inverse() @ T_odom_base
+        self._last = T_odom_base, stamp_ns
 
 
 def initial_covariance(config: OdometryConfig = _DEFAULT) -> Matrix:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from typing import cast
 
@@ -25,7 +26,7 @@ from navcore.localisation.relocalisation.relocalisation import (
 from navcore.localisation.relocalisation.submap import Submap
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.start_check import Probation, StartCheck
-from navcore.localisation.tasks import PrepareSearch
+from navcore.localisation.tasks import PrepareSearch, SearchPlaces
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
 from tests.navcore.localisation.plan_worlds import drive, office, room_doors
@@ -308,6 +309,7 @@ def test_a_map_in_use_before_knows_the_robot_still_and_without_that_it_is_lost()
     # The robot stands where the map shows nothing: it looks back along the corridor.
     there = Pose2(x_m=ROUTE[0].x_m - 9.0, y_m=0.0, yaw_rad=np.pi)
     scan = office(7).scan(Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.0), rng)
+    estimate = dataclasses.replace(estimate, T_driven_base=ROUTE[-1])
     for kept, known in ((estimate, True), (None, False)):
         localisation = Localisation(ids, LocalisationConfig())
         localisation.load(maker.keyframes, kept=kept)
@@ -326,7 +328,7 @@ def test_a_place_that_a_search_has_found_is_given_up_when_the_next_metres_contra
         estimate = maker.follow(frame_at(pose, k), WORLD.scan(pose, rng))
     ids.freeze()
     localisation = Localisation(ids, LocalisationConfig())
-    localisation.load(maker.keyframes, kept=estimate)
+    localisation.load(maker.keyframes, kept=dataclasses.replace(estimate, T_driven_base=ROUTE[-1]))
     scan = WORLD.scan(ROUTE[-1], rng)
     localisation.follow(frame_at(ROUTE[-1], 0), scan)
     localisation.search(0)
@@ -362,6 +364,41 @@ def started() -> tuple[Localisation, Scan, LocalisationEstimate]:
         before = localisation.follow(frame_at(ROUTE[40], k), scan)
     assert before.is_known
     return localisation, scan, before
+
+
+DRIFT_RAD = 0.0007
+"""Turn of a gyro between two frames of a robot that stands, radians."""
+
+
+def stands_in_drift(robot: Localisation, scan: Scan, k: int) -> tuple[Pose2, int]:
+    """The pose by odometry and the number of frames after a robot has stood for 200 frames more."""
+    pose = ROUTE[40]
+    for _ in range(200):
+        pose, k = pose @ Pose2(x_m=0.0, y_m=0.0, yaw_rad=DRIFT_RAD), k + 1
+        robot.follow(frame_at(pose, k), scan)
+    return pose, k
+
+
+def test_the_gyros_drift_at_standstill_is_no_turn_for_the_search_beside_the_start() -> None:
+    localisation, scan, _ = started()
+    prepare = localisation.next_task()
+    assert isinstance(prepare, PrepareSearch)
+    localisation.take(prepare.run(lambda: False))
+    pose, k = stands_in_drift(localisation, scan, 10)
+    estimate = localisation.follow(frame_at(pose, k + 1), scan)
+    search = localisation.next_task()
+    assert isinstance(search, SearchPlaces)
+    assert search.task.given is not None
+    assert abs(search.task.given.yaw_rad - estimate.T_map_base.yaw_rad) < 0.01
+
+
+def test_a_robot_that_comes_back_to_a_map_is_not_turned_by_the_gyros_drift_meanwhile() -> None:
+    localisation, scan, before = started()
+    localisation.load(())
+    pose, k = stands_in_drift(localisation, scan.emptied(), 10)
+    localisation.load(kept_map()[1], kept=before)
+    estimate = localisation.follow(frame_at(pose, k + 1), scan.emptied())
+    assert abs(estimate.T_map_base.yaw_rad - before.T_map_base.yaw_rad) < 0.01
 
 
 @pytest.mark.parametrize(

@@ -345,6 +345,17 @@ def test_a_robot_that_comes_back_is_looked_for_where_its_wheels_have_brought_it(
     assert found.yaw_rad == pytest.approx(there.yaw_rad, abs=0.01)
 
 
+def test_the_gyros_drift_at_standstill_does_not_turn_a_robot_that_comes_back(desk: Desk) -> None:
+    left = desk.controller.place.T_map_base
+    desk.choose("hall")
+    for _ in range(30):
+        desk.pose = desk.pose @ Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.003)
+        desk.tick()
+    expected, kept = desk.sites._expected_place(desk.store.sites.open("default"))
+    assert kept is not None and expected is not None
+    assert expected.yaw_rad == pytest.approx(left.yaw_rad, abs=1e-6)
+
+
 @pytest.mark.parametrize("again", ["deleted", "renamed"])
 def test_the_place_at_a_site_is_not_taken_for_that_at_another_one_of_its_name(
     desk: Desk, monkeypatch: pytest.MonkeyPatch, again: str
