@@ -7,6 +7,7 @@ since a scan of half a metre ago is measured beside it, wherever the map lies.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 
@@ -28,6 +29,7 @@ from navcore.localisation.tracking.displacement import DisplacementSearch
 from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPoses
 from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.localisation.tracking.pose_filter import PoseFilter
+from navcore.localisation.tracking.recent_odometry import RecentOdometry
 from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
 from navcore.localisation.tracking.scan_odometry import ScanOdometry
@@ -71,6 +73,7 @@ class Localiser:
         self._displacement = DisplacementSearch(config)
         self._flow = CorrectionFlow(config.tracking)
         self._odometry: tuple[Pose2, int] = (IDENTITY, 0)
+        self._recent_odometry = RecentOdometry()
         self._state = LocalisationState.DEAD_RECKONING
         self._since_ns, self._since_m = 0, 0.0
         self._doubt_s, self._doubt_m = 0.0, 0.0
@@ -164,6 +167,9 @@ class Localiser:
         the only way on from `LOST`."""
         if self._filter is None:
             self._advance(frame)
+        if (frame.pose, frame.stamp_ns) != self._odometry:  # which may have jumped
+            self._recent_odometry.clear()
+            self._recent_odometry.add(frame.pose, frame.stamp_ns)
         self._odometry = (frame.pose, frame.stamp_ns)
         self._place(T_map_base, _PLACED if covariance is None else np.asarray(covariance))
 
@@ -178,25 +184,32 @@ class Localiser:
         self._enter(LocalisationState.DEAD_RECKONING, self._odometry[1])
 
     def fuse(self, fix: PositionFix, alike: float = 1.0) -> bool:
-        """Fuse an absolute position of the present moment, one of `alike` fixes whose errors are
-        the same; returns whether it was believed.
+        """Fuse an absolute position, one of `alike` fixes whose errors are the same; returns
+        whether it was believed.
 
-        It must lie within the gate around the expected pose, or agree with others that contradict
+        It is compared with where the robot was at its stamp, by the odometry since; one from before
+        that is dropped. It must lie within the gate around the expected pose, or agree with others that contradict
         it for so long that the robot must have been moved (`place_correction`). What contradicts is
         told by the error of a single fix, however many share it. A lost robot is placed by fixes
         with a heading alone.
         """
         is_lost = self._state is LocalisationState.LOST
-        if self._filter is None or (is_lost and fix.yaw_rad is None):
+        motion = self._recent_odometry.since(fix.stamp_ns)
+        if self._filter is None or motion is None or (is_lost and fix.yaw_rad is None):
             return False
+        expected = self._pose @ motion.inverse()
         measured = Pose2(x_m=fix.x_m, y_m=fix.y_m, yaw_rad=fix.yaw_rad or 0.0)
         count = 2 if fix.yaw_rad is None else 3
-        residual = difference(measured, self._pose)[:count]
-        rows, covariance = np.eye(3)[:count], np.asarray(fix.covariance)[:count, :count]
+        residual = difference(measured, expected)[:count]
+        rows, covariance = np.eye(3), np.asarray(fix.covariance)[:count, :count]
+        rows[:2, 2] = self._pose.y_m - expected.y_m, expected.x_m - self._pose.x_m
+        rows = rows[:count]
         known = rows @ self._filter.covariance_by_motion @ rows.T
         if is_lost or self._excludes(residual, known + covariance):
             if self._refused.add(fix.stamp_ns, residual[:2], covariance[:2, :2]):
-                self._move_to(measured, covariance, fix.source)
+                if fix.yaw_rad is None:
+                    measured = dataclasses.replace(measured, yaw_rad=expected.yaw_rad)
+                self._move_to(measured @ motion, covariance, fix.source)
                 return True
         else:
             self._refused.confirm(residual[:2], covariance[:2, :2])
@@ -205,12 +218,11 @@ class Localiser:
         self._filter.fuse_position(residual, rows, alike * covariance)
         return True
 
-    def _move_to(self, measured: Pose2, covariance: Matrix, source: FixSource) -> None:
-        """Set the estimate to a measured position, and begin to track again from there."""
+    def _move_to(self, there: Pose2, covariance: Matrix, source: FixSource) -> None:
+        """Set the estimate to a pose of which `covariance` tells what was measured, the heading or
+        not, and begin to track again from there."""
         spread = _PLACED.copy()
         spread[: len(covariance), : len(covariance)] = covariance
-        yaw_rad = measured.yaw_rad if len(covariance) == 3 else self._pose.yaw_rad
-        there = Pose2(x_m=measured.x_m, y_m=measured.y_m, yaw_rad=yaw_rad)
         self._shift(there, spread, source)
 
     def shift(self, there: Pose2, covariance: Matrix) -> None:
@@ -265,6 +277,7 @@ class Localiser:
             pitch_rad=frame.pitch_rad,
         )
         self._odometry = (frame.pose, frame.stamp_ns)
+        self._recent_odometry.add(frame.pose, frame.stamp_ns)
         self._filter.predict(step)
         self._chain.advance(step)
         self._since_m += step.distance_m

@@ -263,9 +263,9 @@ def test_a_position_fix_is_fused_and_one_far_off_is_refused() -> None:
     frame, true = frame_at(odometry_of(ROUTE, scale=1.01)[-1], trip.k - 1), ROUTE[-1]
     accurate = np.eye(2) * 0.02**2
 
-    assert not trip.localiser.fuse(fix_at(true.x_m + 3.0, true.y_m, accurate))
+    assert not trip.localiser.fuse(fix_at(true.x_m + 3.0, true.y_m, accurate, frame.stamp_ns))
     assert away_m(trip.localiser.estimate(frame), true) > 0.15
-    assert trip.localiser.fuse(fix_at(true.x_m, true.y_m, accurate))
+    assert trip.localiser.fuse(fix_at(true.x_m, true.y_m, accurate, frame.stamp_ns))
     assert trip.localiser.pending is None
     scan = empty.scan(true, np.random.default_rng(1))
     for k in range(12):
@@ -273,6 +273,24 @@ def test_a_position_fix_is_fused_and_one_far_off_is_refused() -> None:
         estimate = trip.localiser.follow(standing, scan)
     assert away_m(estimate, true) < 0.03
     assert estimate.sigma_m < 0.03
+
+
+def test_a_fix_is_of_its_own_time_and_odometry_tells_the_way_since() -> None:
+    """On a circle, at 1 m/s, half a frame before the image that brings it."""
+    trip, step = new_trip(), Pose2(x_m=0.1, y_m=0.0, yaw_rad=0.05)
+    scan = PlanWorld([(90.0, 90.0, 91.0, 91.0)]).scan(IDENTITY, np.random.default_rng(1))
+    pose = IDENTITY
+    for k in range(40):
+        half = pose @ step if k else pose
+        pose = half @ step if k else pose
+        estimate = trip.localiser.follow(frame_at(pose, k), scan)
+        stamp_ns = round((k - 0.5) * PERIOD_S * 1e9)
+        assert trip.localiser.fuse(fix_at(half.x_m, half.y_m, np.eye(2) * 0.02**2, stamp_ns)) == (
+            k > 0
+        )
+    assert away_m(estimate, pose) < 0.01
+    assert abs(estimate.T_map_base.yaw_rad - pose.yaw_rad) < 0.01
+    assert not trip.localiser.fuse(fix_at(0.0, 0.0, np.eye(2), round(30 * PERIOD_S * 1e9)))
 
 
 def fixes_after_a_push(scatter_m: float, seconds: float) -> list[bool]:
