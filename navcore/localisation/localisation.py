@@ -383,6 +383,9 @@ class Localisation:
             self.tracker.lose(frame.stamp_ns)
         self._relocaliser = self._kept = self._last = self._still = self._beside = None
         self._outdated = self._asked
+        self._fixes = FreshFixes()  # as the clock may have jumped as well
+        if self._start is not None:
+            self._start = self._start_check()
         self._restart_chain()
 
     def corrected(self, closures: LoopClosures) -> tuple[dict[int, Pose2], Pose2]:

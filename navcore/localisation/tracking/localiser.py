@@ -188,10 +188,10 @@ class Localiser:
         whether it was believed.
 
         It is compared with where the robot was at its stamp, by the odometry since; one from before
-        that is dropped. It must lie within the gate around the expected pose, or agree with others that contradict
-        it for so long that the robot must have been moved (`place_correction`). What contradicts is
-        told by the error of a single fix, however many share it. A lost robot is placed by fixes
-        with a heading alone.
+        that is dropped. It must lie within the gate around the expected pose, or agree with others
+        that contradict it for so long that the robot must have been moved (`place_correction`).
+        What contradicts is told by the error of a single fix, however many share it. A lost robot
+        is placed by fixes with a heading alone.
         """
         is_lost = self._state is LocalisationState.LOST
         motion = self._recent_odometry.since(fix.stamp_ns)

@@ -59,7 +59,8 @@ class ScanOdometry:
             return None
         spacings = self._spacings(own)
         is_far = spacings >= 1.0
-        is_due = stamp_ns - self._checked_ns >= rules.check_s * 1e9
+        # A clock that was set back must not stop the checks until the old time is reached.
+        is_due = not 0 <= stamp_ns - self._checked_ns < rules.check_s * 1e9
         if not (is_far or is_due or self._refused_ns is not None):
             return None
         self._checked_ns = stamp_ns

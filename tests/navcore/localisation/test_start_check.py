@@ -504,6 +504,18 @@ def test_a_lost_robot_whose_odometry_jumps_is_not_placed_by_what_was_found_befor
     assert localisation.proposal is None
 
 
+def test_a_start_is_checked_again_after_a_clock_that_was_set_back_was_accepted() -> None:
+    ids, keyframes = kept_map()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(keyframes)
+    scan = WORLD.scan(ROUTE[40], np.random.default_rng(2))
+    before = localisation.follow(frame_at(ROUTE[40], 500), scan)
+    localisation.accept_jump(before, frame_at(ROUTE[40], 0))
+    found = [localisation.follow(frame_at(ROUTE[40], k), scan) for k in range(8)]
+    assert not found[0].is_known
+    assert found[-1].is_known
+
+
 def test_the_place_that_an_operator_shows_counts_before_a_kept_one() -> None:
     ids, keyframes = kept_map()
     localisation = Localisation(ids, LocalisationConfig())

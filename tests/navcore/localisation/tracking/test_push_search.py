@@ -23,7 +23,7 @@ from navcore.localisation.tracking.pose_filter import PoseFilter
 from navcore.localisation.tracking.push_search import PushSearch
 from navcore.mapping.points.pose_ids import PoseIds
 from tests.navcore.localisation.plan_worlds import PlanWorld
-from tests.navcore.localisation.tracking.test_localiser import Trip
+from tests.navcore.localisation.tracking.test_localiser import Trip, frame_at
 
 AT = 30
 """Frame before which the robot is pushed."""
@@ -108,6 +108,17 @@ def test_wheels_that_slip_for_seconds_leave_no_certain_wrong_place(
 def test_a_robot_that_is_not_pushed_is_told_of_none(odometry: list[Pose2]) -> None:
     estimates, _ = followed(odometry, IDENTITY)
     assert not any(estimate.pushed_m for estimate in estimates)
+
+
+def test_a_push_after_the_clock_was_set_back_is_told() -> None:
+    trip, there = Trip(Localiser(PoseIds(0.25, 10.0)), k=500), STANDS[:10]
+    for _ in trip.go(there, there, room()):
+        pass
+    trip.k = 0
+    trip.localiser.place(IDENTITY, 0.001 * np.eye(3), frame_at(IDENTITY, 0))
+    true = [IDENTITY] * 5 + [PUSHES[1]] * 15
+    told = [one.pushed_m for one, _ in trip.go(true, [IDENTITY] * 20, room())]
+    assert any(told)
 
 
 def test_without_the_search_a_pushed_robot_would_not_know(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -159,6 +159,16 @@ def test_a_lost_robot_is_placed_by_tags_and_not_by_positions_without_heading(
         assert math.hypot(away.x_m, away.y_m) < 0.05 and abs(away.yaw_rad) < 0.05
 
 
+def test_fixes_count_after_a_clock_that_was_set_back_was_accepted() -> None:
+    localisation, estimates, _ = drive(rtk, seconds=4.0)
+    here = estimates[-1].T_map_base
+    frame = frame_at(here, 1)
+    localisation.accept_jump(estimates[-1], frame)
+    before = localisation.follow(frame, EMPTY)
+    fixed = dataclasses.replace(frame_at(frame.pose, 2), fixes=tuple(rtk(2, here)))
+    assert localisation.follow(fixed, EMPTY).sigma_m < before.sigma_m
+
+
 def test_after_such_a_correction_loops_of_the_chain_before_are_not_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
