@@ -73,8 +73,8 @@ class Localisation:
         self._outdated: SearchTask | None = None
         """A search that was asked for while another place was on trial than now."""
         self._last: Pose2 | None = None
-        """The place at the end of the session before, which is tried where the first looks
-        contradict odometry's: T_map_base until the first frame, then T_map_driven."""
+        """The place at the end of the session before, which is tried where the first looks or
+        metres contradict odometry's: T_map_base until the first frame, then T_map_driven."""
         self._may_be_elsewhere = False
         """Whether that is another place than odometry's."""
         self._kept: LocalisationEstimate | None = None
@@ -194,7 +194,7 @@ class Localisation:
         """Return the estimate at a place that a search has found, which is on probation."""
         self._T_map_driven, covariance = place
         self.tracker.place(self._T_map_driven @ self._driven.pose, covariance, frame)
-        self._is_lost, self._still = False, None
+        self._is_lost, self._still, self._last = False, None, None
         self._prove(by_search=True)
         return self.tracker.estimate(frame)
 
@@ -226,20 +226,23 @@ class Localisation:
         """Return the estimate, which is ambiguous until the scans have confirmed the place at which
         the robot started in a saved map.
 
-        What they contradict is lost, unless the robot may stand where it stood at the end of the
-        session before: then that place is checked in the same way.
+        What they contradict, then or on the first metres, is lost, unless the robot may be where it
+        was at the end of the session before: then that place is checked in the same way.
         """
         is_lost = estimate.state is LocalisationState.LOST
         share, points = self.tracker.saved_share, 0 if self.scan is None else len(self.scan)
         if self._probation is not None and not is_lost:
             verdict = self._probation.after(self.tracker.moved_m)
-            self._probation = None if verdict is not None else self._probation
+            if verdict is not None:
+                self._probation = None
+            if verdict:
+                self._last = None
             if verdict is False:
                 if self._relocaliser is not None:
                     self._relocaliser = self._relocaliser.reconsidered()
-                return self._lost(estimate, frame)
+                return self._refuted(estimate, frame)
         if self._start is None:
-            return estimate
+            return self._refuted(estimate, frame) if is_lost and self._last else estimate
         verdict = False
         if not is_lost:
             may_be_elsewhere = self._may_be_elsewhere and not self._is_fixed(frame)
@@ -255,14 +258,22 @@ class Localisation:
         self._start = None
         if verdict:
             self._probation = Probation(self._config.start, self._config.relocalisation)
+            if not self._may_be_elsewhere:
+                self._last = None
             return estimate
-        if self._last is not None:
-            self._start, last = self._start_check(), self._last @ self._driven.pose
-            self._last, self._may_be_elsewhere = None, True
-            self._relocaliser = None  # what is searched is compared with the place now given
-            self.tracker.place(last, self._start.covariance, frame)
-            return self._unconfirmed(self.tracker.estimate(frame), self._start)
-        return self._lost(estimate, frame)
+        return self._refuted(estimate, frame)
+
+    def _refuted(self, estimate: LocalisationEstimate, frame: Frame) -> LocalisationEstimate:
+        """Return the estimate after a place was refuted: of a start, the place at the end of the
+        session before is checked once; else the robot is lost."""
+        if self._last is None:
+            return self._lost(estimate, frame)
+        last = self._last @ self._driven.pose
+        self._start, self._probation = self._start_check(), None
+        self._last, self._may_be_elsewhere = None, True
+        self._relocaliser = None  # what is searched is compared with the place now given
+        self.tracker.place(last, self._start.covariance, frame)
+        return self._unconfirmed(self.tracker.estimate(frame), self._start)
 
     def _start_check(self) -> StartCheck:
         self._outdated, self._asked = self._asked, None

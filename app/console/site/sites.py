@@ -267,7 +267,8 @@ class LiveSites:
                 self._saved = mission
             # Before the first tick the place is no estimate yet.
             has_place = self._controller.tick_state.decision is not None and place.is_known
-            if not (self._has_own_map and self._has_entered and has_place):
+            is_open = self._controller.navigator.map_is_on_trial
+            if is_open or not (self._has_own_map and self._has_entered and has_place):
                 return
             if _has_moved(self._placed, place.T_map_base):
                 self._placed = place.T_map_base

@@ -353,17 +353,44 @@ def test_a_place_that_a_search_has_found_is_given_up_when_the_next_metres_contra
     assert localisation.follow(frame_at(ROUTE[-1], 4), scan).is_known is known
 
 
-def started() -> tuple[Localisation, Scan, LocalisationEstimate]:
+def started(last: Pose2 | None = None) -> tuple[Localisation, Scan, LocalisationEstimate]:
     """A robot whose place in the kept map the first looks have confirmed, its scan there, and the
     newest estimate."""
     ids, keyframes = kept_map()
     localisation = Localisation(ids, LocalisationConfig())
-    localisation.load(keyframes)
+    localisation.load(keyframes, last)
     scan = WORLD.scan(ROUTE[40], np.random.default_rng(2))
     for k in range(10):
         before = localisation.follow(frame_at(ROUTE[40], k), scan)
     assert before.is_known
     return localisation, scan, before
+
+
+@pytest.mark.parametrize("last", [STOOD, ROUTE[40], None], ids=["elsewhere", "there", "unknown"])
+def test_a_start_that_its_first_metres_refute_is_looked_for_where_the_robot_stood_last(
+    last: Pose2 | None,
+) -> None:
+    """The first looks were alike at both places."""
+    localisation, _, _ = started(last)
+    for _ in range(RULES.doubts):
+        localisation.take(search_result(fit(clear=0.2)))
+    scans = (WORLD.scan(STOOD, np.random.default_rng(k)) for k in range(11, 35))
+    found = [localisation.follow(frame_at(ROUTE[40], k), one) for k, one in enumerate(scans, 11)]
+    if last is not STOOD:
+        assert found[0].state is LocalisationState.LOST
+        return
+    assert found[0].state is LocalisationState.CHECKING
+    assert found[-1].is_known
+    assert found[-1].T_map_base.distance_to(STOOD.x_m, STOOD.y_m) < 0.1
+
+
+def test_a_robot_that_is_lost_on_its_first_metres_is_looked_for_where_it_stood_last() -> None:
+    localisation, _, _ = started(STOOD)
+    for k in range(11, 60):
+        scan = WORLD.scan(STOOD, np.random.default_rng(k))
+        estimate = localisation.follow(frame_at(ROUTE[40], k), scan)
+    assert estimate.is_known
+    assert estimate.T_map_base.distance_to(STOOD.x_m, STOOD.y_m) < 0.1
 
 
 DRIFT_RAD = 0.0007

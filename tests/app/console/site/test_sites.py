@@ -300,6 +300,17 @@ def test_a_robot_that_was_just_switched_on_keeps_its_last_place_until_it_sees(
         assert last is not None and last_place_of(after.store.site) == last
 
 
+def test_a_place_on_trial_does_not_replace_the_last_known_one(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Navigator, "map_is_on_trial", True)
+    desk.sites.keep_session()
+    assert last_place_of(desk.store.site) is None
+    monkeypatch.undo()
+    desk.sites.keep_session()
+    assert last_place_of(desk.store.site) == desk.controller.place.T_map_base
+
+
 def test_the_place_on_the_old_map_is_never_kept_for_the_new_site(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
