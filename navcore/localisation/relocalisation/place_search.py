@@ -10,7 +10,7 @@ import numpy as np
 from navcore.compiled import compiled
 from navcore.config.localisation.relocalisation import PlaceFitConfig, RelocalisationConfig
 from navcore.geometry.arrays import Bools, Floats, Indices
-from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.geometry.transform import Pose2, difference, wrap_angle
 from navcore.localisation.relocalisation.place_fit import PlaceFit, fit_place
 from navcore.localisation.relocalisation.place_map import (
     CLEAR,
@@ -42,6 +42,11 @@ class SearchWindow:
     """Half the edge in metres of the square around it."""
     reach_rad: float
     """Largest turn in radians from it."""
+
+    def holds(self, T_map_base: Pose2) -> bool:
+        """Return whether a pose is within."""
+        x, y, turn = np.abs(difference(T_map_base, self.T_map_base))
+        return bool(max(x, y) <= self.reach_m and turn <= self.reach_rad)
 
 
 class PlaceSearch:
@@ -139,15 +144,20 @@ class PlaceSearch:
         half = 0.5 * side * lattice.cell_m
         x = lattice.x_m + half * (2 * np.arange(cols) + 1) - middle[0]
         y = lattice.y_m + half * (2 * np.arange(rows) + 1) - middle[1]
-        reach = self._window.reach_m + half
+        # The middle of what is seen swings as the robot turns within the window.
+        arm = float(np.hypot(*self._centre))
+        swing = 2.0 * arm * math.sin(min(self._window.reach_rad, math.pi) / 2)
+        reach = self._window.reach_m + swing + half
         inside = (np.abs(y) <= reach)[:, None] & (np.abs(x) <= reach)
         return np.asarray(np.broadcast_to(inside, self._coarse.shape)).ravel()
 
     def candidates(self) -> list[PlaceFit]:
-        """Return the refined places that the search has found, best first."""
+        """Return the refined places within the window that the search has found, best first."""
         fits = [
             fit_place(self._submap, pose, self._map, self._config.fit) for pose in self._places()
         ]
+        if self._window is not None:
+            fits = [fit for fit in fits if self._window.holds(fit.T_map_base)]
         fits.sort(key=lambda fit: -fit.evidence)
         distinct: list[PlaceFit] = []
         for fit in fits:

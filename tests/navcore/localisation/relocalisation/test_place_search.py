@@ -217,7 +217,20 @@ def test_a_search_within_a_window_finds_nothing_outside_of_it() -> None:
     x, y = in_room(5)
     there = SearchWindow(T_map_base=Pose2(x_m=x, y_m=y, yaw_rad=0.0), reach_m=0.5, reach_rad=0.3)
     for place in search_places(seen, place_map(), RelocalisationConfig(), there):
-        assert place.T_map_base.distance_to(x, y) < 5.0
+        assert place.T_map_base.distance_to(x, y) < 0.5 * math.sqrt(2.0)
+
+
+@pytest.mark.parametrize("turn_deg", [-28.0, 28.0])
+@pytest.mark.parametrize(("x", "y"), [(0.9, 0.9), (-0.9, 0.9), (0.9, -0.9), (-0.9, -0.9)])
+def test_a_click_at_the_edge_of_the_window_is_refined_by_one_scan_of_what_is_ahead(
+    x: float, y: float, turn_deg: float
+) -> None:
+    """A turn about the robot swings the middle of what it sees, 3 m ahead, out of the window."""
+    robot = Pose2(x_m=in_room(0)[0], y_m=0.0, yaw_rad=0.0)
+    scan = office(1, rooms=ROOMS).scan(robot, np.random.default_rng(1))
+    given = Pose2(x_m=robot.x_m + x, y_m=robot.y_m + y, yaw_rad=math.radians(turn_deg))
+    fit = check_place(submap_of([(IDENTITY, scan)]), given, place_map()).fit
+    assert fit.T_map_base.distance_to(robot.x_m, robot.y_m) < 0.1
 
 
 def test_the_same_search_gives_the_same_places() -> None:
