@@ -58,22 +58,32 @@ class GatheredScans:
         return replace(self, _views=list(self._views))
 
     def add(self, scan: Scan, T_odom_base: Pose2) -> None:
-        """Take one more scan with the odometry of its moment."""
+        """Take one more scan with the odometry of its moment; without a point it is no view."""
         if self._last is not None:
             self.travel = self.travel.after(self._last.inverse() @ T_odom_base)
         self._last = T_odom_base
-        if self._views and self._is_near(T_odom_base, self._views[-1].T_odom_base):
+        while self._views and self._is_past(self._views[0]):
+            del self._views[0]
+        is_again = self._views and self._is_near(T_odom_base, self._views[-1].T_odom_base)
+        if is_again or not len(scan):
             return
         self._views.append(_View(T_odom_base=T_odom_base, scan=scan, travel=self.travel))
         self.count += 1
-        while self.travel.driven_m - self._views[0].travel.driven_m > self.config.submap_m:
-            del self._views[0]
+
+    def _is_past(self, view: _View) -> bool:
+        """Return whether odometry has drifted too far since a view."""
+        return self.travel.driven_m - view.travel.driven_m > self.config.submap_m
 
     def _is_near(self, one: Pose2, other: Pose2) -> bool:
         turn = abs(wrap_angle(one.yaw_rad - other.yaw_rad))
         return one.distance_to(other.x_m, other.y_m) < self.config.scan_spacing_m and (
             turn < math.radians(self.config.scan_spacing_deg)
         )
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no scan."""
+        return not self._views
 
     @property
     def everything(self) -> Submap:
@@ -104,7 +114,9 @@ class GatheredScans:
         least_rad = math.radians(self.config.confirm_turn_deg)
         if has_only_turned and last.turned_rad - first.turned_rad < least_rad:
             return None, True
-        return _submap(views), has_only_turned
+        submap = _submap(views)
+        tells = len(submap) >= self.config.search.least_points
+        return submap if tells else None, has_only_turned
 
 
 def _submap(views: list[_View]) -> Submap:

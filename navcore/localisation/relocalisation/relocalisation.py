@@ -107,7 +107,7 @@ class SearchResult:
     given: PlaceFit | None = None
     """Fit near the place to be checked; None without one, or if too little was seen."""
     moved: PlaceFit | None = None
-    """Fit of the recent scans near the place to be checked; None as `given` is."""
+    """Fit of the recent scans near the place to be checked; None as `given` is, of these scans."""
     unmoved: PlaceFit | None = None
     """What of them fits at that place itself."""
     last: PlaceCheck | None = None
@@ -149,8 +149,10 @@ def search_task(
     milliseconds."""
     everything = task.everything
     given = moved = unmoved = None
-    if task.given is not None and len(everything) >= config.search.least_points:
+    least = config.search.least_points
+    if task.given is not None and len(everything) >= least:
         given = fit_place(everything, task.given, place_map, config.fit)
+    if task.given is not None and len(task.recent) >= least:
         moved = fit_place(task.recent, task.given, place_map, config.fit)
         unmoved = evaluate_place(task.recent, task.given, place_map, config.fit)
     last = None if task.last is None else check_place(everything, task.last, place_map, config)
@@ -225,7 +227,7 @@ class Relocaliser:
     ) -> SearchTask | None:
         """Return what to search now, or None until enough new has been seen; `T_map_odom` is a
         place to be checked beside, and `last` the one that was believed last, in the same way."""
-        if not self._seen.count or not self._has_moved:
+        if self._seen.is_empty or not self._has_moved:
             return None
         self._searched = self._seen.travel
         newest, has_only_turned = None, False

@@ -1,0 +1,52 @@
+"""What confirms a place: scans that show something, over some way, with enough points together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from navcore.config.localisation.relocalisation import DEFAULT_RELOCALISATION
+from navcore.geometry.transform import IDENTITY, Pose2
+from navcore.localisation.relocalisation.gathered_scans import GatheredScans
+from navcore.localisation.scans.scan import Scan
+from tests.navcore.localisation.plan_worlds import drive, office
+
+WORLD = office(3)
+WAY = drive([(1.5, 0.0), (5.0, 0.0)])
+
+
+def gathered(most: int) -> GatheredScans:
+    """What a robot has seen that has had no more than some points in view on its way."""
+    seen = GatheredScans(config=DEFAULT_RELOCALISATION)
+    for k, pose in enumerate(WAY):
+        scan = WORLD.scan(pose, np.random.default_rng(k))
+        seen.add(scan.part(np.arange(len(scan)) < most), pose)
+    return seen
+
+
+def test_a_handful_of_points_confirms_no_place_however_far_the_robot_has_come() -> None:
+    few, many = gathered(2).newest(0)[0], gathered(50).newest(0)[0]
+    assert few is None
+    assert many is not None
+    assert len(many) >= DEFAULT_RELOCALISATION.search.least_points
+
+
+def empty() -> Scan:
+    return WORLD.scan(WAY[0], np.random.default_rng(0)).emptied()
+
+
+def test_a_turn_in_the_dark_shows_nothing_around_the_robot() -> None:
+    seen = gathered(50)
+    for turn in np.linspace(0.0, 2.0 * np.pi, 60):
+        seen.add(empty(), WAY[-1] @ Pose2(x_m=0.0, y_m=0.0, yaw_rad=float(turn)))
+    assert not seen.has_looked_round
+
+
+def test_scans_are_forgotten_on_a_way_in_the_dark() -> None:
+    seen = gathered(50)
+    assert not seen.is_empty
+    for x in np.arange(0.0, DEFAULT_RELOCALISATION.submap_m + 1.0, 0.1):
+        seen.add(empty(), WAY[-1] @ Pose2(x_m=float(x), y_m=0.0, yaw_rad=0.0))
+    assert seen.is_empty
+    assert seen.newest(0) == (None, False)
+    seen.add(WORLD.scan(IDENTITY, np.random.default_rng(0)), IDENTITY)
+    assert len(seen.everything)
