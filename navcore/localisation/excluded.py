@@ -33,9 +33,10 @@ def excluded_pixels(frame: Frame, labels: Labels, people: tuple[Track, ...]) -> 
         reach = person.radius_m + _AROUND_M
         if depth <= -reach:
             continue
-        nearest = max(depth - reach, 0.1)
-        left = math.floor((x - reach) / nearest * lens.fx + lens.cx)
-        right = math.ceil((x + reach) / nearest * lens.fx + lens.cx) + 1
+        near, far = max(depth - reach, 0.1), max(depth + reach, 0.1)
+        # Beside the middle of the image, the far end of the disc is seen nearer to the middle.
+        left = math.floor(min((x - reach) / near, (x - reach) / far) * lens.fx + lens.cx)
+        right = math.ceil(max((x + reach) / near, (x + reach) / far) * lens.fx + lens.cx) + 1
         columns = max(left, 0), max(min(right, lens.width), 0)
         _exclude_depths(frame.depth_m, columns, (float(depth), reach), excluded)
     return np.asarray(excluded)
