@@ -20,7 +20,7 @@ from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.fixes import TagMap, fixes_of
 from navcore.localisation.fresh_fixes import FreshFixes
 from navcore.localisation.loops.loop_closer import CloseLoops, LoopCloser, with_later
-from navcore.localisation.loops.loop_closure import LoopClosures
+from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures
 from navcore.localisation.relocalisation.place_map import PlaceMap
 from navcore.localisation.relocalisation.relocalisation import (
     PlaceProposal,
@@ -45,7 +45,7 @@ FIX_LIFE_NS = 2_000_000_000
 Task = CloseLoops | PrepareSearch | SearchPlaces
 PlaceFix = tuple[Pose2, Matrix | None]
 """T_map_driven, and the (3, 3) covariance of the robot's pose there."""
-Outcome = LoopClosures | PlaceMap | SearchResult
+Outcome = LoopClosures | LoopCandidates | PlaceMap | SearchResult
 
 
 class Localisation:
@@ -325,6 +325,9 @@ class Localisation:
 
     def take(self, outcome: Outcome) -> None:
         """Receive the outcome of a task."""
+        if isinstance(outcome, LoopCandidates):
+            self._loops.keep(outcome)
+            return
         if isinstance(outcome, LoopClosures):
             if not self._is_lost and self._loops.has(outcome):
                 self.closures = outcome

@@ -14,7 +14,7 @@ from navcore.config.localisation.localisation import MatchConfig
 from navcore.config.localisation.pose_graph import LoopClosureConfig, PoseGraphConfig
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.graph.edges import ConstantErrors, Edge
-from navcore.localisation.loops.loop_closure import LoopClosures, close_loops
+from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures, close_loops
 from navcore.localisation.scans.scan import Keyframe
 
 
@@ -30,6 +30,8 @@ class CloseLoops:
     """Number of keyframes that were tried before."""
     loops: tuple[Edge, ...]
     """Loops that are believed already."""
+    candidates: tuple[Edge, ...]
+    """Matches of the last metres with which too few others agree so far."""
     constant_errors: ConstantErrors
     """What is known of the constant errors of odometry."""
     loop_config: LoopClosureConfig
@@ -39,13 +41,14 @@ class CloseLoops:
     match_config: MatchConfig
     """How two scans are matched."""
 
-    def run(self, is_cancelled: Callable[[], bool]) -> LoopClosures | None:
-        """Return corrected poses; None without a loop, or if it was cancelled."""
+    def run(self, is_cancelled: Callable[[], bool]) -> LoopClosures | LoopCandidates | None:
+        """Return corrected poses, or what may close a loop later; None if it was cancelled."""
         return close_loops(
             self.keyframes,
             self.odometry,
             tried_until=self.tried_until,
             loops=self.loops,
+            candidates=self.candidates,
             constant_errors=self.constant_errors,
             config=self.loop_config,
             graph_config=self.graph_config,
@@ -66,6 +69,7 @@ class LoopCloser:
     """How two scans are matched."""
     _edges: list[Edge] = field(default_factory=list)
     _loops: tuple[Edge, ...] = ()
+    _candidates: tuple[Edge, ...] = ()
     _chain: dict[int, None] = field(default_factory=dict)
     _tried: int = 0
 
@@ -93,6 +97,7 @@ class LoopCloser:
             odometry=tuple(self._edges),
             tried_until=tried,
             loops=self._loops,
+            candidates=self._candidates,
             constant_errors=constant_errors,
             loop_config=self.loop_config,
             graph_config=self.graph_config,
@@ -107,10 +112,18 @@ class LoopCloser:
     def take(self, closures: LoopClosures) -> None:
         """Believe the loops of a task."""
         self._loops = closures.loops
+        self.keep(closures.candidates)
+
+    def keep(self, candidates: LoopCandidates) -> None:
+        """Keep what may close a loop with later keyframes, if it is of this chain."""
+        ids = {pose_id for edge in candidates.edges for pose_id in (edge.from_id, edge.to_id)}
+        if ids <= self._chain.keys():
+            self._candidates = candidates.edges
 
     def restart(self) -> None:
         """Begin a new chain: the robot was placed, and no edge leads there."""
-        self._edges, self._loops, self._chain, self._tried = [], (), {}, 0
+        self._edges, self._loops, self._candidates = [], (), ()
+        self._chain, self._tried = {}, 0
 
 
 def with_later(

@@ -27,6 +27,14 @@ DEFAULT_MATCH = MatchConfig()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoopCandidates:
+    """Matches with which too few others agree so far, and no corrected pose."""
+
+    edges: tuple[Edge, ...]
+    """Those of the last metres: the `candidates` of the next call."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopClosures:
     """Corrected poses, and the loops that led to them."""
 
@@ -36,6 +44,8 @@ class LoopClosures:
     """All loops that are believed, earlier ones included: the `loops` of the next call."""
     new_loops: tuple[Edge, ...]
     """Those that this call found."""
+    candidates: LoopCandidates
+    """Matches with which too few others agree so far."""
     rejected: tuple[Edge, ...]
     """Matches that the others contradict."""
     accepted_absolute: tuple[bool, ...]
@@ -50,6 +60,7 @@ def close_loops(
     *,
     tried_until: int = 0,
     loops: Sequence[Edge] = (),
+    candidates: Sequence[Edge] = (),
     constant_errors: ConstantErrors | None = None,
     absolute: Sequence[AbsolutePose] = (),
     fixed: frozenset[int] = frozenset(),
@@ -57,11 +68,12 @@ def close_loops(
     graph_config: PoseGraphConfig = DEFAULT_POSE_GRAPH,
     match_config: MatchConfig = DEFAULT_MATCH,
     is_cancelled: Callable[[], bool] = lambda: False,
-) -> LoopClosures | None:
-    """Return corrected poses if keyframes from index `tried_until` on close loops, else None.
+) -> LoopClosures | LoopCandidates | None:
+    """Return corrected poses if keyframes from index `tried_until` on close loops, with
+    `candidates` of the keyframes before them; else what may close one with later keyframes.
 
     `keyframes` are in the order of driving, `odometry` connects them, and `constant_errors` are
-    those of odometry as far as known. Also None if cancelled, which is asked before every keyframe.
+    those of odometry as far as known. None if cancelled, which is asked before every keyframe.
     Raises `BadGeometry` for edges of unknown keyframes.
     """
     if len(keyframes) < 2:
@@ -76,24 +88,28 @@ def close_loops(
     )
     present = optimise(graph, graph_config)
     finder = LoopFinder(keyframes, present, config, match_config)
-    found: list[Edge] = []
+    found = list(candidates)
     for index in range(tried_until, len(keyframes)):
         if is_cancelled():
             return None
         found += finder.loops_of(index)
     agreed = finder.agreeing(found)
+    pairs = {(loop.from_id, loop.to_id) for loop in agreed}
+    alone = [one for one in found if (one.from_id, one.to_id) not in pairs]
+    waiting = LoopCandidates(edges=finder.recent(alone))
     if not agreed:
-        return None
+        return waiting
     solved = optimise(replace(graph, poses=present.poses, loops=[*loops, *agreed]), graph_config)
     believed = dict(zip([*loops, *agreed], solved.accepted_loops, strict=True))
     new = tuple(loop for loop in agreed if believed[loop])
     if not new:
-        return None
+        return waiting
     accepted = {(loop.from_id, loop.to_id) for loop in new}
     return LoopClosures(
         poses=solved.poses,
         loops=tuple(loop for loop, is_believed in believed.items() if is_believed),
         new_loops=new,
+        candidates=waiting,
         rejected=tuple(one for one in found if (one.from_id, one.to_id) not in accepted),
         accepted_absolute=solved.accepted_absolute,
         graph=solved,

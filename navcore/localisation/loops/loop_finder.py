@@ -197,6 +197,11 @@ class LoopFinder:
             )
         return self._place_maps[index]
 
+    def recent(self, loops: Sequence[Edge]) -> tuple[Edge, ...]:
+        """Return the loops of keyframes with which later ones may agree."""
+        least_m = self._driven_m[-1] - self._config.agree_driven_m
+        return tuple(one for one in loops if self._driven_m[self._index[one.to_id]] >= least_m)
+
     def agreeing(self, loops: Sequence[Edge]) -> list[Edge]:
         """Return the loops that enough others, of other keyframes nearby, agree with.
 

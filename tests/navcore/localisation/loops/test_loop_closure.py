@@ -9,10 +9,12 @@ from functools import cache
 
 import numpy as np
 
-from navcore.config.localisation.pose_graph import LoopClosureConfig
+from navcore.config.localisation.localisation import MatchConfig
+from navcore.config.localisation.pose_graph import LoopClosureConfig, PoseGraphConfig
 from navcore.geometry.transform import Pose2
-from navcore.localisation.graph.edges import Edge
-from navcore.localisation.loops.loop_closure import close_loops
+from navcore.localisation.graph.edges import ConstantErrors, Edge
+from navcore.localisation.loops.loop_closer import LoopCloser
+from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures, close_loops
 from navcore.localisation.scans.scan import Keyframe
 from tests.navcore.localisation.plan_worlds import (
     Drive,
@@ -109,7 +111,7 @@ def gap_of(edge: Edge, true: Drive) -> Pose2:
 def test_a_lap_is_closed_and_the_drift_of_odometry_is_removed() -> None:
     keyframes, edges, true = session()
     closed = close_loops(keyframes, edges, tried_until=len(keyframes) - 24)
-    assert closed is not None
+    assert isinstance(closed, LoopClosures)
     before = {k.pose_id: k.T_map_base for k in keyframes}
     assert len(closed.new_loops) >= 5
     for loop in closed.new_loops:
@@ -142,8 +144,8 @@ def test_a_robot_that_comes_back_the_other_way_closes_loops_too() -> None:
         ends = (poses[keyframe.pose_id] for keyframe in (keyframes[0], keyframes[-1]))
         return abs(math.dist(*map(_xy, ends)) - true_m)
 
-    assert closed is not None and error_m(closed.poses) < 0.3 < 0.8 < error_m(before)
-    assert control is None  # one way as much fits
+    assert isinstance(closed, LoopClosures) and error_m(closed.poses) < 0.3 < 0.8 < error_m(before)
+    assert isinstance(control, LoopCandidates)  # one way as much fits
 
 
 def _xy(pose: Pose2) -> tuple[float, float]:
@@ -154,15 +156,15 @@ def test_poses_of_an_accepted_map_stay_when_loops_are_closed() -> None:
     keyframes, edges, _ = session()
     fixed = frozenset(k.pose_id for k in keyframes[:20])
     closed = close_loops(keyframes, edges, fixed=fixed, tried_until=len(keyframes) - 12)
-    assert closed is not None
+    assert isinstance(closed, LoopClosures)
     assert all(closed.poses[k.pose_id] == k.T_map_base for k in keyframes[:20])
 
 
 def test_the_same_keyframes_give_the_same_loops_and_poses() -> None:
     keyframes, edges, _ = session()
     one, two = (close_loops(keyframes, edges, tried_until=len(keyframes) - 12) for _ in range(2))
-    assert one is not None
-    assert two is not None
+    assert isinstance(one, LoopClosures)
+    assert isinstance(two, LoopClosures)
     assert one.poses == two.poses
     assert [e.T_from_to for e in one.loops] == [e.T_from_to for e in two.loops]
 
@@ -170,7 +172,30 @@ def test_the_same_keyframes_give_the_same_loops_and_poses() -> None:
 def test_a_match_that_no_other_agrees_with_is_no_loop() -> None:
     keyframes, edges, _ = session()
     many = LoopClosureConfig(agreeing=20)
-    assert close_loops(keyframes, edges, tried_until=len(keyframes) - 12, config=many) is None
+    alone = close_loops(keyframes, edges, tried_until=len(keyframes) - 12, config=many)
+    assert isinstance(alone, LoopCandidates)
+
+
+def test_matches_of_consecutive_batches_confirm_each_other() -> None:
+    """A batch of two keyframes alone is too few."""
+    keyframes, edges, _ = session()
+    known = {keyframe.pose_id: keyframe for keyframe in keyframes}
+    errors = ConstantErrors(mean=np.zeros(3), covariance=1e-8 * np.eye(3))
+    closer = LoopCloser(LoopClosureConfig(new_keyframes=2), PoseGraphConfig(), MatchConfig())
+    closer.note(tuple(edges[:-12]))
+    closer.next_task(known.get, errors)
+    closed = []
+    for k in range(len(edges) - 12, len(edges), 2):
+        closer.note(tuple(edges[k : k + 2]))
+        task = closer.next_task(known.get, errors)
+        assert task is not None
+        outcome = task.run(lambda: False)
+        if isinstance(outcome, LoopClosures):
+            closed.append(outcome)
+            closer.take(outcome)
+        elif outcome is not None:
+            closer.keep(outcome)
+    assert closed
 
 
 def test_a_cancelled_search_changes_nothing() -> None:
@@ -181,7 +206,8 @@ def test_a_cancelled_search_changes_nothing() -> None:
 def test_too_few_keyframes_and_a_way_without_a_return_close_no_loop() -> None:
     keyframes, edges, _ = session()
     assert close_loops(keyframes[:1], []) is None
-    assert close_loops(keyframes[:30], edges[:29]) is None
+    found = close_loops(keyframes[:30], edges[:29])
+    assert isinstance(found, LoopCandidates) and not found.edges
 
 
 def test_a_place_that_looks_alike_outside_of_odometrys_uncertainty_is_no_loop() -> None:
@@ -202,4 +228,4 @@ def test_a_place_that_looks_alike_outside_of_odometrys_uncertainty_is_no_loop() 
         Edge(from_id=i, to_id=i + 1, T_from_to=true[i].inverse() @ true[i + 1], covariance=certain)
         for i in range(len(true) - 1)
     ]
-    assert close_loops(keyframes, edges) is None
+    assert isinstance(close_loops(keyframes, edges), LoopCandidates)

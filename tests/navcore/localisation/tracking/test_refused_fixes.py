@@ -15,7 +15,7 @@ from navcore.localisation.estimate import LocalisationEstimate, LocalisationStat
 from navcore.localisation.graph.pose_graph import OptimisedGraph
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.loops.loop_closer import LoopCloser
-from navcore.localisation.loops.loop_closure import LoopClosures
+from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.fix import FixSource, PositionFix
@@ -180,6 +180,7 @@ def test_after_such_a_correction_loops_of_the_chain_before_are_not_taken(
         poses={900: IDENTITY},
         loops=(),
         new_loops=(),
+        candidates=LoopCandidates(edges=()),
         rejected=(),
         accepted_absolute=(),
         graph=OptimisedGraph.__new__(OptimisedGraph),
