@@ -88,8 +88,9 @@ class ZoneMargins:
         self._safety_margin_m = safety_margin_m
         self._inflation_m = profile.width_m / 2 + safety_margin_m
         self._margins: dict[tuple[str, int], _Margin] = {}
-        self._trail: list[tuple[float, float]] = []
-        self._covariances: list[Matrix] = []
+        self._trail: dict[tuple[int, int], tuple[float, float, Matrix]] = {}
+        """The newest position in each cell of a coarse grid that the robot was in, in metres, and
+        the (2, 2, 2) covariances there, in the map and by motion."""
         self._gives_up = False
 
     def follow(self, zones: tuple[Zone, ...], place: LocalisationEstimate) -> tuple[Zone, ...]:
@@ -239,14 +240,15 @@ class ZoneMargins:
         if self._frozen or not self._trail:
             return _EXACT
         middle = np.mean(np.asarray(zone.polygon), axis=0)
-        nearest = int(np.argmin(np.hypot(*(np.asarray(self._trail) - middle).T)))
-        return self._covariances[nearest]
+        _, _, covariances = min(
+            self._trail.values(), key=lambda then: math.dist(then[:2], (middle[0], middle[1]))
+        )
+        return covariances
 
     def _note(self, place: LocalisationEstimate) -> None:
-        here = place.T_map_base
-        covariances = np.stack([place.positions[0], self._by_motion(place)])
-        if self._trail and here.distance_to(*self._trail[-1]) < self._config.trail_spacing_m:
-            self._covariances[-1] = covariances
+        if self._frozen:
             return
-        self._trail.append((here.x_m, here.y_m))
-        self._covariances.append(covariances)
+        here, cell_m = place.T_map_base, self._config.trail_spacing_m
+        cell = math.floor(here.x_m / cell_m), math.floor(here.y_m / cell_m)
+        covariances = np.stack([place.positions[0], self._by_motion(place)])
+        self._trail[cell] = here.x_m, here.y_m, covariances

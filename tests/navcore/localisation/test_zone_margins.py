@@ -113,6 +113,15 @@ def test_a_zone_drawn_beside_the_robot_is_exact_however_far_it_has_come() -> Non
     assert Polygon(later.polygon).area > Polygon(ZONE.polygon).area + 1.0
 
 
+def test_on_a_way_that_it_drives_every_day_the_newest_drive_alone_is_remembered() -> None:
+    margins = margins_of()
+    for day in range(5):
+        for x_m in np.arange(-10.0, 1.0, 0.3):
+            margins.follow((), place(float(x_m), 0.1 * day))
+    assert len(margins._trail) <= 23
+    assert margins.follow((ZONE,), place(1.0, 0.4)) == (ZONE,)
+
+
 def test_zones_of_a_loaded_map_belong_to_its_frame() -> None:
     margins = margins_of(frozen=True)
     margins.follow((), place(0.0, 0.2))
