@@ -409,9 +409,8 @@ class Localisation:
     def correct(self, closures: LoopClosures) -> None:
         """Apply closures to keyframes and pose; the map was corrected by the same poses."""
         poses, _ = self.corrected(closures)
-        newest = max(closures.poses)
-        covariance = closures.graph.covariances([newest])[newest]
-        self.tracker.correct(poses, covariance)
+        newest = list(closures.poses)[-1]  # in the order of driving
+        self.tracker.correct(poses, (newest, closures.graph.covariances([newest])[newest]))
         self._loops.take(closures)
         self.closures = None
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference, growth
 from navcore.localisation.estimate import (
     LocalisationEstimate,
     LocalisationState,
@@ -66,6 +66,8 @@ class Localiser:
         self._saved = ScanMap(config.match)
         self._pose_ids = pose_ids
         self._chain = KeyframeChain(pose_ids, config)
+        self._covariances: dict[int, Matrix] = {}
+        """(3, 3) covariance of the robot's pose at each keyframe of the session by its ID."""
         self._filter: PoseFilter | None = None
         self._recent = RecentScans(config)
         self._scan_odometry = ScanOdometry(config)
@@ -149,18 +151,22 @@ class Localiser:
 
     def forget_own_map(self) -> None:
         """Forget the keyframes of this session."""
-        self._chain = KeyframeChain(self._pose_ids, self._config)
+        self._chain, self._covariances = KeyframeChain(self._pose_ids, self._config), {}
 
-    def correct(self, poses: Mapping[int, Pose2], covariance: Matrix | None = None) -> None:
+    def correct(self, poses: Mapping[int, Pose2], known: tuple[int, Matrix] | None = None) -> None:
         """Move keyframes of this session to corrected poses by ID, and the robot with the newest;
-        those of a saved map stay. `covariance`: (3, 3) of the newest; None if it stays."""
+        those of a saved map stay. `known`: ID and (3, 3) covariance of the last that was corrected
+        by itself, to which the growth since is added; None if the robot's stays."""
         frozen = {keyframe.pose_id for keyframe in self._saved.keyframes}
         motion = self._chain.correct({i: poses[i] for i in poses if i not in frozen})
         if motion is not None and self._filter is not None:
             self._filter.move(motion)
             self._scan_odometry.clear()
-            if covariance is not None:
-                self._filter.place(self._filter.pose, np.asarray(covariance), with_map=True)
+            if known is not None:
+                pose_id, covariance = known
+                then = self._covariances.get(pose_id, self._filter.covariance)
+                since = growth(self._filter.covariance, then)
+                self._filter.place(self._filter.pose, covariance + since, with_map=True)
 
     def place(self, T_map_base: Pose2, covariance: Matrix | None, frame: Frame) -> None:
         """Set the pose of the robot at a frame: given by the operator or found by relocalisation;
@@ -455,7 +461,9 @@ class Localiser:
             pose = self._flow.T_map_odom @ frame.pose
             behind = difference(self._pose, pose)
             covariance = self._require_filter().covariance_but_scale + np.outer(behind, behind)
-            self._chain.add(scan, pose, frame.stamp_ns, covariance)
+            keyframe = self._chain.add(scan, pose, frame.stamp_ns, covariance)
+            if keyframe is not None:
+                self._covariances[keyframe.pose_id] = self._require_filter().covariance
 
     def lose(self, stamp_ns: int) -> None:
         """Forget the pose: the robot is lost until it is placed."""

@@ -343,6 +343,19 @@ def test_consecutive_keyframes_have_edges_by_odometry() -> None:
         assert math.hypot(*error[:2]) < 0.15
 
 
+def test_after_a_correction_of_keyframes_the_robot_is_as_uncertain_as_it_has_become_since() -> None:
+    trip, dark = new_trip(), PlanWorld([(90.0, 90.0, 91.0, 91.0)])
+    *_, (then, _) = trip.go(ROUTE[:60], ROUTE[:60])
+    newest = trip.localiser.keyframes[-1]
+    *_, (now, _) = trip.go(ROUTE[60:], ROUTE[60:], dark)
+    known = newest.pose_id, 1e-6 * np.eye(3)
+    trip.localiser.correct({newest.pose_id: newest.T_map_base}, known)
+    corrected = trip.localiser.estimate(frame_at(ROUTE[-1], trip.k - 1))
+    assert now.sigma_m > then.sigma_m + 0.05
+    grown = (now.covariance - then.covariance)[0, 0]
+    assert corrected.covariance[0, 0] == pytest.approx(grown, rel=0.1)
+
+
 def test_a_correction_moves_keyframes_and_robot_alike() -> None:
     trip = new_trip()
     for _ in trip.go(ROUTE[:100], ROUTE[:100]):
