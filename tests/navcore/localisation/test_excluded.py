@@ -27,7 +27,7 @@ def test_all_columns_that_may_show_a_person_are_left_out(aside_m: float) -> None
     for z in np.linspace(1.5 - REACH_M, 1.5 + REACH_M, 101):
         depth_m[:, np.hypot(rays * z + aside_m, z - 1.5) < 0.99 * REACH_M] = z
     mount = camera_mount(x_m=0.0, y_m=0.0, z_m=0.9, pitch_down_rad=0.0)
-    frame = dataclasses.replace(frame_of(depth_m), T_base_camera=mount)
+    frame = dataclasses.replace(frame_of(depth_m.astype(np.float32)), T_base_camera=mount)
     nothing = Labels(
         class_ids=np.zeros(shape, dtype=np.uint8), confidence=np.zeros(shape, dtype=np.float32)
     )

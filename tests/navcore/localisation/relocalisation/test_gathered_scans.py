@@ -7,6 +7,8 @@ import numpy as np
 from navcore.config.localisation.relocalisation import DEFAULT_RELOCALISATION
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.relocalisation.gathered_scans import GatheredScans
+from navcore.localisation.relocalisation.place_map import place_map_of
+from navcore.localisation.relocalisation.relocalisation import SearchTask, search_task
 from navcore.localisation.scans.scan import Scan
 from tests.navcore.localisation.plan_worlds import drive, office
 
@@ -28,6 +30,17 @@ def test_a_handful_of_points_confirms_no_place_however_far_the_robot_has_come() 
     assert few is None
     assert many is not None
     assert len(many) >= DEFAULT_RELOCALISATION.search.least_points
+
+
+def test_nor_do_a_few_recent_ones_move_a_robot_beside_its_place() -> None:
+    many, few = gathered(50).everything, gathered(2).recent
+    assert len(few) < DEFAULT_RELOCALISATION.search.least_points
+    place_map = place_map_of(many.points, many.normals, DEFAULT_RELOCALISATION.search)
+    for recent in (few, many):
+        task = SearchTask(everything=many, recent=recent, newest=None, given=IDENTITY)
+        result = search_task(task, place_map)
+        assert result is not None and result.given is not None
+        assert (result.moved is None) is (recent is few)
 
 
 def empty() -> Scan:
