@@ -82,6 +82,7 @@ class DetectionGallery:
         self._lock = threading.Lock()
         self._items: dict[int, _Item] = {}
         self._next_id = 1
+        self._moves = 0  # number of the newest correction, or of forgetting all
 
     def update(
         self, now_s: float, frame: Frame, labels: Labels, beware: BewareList
@@ -108,6 +109,7 @@ class DetectionGallery:
         that is nearest to where it was seen from last."""
         places = np.array([(pose.x_m, pose.y_m) for pose in before]).reshape(-1, 2)
         with self._lock:
+            self._moves += 1
             for item in self._items.values() if len(places) else ():
                 robot = item.seen_from
                 nearest = int(np.hypot(*(places - (robot.x_m, robot.y_m)).T).argmin())
@@ -124,6 +126,7 @@ class DetectionGallery:
     def clear(self) -> None:
         """Forget all entries; their ids are not given again."""
         with self._lock:
+            self._moves += 1
             self._items.clear()
 
     def counts(self) -> dict[int, int]:
@@ -176,7 +179,7 @@ class DetectionGallery:
         region: Detection,
         name: str,
     ) -> Sighting | None:
-        pixels = int(region.mask.sum())
+        pixels, moves = int(region.mask.sum()), self._moves
         item = self._at(region)
         better = item is None or pixels > BETTER_VIEW * item.pixels
         # Compressed outside the lock: it takes some milliseconds.
@@ -186,6 +189,8 @@ class DetectionGallery:
             else (b"", None)
         )
         with self._lock:
+            if self._moves != moves:
+                return None  # seen on the map of before a correction
             if item is None:
                 sighting = Sighting(
                     id=self._next_id,

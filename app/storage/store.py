@@ -76,10 +76,13 @@ class Store:
     def runs(self) -> tuple[dict[str, Any], ...]:
         """Return the reports of past missions without their time series, newest first."""
         rows = self._database.rows(
-            "SELECT json_remove(report, '$.series') FROM runs ORDER BY rowid DESC LIMIT ?",
+            # A number that is not finite is no JSON to SQLite.
+            "SELECT CASE WHEN json_valid(report) THEN json_remove(report, '$.series') "
+            "ELSE report END FROM runs ORDER BY rowid DESC LIMIT ?",
             (MAX_RUNS,),
         )
-        return tuple(json.loads(row[0]) for row in rows)
+        reports = [json.loads(row[0]) for row in rows]
+        return tuple({k: v for k, v in report.items() if k != "series"} for report in reports)
 
     def run(self, run_id: str) -> dict[str, Any]:
         """Return one report; raises `NotKnown`."""

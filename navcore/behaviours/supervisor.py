@@ -22,6 +22,7 @@ from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.perception.people.track import Track
+from navcore.planning.path import NoPath, Reason
 from navcore.planning.route import NO_POINTS, Route
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -95,8 +96,9 @@ class Behaviour:
 
     @property
     def has_failed(self) -> bool:
-        """Whether the recovery has found no way on."""
-        return self.recovery.action in (RecoveryAction.CLOSE, RecoveryAction.GIVE_UP)
+        """Whether the recovery has found no way on, and does not stand for that."""
+        has_none = self.recovery.action in (RecoveryAction.CLOSE, RecoveryAction.GIVE_UP)
+        return has_none and self.recovery.stands_s == 0.0
 
     @property
     def spins(self) -> bool:
@@ -149,7 +151,7 @@ class Behaviour:
             route is not None and not route.reaches_goal and motion.outcome is ControllerState.IDLE
         )
         if route is None or len(route.points) == 0 or at_viewpoint:
-            return now._without_path(frame, request, config.recovery), motion
+            return now._without_path(frame, route, request, config.recovery), motion
         step_s = elapsed_s(self.waiting.now_ns, frame.stamp_ns, config.behaviours.waiting)
         recovery = now._recovered(motion, frame, people, profile, config, held=held, step_s=step_s)
         closed = now.closed
@@ -243,22 +245,29 @@ class Behaviour:
         return self.recovery.after(motion, pose, frame.stamp_ns, rules, held=held)
 
     def _without_path(
-        self, frame: Frame, request: NavigationRequest, rules: RecoveryConfig
+        self,
+        frame: Frame,
+        route: Route | None,
+        request: NavigationRequest,
+        rules: RecoveryConfig,
     ) -> Behaviour:
         if self.closed and request.goal is not None:
             # Only a passage that was closed may be in the way: rather give up at this pose than
-            # report that no path exists. Each time it stands longer, or it would drive from one
-            # blocked passage to the other for ever.
+            # report that no path exists.
             given_up = Recovery(
                 action=RecoveryAction.GIVE_UP,
                 tried=RecoveryAction.CLOSE,
                 at=frame.pose,
                 since_ns=frame.stamp_ns,
-                stands_s=rules.again_s * 2.0 ** min(self.dead_ends, MOST_DOUBLINGS),
             )
-            return dataclasses.replace(
-                self, closed=(), dead_ends=self.dead_ends + 1, recovery=given_up
-            )
+            dead_ends = self.dead_ends
+            if route is not None and route.outcome == NoPath(reason=Reason.UNREACHABLE):
+                # Each time it stands longer, or it would drive from one blocked passage to the
+                # other for ever.
+                stands_s = rules.again_s * 2.0 ** min(dead_ends, MOST_DOUBLINGS)
+                given_up = dataclasses.replace(given_up, stands_s=stands_s)
+                dead_ends += 1
+            return dataclasses.replace(self, closed=(), dead_ends=dead_ends, recovery=given_up)
         return dataclasses.replace(self, recovery=Recovery())
 
     def _directed(self, motion: Motion) -> Motion:

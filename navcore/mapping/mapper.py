@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -38,6 +39,7 @@ class Mapper:
         """The global map."""
         self._tracker, self._profile, self._config = tracker, profile, config
         self._source_of = source_of
+        self._colourless: tuple[BewareList | None, list[BewareClass]] = None, []
         self._placed = False
         self._sightings = PeopleSightings(config.map.people_s)
         self._has_loaded_people = False
@@ -109,13 +111,14 @@ class Mapper:
     def _recognised(self, beware: BewareList) -> Bools:
         """Return (256,) whether the network or an example can show a class now, by its id: the
         list may be without a class that the map holds, and the network may not have loaded."""
-        unknown = {LabelSource.NOTHING}
+        if self._colourless[0] is not beware:
+            # Of a colour rule and another source, the rule may be named.
+            entries = [dataclasses.replace(entry, colour=None) for entry in beware.classes]
+            self._colourless = beware, entries
         return class_set(
             entry.class_id
-            for entry in beware.classes
-            # Of an example and a colour rule, the rule is named as the source.
-            if self._source_of(entry)
-            not in (unknown if entry.prototype else unknown | {LabelSource.COLOUR})
+            for entry in self._colourless[1]
+            if self._source_of(entry) is not LabelSource.NOTHING
         )
 
     def _mark_driven(self, pose: Pose2) -> None:

@@ -24,6 +24,10 @@ FAR_M = 1e6
 """Largest coordinate in metres."""
 
 
+MAX_TAGS = 1000
+"""Largest number of tags of a site."""
+
+
 @served
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tag:

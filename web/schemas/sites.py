@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, StrictBool, StrictStr
 
 from navcore.mission.beware_list import LARGEST_CLASS_ID
 from navcore.mission.mission import MAX_GOALS
-from web.interface.sites import SITE_NAME, PointPair, Site, Tag
+from web.interface.sites import MAX_TAGS, SITE_NAME, PointPair, Site, Tag
 from web.interface.wire import DOCUMENTED
 from web.schemas.beware import BewareEntry
 from web.schemas.fields import Body, Closed, Corner, Metres, Name, Radians, UnknownPrice
@@ -17,7 +17,7 @@ from web.schemas.zones import MAX_IMAGE_FILE, MAX_IMPORT, ImportedFeatureIn
 
 SiteName = Annotated[StrictStr, Field(pattern=SITE_NAME)]
 TagIn = Annotated[Tag, Body()]
-Tags = Annotated[list[TagIn], Field(max_length=1000)]
+Tags = Annotated[list[TagIn], Field(max_length=MAX_TAGS)]
 AreaId = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 Pair = tuple[Corner, Corner]
 

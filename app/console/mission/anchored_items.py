@@ -17,7 +17,7 @@ LEAST_M = 0.01
 """Distance in metres below which an item stays where it is, from where its poses have it: a
 correction that moves it less adds to the next."""
 Outline = tuple[tuple[float, float], ...]
-GoalKey = tuple[int, float, float]
+GoalKey = tuple[int, float, float, float | None]
 
 
 class ZoneMoves(Protocol):
@@ -26,6 +26,10 @@ class ZoneMoves(Protocol):
     @property
     def stored(self) -> tuple[Zone, ...]:
         """All zones."""
+
+    @property
+    def has_unmoved_sets(self) -> bool:
+        """Whether sets of zones could not be stored where the map has them."""
 
     def move(self, placed: Callable[[Zone], Zone]) -> tuple[tuple[Zone, Zone], ...]:
         """Move zones because the map was corrected, and return each that moved, as it was and as it
@@ -59,7 +63,7 @@ class AnchoredItems:
         for zone in self._zones().stored:
             if zone.polygon not in self._zone_anchors:
                 self._zone_anchors[zone.polygon] = anchored(zone, poses, frozen)
-        goals = {(goal.id, goal.x_m, goal.y_m): goal for goal in self._mission().queue}
+        goals = {_key(goal): goal for goal in self._mission().queue}
         if goals.keys() != self._goal_anchors.keys():
             self._goal_anchors = {
                 key: self._goal_anchors[key]
@@ -91,6 +95,9 @@ class AnchoredItems:
         for zone, there in self._zones().move(placed):
             distance_m = moved_m(zone, there)
             told.append(f"Zone “{zone.name}” moved {distance_m:.2f} m with the map.")
+        if self._zones().has_unmoved_sets:
+            for outline, held in anchors.items():
+                still_held.setdefault(outline, held)
         # The others belong to no zone, edit or set any more.
         self._zone_anchors = still_held
         return told
@@ -99,14 +106,14 @@ class AnchoredItems:
         moved: dict[int, Goal] = {}
         told = []
         for goal in self._mission().queue:
-            held = self._goal_anchors.get((goal.id, goal.x_m, goal.y_m))
+            held = self._goal_anchors.get(_key(goal))
             if held is None:
                 continue
             as_queued = replace(held.item, id=goal.id, name=goal.name)
             there = replace(held, item=as_queued).at(correction.after)
             if (distance_m := moved_m(goal, there)) >= LEAST_M:
                 moved[goal.id] = there
-                self._goal_anchors[goal.id, there.x_m, there.y_m] = held
+                self._goal_anchors[_key(there)] = held
                 told.append(f"Goal {goal.title} moved {distance_m:.2f} m with the map.")
         if moved:
             self._change_mission(
@@ -115,3 +122,7 @@ class AnchoredItems:
                 )
             )
         return told
+
+
+def _key(goal: Goal) -> GoalKey:
+    return goal.id, goal.x_m, goal.y_m, goal.yaw_rad

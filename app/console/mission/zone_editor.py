@@ -76,6 +76,7 @@ class ZoneEditor:
         self._edits = EditStack[_Zones](number=number)
         saved = (zone for zones in self.sets().values() for zone in zones)
         self._versions = {zone.id: zone.version for zone in (*self.stored, *saved)}
+        self._unmoved: Callable[[Zone], Zone] | None = None
         self._unstored = frozenset[str]()  # ids of zones that moved while the store refused
         self._changes = 0
 
@@ -196,13 +197,26 @@ class ZoneEditor:
                     even_unstored=True,
                 )
             self._edits.follow(step_placed)
-            try:
-                self._move_sets(placed)
-            except StorageFailed:
-                log.exception("the sets of zones stay where the map was before its correction")
+            self._unmoved = placed
+            self._move_sets()
         return moved
 
-    def _move_sets(self, placed: Callable[[Zone], Zone]) -> None:
+    @property
+    def has_unmoved_sets(self) -> bool:
+        """Whether sets of zones could not be stored where the map has them."""
+        return self._unmoved is not None
+
+    def _move_sets(self) -> None:
+        """Move the sets of zones by the newest correction of the map, if the store lets it."""
+        if self._unmoved is None:
+            return
+        try:
+            self._store_moved(self._unmoved)
+            self._unmoved = None
+        except StorageFailed:
+            log.exception("sets of zones could not be moved with the map yet")
+
+    def _store_moved(self, placed: Callable[[Zone], Zone]) -> None:
         for name, zones in self.sets().items():
             there = [placed(zone) for zone in zones]
             if there != list(zones):
@@ -229,9 +243,11 @@ class ZoneEditor:
     def expire(self) -> None:
         """Switch off expired zones, and store those that moved while the store refused; when it
         refuses, the next call tries again."""
-        if not self._unstored and not any(self._is_expired(zone) for zone in self.stored):
+        has_waiting = bool(self._unstored) or self.has_unmoved_sets
+        if not has_waiting and not any(self._is_expired(zone) for zone in self.stored):
             return
         with self._edits.editing():
+            self._move_sets()
             expired = [zone for zone in self.stored if self._is_expired(zone)]
             try:
                 self._apply(

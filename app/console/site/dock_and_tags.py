@@ -13,7 +13,7 @@ from navcore.geometry.transform import Pose2
 from navcore.localisation.fixes import MappedTag, TagMap, tag_map
 from navcore.navigator import TickResult
 from navcore.perception.tags import detect_tags
-from web.interface.sites import SeenTag, Tag
+from web.interface.sites import MAX_TAGS, SeenTag, Tag
 
 Dock = Pose2 | None
 """Pose of the robot in its dock, map frame; None without a dock."""
@@ -36,8 +36,12 @@ def stored_tags(site: SiteStore) -> tuple[Tag, ...]:
 
 
 def with_tag(tags: Tags, tag: Tag) -> Tags:
-    """Return tags with one more, in the place of that of its number, by number."""
-    return tuple(sorted((*without_tag(tags, tag.id), tag), key=lambda one: one.id))
+    """Return tags with one more, in the place of that of its number, by number; raises `Refused`
+    for too many."""
+    others = without_tag(tags, tag.id)
+    if len(others) >= MAX_TAGS:
+        raise Refused(f"a site has at most {MAX_TAGS} tags; remove one first")
+    return tuple(sorted((*others, tag), key=lambda one: one.id))
 
 
 def without_tag(tags: Tags, number: int) -> Tags:

@@ -42,6 +42,8 @@ _WIDE_M, _WIDE_RAD = 0.1, math.radians(6.0)
 each other that those next to such a pose may be others."""
 _MOVED_M, _MOVED_RAD = 0.05, math.radians(1.0)
 """Motion after which a scan says something new about a map."""
+_COVARIANCES = 256
+"""Number of the newest keyframes whose covariances are kept: a closed loop corrects newer ones."""
 _PLACED = np.diag([0.3, 0.3, math.radians(8.0)]) ** 2
 """Covariance of a pose that was given without one."""
 _DISPLACED = np.diag([0.25, 0.25, math.radians(6.0)]) ** 2
@@ -165,8 +167,12 @@ class Localiser:
             if known is not None:
                 pose_id, covariance = known
                 then = self._covariances.get(pose_id, self._filter.covariance)
-                since = growth(self._filter.covariance, then)
+                before, since = self._filter.covariance, growth(self._filter.covariance, then)
                 self._filter.place(self._filter.pose, covariance + since, with_map=True)
+                now = self._filter.covariance
+                self._covariances = {
+                    i: growth(now, growth(before, held)) for i, held in self._covariances.items()
+                }
 
     def place(self, T_map_base: Pose2, covariance: Matrix | None, frame: Frame) -> None:
         """Set the pose of the robot at a frame: given by the operator or found by relocalisation;
@@ -464,6 +470,8 @@ class Localiser:
             keyframe = self._chain.add(scan, pose, frame.stamp_ns, covariance)
             if keyframe is not None:
                 self._covariances[keyframe.pose_id] = self._require_filter().covariance
+                while len(self._covariances) > _COVARIANCES:
+                    del self._covariances[next(iter(self._covariances))]
 
     def lose(self, stamp_ns: int) -> None:
         """Forget the pose: the robot is lost until it is placed."""

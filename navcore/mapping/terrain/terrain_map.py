@@ -170,11 +170,9 @@ class TerrainMap:
         """Forget the ground of the cells at (N, 2) positions in metres of the map frame, and return
         it."""
         live = self._records[: self._count]
-        chosen = {
-            tuple(c) for c in np.floor(positions[:, ::-1] / self._cell_m).astype(int).tolist()
-        }
-        own = self._cells_of_records(self._poses_of_records()).tolist()
-        records = np.flatnonzero([tuple(cell) in chosen for cell in own])
+        chosen = np.floor(positions[:, ::-1] / self._cell_m).astype(np.int64)
+        own = self._cells_of_records(self._poses_of_records())
+        records = np.flatnonzero(np.isin(_numbers(own), _numbers(chosen)))
         taken = ErasedGround(records=records, sums=live["sums"][records].copy())
         if len(records):
             live["sums"][records] = 0.0
@@ -264,6 +262,11 @@ class TerrainMap:
         rows, cols, words, bits = rows[changes], cols[changes], words[changes], bits[changes]
         np.bitwise_xor.at(self.untraversable, (rows + PAD, words), bits)
         return np.asarray(rows * spec.cols + cols)
+
+
+def _numbers(cells: Indices) -> Indices:
+    """Return (N,) numbers of (N, 2) cells, one for each."""
+    return np.asarray((cells[:, 0] << 32) + cells[:, 1])
 
 
 def _tiles_between(cells: Indices) -> Iterator[tuple[int, int]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sqlite3
 from pathlib import Path
 
@@ -54,9 +55,11 @@ def test_runs_are_listed_newest_first_and_an_unknown_one_is_named(tmp_path: Path
     store.save_run({"id": "b"})
     assert [run["id"] for run in store.runs()] == ["b", "a"]
     assert store.runs()[1] == {"id": "a", "distance_m": 1.5}
+    store.save_run({"id": "c", "min_clearance_m": math.inf, "series": {}})
+    assert store.runs()[0] == {"id": "c", "min_clearance_m": math.inf}
     assert store.run("a")["series"] == {"t_s": [0.0, 1.0]}
-    with pytest.raises(NotKnown, match="'c'"):
-        store.run("c")
+    with pytest.raises(NotKnown, match="'x'"):
+        store.run("x")
     store.close()
 
 

@@ -478,6 +478,15 @@ def test_where_all_passages_are_blocked_the_robot_stands_longer_each_time() -> N
                 break
         stood_s.append(at_s - began_s)
     assert stood_s == pytest.approx([RULES.again_s * factor for factor in (1, 2, 4)], abs=0.3)
+    # A goal that is covered for a moment is no dead end.
+    covered = dataclasses.replace(none, outcome=NoPath(reason=Reason.GOAL_BLOCKED))
+    frame = picture(pose=HERE, stamp_ns=round((at_s + 1.0) * 1e9))
+    behaviour, _ = supervised(
+        dataclasses.replace(behaviour, closed=(passage,)), IDLE, frame, covered, ORDER
+    )
+    frame = picture(pose=HERE, stamp_ns=round((at_s + 1.2) * 1e9))
+    behaviour, motion = supervised(behaviour, ahead, frame, route, ORDER)
+    assert behaviour.dead_ends == 3 and motion.outcome is ControllerState.FOLLOW
     elsewhere = behaviour.towards(dataclasses.replace(ORDER, goal=(1.0, 1.0)))
     assert elsewhere.dead_ends == 0
 

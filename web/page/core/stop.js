@@ -12,6 +12,9 @@ const LOGGED_OUT = 401;
 const channels = [];
 // The stop that has not been answered: when it was pressed, and the message that says so.
 let undelivered = null;
+let waiting = 0;
+// Whether a stop is on its way: nothing else may take a connection from it.
+export const isStopWaiting = () => waiting > 0;
 
 // Register a second, open channel for the stop, used where no answer comes soon.
 export const addStopChannel = (send) => channels.push(send);
@@ -35,6 +38,15 @@ const isDone = (status) => status >= 200 && status < 300;
 
 // Stop the robot; ends once the stop was answered, and returns whether the robot is stopped.
 export async function stop(source) {
+  waiting += 1;
+  try {
+    return await sendUntilAnswered(source);
+  } finally {
+    waiting -= 1;
+  }
+}
+
+async function sendUntilAnswered(source) {
   abortAll(t("cancelled to let the stop through; check whether it took effect"));
   const pressedMs = performance.now();
   const sendBySecond = () => channels.forEach((sendTo) => sendTo(source));

@@ -33,9 +33,16 @@ export function showPlace({ place, phase, stop_latched: isStopped }) {
   setText(element("place-search"), place.searching ? t("Looking round …") : t("Look round"));
 }
 
+let asks = 0;
+
 // Ask how well the camera's view fits at a pose, and offer to take it.
 export async function propose(pose) {
-  await attempt(async () => show(pose, await post("/pose?check=true", pose)));
+  asks += 1;
+  const own = asks;
+  await attempt(async () => {
+    const checked = await post("/pose?check=true", pose);
+    if (own === asks) show(pose, checked);
+  });
 }
 
 function show(asked, checked) {
@@ -56,6 +63,7 @@ function show(asked, checked) {
 }
 
 export function withdraw() {
+  asks += 1; // nor is an answer shown that is still on its way
   if (proposal.checked) show(null, null);
 }
 

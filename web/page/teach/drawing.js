@@ -72,6 +72,8 @@ function edited() {
   timer = setTimeout(() => attempt(flush), SAVE_MS);
 }
 
+const LOGGED_OUT = 401;
+const isRefused = (status) => status >= 400 && status < 500 && status !== LOGGED_OUT;
 const isUnsaved = () => saved < edits;
 const addressOf = ({ id }) => `/teach/frames/${id}/labels`;
 const marked = () => ({ class_names: classNames(), runs: runsOf(labels.values) });
@@ -95,6 +97,10 @@ async function save() {
       return;
     }
     setText(element("saved"), t("not saved"));
+    if (isRefused(error.status)) {
+      saved = edits; // said once; to try it again would hold the next image back for good
+      throw error;
+    }
     timer = setTimeout(() => flush().catch(() => {}), RETRY_MS);
     throw error;
   }
@@ -106,7 +112,8 @@ window.addEventListener("pagehide", () => {
   if (!isUnsaved()) return;
   const headers = { "Content-Type": "application/json" };
   const body = JSON.stringify(marked());
-  fetch(`/api/v1${addressOf(frame)}`, { method: "PUT", keepalive: true, headers, body });
+  const nothing = () => {}; // browsers refuse a large body that is to outlive the page
+  fetch(`/api/v1${addressOf(frame)}`, { method: "PUT", keepalive: true, headers, body }).catch(nothing);
 });
 
 function pixelAt(event) {

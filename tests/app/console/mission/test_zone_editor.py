@@ -137,17 +137,22 @@ def test_zones_move_with_the_map_even_while_the_store_refuses_and_are_stored_lat
     def full(*_: object) -> None:
         raise StorageFailed("the disk is full")
 
+    desk.editor.save_set("night")
     with monkeypatch.context() as patch:
         patch.setattr(desk.store.site, "change_zones", full)
+        patch.setattr(desk.store.site, "save_document", full)
         desk.editor.move(placed)
         (bound,) = desk.bound
         assert bound.polygon == placed(before).polygon and bound.version == before.version + 1
         assert desk.store.site.zones() == (before,)
         desk.editor.expire()
+        assert desk.editor.has_unmoved_sets
         with pytest.raises(StorageFailed):  # an edit of the operator is refused as before
             desk.editor.add_all([ROUND])
     desk.editor.expire()
     assert desk.store.site.zones() == desk.bound == (bound,)
+    assert not desk.editor.has_unmoved_sets
+    assert desk.editor.sets()["night"][0].polygon == bound.polygon
 
 
 def test_a_new_edit_clears_redo_and_versions_only_grow(desk: Desk) -> None:

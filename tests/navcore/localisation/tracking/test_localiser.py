@@ -354,6 +354,10 @@ def test_after_a_correction_of_keyframes_the_robot_is_as_uncertain_as_it_has_bec
     assert now.sigma_m > then.sigma_m + 0.05
     grown = (now.covariance - then.covariance)[0, 0]
     assert corrected.covariance[0, 0] == pytest.approx(grown, rel=0.1)
+    # Another loop that ends at the same keyframe takes nothing of the way since.
+    trip.localiser.correct({newest.pose_id: newest.T_map_base}, known)
+    again = trip.localiser.estimate(frame_at(ROUTE[-1], trip.k - 1))
+    assert again.covariance[0, 0] == pytest.approx(grown, rel=0.1)
 
 
 def test_a_correction_moves_keyframes_and_robot_alike() -> None:

@@ -78,6 +78,7 @@ export function abortAll(message) {
 }
 
 const RECONNECT_MS = 500;
+const CONNECTING_S = 10; // a browser tries one connection for a minute
 
 // A websocket that reconnects; `onMessage` gets parsed messages. One whose other end never rests is
 // given up after `restS` seconds without a message: of a lost network a browser learns late.
@@ -102,9 +103,9 @@ export function connect(path, { onMessage, onOpen = () => {}, onClose = () => {}
   // Counted and not measured: in a hidden page, or after the computer has slept, time passes in which
   // no message could be taken.
   setInterval(() => {
-    if (socket.readyState !== WebSocket.OPEN) return;
+    if (socket.readyState > WebSocket.OPEN) return;
     restingS += 1;
-    if (restingS <= restS) return;
+    if (restingS <= (socket.readyState === WebSocket.OPEN ? restS : CONNECTING_S)) return;
     const { onclose } = socket;
     socket.onmessage = socket.onclose = null;
     socket.close();

@@ -1,5 +1,7 @@
 // Values that are fetched when the robot's state says that they have changed.
 
+import { isStopWaiting } from "../stop.js";
+
 const STANDING_FACTOR = 2;
 const RETRY_MS = 500;
 let isMoving = false;
@@ -12,7 +14,8 @@ export const pause = (ms) =>
   new Promise((resolve) => setTimeout(resolve, isMoving ? ms : STANDING_FACTOR * ms));
 
 // One request at a time, and one more if the value changed meanwhile: a slow link is never flooded.
-// One that was lost, or aborted for a stop, is made again: the value may not change for hours.
+// One that was lost, or aborted for a stop, is made again once the stop is there: the value may not
+// change for hours.
 export function oneAtATime(load) {
   let isBusy = false;
   let isDue = false;
@@ -24,9 +27,10 @@ export function oneAtATime(load) {
       isDue = false;
       try {
         await load();
-      } catch {
-        isDue = true; // a lost connection has its own banner
-        await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+      } catch (error) {
+        isDue ||= !error.status || error.status >= 500; // a lost connection has its own banner
+        do await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+        while (document.hidden || isStopWaiting());
       }
     }
     isBusy = false;
