@@ -44,8 +44,8 @@ WARM = BewareClass(
 )
 BOOK = BewareClass(name="book", class_id=2, margin_m=0.05)
 CUP = BewareClass(name="cup", class_id=3, min_height_m=0.05)
-SOMEBODY = BewareClass(name=PERSON, class_id=11, min_height_m=0.5)
-CLAIMED_TWICE = BewareList(classes=(WARM, RED_FLOOR, BOOK, BLUE, CUP, SOMEBODY))
+PERSON_CLASS = BewareClass(name=PERSON, class_id=11, min_height_m=0.5)
+CLAIMED_TWICE = BewareList(classes=(WARM, RED_FLOOR, BOOK, BLUE, CUP, PERSON_CLASS))
 NAMES = st.sampled_from(["red floor", "blue", "warm", "book", "cup", PERSON])
 EDITS = st.lists(
     st.tuples(
@@ -74,7 +74,7 @@ class Reader:
         right = np.arange(frame.rgb.shape[1]) > np.flatnonzero(green.any(axis=0)).min() - 2
         said = np.select(
             [green | (red & right), red & (frame.rgb[..., 1] < 60), frame.rgb[..., 2] > 200],
-            [SOMEBODY.class_id, BOOK.class_id, CUP.class_id],
+            [PERSON_CLASS.class_id, BOOK.class_id, CUP.class_id],
         )
         sure = np.full(red.shape, 0.4 + 0.15 * frame.stamp_ns / 1e8, dtype=np.float32)
         return Labels(
@@ -83,7 +83,7 @@ class Reader:
 
     def source_of(self, entry: BewareClass) -> LabelSource:
         """Return books, cups and people."""
-        known = {BOOK.class_id, CUP.class_id, SOMEBODY.class_id}
+        known = {BOOK.class_id, CUP.class_id, PERSON_CLASS.class_id}
         return LabelSource.NETWORK if entry.class_id in known else LabelSource.NOTHING
 
 

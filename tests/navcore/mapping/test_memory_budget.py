@@ -20,7 +20,7 @@ from tests.navcore.scene import Box, picture
 TENTH_NS = 100_000_000
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)
 ORDER = NavigationRequest(goal=None, beware=BewareList(classes=()), zones=())
-SOMEBODY = Box(x=(1.88, 2.12), y=(0.1, 0.5), z=(0.0, 1.75))
+STANDING_PERSON = Box(x=(1.88, 2.12), y=(0.1, 0.5), z=(0.0, 1.75))
 WALL = Box(x=(5.0, 5.1), y=(-6.0, 6.0), z=(0.0, 2.5))
 KERB = Box(x=(2.0, 2.2), y=(-0.3, 0.3), z=(0.0, 0.2))
 
@@ -48,9 +48,11 @@ def test_a_person_who_left_is_cleared_within_a_second_in_view_and_stays_outside_
     # proves nothing.
     navigator, pose = looker(), Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi if away else 0.0)
     for k in range(stood_frames):
-        before = held(navigator, picture(WALL, SOMEBODY, stamp_ns=k * TENTH_NS), SOMEBODY)
+        before = held(
+            navigator, picture(WALL, STANDING_PERSON, stamp_ns=k * TENTH_NS), STANDING_PERSON
+        )
     for k in range(stood_frames, stood_frames + 10):
-        left = held(navigator, picture(WALL, pose=pose, stamp_ns=k * TENTH_NS), SOMEBODY)
+        left = held(navigator, picture(WALL, pose=pose, stamp_ns=k * TENTH_NS), STANDING_PERSON)
     assert before > 5
     assert left == (before if away else 0)
 

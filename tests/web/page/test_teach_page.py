@@ -92,16 +92,21 @@ def test_an_object_is_marked_by_mouse_and_keys_and_every_edit_is_saved(
     expect(page.locator(".toast").last).to_contain_text("1 annotated frames show it")
 
 
+def capture_two(client: httpx.Client, operations: FakeOperations) -> None:
+    """Capture two images that differ, with a class to mark."""
+    client.post("/api/v1/beware", json={"name": "shoe"})
+    for x_m, brightness in ((1.0, 120), (3.0, 60)):
+        look(operations, x_m, brightness)
+        client.post("/api/v1/teach/frames")
+
+
 def test_keys_belong_to_the_field_that_has_the_focus_and_a_stroke_to_its_image(
     new_context: Callable[..., BrowserContext],
     server: ConsoleServer,
     client: httpx.Client,
     operations: FakeOperations,
 ) -> None:
-    client.post("/api/v1/beware", json={"name": "shoe"})
-    for x_m, brightness in ((1.0, 120), (3.0, 60)):
-        look(operations, x_m, brightness)
-        client.post("/api/v1/teach/frames")
+    capture_two(client, operations)
     page = opened(new_context, server, 1024, 768)
     current = page.locator("[aria-current=true]")
     expect(current).to_have_attribute("data-testid", "frame-000001")
@@ -145,10 +150,7 @@ def test_marks_that_were_not_saved_are_kept_until_they_are(
     client: httpx.Client,
     operations: FakeOperations,
 ) -> None:
-    client.post("/api/v1/beware", json={"name": "shoe"})
-    for x_m, brightness in ((1.0, 120), (3.0, 60)):
-        look(operations, x_m, brightness)
-        client.post("/api/v1/teach/frames")
+    capture_two(client, operations)
     page = opened(new_context, server, 1024, 768)
     current = page.locator("[aria-current=true]")
     page.get_by_test_id("class").select_option("shoe")

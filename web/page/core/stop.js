@@ -19,8 +19,8 @@ export const isStopWaiting = () => waiting > 0;
 // Register a second, open channel for the stop, used where no answer comes soon.
 export const addStopChannel = (send) => channels.push(send);
 
-// Send the stop; returns the status of the answer, 0 without one. A browser opens few connections to one host: `keepalive` and
-// the abort of all other requests let this one through.
+// Send the stop; returns the status of the answer, 0 without one. A browser opens few connections to
+// one host: `keepalive` and the abort of all other requests let this one through.
 async function send(source) {
   try {
     const response = await fetch(`/api/v1/stop?by=${encodeURIComponent(source)}`, {
