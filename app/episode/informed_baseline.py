@@ -12,10 +12,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FREE
@@ -152,7 +152,7 @@ class _InformedDriver:
         return goal if len(corners) < 3 else spec.centre(*corners[1].tolist())
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _newly_seen(
     high: BoolGrid,
     low: BoolGrid,

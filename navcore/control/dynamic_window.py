@@ -12,9 +12,9 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from navcore.compiled import compiled
 from navcore.config.control import CONTROL_CONFIG, DynamicWindowConfig
 from navcore.control.collision_checker import CollisionChecker, stopping_trajectory
 from navcore.control.motion import ControllerState, Motion
@@ -123,7 +123,7 @@ def _pairs(max_speed_mps: float, turn_rate_radps: float, config: DynamicWindowCo
     return np.asarray(np.array(found) * np.array([max_speed_mps, turn_rate_radps] * 2))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _rollouts(
     pairs: Floats,
     v: float,
@@ -152,7 +152,7 @@ def _rollouts(
     return poses
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _meeting(
     poses: Floats,
     walking: Floats,

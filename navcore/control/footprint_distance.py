@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled, finite
 from navcore.geometry.arrays import Floats, Points
 
 
@@ -28,7 +28,7 @@ Lanes = npt.NDArray[np.float32]
 """(B, LANES) one coordinate of the points."""
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _lanes(obstacles: Points, poses: Floats, reach: float) -> Lanes:
     """(2, B, LANES) x and y of the points, without those that no pose comes near; single precision
     is good to a micrometre."""
@@ -47,7 +47,7 @@ def _lanes(obstacles: Points, poses: Floats, reach: float) -> Lanes:
     return lanes[:, : -(-count // LANES)]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _sweep(
     x: Lanes,
     y: Lanes,
@@ -67,7 +67,7 @@ def _sweep(
     return distances
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def contact_slack(
     contacts: Points, kept_m: Floats, poses: Floats, half_length: float, half_width: float
 ) -> tuple[Floats, Floats]:
@@ -94,7 +94,7 @@ def contact_slack(
     return slack, distances
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+@finite
 def _nearest(
     x: Lanes,
     y: Lanes,

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from functools import cache
 
-import numba
 import numpy as np
 
+from navcore.compiled import compiled
 from navcore.config.control import CONTROL_CONFIG, ArcConfig
 from navcore.geometry.arrays import Floats, Indices, Points
 from navcore.geometry.polyline import metres_along, points_at
@@ -62,7 +62,7 @@ def errors_to_path(
     return stations[nearest], lateral, heading
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _nearest_marks(
     marks: Points, headings: Floats, poses: Floats
 ) -> tuple[Indices, Floats, Floats]:

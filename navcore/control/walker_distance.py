@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, finite
 from navcore.geometry.arrays import Bools, Floats
 
 _ROUNDING_M = 1e-6
@@ -74,7 +73,7 @@ def are_clear(
     return clear
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+@finite
 def _least_squared_gap(
     person: tuple[float, float, float, float],
     heading: tuple[float, float],

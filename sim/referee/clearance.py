@@ -7,10 +7,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled
 from sim.models.solids import Polygon
 
 Floats = npt.NDArray[np.float64]
@@ -68,7 +68,7 @@ def _circle(polygon: Polygon) -> tuple[float, float, float]:
     return x, y, float(np.hypot(polygon[:, 0] - x, polygon[:, 1] - y).max())
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _proximity(
     body: Floats,
     corners: Floats,
@@ -97,7 +97,7 @@ def _proximity(
     return least
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _distance(a: Floats, b: Floats) -> float:
     if _contains(a, b[0, 0], b[0, 1]) or _contains(b, a[0, 0], a[0, 1]):
         return 0.0
@@ -112,7 +112,7 @@ def _distance(a: Floats, b: Floats) -> float:
     return least
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _contains(polygon: Floats, x: float, y: float) -> bool:
     """Return whether a point lies inside, by the parity of the edges to its right."""
     inside = False
@@ -124,18 +124,18 @@ def _contains(polygon: Floats, x: float, y: float) -> bool:
     return inside
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _cross(p: Floats, q: Floats, r: Floats, s: Floats) -> bool:
     """Return whether the edges pq and rs cross; a mere touch has distance 0 anyway."""
     return _side(p, q, r) * _side(p, q, s) < 0 and _side(r, s, p) * _side(r, s, q) < 0
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _side(p: Floats, q: Floats, r: Floats) -> float:
     return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _distance_to_edge(p: Floats, r: Floats, s: Floats) -> float:
     dx, dy = s[0] - r[0], s[1] - r[1]
     length = dx * dx + dy * dy

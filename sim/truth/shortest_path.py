@@ -14,11 +14,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 import shapely
 
+from navcore.compiled import compiled
 from navcore.grid.grid import GridSpec
 from sim.models.solids import Polygon
 
@@ -222,7 +222,7 @@ def _trace_back(nodes: Floats, previous: npt.NDArray[np.int64], last: int) -> Fl
     return nodes[path[::-1]]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _relax(
     here: int,
     nodes: Floats,
@@ -262,7 +262,7 @@ def _relax(
     return reached[:count]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _is_tangent(at: int, other: int, nodes: Floats, neighbours: Floats) -> bool:
     """Return whether the line between two nodes leaves the obstacle of `at` on one side; start and
     goal have no obstacle."""
@@ -274,7 +274,7 @@ def _is_tangent(at: int, other: int, nodes: Floats, neighbours: Floats) -> bool:
     return bool(a * b >= -1e-9)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _is_visible(
     line: tuple[float, float, float, float],
     sides: Floats,
@@ -307,7 +307,7 @@ def _is_visible(
     return True
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _crosses(
     x: float, y: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float
 ) -> bool:

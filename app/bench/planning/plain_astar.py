@@ -3,10 +3,10 @@ lengths."""
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled
 from navcore.grid.grid import BoolGrid, Cell
 
 
@@ -19,14 +19,14 @@ _MOVE_ROW = np.array([0, 0, 1, -1, 1, 1, -1, -1], dtype=np.int64)
 _MOVE_COL = np.array([1, -1, 0, 0, 1, -1, 1, -1], dtype=np.int64)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _octile(rows: int, cols: int) -> float:
     """Return the path length on an empty grid: consistent, so no cell is expanded twice."""
     low, high = min(rows, cols), max(rows, cols)
     return (high - low) + low * 1.4142135623730951
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _astar(
     blocked: npt.NDArray[np.uint8], start_row: int, start_col: int, goal_row: int, goal_col: int
 ) -> float:
@@ -70,7 +70,7 @@ def _astar(
     return float(np.inf)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _push(
     keys: npt.NDArray[np.float64], nodes: npt.NDArray[np.int64], size: int, key: float, node: int
 ) -> int:
@@ -85,7 +85,7 @@ def _push(
     return size + 1
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _pop(keys: npt.NDArray[np.float64], nodes: npt.NDArray[np.int64], size: int) -> int:
     size -= 1
     key, node, at = keys[size], nodes[size], 0

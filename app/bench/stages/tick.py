@@ -13,13 +13,13 @@ import math
 import time
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from rich.table import Table
 
 from app.bench.quiet import QuietGuard
 from app.runtime.control.stage_timer import TICK, StageTimer
+from navcore.compiled import compiled
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.arrays import Floats
@@ -186,7 +186,7 @@ class Forest:
         )
 
 
-@numba.njit(cache=True)
+@compiled
 def _trace(
     trunks: npt.NDArray[np.float64],
     t: npt.NDArray[np.float64],

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 from app.runtime.start.progress_lines import COMPILING, Progress, announced, on_stderr
-from navcore.compiled import KernelCache
+from navcore.kernel_cache import CACHE, KernelCache
 
 PARTS = ("warm_kernels", "warm_planning")
 """Functions of `navcore.warmup`, each run in a process of its own. The first calls every kernel,
@@ -75,11 +75,10 @@ class KernelCompiler:
 
 @contextmanager
 def compiling_apart(
-    say: Callable[[Progress], None] = on_stderr, cache: KernelCache | None = None
+    say: Callable[[Progress], None] = on_stderr, cache: KernelCache = CACHE
 ) -> Iterator[KernelCompiler]:
     """Compile in other processes while the body prepares other things, then wait for them; where
     everything is in the cache, load it meanwhile."""
-    cache = cache or KernelCache()
     if cache.is_complete:
         loading = threading.Thread(target=_load, name="loading of kernels", daemon=True)
         loading.start()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import functools
 import math
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled
 from navcore.errors import BadConfiguration
 
 _LOG2_E = np.float32(math.log2(math.e))
@@ -59,7 +59,7 @@ def _axis(length: int, wanted: int) -> _Axis:
     return before.astype(np.uint64), after.astype(np.uint64), (at - before).astype(np.float32)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _most_likely(
     logits: npt.NDArray[np.float32],
     above: _Index,

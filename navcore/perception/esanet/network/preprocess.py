@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import cv2
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from navcore.compiled import compiled
 from navcore.errors import BadConfiguration, BadFrame
 from navcore.toml_config import ranged
 
@@ -133,7 +133,7 @@ class Preprocessor:
         ]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _look_up(
     rgb: npt.NDArray[np.uint8], table: npt.NDArray[np.float32], planes: npt.NDArray[np.float32]
 ) -> None:

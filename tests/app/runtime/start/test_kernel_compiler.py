@@ -7,18 +7,17 @@ import sys
 import time
 from pathlib import Path
 
-import numba
 import pytest
 
+import navcore
 from app.runtime.start.kernel_compiler import KernelCompiler, _process, compiling_apart
 from app.runtime.start.progress_lines import COMPILING, Progress
-from navcore.compiled import KernelCache
+from navcore.kernel_cache import KernelCache
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> KernelCache:
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    return KernelCache()
+def cache(tmp_path: Path) -> KernelCache:
+    return KernelCache(Path(navcore.__file__).parents[1], tmp_path)
 
 
 def ran(code: str) -> subprocess.Popen[bytes]:
