@@ -8,11 +8,12 @@ to, only where they are; it is still never faster than it can stop before a pers
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from navcore.config.behaviours import WaitingConfig
 from navcore.config.people import PeopleConfig
-from navcore.control.motion import ControllerState, Motion
+from navcore.control.motion import DRIVES_ON, ControllerState, Motion
 from navcore.geometry.transform import Pose2
 
 _DEFAULT = WaitingConfig()
@@ -26,9 +27,9 @@ class WaitingTimer:
     """Pose where the robot started to wait, map frame."""
     waited_s: float = 0.0
     """Time in seconds for which it has waited there in all."""
-    lost_ns: int | None = None
-    """Stamp in nanoseconds of the newest tick in which it waited, anywhere, while a person who
-    walks was out of sight; None before that."""
+    driven_s: float = math.inf
+    """Time in seconds for which it has got on along its path since it last waited, anywhere, while
+    a person who walks was out of sight; infinite before that."""
     now_ns: int = 0
     """Stamp of the newest tick in nanoseconds."""
 
@@ -44,17 +45,20 @@ class WaitingTimer:
         """Return the timer after one more tick; `pose` is in the map frame, and `is_lost` tells
         whether a person who walks is out of sight."""
         waits = motion.outcome is ControllerState.WAIT_FOR_PEOPLE
-        lost_ns = stamp_ns if waits and is_lost else self.lost_ns
+        step_s = elapsed_s(self.now_ns, stamp_ns, config)
+        # A robot that backs off or manoeuvres is still where it waited.
+        driven_s = self.driven_s + step_s * (motion.outcome in DRIVES_ON)
+        if waits and is_lost:
+            driven_s = 0.0
         if self.at is None or self.at.distance_to(pose.x_m, pose.y_m) > config.position_m:
-            return WaitingTimer(at=pose, lost_ns=lost_ns, now_ns=stamp_ns)
-        waited_s = self.waited_s + elapsed_s(self.now_ns, stamp_ns, config) * waits
-        return WaitingTimer(at=self.at, waited_s=waited_s, lost_ns=lost_ns, now_ns=stamp_ns)
+            return WaitingTimer(at=pose, driven_s=driven_s, now_ns=stamp_ns)
+        waited_s = self.waited_s + step_s * waits
+        return WaitingTimer(at=self.at, waited_s=waited_s, driven_s=driven_s, now_ns=stamp_ns)
 
     def has_just_ended(self, people_config: PeopleConfig) -> bool:
-        """Return whether the robot has waited until a moment ago, and a person was out of sight."""
-        if self.lost_ns is None:
-            return False
-        return 0 <= self.now_ns - self.lost_ns < 1e9 * people_config.cautious_s
+        """Return whether the robot has hardly driven on since it waited, and a person was out of
+        sight."""
+        return self.driven_s < people_config.cautious_s
 
     def is_over(self, people_config: PeopleConfig) -> bool:
         """Return whether the robot has waited long enough, until it leaves the position."""

@@ -92,6 +92,8 @@ class TurnConfig:
     face_person_deg: float = ranged(5.0, 90.0, default=30.0)
     """Angle in degrees off the heading beyond which a robot that waits for a person turns to keep
     the person in view."""
+    in_view_deg: float = ranged(5.0, 180.0, default=45.0)
+    """Angle in degrees off the heading up to which the camera has a person in view."""
     spin_check_deg: float = ranged(5.0, 180.0, default=30.0)
     """Angle in degrees ahead that must be free for a robot that spins to look around."""
     look_from_deg: float = ranged(10.0, 180.0, default=35.0)

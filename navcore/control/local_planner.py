@@ -17,11 +17,17 @@ import numpy as np
 
 from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerConfig
 from navcore.config.people import PeopleConfig
+from navcore.control.beside_people import (
+    face_person,
+    loses_sight,
+    no_faster,
+    slow_beside_people,
+)
 from navcore.control.collision_checker import CollisionChecker, stopping_trajectory
 from navcore.control.dynamic_window import avoid, will_collide
 from navcore.control.growth_exit import drive_out
 from navcore.control.manoeuvre import Manoeuvre, steer
-from navcore.control.motion import ARRIVED, BLOCKED, ControllerState, Motion
+from navcore.control.motion import ARRIVED, BLOCKED, DRIVES_ON, ControllerState, Motion
 from navcore.control.motion_primitives import arcs
 from navcore.control.path_follower import follow
 from navcore.control.social import (
@@ -30,8 +36,8 @@ from navcore.control.social import (
     PeopleState,
     clear_of_people,
     recedes,
-    speed_limit_near_people,
 )
+from navcore.control.turning import spin, turn_in_place, turn_with_room
 from navcore.costmap.local_costmap import footprint_overlaps, outside
 from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import metres_along, path_from
@@ -39,12 +45,8 @@ from navcore.geometry.transform import STANDSTILL, Pose2, Twist, wrap_angle
 from navcore.mission.zone_growth import GrownZone
 from navcore.robot.profile import RobotProfile
 
-_DRIVES_ON = (ControllerState.FOLLOW, ControllerState.TURN, ControllerState.LOOK)
-"""States in which the robot gets on along the path."""
 _STRUGGLES = (ControllerState.MANOEUVRE, ControllerState.BACK, ControllerState.BLOCKED)
 """States that are not worth the last centimetres to the goal."""
-_TURN_POSES = 12
-"""Number of poses at which the clearance of a turn is measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,20 +119,20 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         collides = walked and will_collide(checker, motion.twist, inputs.twist)
         return avoid(checker, path, inputs.twist) if collides else motion
     if inputs.retreat is None:
-        motion = _slow_beside_people(checker, motion)
+        motion = slow_beside_people(checker, motion)
     waited = inputs.previous.outcome is ControllerState.WAIT_FOR_PEOPLE
     expected = inputs.people.expectations
     if (
         expected.expects_return
         and not expected.ignore_predictions
         and waited
-        and motion.outcome in _DRIVES_ON
+        and motion.outcome in DRIVES_ON
     ):
         motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     if motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
-        return _face_person(checker, motion)
+        return face_person(checker, motion)
     if expected.is_cautious:
-        return _no_faster(motion, inputs.people_config.cautious_mps, checker.profile)
+        return no_faster(motion, inputs.people_config.cautious_mps, checker.profile)
     return motion
 
 
@@ -181,7 +183,7 @@ def _select(
             return crossing
         return _retreat(surroundings, path_from(inputs.retreat, inputs.pose))
     if inputs.spin:
-        return _spin(checker) or BLOCKED
+        return spin(checker) or BLOCKED
     if inputs.around:
         return drive_out(checker, inputs.around, inputs.pose, inputs.path[-1], inputs.previous)
     if goal.reached:
@@ -202,7 +204,7 @@ def _drive_as_if_standing(
 ) -> Motion | None:
     """Follow the path as if people stood where they are; None where even that leads on nowhere."""
     motion = _drive(inputs, checker.with_people_standing(), path)
-    leads_on = motion.outcome in _DRIVES_ON or motion.outcome is ControllerState.MANOEUVRE
+    leads_on = motion.outcome in DRIVES_ON or motion.outcome is ControllerState.MANOEUVRE
     return motion if leads_on else None
 
 
@@ -213,17 +215,17 @@ def _cross(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
     if not checker.people.walk_away:
         return None
     motion = _drive_as_if_standing(inputs, checker, path)
-    slow = None if motion is None else _slow_beside_people(checker, motion)
+    slow = None if motion is None else slow_beside_people(checker, motion)
     return None if slow is None or slow.twist == STANDSTILL else slow
 
 
 def _align(inputs: LocalPlannerInput, checker: CollisionChecker, goal: _Goal) -> Motion:
     """Turn in place to the heading asked for, if need be after a look from elsewhere at the
     unobserved cells that the turn would sweep; stand where the body cannot turn."""
-    turn = _turn(checker, goal.heading_error_rad)
+    turn = turn_in_place(checker, goal.heading_error_rad)
     if turn is not None:
         return dataclasses.replace(turn, outcome=ControllerState.ALIGN)
-    if _turn(checker.all_observed(), goal.heading_error_rad) is None:
+    if turn_in_place(checker.all_observed(), goal.heading_error_rad) is None:
         return BLOCKED
     here, pose, previous = np.zeros((1, 2)), inputs.pose, inputs.previous
     found, began = previous.manoeuvre, previous.began or pose
@@ -251,7 +253,7 @@ def _drive(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
     off_path = abs(bearing) > math.radians(inputs.local.turn_until_deg)
     if off_path and follow(checker.all_observed(), path, primitives):
         # The path leads over unobserved cells.
-        turn = _turn(checker, bearing)
+        turn = turn_in_place(checker, bearing)
         if turn is not None:
             return turn
     found = checker.manoeuvre(path, pose)
@@ -278,7 +280,10 @@ def _turn_to_path(
     """Turn in place towards the path; None where it lies ahead or the body cannot turn."""
     turning = inputs.previous.outcome is ControllerState.TURN
     least_deg = inputs.local.turn_until_deg if turning else inputs.local.turn_from_deg
-    return _turn(checker, bearing) if abs(bearing) > math.radians(least_deg) else None
+    turn = turn_in_place(checker, bearing) if abs(bearing) > math.radians(least_deg) else None
+    if turn is not None and loses_sight(checker, bearing):
+        return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
+    return turn
 
 
 def _look(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -> Motion | None:
@@ -293,20 +298,8 @@ def _look(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) ->
         return None
     x, y = cells[np.hypot(*cells.T).argmin()]
     bearing = math.atan2(y, x)
-    turn = _turn_with_room(checker, bearing)
+    turn = turn_with_room(checker, bearing)
     return None if turn is None else dataclasses.replace(turn, outcome=ControllerState.LOOK)
-
-
-def _turn_with_room(checker: CollisionChecker, bearing: float) -> Motion | None:
-    """Turn in place to the bearing, the shorter way, as long as there is room; None where the turn
-    would bring the body close to an obstacle: what it comes to see there might keep it from turning
-    on or back."""
-    poses = np.zeros((1, _TURN_POSES, 3))
-    poses[..., 2] = np.linspace(0.0, bearing, _TURN_POSES)
-    close_m = checker.control.path_follower.padding_factor * checker.local.padding_m
-    if not (checker.clearance(poses) > close_m).all():
-        return None
-    return _turn(checker, bearing, both_directions=False)
 
 
 def _manoeuvre(
@@ -350,81 +343,6 @@ def _is_clear_of_people(checker: CollisionChecker, rest: Manoeuvre, pose: Pose2)
     return bool(clear.all())
 
 
-def _slow_beside_people(checker: CollisionChecker, motion: Motion) -> Motion:
-    """The same motion, no faster than the people near allow."""
-    limit_mps = speed_limit_near_people(
-        checker.people, motion.twist, checker.profile, checker.people_config, checker.control.social
-    )
-    if limit_mps == 0.0 and motion.twist != STANDSTILL:
-        yields = ControllerState.WAIT_FOR_PEOPLE
-        return dataclasses.replace(motion, twist=STANDSTILL, outcome=yields, arc=None)
-    return _no_faster(motion, limit_mps, checker.profile)
-
-
-def _no_faster(motion: Motion, limit_mps: float, profile: RobotProfile) -> Motion:
-    """The same motion with no point of the body faster than a limit."""
-    twist = motion.twist
-    fastest_mps = abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
-    if fastest_mps <= limit_mps:
-        return motion
-    share = limit_mps / fastest_mps
-    slower = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
-    return dataclasses.replace(motion, twist=slower)
-
-
-def _face_person(checker: CollisionChecker, motion: Motion) -> Motion:
-    """While waiting, turn to keep the nearest person in view, also one who has just left it: out of
-    sight they could be anywhere. A robot with a scanner sees them all round.
-
-    One whose way led by the robot is not looked for, neither soon nor before it sets off: one who
-    comes back walks into the turning robot as often as into one that sets off unseeing, and where
-    people walk to and fro beside it, it would wait twice as long. Beside a person, whom a corner
-    would swing towards, in a door or another narrow place it does not turn either.
-    """
-    sought = checker.people.expected_discs[:, :2] - (checker.profile.camera.x_m, 0.0)
-    if len(sought) == 0 or checker.profile.scanner is not None:
-        return motion
-    x, y = sought[np.hypot(*sought.T).argmin()].tolist()
-    bearing, in_view = math.atan2(y, x), math.radians(checker.control.turn.face_person_deg)
-    if abs(bearing) <= in_view:
-        return motion
-    turn = _turn_with_room(checker, bearing)
-    if turn is None or _is_beside_people(checker):
-        return motion
-    around_m = checker.profile.circumscribed_radius_m + checker.people_config.personal_m
-    checker = dataclasses.replace(checker, people=checker.people.as_expected(around_m))
-    return _slow_beside_people(checker, dataclasses.replace(motion, twist=turn.twist))
-
-
-def _is_beside_people(checker: CollisionChecker) -> bool:
-    """Return whether a person who walks is within twice the personal distance of the body, or may
-    be if they have walked on: so near the camera sees only a part of them."""
-    beside_m = 2.0 * checker.people_config.personal_m
-    return any(
-        checker.profile.gap_m(x, y) - radius <= beside_m
-        for x, y, _, radius in checker.people.expected_discs.tolist()
-    )
-
-
-def _turn(
-    checker: CollisionChecker, bearing: float, *, both_directions: bool = True
-) -> Motion | None:
-    """Turn in place towards the bearing, in the longer direction if the shorter one is blocked;
-    None when neither is free."""
-    config = checker.control.turn
-    angles = (bearing, bearing - math.copysign(2 * math.pi, bearing))
-    for angle in angles if both_directions else angles[:1]:
-        count = max(2, math.ceil(abs(angle) / math.radians(config.step_deg)))
-        if checker.can_turn_to(np.linspace(0.0, angle, count)[None]).all():
-            rate = min(
-                checker.local.turn_rate_radps,
-                config.base_rate_radps + config.gain_per_s * abs(angle),
-            )
-            twist = Twist(v_mps=0.0, w_radps=math.copysign(rate, angle))
-            return Motion(twist=twist, outcome=ControllerState.TURN)
-    return None
-
-
 def _back_off(checker: CollisionChecker, began: Pose2) -> Motion:
     """Reverse along the clearest arc, slowly, over ground that was observed or driven before."""
     config, primitives = checker.control.reverse, arcs(checker.control.arcs)
@@ -455,7 +373,7 @@ def _retreat(checker: CollisionChecker, driven: Points) -> Motion:
     if alone is None or alone.arc is None:
         return BLOCKED
     if len(checker.people.walking) == 0:
-        return _slow_beside_people(checker, _backwards(alone, speed_mps))
+        return slow_beside_people(checker, _backwards(alone, speed_mps))
     receding = recedes(
         behind.people,
         primitives.poses[alone.arc],
@@ -466,11 +384,11 @@ def _retreat(checker: CollisionChecker, driven: Points) -> Motion:
     )
     if receding:
         slowly = _backwards(alone, speed_mps)
-        return _no_faster(slowly, checker.people_config.near_mps, checker.profile)
+        return no_faster(slowly, checker.people_config.near_mps, checker.profile)
     motion = follow(behind, -driven, primitives)
     if motion is None:
         return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
-    return _slow_beside_people(checker, _backwards(motion, speed_mps))
+    return slow_beside_people(checker, _backwards(motion, speed_mps))
 
 
 def _backwards(motion: Motion, speed_mps: float) -> Motion:
@@ -481,16 +399,6 @@ def _backwards(motion: Motion, speed_mps: float) -> Motion:
         twist=Twist(v_mps=-share * twist.v_mps, w_radps=share * twist.w_radps),
         outcome=ControllerState.BACK,
     )
-
-
-def _spin(checker: CollisionChecker) -> Motion | None:
-    """Turn on in place, to the left where that is free; None where neither direction is."""
-    step_rad = math.radians(checker.control.turn.spin_check_deg)
-    for bearing in (step_rad, -step_rad):
-        turn = _turn(checker, bearing, both_directions=False)
-        if turn is not None:
-            return dataclasses.replace(turn, outcome=ControllerState.SPIN)
-    return None
 
 
 def _bearing(path: Points, lookahead_m: float) -> float:

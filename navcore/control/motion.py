@@ -28,6 +28,10 @@ class ControllerState(StrEnum):
     GIVEN_UP = "given up: waiting, backing off and spinning have opened no path"
 
 
+DRIVES_ON = (ControllerState.FOLLOW, ControllerState.TURN, ControllerState.LOOK)
+"""States in which the robot gets on along the path."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:
     """The motion until the next frame."""

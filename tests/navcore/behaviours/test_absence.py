@@ -164,16 +164,15 @@ def test_a_robot_in_the_lane_does_not_wait_there_for_a_return() -> None:
 
 
 def test_after_a_wait_for_lost_people_the_robot_is_cautious_unless_it_crosses() -> None:
-    def is_cautious(absence: Absence, since_s: float = 0.5) -> bool:
-        lost_ns = absence.now_ns - round(since_s * 1e9)
-        waiting = WaitingTimer(at=BESIDE, lost_ns=lost_ns, now_ns=absence.now_ns)
+    def is_cautious(absence: Absence, driven_s: float = 0.5) -> bool:
+        waiting = WaitingTimer(at=BESIDE, driven_s=driven_s, now_ns=absence.now_ns)
         behaviour = Behaviour(absence=absence, waiting=waiting)
         return behaviour.expectations(BESIDE, HUSKY, NavigatorConfig()).is_cautious
 
     watch = Watch()
     watch.go(2.0, person(1.5))
     gone = watch.go(8.0)
-    assert is_cautious(gone) and not is_cautious(gone, since_s=3.0)
+    assert is_cautious(gone) and not is_cautious(gone, driven_s=3.0)
     again = Watch()
     again.passes(10.0, 10.0)
     crossing = again.go(2.0)

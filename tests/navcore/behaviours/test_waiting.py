@@ -16,6 +16,7 @@ from navcore.robot.profile import HUSKY
 from tests.navcore.scene import picture
 
 YIELDS = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
+BACKS = Motion(twist=Twist(v_mps=-0.2, w_radps=0.0), outcome=ControllerState.BACK)
 DRIVES = Motion(twist=Twist(v_mps=0.5, w_radps=0.0), outcome=ControllerState.FOLLOW)
 TICK_S = 0.1
 
@@ -119,9 +120,15 @@ def test_it_is_not_where_all_were_in_view_or_none_walked_or_it_did_not_wait() ->
         assert not is_cautious(behaving(Behaviour(), 0.0, 3.0, motion, person))
 
 
-def test_a_clock_that_runs_backwards_does_not_keep_it_cautious() -> None:
-    waiting = WaitingTimer(lost_ns=10**10, now_ns=10**10)
-    assert waiting.has_just_ended(PEOPLE_CONFIG)
-    assert not waiting.after(DRIVES, Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), 0).has_just_ended(
-        PEOPLE_CONFIG
-    )
+def test_it_stays_cautious_while_it_backs_off() -> None:
+    """It is still where it waited, and what left its sight there may be about to come back."""
+    waited = behaving(Behaviour(), 0.0, 3.0, YIELDS, lost(2.0))
+    back = behaving(waited, 0.0, 4.0 * PEOPLE_CONFIG.cautious_s, BACKS)
+    assert is_cautious(back)
+    assert not is_cautious(behaving(back, 0.0, PEOPLE_CONFIG.cautious_s + 0.2, DRIVES))
+
+
+def test_a_clock_that_runs_backwards_ends_no_caution() -> None:
+    waiting = WaitingTimer(driven_s=0.5, now_ns=10**10)
+    on = waiting.after(DRIVES, Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0), 0)
+    assert on.driven_s == 0.5

@@ -23,7 +23,7 @@ from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
-from navcore.robot.profile import HUSKY
+from navcore.robot.profile import HUSKY, RobotProfile
 from tests.navcore.laws import law
 
 SPEC = GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.1)
@@ -56,6 +56,7 @@ def decide(
     expects_return: bool = False,
     is_cautious: bool = False,
     people_cells: Points = NONE,
+    profile: RobotProfile = HUSKY,
 ) -> Motion:
     """A decision, by default at the map's origin, where the base frame is the map frame."""
     return compute_velocity(
@@ -68,7 +69,7 @@ def decide(
             pose=pose,
             twist=twist,
             previous=previous,
-            profile=HUSKY,
+            profile=profile,
             local=local,
             people=dataclasses.replace(
                 people,

@@ -135,58 +135,6 @@ def test_a_lost_person_who_turned_back_does_not_reach_the_robot_before_it_stands
     assert stops_in_time(motion.twist, x, y, walked_m=speed * unseen_s, speed_mps=speed)
 
 
-@law(100)
-@given(st.integers(0, 2**32 - 1))
-def test_a_robot_that_looks_after_a_person_stops_before_them_if_they_walked_on(seed: int) -> None:
-    """And it does not look after a person whose way led by it, who may stand before it."""
-    rng = np.random.default_rng(seed)
-    (x, y), speed, heading, unseen_s = (
-        rng.uniform(-3, 3, 2),
-        rng.uniform(0.5, 1.6),
-        rng.uniform(-3, 3),
-        rng.uniform(0.1, 7.9),
-    )
-    lost = walking_on(x, y, speed, heading, unseen_s)
-    twist = decide(people=PeopleState.of((lost,), ORIGIN)).twist
-    if stops_in_time(twist, x, y, walked_m=speed * unseen_s, speed_mps=speed):
-        return
-    assert twist.v_mps == 0.0
-    assert stops_in_time(twist, lost.x_m, lost.y_m, walked_m=0.0, speed_mps=speed)
-    way = shapely.LineString([(x, y), (lost.x_m, lost.y_m)])
-    assert shapely.distance(way, shapely.Point(0.0, 0.0)) > HUSKY.circumscribed_radius_m + 0.3
-
-
-def test_a_waiting_robot_looks_after_a_person_who_walked_out_of_view() -> None:
-    left = PeopleState.of((walking_on(2.2, 1.8, 0.9, 2.2, 2.5),), ORIGIN)
-    looking = decide(people=left)
-    assert looking.outcome is ControllerState.WAIT_FOR_PEOPLE
-    assert looking.twist.v_mps == 0.0 and looking.twist.w_radps > 0.2
-    anywhere = dataclasses.replace(left, expected_discs=left.reachable_discs)
-    assert stands(decide(people=anywhere), ControllerState.WAIT_FOR_PEOPLE)  # the control
-    # Who walks to and fro as near as that comes back while the robot turns.
-    lane = np.column_stack([np.linspace(-2.0, 2.0, 21), np.full(21, 1.1)])
-    beside = dataclasses.replace(left, walked=lane)
-    assert stands(decide(people=beside), ControllerState.WAIT_FOR_PEOPLE)
-    farther = dataclasses.replace(left, walked=lane + np.array([0.0, 0.3]))
-    assert decide(people=farther).twist.w_radps > 0.2
-    stopped_by_it = PeopleState.of((walking_on(1.2, -0.2, 0.9, 3.0, 2.5),), ORIGIN)
-    assert stands(decide(people=stopped_by_it), ControllerState.WAIT_FOR_PEOPLE)
-
-
-@pytest.mark.parametrize(("half_width_m", "turns"), [(0.74, False), (0.9, True)])
-def test_in_a_door_a_waiting_robot_does_not_turn_after_a_person(
-    half_width_m: float, turns: bool
-) -> None:
-    left = PeopleState.of((walking_on(2.2, 1.8, 0.9, 2.2, 2.5),), ORIGIN)
-    x = np.linspace(-1.0, 1.0, 21)
-    frame = np.vstack(
-        [np.column_stack([x, np.full(21, side)]) for side in (-half_width_m, half_width_m)]
-    )
-    motion = decide(people=left, geometric=frame)
-    assert motion.outcome is ControllerState.WAIT_FOR_PEOPLE
-    assert (motion.twist.w_radps > 0.2) == turns
-
-
 def test_a_robot_that_backs_off_from_a_person_in_a_bend_moves_no_corner_fast() -> None:
     angles = np.linspace(0.0, 1.5, 30)
     driven_along = 0.3 * np.column_stack([-np.sin(angles), np.cos(angles) - 1.0])
@@ -394,19 +342,6 @@ def test_behind_a_person_the_robot_waits_until_it_would_pass_before_they_return(
     assert (
         decide(people=just_past(motions=slice(1))).twist.v_mps > 0.1
     )  # the control: as though no person ever turned back
-
-
-@pytest.mark.parametrize(("x_m", "y_m", "turns"), [(1.2, 0.9, True), (1.1, 0.7, False)])
-def test_beside_a_person_the_robot_does_not_turn_after_them(
-    x_m: float, y_m: float, turns: bool
-) -> None:
-    """A corner would swing towards them."""
-    person = Track(
-        id=1, x_m=x_m, y_m=y_m, vx_mps=0.0, vy_mps=0.6, radius_m=0.3, age_s=9.0, last_seen_ns=0
-    )
-    motion = decide(people=PeopleState.of((person,), ORIGIN))
-    assert motion.outcome is ControllerState.WAIT_FOR_PEOPLE
-    assert (motion.twist.w_radps > 0.0) is turns
 
 
 def comes_back(turns_s: float, stands_s: float, *, care: bool) -> tuple[bool, bool]:

@@ -1,0 +1,56 @@
+"""Turns in place, as far as the footprint has room for them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from navcore.control.collision_checker import CollisionChecker
+from navcore.control.motion import ControllerState, Motion
+from navcore.geometry.transform import Twist
+
+_POSES = 12
+"""Number of poses at which the clearance of a turn is measured."""
+
+
+def turn_in_place(
+    checker: CollisionChecker, bearing: float, *, both_directions: bool = True
+) -> Motion | None:
+    """Turn in place towards the bearing, in the longer direction if the shorter one is blocked;
+    None when neither is free."""
+    config = checker.control.turn
+    angles = (bearing, bearing - math.copysign(2 * math.pi, bearing))
+    for angle in angles if both_directions else angles[:1]:
+        count = max(2, math.ceil(abs(angle) / math.radians(config.step_deg)))
+        if checker.can_turn_to(np.linspace(0.0, angle, count)[None]).all():
+            rate = min(
+                checker.local.turn_rate_radps,
+                config.base_rate_radps + config.gain_per_s * abs(angle),
+            )
+            twist = Twist(v_mps=0.0, w_radps=math.copysign(rate, angle))
+            return Motion(twist=twist, outcome=ControllerState.TURN)
+    return None
+
+
+def turn_with_room(checker: CollisionChecker, bearing: float) -> Motion | None:
+    """Turn in place to the bearing, the shorter way, as long as there is room; None where the turn
+    would bring the body close to an obstacle: what it comes to see there might keep it from turning
+    on or back."""
+    poses = np.zeros((1, _POSES, 3))
+    poses[..., 2] = np.linspace(0.0, bearing, _POSES)
+    close_m = checker.control.path_follower.padding_factor * checker.local.padding_m
+    if not (checker.clearance(poses) > close_m).all():
+        return None
+    return turn_in_place(checker, bearing, both_directions=False)
+
+
+def spin(checker: CollisionChecker) -> Motion | None:
+    """Turn on in place, to the left where that is free; None where neither direction is."""
+    step_rad = math.radians(checker.control.turn.spin_check_deg)
+    for bearing in (step_rad, -step_rad):
+        turn = turn_in_place(checker, bearing, both_directions=False)
+        if turn is not None:
+            return dataclasses.replace(turn, outcome=ControllerState.SPIN)
+    return None
