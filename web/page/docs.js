@@ -1,6 +1,7 @@
 // The page of the API, made from /openapi.json alone: it needs no network, as the whole console. A
 // call that only reads can be tried on the page; every call can be copied for a shell.
 
+import "./core/stop_beside.js";
 import "./core/theme.js";
 
 const MAX_DEPTH = 6;

@@ -3,7 +3,7 @@
 import { get, post, request } from "../core/link/api.js";
 import { element, make, reconcile, set, setText } from "../core/dom.js";
 import { sentence, t, tn } from "../core/text/language.js";
-import { stop } from "../core/stop.js";
+import { isText } from "../core/stop_beside.js";
 import "../core/theme.js";
 import { attempt, notify } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
@@ -13,7 +13,6 @@ import { refreshNetworks, upload } from "./networks.js";
 import { refreshTraining } from "./training.js";
 
 const POLL_MS = 1500;
-const TEXT = "input:not([type=checkbox]):not([type=range]):not([type=number]), textarea";
 const NUMBER = "input[type=number]";
 let frames = [];
 
@@ -94,12 +93,6 @@ element("previous").onclick = () => step(-1);
 element("next").onclick = () => step(1);
 whenSaved(() => attempt(refreshFrames));
 
-async function stopNow() {
-  if (!(await stop("console button"))) return;
-  notify(t("The robot is stopped. The stop is released in the console."), { good: true });
-}
-element("stop").onclick = stopNow;
-
 const KEYS = {
   r: () => chooseTool("region"),
   b: () => chooseTool("brush"),
@@ -110,12 +103,7 @@ const KEYS = {
 document.addEventListener(
   "keydown",
   (event) => {
-    if (event.target.matches?.(TEXT)) return;
-    if (event.code === "Space") {
-      event.preventDefault();
-      if (!event.repeat) stopNow();
-      return;
-    }
+    if (isText(event.target) || event.code === "Space") return;
     if (event.target.matches?.(NUMBER)) return; // its digits, its e, its undo
     if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z") {
       event.preventDefault();

@@ -2,6 +2,7 @@
 
 import { get } from "../../core/link/api.js";
 import { element, make } from "../../core/dom.js";
+import "../../core/stop_beside.js";
 import { language, number, sentence, t, tn } from "../../core/text/language.js";
 import "../../core/theme.js";
 import { attempt } from "../../core/toasts.js";

@@ -1,0 +1,33 @@
+"""The stop on the pages beside the console."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.web.fake_operations import FakeOperations
+from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, eventually
+from web.server import ConsoleServer
+
+THEME = "document.documentElement.dataset.theme"
+
+
+@pytest.mark.parametrize("path", ["/runs", "/docs", "/teach"])
+def test_every_page_stops_the_robot_by_button_and_space_bar(
+    path: str, page: Page, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    page.goto(server.url + path)
+    button = page.get_by_test_id("stop")
+    for width, height in ((1440, 900), (1024, 700), (390, 844)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.mouse.wheel(0.0, 2000.0)
+        assert button.evaluate(IS_WITHIN_VIEWPORT) and button.evaluate(IS_TOPMOST), (width, height)
+    button.click()
+    eventually(page, lambda: len(operations.stops) == 1)
+    expect(page.locator("#toasts")).to_contain_text("The robot is stopped.")
+    before = page.content()
+    theme = page.evaluate(THEME)
+    page.get_by_test_id("theme").focus()
+    page.keyboard.press("Space")
+    eventually(page, lambda: len(operations.stops) == 2)
+    assert page.evaluate(THEME) == theme, "the focused button is not pressed"
