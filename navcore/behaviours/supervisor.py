@@ -272,9 +272,11 @@ class Behaviour:
 
     def _directed(self, motion: Motion) -> Motion:
         if self.recovery.action is RecoveryAction.GIVE_UP:
-            return Motion(twist=STANDSTILL, outcome=ControllerState.GIVEN_UP)
+            given_up = ControllerState.GIVEN_UP
+            return Motion(twist=STANDSTILL, outcome=given_up, unseen=motion.unseen)
         if self.recovery.action is RecoveryAction.WAIT:
-            return Motion(twist=STANDSTILL, outcome=ControllerState.BLOCKED)
+            blocked = ControllerState.BLOCKED
+            return Motion(twist=STANDSTILL, outcome=blocked, unseen=motion.unseen)
         return motion
 
 

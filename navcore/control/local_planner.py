@@ -258,7 +258,11 @@ def _drive(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
             return turn
     found = checker.manoeuvre(path, pose)
     motion = None if found is None else _manoeuvre(checker, found, path, pose, began=pose)
-    return motion or _back_off(checker, pose)
+    motion = motion or _back_off(checker, pose)
+    if motion.outcome is ControllerState.BLOCKED:
+        unseen = follow(checker.all_observed(), path, primitives) is not None
+        return dataclasses.replace(motion, unseen=unseen)
+    return motion
 
 
 def _continue(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -> Motion | None:

@@ -48,6 +48,8 @@ class Motion:
     turning in place."""
     manoeuvre: Manoeuvre | None = None
     """Rest of the manoeuvre that the motion belongs to."""
+    unseen: bool = False
+    """Whether nothing but floor that was not observed keeps a blocked robot from its path."""
 
 
 ARRIVED = Motion(twist=STANDSTILL, outcome=ControllerState.ARRIVED)

@@ -33,6 +33,12 @@ CONTROLLER_STOPS = {
     ),
 }
 """Reasons for which the local planner holds the robot."""
+UNSEEN_FLOOR = StopReason(
+    cause=Cause.BOXED_IN,
+    text="The camera has not seen the floor by which the robot could get on, and it drives over no "
+    "floor unseen. Drive it a little by hand, so that the camera sees it.",
+)
+"""The reason of a robot that is blocked by nothing else."""
 POSE_STOPS = {
     LocalisationState.LOST: StopReason(
         cause=Cause.POSE_UNKNOWN,
@@ -89,7 +95,8 @@ def planner_stops(
     if decision.in_margin and outcome_now is ControllerState.GIVEN_UP:
         outcome_now = ControllerState.IN_ZONE  # to leave the margin is what is left to try
     if outcome_now in CONTROLLER_STOPS:
-        found.append(CONTROLLER_STOPS[outcome_now])
+        unseen = decision.motion.unseen and outcome_now is not ControllerState.IN_ZONE
+        found.append(UNSEEN_FLOOR if unseen else CONTROLLER_STOPS[outcome_now])
     return found
 
 

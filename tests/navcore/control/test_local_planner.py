@@ -380,7 +380,10 @@ def test_the_body_is_swept_over_nothing_unseen_but_drives_up_to_it() -> None:
     assert decide(path=-AHEAD, unseen=beside).outcome is not ControllerState.TURN
     wall = np.array([[0.9, y] for y in np.arange(-1.5, 1.51, 0.05)])
     assert 0.0 < decide(unseen=wall).twist.v_mps < decide().twist.v_mps
-    assert stands(decide(unseen=ring(0.51, 0.36)), ControllerState.BLOCKED)
+    within = decide(unseen=ring(0.51, 0.36))
+    assert stands(within, ControllerState.BLOCKED) and within.unseen
+    walled_in = decide(unseen=ring(0.51, 0.36), geometric=ring(0.6, 0.42))
+    assert stands(walled_in, ControllerState.BLOCKED) and not walled_in.unseen
 
 
 def test_where_the_path_bends_over_unseen_floor_the_robot_looks_there_while_it_has_room() -> None:

@@ -17,7 +17,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from app.insight.event_detector import EventDetector
 from app.insight.event_log import EventLog
 from app.runtime.control.operator_state import OperatorState
-from app.runtime.control.stop_reasons import CONTROLLER_STOPS, POSE_STOPS
+from app.runtime.control.stop_reasons import CONTROLLER_STOPS, POSE_STOPS, UNSEEN_FLOOR
 from app.storage import Store
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission, Phase
@@ -157,7 +157,8 @@ def test_every_sentence_of_the_robot_is_translated_with_its_figures(
         expected = [_translated(text, language) for text in samples]
         assert [pair for pair in zip(translated, expected, strict=True) if len(set(pair)) > 1] == []
         # As they come: one in the other, and one that no catalog has.
-        stops = [stop.text for stop in (*CONTROLLER_STOPS.values(), *POSE_STOPS.values())]
+        reasons = (*CONTROLLER_STOPS.values(), *POSE_STOPS.values(), UNSEEN_FLOOR)
+        stops = [reason.text for reason in reasons]
         assert set(page.evaluate(TRANSLATE, [language, stops])).isdisjoint(stops)
         unknown = "a sentence of a later version, 1.5 m"
         assert page.evaluate(TRANSLATE, [language, [unknown]]) == [unknown]

@@ -25,7 +25,6 @@ def test_every_page_stops_the_robot_by_button_and_space_bar(
     button.click()
     eventually(page, lambda: len(operations.stops) == 1)
     expect(page.locator("#toasts")).to_contain_text("The robot is stopped.")
-    before = page.content()
     theme = page.evaluate(THEME)
     page.get_by_test_id("theme").focus()
     page.keyboard.press("Space")

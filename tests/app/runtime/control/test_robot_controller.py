@@ -639,6 +639,19 @@ def test_a_robot_that_has_given_up_in_a_margin_can_be_told_to_leave_it() -> None
         assert stands_in_zone(stuck) is in_margin
 
 
+@pytest.mark.parametrize("state", [ControllerState.BLOCKED, ControllerState.GIVEN_UP])
+def test_a_robot_that_only_unseen_floor_holds_says_so(state: ControllerState) -> None:
+    driver = controller((3.0, 0.0))
+    think(driver)
+    assert driver.tick_state.decision is not None
+    for unseen in (True, False):
+        motion = Motion(twist=STANDSTILL, outcome=state, unseen=unseen)
+        stuck = dataclasses.replace(driver.tick_state.decision, motion=motion)
+        driver._tick_state = dataclasses.replace(driver.tick_state, decision=stuck)
+        (said,) = [one for one in command(driver).reasons if one.cause is Cause.BOXED_IN]
+        assert ("has not seen the floor" in said.text) is unseen
+
+
 def test_a_robot_that_stands_for_a_correction_of_its_place_says_so() -> None:
     driver = controller((3.0, 0.0))
     think(driver)
