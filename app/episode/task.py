@@ -135,7 +135,12 @@ def episode_of(
         robot=robot,
         randomised=True,
         zones=draw_zones(
-            world, seed, task.zone_count, inflation_m=inflation_m, margins_m=margins_m
+            world,
+            seed,
+            task.zone_count,
+            robot=robot,
+            inflation_m=inflation_m,
+            margins_m=margins_m,
         ),
         ablation=task.ablation,
         odometry=task.odometry,
@@ -172,6 +177,6 @@ def _placed(
     except BadConfiguration:
         placed = draw(start_clear_m=narrow_m)
         x_m, y_m, _ = placed.start
-        clear_m = clearance_m(grown_obstacles(placed, margins_m), x_m, y_m)
+        clear_m = clearance_m(grown_obstacles(placed, margins_m, robot), x_m, y_m)
         told_m = min(clear_m, config.start_clear_m)
         return placed, dataclasses.replace(config, start_clear_m=told_m)

@@ -8,16 +8,30 @@ import numpy as np
 import shapely
 
 from navcore.geometry.transform import Pose2
+from navcore.robot.profile import RobotProfile
 from sim.models.person import PERSON
 from sim.models.solids import Polygon, rectangle
 from sim.physics.pedestrians import BODY_DIAMETER_M
 from sim.scenario.layout import obstacles
 from sim.scenario.schema import Scenario
 from sim.truth.true_objects import true_objects
+from sim.truth.untraversable import untraversable_ground
 
 
-def grown_obstacles(scenario: Scenario, margins_m: Mapping[str, float]) -> list[Polygon]:
-    """Return the outlines of all objects, grown by the margin of their class."""
+def fixed_obstacles(scenario: Scenario, robot: RobotProfile) -> list[Polygon]:
+    """Return the outlines of walls and furniture, and of the ground that the robot cannot drive
+    on."""
+    return [
+        *(outline for entry in obstacles(scenario) for outline in entry.outlines()),
+        *(outline for area in untraversable_ground(scenario, robot) for outline in area.outlines),
+    ]
+
+
+def grown_obstacles(
+    scenario: Scenario, margins_m: Mapping[str, float], robot: RobotProfile
+) -> list[Polygon]:
+    """Return the outlines of all objects, grown by the margin of their class, and of the ground
+    that the robot cannot drive on."""
     standing = [
         rectangle(BODY_DIAMETER_M, BODY_DIAMETER_M) + p.points[0]
         for p in scenario.people
@@ -31,7 +45,7 @@ def grown_obstacles(scenario: Scenario, margins_m: Mapping[str, float]) -> list[
     rules += [(body, margins_m.get(PERSON, 0.0)) for body in standing]
     grown = [shapely.buffer(shapely.Polygon(outline), margin_m) for outline, margin_m in rules]
     return [
-        *(outline for entry in obstacles(scenario) for outline in entry.outlines()),
+        *fixed_obstacles(scenario, robot),
         *(shapely.get_coordinates(area.exterior)[:-1] for area in grown),
     ]
 

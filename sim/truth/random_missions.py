@@ -18,9 +18,8 @@ from navcore.robot.profile import RobotProfile
 from sim.models.person import PERSON
 from sim.models.solids import Polygon, rectangle
 from sim.physics.pedestrians import BODY_DIAMETER_M
-from sim.scenario.layout import obstacles
 from sim.scenario.schema import Scenario, map_grid
-from sim.truth.clearance import grown_obstacles, is_clear_ahead
+from sim.truth.clearance import fixed_obstacles, grown_obstacles, is_clear_ahead
 from sim.truth.shortest_path import Floats, Point, shortest_path
 from sim.truth.true_map import rasterise
 from sim.truth.true_objects import true_objects
@@ -70,7 +69,7 @@ def draw_mission(
     """
     rng = np.random.default_rng((seed, SALT))
     spec = GridSpec.centred(size_m=scenario.size_m, resolution_m=GRID_M)
-    clear_m = _clearance_m(scenario, spec, margins_m)
+    clear_m = _clearance_m(scenario, spec, margins_m, robot)
     reach_m = robot.circumscribed_radius_m + EXTRA_CLEARANCE_M
     possible = (clear_m >= reach_m) & ~_walking_areas(scenario, spec)
     usual = possible & (clear_m >= start_clear_m)
@@ -80,7 +79,7 @@ def draw_mission(
             f"{start_clear_m:.2f} m of clearance; the world is too small or too full for starts "
             "that differ"
         )
-    starts, around = np.argwhere(usual), grown_obstacles(scenario, margins_m)
+    starts, around = np.argwhere(usual), grown_obstacles(scenario, margins_m, robot)
     radius_m = robot.width_m / 2 + margin_m + EXTRA_CLEARANCE_M
     areas = _areas(clear_m >= radius_m)
     goals = (clear_m >= max(reach_m, radius_m)) & ~_walking_areas(scenario, spec)
@@ -124,7 +123,13 @@ def _bearing_rad(path: Floats, ahead_m: float) -> float:
 
 
 def draw_zones(
-    scenario: Scenario, seed: int, count: int, *, inflation_m: float, margins_m: Mapping[str, float]
+    scenario: Scenario,
+    seed: int,
+    count: int,
+    *,
+    robot: RobotProfile,
+    inflation_m: float,
+    margins_m: Mapping[str, float],
 ) -> tuple[tuple[Point, ...], ...]:
     """Return up to `count` rectangles of the floor across the shortest path of the robot, each of
     which leaves another path.
@@ -134,7 +139,7 @@ def draw_zones(
     """
     if not count:
         return ()
-    polygons = grown_obstacles(scenario, margins_m)
+    polygons = grown_obstacles(scenario, margins_m, robot)
     rng = np.random.default_rng((seed, SALT, 1))
     spec = map_grid(scenario)
     waypoints = [(scenario.start[0], scenario.start[1]), *scenario.goals]
@@ -156,14 +161,12 @@ def draw_zones(
 
 
 def _clearance_m(
-    scenario: Scenario, spec: GridSpec, margins_m: Mapping[str, float]
+    scenario: Scenario, spec: GridSpec, margins_m: Mapping[str, float], robot: RobotProfile
 ) -> npt.NDArray[np.float32]:
     """Return the (rows, cols) distance in metres of each cell from all objects, less the margin of
-    their class; not positive off the floor."""
+    their class, and from ground that the robot cannot drive on; not positive off the floor."""
     standing = [np.array(person.points[0]) for person in scenario.people if len(person.points) == 1]
-    groups: dict[float, list[Polygon]] = {
-        0.0: [outline for entry in obstacles(scenario) for outline in entry.outlines()]
-    }
+    groups: dict[float, list[Polygon]] = {0.0: fixed_obstacles(scenario, robot)}
     for entry in true_objects(scenario):
         groups.setdefault(margins_m.get(entry.name, 0.0), []).extend(entry.outlines)
     body = rectangle(BODY_DIAMETER_M, BODY_DIAMETER_M)

@@ -137,7 +137,8 @@ def first_clear(seed: int, settings: EpisodeSettings) -> tuple[Passage, Episode]
     """Return the first passage of a seed that the furniture leaves open and has clear floor up to
     where the camera sees it, and its episode; the robot is told how much clearance it has."""
     office = randomise(quiet_office(), seed)
-    walls, config = grown_obstacles(office, {}), settings.config or config_for(settings.robot)
+    robot = settings.robot
+    walls, config = grown_obstacles(office, {}, robot), settings.config or config_for(robot)
     for passage in draw_passages(seed):
         start = passage.start
         clear_m = clearance_m(walls, start.x_m, start.y_m)

@@ -19,6 +19,7 @@ from app.evaluation.driving.doors import (
     summarise,
 )
 from navcore.mission.beware_list import default_beware_list
+from navcore.robot.profile import HUSKY
 from sim.truth.clearance import grown_obstacles
 
 
@@ -40,7 +41,7 @@ def test_the_robot_is_told_how_little_clearance_it_has_and_has_clear_floor_ahead
         passage, episode = first_clear(seed, EpisodeSettings(beware=default_beware_list()))
         episode.close()
         start = passage.start
-        walls = [shapely.Polygon(one) for one in grown_obstacles(episode.scenario, {})]
+        walls = [shapely.Polygon(one) for one in grown_obstacles(episode.scenario, {}, HUSKY)]
         away_m = min(float(wall.distance(shapely.Point(start.x_m, start.y_m))) for wall in walls)
         told.append(passage.clear_m)
         assert told[-1] == pytest.approx(away_m)

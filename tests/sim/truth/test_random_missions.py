@@ -90,7 +90,7 @@ def test_where_a_wide_clearance_leaves_one_corner_to_start_in_it_is_refused() ->
         )
         ahead = scenario.start_pose.to_parent(np.array([(0.0, -0.35), (1.2, -0.35), (1.2, 0.35)]))
         floor = shapely.Polygon([*ahead, scenario.start_pose.to_parent(np.array([0.0, 0.35]))])
-        outlines = [shapely.Polygon(one) for one in grown_obstacles(scenario, MARGINS_M)]
+        outlines = [shapely.Polygon(one) for one in grown_obstacles(scenario, MARGINS_M, HUSKY)]
         assert not shapely.intersects(outlines, floor).any()
         starts.add((scenario.start[0] > 0.0, scenario.start[1] > 0.0))
     assert len(starts) >= 3
@@ -100,7 +100,7 @@ def test_zones_lie_on_the_path_and_leave_another() -> None:
     scenario = dataclasses.replace(open_floor(start=(-8.0, 0.0, 0.0)), goals=((8.0, 0.0),))
     spec = GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
     for seed in range(6):
-        zones = draw_zones(scenario, seed, 2, inflation_m=0.5, margins_m={})
+        zones = draw_zones(scenario, seed, 2, robot=HUSKY, inflation_m=0.5, margins_m={})
         assert len(zones) == 2
         straight = shapely.LineString([(-8.0, 0.0), (8.0, 0.0)])
         assert shapely.distance(shapely.Polygon(zones[0]), straight) < 0.5
