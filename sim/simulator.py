@@ -135,6 +135,7 @@ class Simulator:
             items=[pose_of(self.client, body) for body in self.world.item_bodies],
             period_s=PERIOD_S,
             odometry=self.dead_reckoning(),
+            tilt_rad=self._robot.tilt_rad(),
         )
         if self._steps * PERIOD_S * self._camera_rate_hz >= self._frames:
             self._frames += 1

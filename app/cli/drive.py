@@ -188,7 +188,8 @@ def _in_words(result: dict[str, Any]) -> str:
     return (
         f"{'success' if result['success'] else 'FAILED'}: "
         f"{result['goals_reached']} of {len(result['goals'])} goals, "
-        f"{result['collisions']} collisions, {result['beware_intrusions']} beware and "
-        f"{result['zone_intrusions']} zone intrusions, {result['distance_m']:.1f} m in "
+        f"{result['collisions']} collisions, {result['beware_intrusions']} beware, "
+        f"{result['zone_intrusions']} zone and {result['ground_intrusions']} ground intrusions, "
+        f"{result['distance_m']:.1f} m in "
         f"{result['sim_time_s']:.0f} s, {result['wall_time_s']:.0f} s of real time"
     )

@@ -18,10 +18,12 @@ FREQUENT_SHARE = 0.25
 
 def causes_of(report: Report) -> list[str]:
     """Return the causes of a failure, the most severe first; empty for a success."""
-    found = [
+    found = ["fell"] if report.get("fell") else []
+    found += [
         f"drove into {contact['what']}" for contact in report["contacts"] if contact["collided"]
     ]
-    found += [f"over {name}" for name in report["intruded"]]
+    # Reports of earlier versions do not judge the ground.
+    found += [f"over {name}" for name in (*report["intruded"], *report.get("ground_intruded", ()))]
     found += _over_zones(report)
     if report["goals_reached"] < len(report["goals"]):
         found.append(_why_not_there(report))
@@ -42,7 +44,7 @@ def _over_zones(report: Report) -> list[str]:
     zones = [
         intrusion
         for intrusion in report["intrusions"]
-        if intrusion["what"] not in report["intruded"]
+        if intrusion["what"] not in {*report["intruded"], *report.get("ground_intruded", ())}
     ]
     drifted = [
         "over a zone: odometry had drifted" if zone["gap_by_odometry_m"] > 0 else "over a zone"

@@ -36,6 +36,11 @@ RATES: dict[str, tuple[str, Callable[[Report], bool]]] = {
     ),
     "beware_rate": ("over an item or a marking", lambda report: report["beware_intrusions"] > 0),
     "zone_rate": ("over a zone", lambda report: report["zone_intrusions"] > 0),
+    "ground_rate": (
+        "over an edge or a steep slope, or fell",
+        # Reports of earlier versions do not judge the ground.
+        lambda report: report.get("ground_intrusions", 0) > 0 or report.get("fell", False),
+    ),
 }
 """Shares of the episodes: title in the tables, and whether a report counts."""
 MEANS: dict[str, tuple[str, Measure]] = {
@@ -62,6 +67,7 @@ TOTALS = (
     "struck_while_standing",
     "beware_intrusions",
     "zone_intrusions",
+    "ground_intrusions",
     "goals_reached",
 )
 ITEM_COUNTS = ("there", "seen", "not_passed", "missed", "false")
@@ -98,7 +104,7 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
     clear = [
         report["min_clearance_m"] for report in reports if report["min_clearance_m"] is not None
     ]
-    summary |= {key: sum(report[key] for report in reports) for key in TOTALS}
+    summary |= {key: sum(report.get(key, 0) for report in reports) for key in TOTALS}
     return summary | {
         "goals": sum(len(report["goals"]) for report in reports),
         "goal_errors_m": _goal_errors_m(reports),
@@ -231,8 +237,10 @@ def _read(folder: Path) -> dict[str, Any]:
             f"{folder} holds no summary.json of an evaluation: {error}"
         ) from None
     if isinstance(summary, dict):
-        # All that earlier versions had.
+        # All that earlier versions had; they did not judge the ground.
         earlier = {
+            "ground_rate": None,
+            "ground_rate_ci95": None,
             "odometry": "ideal",
             "gnss": "none",
             "latency": "none",
@@ -268,7 +276,8 @@ def _rounded(interval: Interval | None) -> list[float] | None:
 
 
 def _value(summary: Report, key: str) -> str:
-    return f"{summary[key]:.1%}" if key in RATES else f"{summary[key]:.3g}"
+    value = summary[key]
+    return "–" if value is None else f"{value:.1%}" if key in RATES else f"{value:.3g}"
 
 
 def _interval(summary: Report, key: str) -> str:

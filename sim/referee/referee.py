@@ -25,6 +25,7 @@ from sim.scenario.layout import items, obstacles
 from sim.scenario.schema import Scenario
 from sim.truth.shortest_path import shortest_path
 from sim.truth.true_map import blocked_grid, rasterise
+from sim.truth.untraversable import untraversable_ground
 
 CONTACT_M = 0.005
 """Distance that counts as contact: the body of the model is 4 mm longer than the footprint, and the
@@ -56,6 +57,13 @@ class Referee:
             [*((item.name, item.outlines()) for item in self._items), *markings]
         )
         self._zones = IntrusionMonitor([])
+        self._ground = IntrusionMonitor(
+            [(area.kind, area.outlines) for area in untraversable_ground(scenario, robot)]
+        )
+        # That of a body on the steepest slope, with one end raised by the highest step.
+        self._max_tilt_rad = math.atan(robot.max_slope) + math.atan(
+            robot.max_step_m / (robot.length_m / 2)
+        )
         person = cylinder(BODY_DIAMETER_M, 1.0, (0.0, 0.0), (0, 0, 0)).outline()
         self._person = (person, float(np.hypot(*person.T).max()))
         movers = [TimedMover(mover, 1.0).outline() for mover in scenario.movers]
@@ -71,6 +79,9 @@ class Referee:
         """Least distance of the footprint from any obstacle or person so far."""
         self.distance_m = 0.0
         """Distance driven by the centre of the robot."""
+        self.fell = False
+        """Whether the robot was ever tilted more than on the steepest slope and highest step of its
+        profile: it fell over an edge, or climbed onto something."""
 
     def observe(
         self,
@@ -82,6 +93,7 @@ class Referee:
         period_s: float,
         items: Sequence[Pose2] = (),
         odometry: Pose2 | None = None,
+        tilt_rad: float = 0.0,
     ) -> None:
         """Judge one physics step from the true pose, the rolling of the wheels, and all moving
         bodies; `t_s` on the clock of the simulator.
@@ -89,7 +101,7 @@ class Referee:
         The wheels decide whether the robot drives, because a standing robot that a person pushes
         does not drive. `items`: present poses of the items of the scenario, in its order; those at
         the start when left out. `odometry`: the pose by odometry, which changes no verdict; the
-        true pose when left out.
+        true pose when left out. `tilt_rad`: the true angle of the body from the vertical.
         """
         self._began_s = t_s - period_s if self._began_s is None else self._began_s
         self._t_s = t_s - self._began_s
@@ -106,7 +118,9 @@ class Referee:
         self._beware.judge(
             body, believed, t_s=self._t_s, period_s=period_s, displaced=self._displaced(items)
         )
-        self._zones.judge(body, believed, t_s=self._t_s, period_s=period_s, displaced={})
+        for areas in (self._zones, self._ground):
+            areas.judge(body, believed, t_s=self._t_s, period_s=period_s, displaced={})
+        self.fell = self.fell or tilt_rad > self._max_tilt_rad
         self._sample()
 
     def set_zones(self, polygons: Sequence[Polygon]) -> None:
@@ -124,7 +138,7 @@ class Referee:
         driven, and an area that it stands in counts once it has been left."""
         self._pose = pose
         body = pose.to_parent(self._footprint)
-        for areas in (self._beware, self._zones):
+        for areas in (self._beware, self._zones, self._ground):
             areas.excuse(body)
 
     @property
@@ -163,6 +177,12 @@ class Referee:
         """Total time of the zone intrusions."""
         return self._zones.seconds
 
+    @property
+    def ground_intrusions(self) -> int:
+        """Number of times that the footprint came over ground on which the robot cannot drive: an
+        edge, a slope or bumps beyond its limits."""
+        return len(self._ground.intrusions)
+
     def note_stop(self, reason: str | None) -> None:
         """Record why the robot is held, None when it is free to move; called in every control
         cycle."""
@@ -197,30 +217,37 @@ class Referee:
             "beware_intrusions": self.beware_intrusions,
             "beware_intrusion_s": round(self.beware_intrusion_s, 3),
             "beware_intrusion_m2s": round(self._beware.m2s, 5),
-            "intruded": dict(Counter(intrusion.what for intrusion in self._beware.intrusions)),
+            "intruded": _by_name(self._beware),
             "zone_intrusions": self.zone_intrusions,
             "zone_intrusion_s": round(self.zone_intrusion_s, 3),
             "zone_intrusion_m2s": round(self._zones.m2s, 5),
+            "ground_intrusions": self.ground_intrusions,
+            "ground_intrusion_s": round(self._ground.seconds, 3),
+            "ground_intruded": _by_name(self._ground),
+            "fell": self.fell,
             "intrusions": sorted(
-                [*self._beware.log(), *self._zones.log()], key=lambda intrusion: intrusion["t_s"]
+                [*self._beware.log(), *self._zones.log(), *self._ground.log()],
+                key=lambda intrusion: intrusion["t_s"],
             ),
             "stops": self.stops,
         }
 
     def violations(self) -> int:
-        """Return the number of collisions and intrusions; 0 is a clean run."""
-        return self.collisions + self.beware_intrusions + self.zone_intrusions
+        """Return the number of collisions, intrusions and falls; 0 is a clean run."""
+        intrusions = self.beware_intrusions + self.zone_intrusions + self.ground_intrusions
+        return self.collisions + intrusions + self.fell
 
     def true_blocked(self, spec: GridSpec, inflation_m: float) -> BoolGrid:
         """Return (rows, cols), True where the centre of the robot may not be: walls, furniture,
-        items, beware markings and zones, inflated."""
+        untraversable ground, items, beware markings and zones, inflated."""
         return blocked_grid(self._polygons(), spec, inflation_m)
 
     def true_cells(self, spec: GridSpec) -> tuple[BoolGrid, BoolGrid, BoolGrid]:
-        """Return (rows, cols) masks of walls and furniture, of items and beware markings, and of
-        zones, at their original positions."""
-        fixed, beware, zones = self._fixed_polygons, self._beware.polygons, self._zones.polygons
-        return rasterise(fixed, spec), rasterise(beware, spec), rasterise(zones, spec)
+        """Return (rows, cols) masks of walls and furniture, of what the camera sees over (items,
+        beware markings and untraversable ground), and of zones, at their original positions."""
+        low = [*self._beware.polygons, *self._ground.polygons]
+        fixed, zones = self._fixed_polygons, self._zones.polygons
+        return rasterise(fixed, spec), rasterise(low, spec), rasterise(zones, spec)
 
     def shortest_m(
         self, spec: GridSpec, inflation_m: float, goals: Sequence[tuple[float, float]]
@@ -236,7 +263,8 @@ class Referee:
         return None if path is None else length_m(path)
 
     def _polygons(self) -> list[Polygon]:
-        return [*self._fixed_polygons, *self._beware.polygons, *self._zones.polygons]
+        areas = (self._beware, self._zones, self._ground)
+        return [*self._fixed_polygons, *(one for area in areas for one in area.polygons)]
 
     def _name_of(self, number: int) -> str:
         if number < self._fixed.count:
@@ -306,3 +334,8 @@ class Referee:
         if self._t_s >= len(self._series[0]) * SERIES_PERIOD_S:
             self._series[0].append(self._t_s)
             self._series[1].append(self.distance_m)
+
+
+def _by_name(areas: IntrusionMonitor) -> dict[str, int]:
+    """Return the number of intrusions into the areas of each name."""
+    return dict(Counter(intrusion.what for intrusion in areas.intrusions))

@@ -159,6 +159,13 @@ class SkidSteer:
         """Return the true T_map_base."""
         return pose_of(self._client, self.body)
 
+    def tilt_rad(self) -> float:
+        """Return the angle between the upright axis of the body and the vertical."""
+        _, (x, y, _, _) = pybullet.getBasePositionAndOrientation(
+            self.body, physicsClientId=self._client
+        )
+        return math.acos(max(-1.0, 1 - 2 * (x * x + y * y)))
+
     def velocity(self, pose: Pose2) -> Twist:
         """Return the true velocity along the heading of the robot, and about z."""
         along, _, yaw_rate = self._motion(pose)

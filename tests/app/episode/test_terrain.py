@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from app.episode.episode import Episode, EpisodeSettings
@@ -19,8 +21,8 @@ OFF = NavigatorConfig(map=MappingConfig(terrain=TerrainConfig(enabled=False)))
 
 def driven(
     way: tuple[Pose2, tuple[float, float]], config: NavigatorConfig | None, max_time_s: float
-) -> tuple[bool, list[tuple[float, float]]]:
-    """Return whether the goal was reached, and the true positions of the robot, one a second."""
+) -> dict[str, Any]:
+    """Return the report of a drive from a start to a goal."""
     start, goal = way
     episode = Episode(
         load_scenario("terrain"),
@@ -35,17 +37,9 @@ def driven(
         seed=0,
     )
     try:
-        report = episode.run()
+        return episode.run()
     finally:
         episode.close()
-    return report["success"], list(
-        zip(report["series"]["x_m"], report["series"]["y_m"], strict=True)
-    )
-
-
-def touches_kerb(x_m: float, y_m: float) -> bool:
-    """Return whether a wheel stands on the kerb or at its side."""
-    return abs(x_m) < 0.45 and -4.4 < y_m < -0.1
 
 
 @pytest.mark.long
@@ -53,8 +47,11 @@ def touches_kerb(x_m: float, y_m: float) -> bool:
 def test_a_ramp_within_the_limit_is_driven_to_the_goal_behind_it(
     config: NavigatorConfig | None,
 ) -> None:
-    reached, _ = driven(UP_THE_RAMP, config, max_time_s=14.0)
-    assert reached == (config is None)
+    report = driven(UP_THE_RAMP, config, max_time_s=14.0)
+    assert report["success"] == (config is None)
+    if config is None:
+        assert report["causes"] == [] and report["ground_intrusions"] == 0
+        assert report["spl"] > 0.9 and report["ideal_m"] >= report["shortest_m"] > 7.5
 
 
 @pytest.mark.long
@@ -62,5 +59,10 @@ def test_a_ramp_within_the_limit_is_driven_to_the_goal_behind_it(
 def test_a_kerb_that_is_no_obstacle_by_its_height_is_driven_round(
     config: NavigatorConfig | None,
 ) -> None:
-    _, positions = driven(ACROSS_THE_KERB, config, max_time_s=8.0)
-    assert any(touches_kerb(x, y) for x, y in positions) == (config is OFF)
+    report = driven(ACROSS_THE_KERB, config, max_time_s=25.0)
+    assert report["shortest_m"] > 4.5  # 3 m across the kerb
+    if config is OFF:
+        assert report["ground_intruded"] == {"edge": 1} and not report["success"]
+        assert report["causes"] == ["over edge"]
+    else:
+        assert report["success"] and report["ground_intrusions"] == 0

@@ -14,7 +14,8 @@ from app.episode.ablations import Ablation
 from app.episode.failure_causes import causes_of, count_causes
 from app.episode.task import Task, episode_of
 from app.evaluation.driving.scenario import evaluate_scenario
-from app.evaluation.summary import compare, mean_interval, rate_interval, summarise
+from app.evaluation.summary import RATES, compare, mean_interval, rate_interval, summarise
+from app.evaluation.tables.pages import RESULTS
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.robot.profile import HUSKY
@@ -203,6 +204,16 @@ def over_zone(gap_by_odometry_m: float) -> dict[str, Any]:
     return {"t_s": 1.0, "what": "zone 1", "duration_s": 0.5, "gap_by_odometry_m": gap_by_odometry_m}
 
 
+def over_ground(kind: str) -> dict[str, Any]:
+    intrusion = {**over_zone(0.0), "what": kind}
+    return {
+        "ground_intrusions": 1,
+        "ground_intruded": {kind: 1},
+        "fell": False,
+        "intrusions": [intrusion],
+    }
+
+
 def test_failures_are_sorted_by_their_most_severe_cause() -> None:
     hit = {"t_s": 1.0, "what": "chair", "collided": True}
     held = {"t_s": 12.0, "duration_s": 8.0, "reason": "boxed_in", "until_s": 20.0}
@@ -217,6 +228,9 @@ def test_failures_are_sorted_by_their_most_severe_cause() -> None:
         made_up(7, goals_reached=0, goal_errors_m={"1": 0.5}, goal_errors_by_estimate_m={"1": 0.1}),
         made_up(8, zone_intrusions=1, intrusions=[over_zone(0.02)]),
         made_up(9, zone_intrusions=2, intrusions=[over_zone(0.02), over_zone(0.0)]),
+        made_up(11, **over_ground("edge")),
+        made_up(12, **{**over_ground("edge"), "fell": True}),
+        made_up(13, **over_ground("steep slope")),
         made_up(
             6, contacts=[{**hit, "what": "person", "collided": False}], struck_while_standing=1
         ),
@@ -231,6 +245,9 @@ def test_failures_are_sorted_by_their_most_severe_cause() -> None:
         "goal missed: the estimated position had drifted": [7],
         "over a zone: odometry had drifted": [8],
         "over a zone": [9],
+        "over edge": [11],
+        "fell": [12],
+        "over steep slope": [13],
     }
 
 
@@ -254,6 +271,12 @@ def test_a_summary_has_rates_and_means_with_their_intervals() -> None:
     }
 
 
+def test_ground_beyond_the_limits_and_falls_are_a_rate_and_earlier_reports_have_none() -> None:
+    judged = [made_up(0, **over_ground("edge")), made_up(1, fell=True), made_up(2, fell=False)]
+    summary = summarise([*judged, made_up(3)])
+    assert summary["ground_rate"] == 0.5 and summary["ground_intrusions"] == 1
+
+
 def test_the_summary_of_second_days_says_how_the_maps_came_about() -> None:
     day = {"goals_reached": 2, "goals": 2, "map_error_m": 0.2, "place_shown": False}
     lost = {**day, "goals_reached": 1, "map_error_m": 0.4, "place_shown": True}
@@ -273,6 +296,16 @@ def test_intervals_are_right_at_the_ends_and_the_same_every_time() -> None:
     assert rate_interval(100, 100) == pytest.approx((0.963, 1.0), abs=1e-3)
     assert mean_interval([1.0]) is None
     assert mean_interval([1.0, 2.0, 4.0]) == mean_interval([1.0, 2.0, 4.0]) == (1.0, 4.0)
+
+
+def test_a_summary_from_before_the_ground_was_judged_is_compared(tmp_path: Path) -> None:
+    kept = json.loads((RESULTS / "office.json").read_text(encoding="utf-8"))
+    before = {key: value for key, value in kept.items() if not key.startswith("ground_")}
+    (tmp_path / "summary.json").write_text(json.dumps(before), encoding="utf-8")
+    table = compare([tmp_path])
+    title, _ = RATES["ground_rate"]
+    rows = dict(zip(*(column.cells for column in table.columns), strict=True))
+    assert str(rows[title]).strip() == "–"
 
 
 def test_folders_of_other_suites_are_not_compared(tmp_path: Path) -> None:

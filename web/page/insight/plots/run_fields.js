@@ -23,6 +23,10 @@ const NAMES = {
   zone_intrusions: t("zone intrusions"),
   zone_intrusion_s: t("time in zones, s"),
   zone_intrusion_m2s: t("area and time in zones, m² s"),
+  ground_intrusions: t("untraversable ground intrusions"),
+  ground_intrusion_s: t("time on untraversable ground, s"),
+  ground_intruded: t("untraversable ground entered"),
+  fell: t("fell"),
   intrusions: t("intrusions"),
   stops: t("stops"),
 };
