@@ -120,7 +120,10 @@ def draw_driven(axes: Any, positions: Points) -> Any:
 
 
 def draw_hazards(axes: Any, scenario: Scenario) -> None:
-    """Draw the true hazards by name, and the paths of people."""
+    """Draw the true hazards by name, the outlines of raised ground, and the paths of people."""
+    for part in scenario.raised:
+        grey = {"edgecolor": "0.45", "linewidth": 0.8}
+        axes.add_patch(Polygon(part.outline(), closed=True, fill=False, **grey))
     for hazard in true_objects(scenario):
         for outline in hazard.outlines:
             axes.add_patch(Polygon(outline, closed=True, fill=False, edgecolor=RED, linewidth=1.4))

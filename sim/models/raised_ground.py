@@ -11,7 +11,7 @@ import numpy.typing as npt
 from navcore.geometry.transform import Pose2
 from navcore.toml_config import ranged
 from sim.models.mesh import Mesh
-from sim.models.solids import FARTHEST_M
+from sim.models.solids import FARTHEST_M, Polygon, rectangle
 
 Floats = npt.NDArray[np.float64]
 BUMP_M = 0.1
@@ -44,6 +44,10 @@ class RaisedGround:
     def pose(self) -> Pose2:
         """T_map_part of the middle."""
         return Pose2(x_m=self.at[0], y_m=self.at[1], yaw_rad=math.radians(self.yaw_deg))
+
+    def outline(self) -> Polygon:
+        """Return the (4, 2) corners in metres of the map frame, counter-clockwise."""
+        return self.pose.to_parent(rectangle(*self.size_m))
 
     def covers(self, points: Floats) -> npt.NDArray[np.bool_]:
         """Return (N,) whether (N, 2) points in metres of its own frame are on it."""

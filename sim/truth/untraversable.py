@@ -79,7 +79,7 @@ def untraversable_ground(
 def _edges(ground: Ground, max_step_m: float) -> Iterator[Polygon]:
     """Yield strips along the sides of raised parts where the height changes by more than a step."""
     for part in ground.raised:
-        corners = _outline(part)
+        corners = part.outline()
         for begin, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             along = end - begin
             length_m = float(np.hypot(*along))
@@ -103,18 +103,19 @@ def _is_steep(part: RaisedGround, robot: RobotProfile) -> bool:
 def _top_sides(parts: Sequence[RaisedGround], chosen: Sequence[bool]) -> Iterator[Polygon]:
     """Yield the outlines of the chosen parts without what other parts cover."""
     for part in (part for part, is_chosen in zip(parts, chosen, strict=True) if is_chosen):
-        top: BaseGeometry = shapely.Polygon(_outline(part))
+        top: BaseGeometry = shapely.Polygon(part.outline())
         for other in parts:
             if other is not part and _is_below(part, other):
-                top = shapely.difference(top, shapely.Polygon(_outline(other)))
+                top = shapely.difference(top, shapely.Polygon(other.outline()))
         for piece in shapely.get_parts(top):
             if piece.area > 0:
                 yield shapely.get_coordinates(piece.exterior)[:-1]
 
 
 def _is_below(part: RaisedGround, other: RaisedGround) -> bool:
-    """Return whether a part is nowhere higher than another where they overlap, without bumps."""
-    both = shapely.intersection(shapely.Polygon(_outline(part)), shapely.Polygon(_outline(other)))
+    """Return whether a part is nowhere higher than another where they overlap, and somewhere
+    lower, without bumps."""
+    both = shapely.intersection(shapely.Polygon(part.outline()), shapely.Polygon(other.outline()))
     if not both.area > 0:
         return False
     # Both tops are planes, and the overlap is convex: its corners tell.
@@ -124,7 +125,7 @@ def _is_below(part: RaisedGround, other: RaisedGround) -> bool:
         )
         for one in (part, other)
     )
-    return bool((low <= high + ROUNDING).all())
+    return bool((low <= high + ROUNDING).all() and (low < high - ROUNDING).any())
 
 
 def _steep_hills(scenario: Scenario, ground: Ground, max_slope: float) -> Iterator[Polygon]:
@@ -139,10 +140,6 @@ def _steep_hills(scenario: Scenario, ground: Ground, max_slope: float) -> Iterat
         for first, last in _runs(steep):
             middle = (centres[first] + centres[last - 1]) / 2
             yield rectangle((last - first) * HILL_CELL_M, HILL_CELL_M) + middle
-
-
-def _outline(part: RaisedGround) -> Polygon:
-    return part.pose.to_parent(rectangle(*part.size_m))
 
 
 def _runs(mask: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:

@@ -101,6 +101,7 @@ def test_a_steep_slope_below_a_platform_is_none() -> None:
     covered = area(raised(steep, dataclasses.replace(block(1.0), at=(1.0, 0.0))), "steep slope")
     assert shapely.area(whole) == pytest.approx(4.0)
     assert shapely.area(covered) == pytest.approx(2.0)
+    assert shapely.equals(area(raised(steep, steep), "steep slope"), whole)
 
 
 def test_hills_steeper_than_the_limit_are_untraversable_where_they_are() -> None:
