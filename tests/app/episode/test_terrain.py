@@ -59,10 +59,10 @@ def test_a_ramp_within_the_limit_is_driven_to_the_goal_behind_it(
 def test_a_kerb_that_is_no_obstacle_by_its_height_is_driven_round(
     config: NavigatorConfig | None,
 ) -> None:
-    report = driven(ACROSS_THE_KERB, config, max_time_s=25.0)
+    report = driven(ACROSS_THE_KERB, config, max_time_s=8.0 if config is OFF else 25.0)
     assert report["shortest_m"] > 4.5  # 3 m across the kerb
     if config is OFF:
         assert report["ground_intruded"] == {"edge": 1} and not report["success"]
-        assert report["causes"] == ["over edge"]
+        assert report["causes"][0] == "over edge"
     else:
         assert report["success"] and report["ground_intrusions"] == 0
