@@ -131,6 +131,17 @@ def test_the_shortest_path_leads_round_a_kerb_and_up_the_ramp_within_the_limit()
     assert path_m(dataclasses.replace(up, raised=without), (5.0, 1.6)) is None
 
 
+def test_the_baselines_and_the_referee_have_the_same_ground() -> None:
+    spec = GridSpec.centred(size_m=TERRAIN.size_m, resolution_m=0.05)
+    referee = Referee(TERRAIN)
+    _, low, _ = referee.true_cells(spec)
+    blocked = referee.true_blocked(spec, INFLATION_M)
+    for kerb_or_steep in ((0.15, -2.0), (2.7, 1.6), (7.0, 3.0)):
+        assert low[spec.cell(*kerb_or_steep)] and blocked[spec.cell(*kerb_or_steep)]
+    for floor in ((1.5, 4.3), (5.5, 3.0), (-5.0, -2.0), (-7.0, 3.0)):
+        assert not low[spec.cell(*floor)] and not blocked[spec.cell(*floor)]
+
+
 def test_random_missions_keep_off_edges_and_reach_raised_ground_by_the_ramp() -> None:
     ground = Ground(raised=TERRAIN.raised)
     spec = GridSpec.centred(size_m=TERRAIN.size_m, resolution_m=0.05)
