@@ -24,6 +24,8 @@ from app.console.mission.path_settings import stored_unknown_price
 from app.console.operations import LiveOperations
 from app.console.site.site_map import beware_of, map_of, put_in_force
 from app.console.site.sites import SESSION_PERIOD_S, expected_place, mission_of
+from app.console.stop_latch import PERIOD_S as STOP_PERIOD_S
+from app.console.stop_latch import StopLatch, read_latch
 from app.replay.odometry import for_recordings
 from app.runtime.control.background import Background, ThreadBackground
 from app.runtime.control.loop import ControlLoop, PeriodicThread, lower_other_priorities
@@ -71,6 +73,10 @@ from web.starting import StartingPage
 log = logging.getLogger(__name__)
 EXPIRY_S = 1.0
 """Time between two checks of the zones' expiry, seconds."""
+RUN_PERIOD_S = 60.0
+"""Time between two looks at a run whose report is stored while it goes on, seconds."""
+STOP_FILE = "stopped"
+"""File of the data folder that exists while the emergency stop is latched."""
 SIGNAL_S = 0.5
 """Longest time until a signal that came to another thread is handled, seconds."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -190,7 +196,14 @@ def console(
         background.start()
         stack.callback(background.stop)
         controller = _controller_of(
-            site, back_end, options.robot, perception, config, stages, background
+            site,
+            back_end,
+            options.robot,
+            perception,
+            config,
+            stages,
+            background,
+            stopped_by=read_latch(options.data / STOP_FILE),
         )
         point_map, names = controller.navigator.map, controller.intent.beware.names
         keeper = _load_map(point_map, site, options, names)
@@ -221,9 +234,13 @@ def console(
             network=composed.used,
             compose=composing,
         )
+        latch = StopLatch(options.data / STOP_FILE, controller)
         stack.callback(operations.close)
         stack.callback(operations.sites.keep_session)
+        stack.callback(latch.keep)
         for work, period_s, name in (
+            (latch.keep, STOP_PERIOD_S, "stop to disk"),
+            (operations.keep_run, RUN_PERIOD_S, "report of the run to disk"),
             (lambda: operations.zones.expire(), EXPIRY_S, "expiry of zones"),
             (operations.sites.keep_session, SESSION_PERIOD_S, "session to disk"),
         ):
@@ -323,9 +340,11 @@ def _controller_of(
     config: NavigatorConfig,
     stages: Stages,
     background: Background,
+    *,
+    stopped_by: str | None,
 ) -> RobotController:
     """Return a controller with the zones, the beware list and the goals of the last session at a
-    site; it stands."""
+    site; it stands. `stopped_by`: who had stopped the robot, and has not reset the stop."""
     timer = StageTimer()
     navigator = Navigator(
         spec=back_end.spec,
@@ -335,9 +354,11 @@ def _controller_of(
         stages=timer.wrap(stages),
     )
     intent = OperatorState(
+        site=site.name,
         mission=mission_of(site),
         beware=beware_of(site, back_end.beware),
         zones=site.zones(),
+        stopped_by=stopped_by,
         unknown_price=stored_unknown_price(site),
     )
     return RobotController(

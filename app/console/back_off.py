@@ -6,6 +6,7 @@ no beware area into another. A mission that was driving is paused meanwhile and 
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import threading
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from collections.abc import Callable
 from app.runtime.control.operator_state import StateHolder
 from navcore.errors import BewareNavError, Refused
 from navcore.geometry.transform import Pose2, Twist
-from navcore.mission.mission import Phase
+from navcore.mission.mission import Mission, Phase
 
 log = logging.getLogger(__name__)
 DISTANCE_M = 0.5
@@ -51,10 +52,16 @@ class BackOff:
         if self._thread is not None and self._thread.is_alive():
             raise Refused("the robot is backing off already")
         # A robot that was leaving an area waits for the operator as soon as it is out of it.
-        was_driving = self._holder.intent.mission.phase is Phase.DRIVING
-        self._drive(BACK)
+        self._change_mission(
+            lambda mission: mission.interrupt() if mission.phase is Phase.DRIVING else mission
+        )
+        try:
+            self._drive(BACK)
+        except BewareNavError:
+            self._change_mission(_stays)
+            raise
         self._thread = threading.Thread(
-            target=self._run, args=(self._pose(), was_driving), name="back off", daemon=True
+            target=self._run, args=(self._pose(),), name="back off", daemon=True
         )
         self._thread.start()
 
@@ -64,7 +71,12 @@ class BackOff:
         if self._thread is not None:
             self._thread.join(2.0)
 
-    def _run(self, begin: Pose2, was_driving: bool) -> None:
+    def _change_mission(self, edit: Callable[[Mission], Mission]) -> None:
+        self._holder.change(
+            lambda intent: dataclasses.replace(intent, mission=edit(intent.mission))
+        )
+
+    def _run(self, begin: Pose2) -> None:
         try:
             for _ in range(MAX_STEPS):
                 own = self._holder.intent.by_hand
@@ -75,7 +87,14 @@ class BackOff:
                     break
                 self._drive(BACK)
             self._drive(None)
-            if was_driving and self._holder.intent.mission.phase is Phase.PAUSED:
+            if self._holder.intent.mission.goes_on:
                 self._resume()
         except BewareNavError as refused:
             log.info("backing off has ended: %s", refused)
+        finally:
+            self._change_mission(_stays)
+
+
+def _stays(mission: Mission) -> Mission:
+    """Return the mission that does not go on by itself."""
+    return dataclasses.replace(mission, goes_on=False)

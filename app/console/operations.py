@@ -383,6 +383,11 @@ class LiveOperations:
 
         self._controller.change(edit)
 
+    def keep_run(self) -> None:
+        """Store what the present run has come to, for the case that the console does not end in
+        order."""
+        self._recorder.keep_run()
+
     def back_off(self) -> None:
         """Drive half a metre straight back; a driving mission goes on afterwards."""
         self._back_off.start()
@@ -396,8 +401,9 @@ class LiveOperations:
         """Latch the emergency stop and pause the mission in one step."""
 
         def edit(intent: OperatorState) -> OperatorState:
-            driving = intent.mission.phase in MOVING
-            mission = intent.mission.pause() if driving else intent.mission
+            mission = intent.mission
+            if mission.phase in MOVING or mission.goes_on:
+                mission = mission.pause()
             return dataclasses.replace(
                 intent,
                 stopped_by=intent.stopped_by or source,

@@ -78,6 +78,10 @@ class Mission:
     restored: bool = False
     """Whether the goals are those of an earlier session, and the operator has not started them
     since."""
+    goes_on: bool = False
+    """Whether a paused mission goes on by itself, once the robot has backed off."""
+    runs: int = 0
+    """Number of times that a mission was started in this session."""
 
     @property
     def goal(self) -> Goal | None:
@@ -137,6 +141,8 @@ class Mission:
             loop=loop,
             cancelled=False,
             restored=False,
+            goes_on=False,
+            runs=self.runs + 1,
         )
         for goal in goals:
             empty = empty.add(goal.x_m, goal.y_m, spec, yaw_rad=goal.yaw_rad, name=goal.name)
@@ -165,32 +171,42 @@ class Mission:
         begun = dataclasses.replace(self, phase=Phase.DRIVING, cancelled=False, restored=False)
         if self.phase is not Phase.IDLE:
             return begun
-        return dataclasses.replace(begun, reached=(), reached_count=0)
+        return dataclasses.replace(begun, reached=(), reached_count=0, runs=self.runs + 1)
 
     def pause(self) -> Mission:
-        """Stop and keep the goals; raises `Refused` unless driving."""
+        """Stop and keep the goals; raises `Refused` unless driving, or about to go on."""
         if self.phase is Phase.LEAVING:
             return self.left()
+        if self.goes_on:
+            return dataclasses.replace(self, goes_on=False)
         if self.phase is not Phase.DRIVING:
             raise Refused(f"only a driving mission can be paused, this one is {self.phase}")
         return dataclasses.replace(self, phase=Phase.PAUSED)
+
+    def interrupt(self) -> Mission:
+        """Pause for a manoeuvre of the operator, after which the mission goes on by itself; raises
+        `Refused` unless driving."""
+        return dataclasses.replace(self.pause(), goes_on=True)
 
     def resume(self) -> Mission:
         """Continue after a pause; raises `Refused` unless paused."""
         if self.phase is not Phase.PAUSED:
             raise Refused(f"only a paused mission can be resumed, this one is {self.phase}")
-        return dataclasses.replace(self, phase=Phase.DRIVING, restored=False)
+        return dataclasses.replace(self, phase=Phase.DRIVING, restored=False, goes_on=False)
 
     def leave(self) -> Mission:
         """Start driving out of the beware area that the robot is in."""
-        return dataclasses.replace(self, phase=Phase.LEAVING)
+        return dataclasses.replace(self, phase=Phase.LEAVING, goes_on=False)
 
     def stored(self) -> Mission:
         """Return the mission as it begins in the next session: it stands, and what was driving is
         paused."""
         has_begun = self.phase is not Phase.IDLE and bool(self.queue)
         return dataclasses.replace(
-            self, phase=Phase.PAUSED if has_begun else Phase.IDLE, restored=bool(self.queue)
+            self,
+            phase=Phase.PAUSED if has_begun else Phase.IDLE,
+            restored=bool(self.queue),
+            goes_on=False,
         )
 
     def left(self) -> Mission:
@@ -199,7 +215,9 @@ class Mission:
 
     def cancel(self) -> Mission:
         """Stop and remove all queued goals."""
-        return dataclasses.replace(self, phase=Phase.IDLE, queue=(), cancelled=True, restored=False)
+        return dataclasses.replace(
+            self, phase=Phase.IDLE, queue=(), cancelled=True, restored=False, goes_on=False
+        )
 
     def arrive(self) -> Mission:
         """Mark the present goal as reached and continue with the next, if there is one."""

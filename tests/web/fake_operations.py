@@ -149,6 +149,7 @@ class FakeOperations:
             self,
             store=store,
             calendar_s=lambda: self.calendar_s,
+            steady_s=lambda: self.calendar_s,
             new_id=_ids().__next__,
             number=number,
         )

@@ -7,7 +7,6 @@ import threading
 from typing import Literal
 
 from navcore.errors import Refused
-from navcore.mission.mission import Phase
 from web.auth.access import Access
 from web.interface.operations import RobotService
 
@@ -44,13 +43,12 @@ class PresenceMonitor:
         self._access.authenticator.refresh()
         attended = self._access.control.now.holder is not None
         left, self._attended = self._attended and not attended, attended
-        drives = self._operations.state().phase in (Phase.DRIVING, Phase.LEAVING)
-        if left and self._unattended == "pause" and drives:
-            log.warning("the operator in control has left; the mission is paused")
+        if left and self._unattended == "pause":
             try:
                 self._operations.mission("pause")
             except Refused:
-                log.info("the mission had ended meanwhile")
+                return  # no mission drives, or is about to go on
+            log.warning("the operator in control has left; the mission is paused")
 
     def _run(self) -> None:
         while not self._ended.wait(PERIOD_S):

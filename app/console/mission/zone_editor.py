@@ -66,13 +66,16 @@ class ZoneEditor:
         store: ZoneStore,
         watcher: ZoneWatcher | None = None,
         calendar_s: Callable[[], float] = time.time,
+        steady_s: Callable[[], float] = time.monotonic,
         new_id: Callable[[], str] = lambda: uuid.uuid4().hex[:12],
         number: Callable[[], int] | None = None,
     ) -> None:
-        """`calendar_s`: calendar clock of the robot, seconds since 1970; zones expire by it.
-        `number` counts the edits of all kinds."""
+        """`calendar_s`: calendar clock of the robot, seconds since 1970; zones expire by it, but
+        for those that were drawn for some time: as long as the console runs these expire by
+        `steady_s`, a clock that is never set. `number` counts the edits of all kinds."""
         self._holder, self._store, self._watcher = holder, store, watcher
-        self._calendar_s, self._new_id = calendar_s, new_id
+        self._calendar_s, self._steady_s, self._new_id = calendar_s, steady_s, new_id
+        self._due_s = dict[float, float]()  # date of an expiry → its time by the steady clock
         self._edits = EditStack[_Zones](number=number)
         saved = (zone for zones in self.sets().values() for zone in zones)
         self._versions = {zone.id: zone.version for zone in (*self.stored, *saved)}
@@ -278,11 +281,10 @@ class ZoneEditor:
             saved = self._store.documents(SETS)
             if name not in saved and len(saved) >= MAX_SETS:
                 raise Refused(f"at most {MAX_SETS} sets are kept; delete one first")
-            now_s = self._calendar_s()
             lasting = [
                 zone
                 if zone.expires_at_s is None
-                else dataclasses.replace(zone, expires_at_s=zone.expires_at_s - now_s)
+                else dataclasses.replace(zone, expires_at_s=self._left_s(zone.expires_at_s))
                 for zone in self.stored
             ]
             self._store.save_document(SETS, name, [zone_record(zone) for zone in lasting])
@@ -311,12 +313,25 @@ class ZoneEditor:
         """Return a zone of a set with its expiry counted from now."""
         if zone.expires_at_s is None:
             return zone
-        return dataclasses.replace(zone, expires_at_s=self._calendar_s() + zone.expires_at_s)
+        return dataclasses.replace(zone, expires_at_s=self._date_in(zone.expires_at_s))
+
+    def _date_in(self, left_s: float) -> float:
+        """Return the date of an expiry after some time, which is kept though the calendar clock is
+        set meanwhile."""
+        at_s = self._calendar_s() + left_s
+        self._due_s[at_s] = self._steady_s() + left_s
+        return at_s
+
+    def _left_s(self, at_s: float) -> float:
+        """Return the time until the date of an expiry, seconds."""
+        due_s = self._due_s.get(at_s)
+        return at_s - self._calendar_s() if due_s is None else due_s - self._steady_s()
 
     def _expiry(self, draft: ZoneDraft) -> float | None:
-        now_s = self._calendar_s()
-        at_s = draft.expires_at_s if draft.expires_in_s is None else now_s + draft.expires_in_s
-        if at_s is not None and not now_s < at_s < now_s + MAX_LIFETIME_S:
+        at_s = draft.expires_at_s
+        if draft.expires_in_s is not None:
+            at_s = self._date_in(draft.expires_in_s)
+        if at_s is not None and not 0.0 < self._left_s(at_s) < MAX_LIFETIME_S:
             raise BadGeometry(
                 f"zone {draft.name!r}: its expiry has to be within the next year; "
                 "give another one, or none"
@@ -324,7 +339,7 @@ class ZoneEditor:
         return at_s
 
     def _is_expired(self, zone: Zone) -> bool:
-        return zone.expires_at_s is not None and zone.expires_at_s <= self._calendar_s()
+        return zone.expires_at_s is not None and self._left_s(zone.expires_at_s) <= 0.0
 
     def _expected(self, zone_id: str, version: int | None) -> Zone:
         for zone in self.stored:

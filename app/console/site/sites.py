@@ -294,7 +294,8 @@ class LiveSites:
             listed = dataclasses.replace(beware, version=version)
             return dataclasses.replace(
                 intent,
-                mission=mission,
+                site=site.name,
+                mission=dataclasses.replace(mission, runs=intent.mission.runs + 1),
                 zones=zones,
                 beware=listed,
                 by_hand=None,

@@ -23,6 +23,8 @@ class OperatorState:
     """Goals, and whether to drive to them."""
     beware: BewareList
     """Beware list in force."""
+    site: str = ""
+    """Name of the site whose goals, zones and list these are, as at the last change of site."""
     zones: tuple[Zone, ...] = ()
     """Zones in force, in the order in which they were first stored."""
     stopped_by: str | None = None

@@ -24,7 +24,7 @@ class DrivenPath:
         self.points: Points = np.empty((0, 2))
         """(N, 2) positions in the map since the robot was last believed elsewhere, read-only."""
         self.length_m = 0.0
-        """Distance driven so far, metres, without such jumps."""
+        """Distance driven so far, metres, by odometry: corrections of the place are no driving."""
         self._T_odom_base: Pose2 | None = None
 
     def forget(self) -> None:
@@ -45,6 +45,6 @@ class DrivenPath:
             if abs(moved_m - rolled_m) > JUMP_M:
                 points = here
             else:
-                self.length_m += moved_m
+                self.length_m += rolled_m
                 points = np.concatenate([self.points[-MAX_POINTS:], here])
         self.points, self._T_odom_base = read_only(points), T_odom_base

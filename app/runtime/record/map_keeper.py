@@ -95,7 +95,8 @@ class MapKeeper:
             self._answered.set()
             return
         since_ns = self._looked_ns
-        is_due = since_ns is None or now_ns - since_ns >= SNAPSHOT_PERIOD_S * 1e9
+        # Also where the clock was set back.
+        is_due = since_ns is None or not 0 <= now_ns - since_ns < SNAPSHOT_PERIOD_S * 1e9
         if is_due and self._waiting is None:
             self._looked_ns = now_ns
             if _key(point_map) != self._copied:

@@ -71,7 +71,7 @@ class Recorder:
         self._route = decision.route
         self.explored_m2 = self._controller.navigator.map.explored.area_m2
         self.picture = self._picture_of(decision)
-        if decision.frame.stamp_ns - self._cloud_ns > CLOUD_PERIOD_S * 1e9:
+        if not 0 <= decision.frame.stamp_ns - self._cloud_ns <= CLOUD_PERIOD_S * 1e9:
             self._cloud_ns = decision.frame.stamp_ns
             self.cloud = self._copied_cloud()
         self._reporter.note_tick(
@@ -102,6 +102,10 @@ class Recorder:
             "explored_m3": self._controller.navigator.map.explored.volume_m3,
             "tick_ms": self._controller.timer.tick_ms,
         }
+
+    def keep_run(self) -> None:
+        """Store what the present run has come to; any thread may call it."""
+        self._reporter.keep()
 
     def close(self) -> None:
         """Store the report of an unfinished run; call when no thread feeds this any more."""

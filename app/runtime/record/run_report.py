@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 import uuid
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
@@ -36,12 +37,14 @@ class Referee(Protocol):
 
 class RunReporter:
     """Stores the report of each run: a run begins when the mission starts to drive and ends when it
-    is idle again."""
+    is idle again, or another mission is loaded. What happens until then is stored now and then
+    (`keep`), so that a run that ends with the power is in the history, too."""
 
     def __init__(self, *, store: Store, referee: Referee | None, scenario: str, robot: str) -> None:
         self._store, self._referee, self._scenario, self._robot = store, referee, scenario, robot
         self._stop_noted: str | None = None
         self._run: _Run | None = None
+        self._saving = threading.Lock()
 
     def note_stop(self, reason: str | None) -> None:
         """Tell the referee why the robot is held, whenever that changes; None when it is not."""
@@ -64,17 +67,27 @@ class RunReporter:
         measure: Callable[[], Mapping[str, float]],
     ) -> None:
         """Follow the mission after a tick; `measure` gives a row of the time series."""
+        if self._run is not None and mission.runs == self._run.number:
+            self._run.note_tick(stamp_ns, mission, travelled_m, measure)
+        if self._run is not None and (
+            mission.runs != self._run.number or mission.phase is Phase.IDLE
+        ):
+            self._end()
         if self._run is None and mission.phase is Phase.DRIVING:
             self._begin(_Run(stamp_ns, mission, travelled_m))
-        elif self._run is not None:
-            self._run.note_tick(stamp_ns, mission, travelled_m, measure)
-            if mission.phase is Phase.IDLE:
-                self._end(mission)
+
+    def keep(self) -> None:
+        """Store what the present run has come to; any thread may call it."""
+        with self._saving:
+            if (run := self._run) is not None:
+                self._save(self._report_of(run))
 
     def close(self, mission: Mission) -> None:
         """Store the report of an unfinished run; call when nothing else uses this any more."""
         if self._run is not None:
-            self._end(mission)
+            if mission.runs == self._run.number:
+                self._run.note_mission(mission)
+            self._end()
 
     def _begin(self, run: _Run) -> None:
         if self._referee is not None:
@@ -82,17 +95,17 @@ class RunReporter:
             self._stop_noted = None  # a new judgement has to be told again
         self._run = run
 
-    def _end(self, mission: Mission) -> None:
+    def _end(self) -> None:
         assert self._run is not None
-        run, self._run = self._run, None
-        report = {
-            "id": uuid.uuid4().hex[:12],
-            "scenario": self._scenario,
-            "robot": self._robot,
-            **run.report(),
-            **(self._referee.referee_report() if self._referee is not None else {}),
-            "goals_reached": mission.reached_count,
-        }
+        judged = self._referee.referee_report() if self._referee is not None else {}
+        with self._saving:
+            run, self._run = self._run, None
+            self._save({**self._report_of(run), **judged})
+
+    def _report_of(self, run: _Run) -> dict[str, Any]:
+        return {"scenario": self._scenario, "robot": self._robot, **run.report()}
+
+    def _save(self, report: dict[str, Any]) -> None:
         try:
             self._store.save_run(report)
         except StorageFailed:
@@ -106,7 +119,10 @@ class _Run:
         self._started_ns = self._last_ns = stamp_ns
         self._started_m = self._last_m = travelled_m
         self._series = TimeSeries(max_rows=MAX_ROWS, thinning=True)
+        self._id, self.number = uuid.uuid4().hex[:12], mission.runs
+        """Number of the mission's run."""
         self._goals: dict[int, Goal] = {goal.id: goal for goal in mission.queue}
+        self._reached_before, self._reached_count = mission.reached_count, mission.reached_count
 
     def note_tick(
         self,
@@ -118,8 +134,12 @@ class _Run:
         self._last_ns, self._last_m = stamp_ns, travelled_m
         if self._series.is_due(self._duration_s):
             self._series.add(self._duration_s, {**measure(), "distance_m": self._distance_m})
-        for goal in mission.queue:
-            self._goals.setdefault(goal.id, goal)
+        self.note_mission(mission)
+
+    def note_mission(self, mission: Mission) -> None:
+        """Follow the goals: those that are added, moved or reached."""
+        self._goals.update({goal.id: goal for goal in mission.queue})
+        self._reached_count = mission.reached_count
 
     @property
     def _duration_s(self) -> float:
@@ -132,7 +152,9 @@ class _Run:
     def report(self) -> dict[str, Any]:
         """Return the run's own part of the report."""
         return {
-            "goals": [[goal.x_m, goal.y_m] for goal in self._goals.values()],
+            "id": self._id,
+            "goals": [[goal.x_m, goal.y_m] for goal in tuple(self._goals.values())],
+            "goals_reached": self._reached_count - self._reached_before,
             "series": self._series.after(),
             "distance_m": round(self._distance_m, 3),
             "sim_time_s": round(self._duration_s, 3),

@@ -28,7 +28,7 @@ class TimeSeries:
 
     def is_due(self, t_s: float) -> bool:
         """Return whether the next row may be added."""
-        return not self._rows or t_s - self._rows[-1][0] >= self._period_s
+        return not self._rows or not 0 <= t_s - self._rows[-1][0] < self._period_s
 
     def add(self, t_s: float, measurements: Mapping[str, float]) -> None:
         """Add a row with a value for each column but the time."""

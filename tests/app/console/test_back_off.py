@@ -117,3 +117,32 @@ def test_it_is_refused_while_it_goes_on_and_while_the_stop_is_latched() -> None:
     latched.intent = dataclasses.replace(latched.intent, stopped_by="key")
     with pytest.raises(Refused, match="latched"):
         latched.back_off().start()
+
+
+def test_a_pause_meanwhile_keeps_the_mission_paused() -> None:
+    """Of an operator, or because none is left in control."""
+    robot = Robot()
+
+    def pause() -> None:
+        mission = robot.intent.mission.pause()
+        robot.intent = dataclasses.replace(robot.intent, mission=mission)
+
+    robot.at_step[3] = pause
+    backed_off(robot)
+    assert -robot.x_m == pytest.approx(DISTANCE_M, abs=0.021), "it backs off all the same"
+    assert robot.intent.mission.phase is Phase.PAUSED
+    with pytest.raises(Refused, match="only a driving mission"):
+        robot.intent.mission.pause()
+
+
+def test_nothing_goes_on_by_itself_once_it_has_ended() -> None:
+    stopped = Robot()
+    stopped.at_step[3] = lambda: setattr(
+        stopped, "intent", dataclasses.replace(stopped.intent, stopped_by="key", by_hand=None)
+    )
+    assert not backed_off(stopped).intent.mission.goes_on
+    latched = Robot()
+    latched.intent = dataclasses.replace(latched.intent, stopped_by="key")
+    with pytest.raises(Refused, match="latched"):
+        latched.back_off().start()
+    assert not latched.intent.mission.goes_on

@@ -262,3 +262,15 @@ def test_a_new_price_of_unseen_floor_is_told() -> None:
         ("replanned", "A metre of unseen floor now costs as much as 3 m of seen floor."),
         ("replanned", "Unseen floor costs again what the configuration says."),
     ]
+
+
+def test_another_site_is_told_as_that_and_not_as_edits_and_arrivals() -> None:
+    event_log = EventLog()
+    before = intent(zones=(ZONE,), driving=False)
+    detector = EventDetector(event_log, before)
+    mission = dataclasses.replace(before.mission, reached=before.mission.queue, queue=())
+    there = OperatorState(mission=mission, beware=BewareList(classes=()), site="attic")
+    detector.on_change(1.0, there, HERE)
+    assert [text for _, text in written(event_log)] == ["The robot is at the site “attic”."]
+    detector.on_change(2.0, dataclasses.replace(there, zones=(ZONE,)), HERE)
+    assert "Wet floor" in written(event_log)[-1][1], "edits there are told"

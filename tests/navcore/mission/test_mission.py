@@ -104,7 +104,7 @@ def test_an_action_that_does_not_fit_the_phase_is_refused(
 @pytest.mark.parametrize("mission", [EMPTY, TWO, DRIVING, PAUSED])
 def test_cancelling_is_always_possible_and_empties_the_queue(mission: Mission) -> None:
     assert mission.cancel() == Mission(
-        phase=Phase.IDLE, queue=(), reached=mission.reached, cancelled=True, next_id=mission.next_id
+        reached=mission.reached, cancelled=True, next_id=mission.next_id, runs=mission.runs
     )
 
 

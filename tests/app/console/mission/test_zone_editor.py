@@ -39,12 +39,20 @@ class Desk(PlainHolder):
 
     def __init__(self, folder: Path) -> None:
         self.now_s = 1e9
+        """Time, by a clock that goes on steadily."""
+        self.set_by_s = 0.0
+        """By how much the calendar clock was set."""
         self.store = Store(folder)
         zones = self.store.site.zones()
         super().__init__(
             OperatorState(mission=Mission(), beware=default_beware_list(), zones=zones)
         )
-        self.editor = ZoneEditor(self, store=self.store.site, calendar_s=lambda: self.now_s)
+        self.editor = ZoneEditor(
+            self,
+            store=self.store.site,
+            calendar_s=lambda: self.now_s + self.set_by_s,
+            steady_s=lambda: self.now_s,
+        )
 
     @property
     def bound(self) -> tuple[Zone, ...]:
@@ -215,6 +223,31 @@ def test_a_zone_binds_until_its_time_is_over_and_its_end_is_logged(
         [past]
     )  # an export holds what is over by now, and can be imported all the same
     assert not taken.enabled and taken.expires_at_s is None
+
+
+def test_a_zone_for_some_time_holds_that_long_though_the_calendar_clock_is_set(
+    desk: Desk,
+) -> None:
+    """As by NTP after a start without a battery, and by hand."""
+    desk.editor.add_all([ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=60.0)])
+    desk.editor.save_set("wet")
+    for set_by_s in (1e8, -1e8):
+        desk.set_by_s = set_by_s
+        desk.editor.expire()
+        assert desk.bound[0].enabled
+        desk.editor.save_set("wet")
+        assert desk.editor.sets()["wet"][0].expires_at_s == pytest.approx(60.0)
+    desk.now_s += 61.0
+    desk.editor.expire()
+    assert not desk.bound[0].enabled
+
+
+def test_a_zone_until_a_date_ends_by_the_calendar_clock(desk: Desk) -> None:
+    until = ZoneDraft(name="wet", polygon=SQUARE, expires_at_s=desk.now_s + 3600.0)
+    desk.editor.add_all([until])
+    desk.set_by_s = 3601.0
+    desk.editor.expire()
+    assert not desk.bound[0].enabled
 
 
 def test_a_zone_whose_end_the_store_does_not_take_goes_on_binding(desk: Desk) -> None:

@@ -30,4 +30,11 @@ def test_a_small_correction_goes_on_with_the_path() -> None:
     path.add(at(0.0), at(0.0))
     path.add(at(0.7), at(0.4))
     assert len(path.points) == 2
-    assert path.length_m == pytest.approx(0.7)
+    assert path.length_m == pytest.approx(0.4)
+
+
+def test_a_standing_robot_whose_place_is_corrected_to_and_fro_has_driven_nowhere() -> None:
+    path = DrivenPath()
+    for tick in range(10):
+        path.add(at(0.3 * (tick % 2)), at(0.0))
+    assert path.length_m == 0.0

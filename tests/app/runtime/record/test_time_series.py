@@ -17,6 +17,12 @@ def fed(series: TimeSeries, seconds: int) -> list[float | None]:
     return series.after()["t_s"]
 
 
+def test_a_clock_that_was_set_back_does_not_stop_the_table() -> None:
+    series = TimeSeries(max_rows=100)
+    series.add(3600.0, MEASURED)
+    assert series.is_due(0.0) and not series.is_due(3600.5)
+
+
 def test_a_full_table_drops_its_oldest_rows() -> None:
     assert fed(TimeSeries(max_rows=100), 1000) == [float(t_s) for t_s in range(900, 1000)]
 

@@ -1,0 +1,51 @@
+"""The emergency stop outlives the console: what was stopped before a restart is stopped after it,
+until an operator resets it."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from app.runtime.control.operator_state import StateHolder
+from navcore.errors import StorageFailed
+from navcore.files import write_whole
+
+log = logging.getLogger(__name__)
+PERIOD_S = 0.2
+"""Time between two looks at the stop, seconds: what a kill loses at most, but for the writing."""
+
+
+class StopLatch:
+    """Keeps who has stopped the robot in a file of the data folder."""
+
+    def __init__(self, file: Path, holder: StateHolder) -> None:
+        self._file, self._holder = file, holder
+        self._kept = read_latch(file)
+
+    def keep(self) -> None:
+        """Write the file if the stop was latched or reset; tried again the next time if it cannot
+        be written."""
+        stopped_by = self._holder.intent.stopped_by
+        if stopped_by == self._kept:
+            return
+        try:
+            if stopped_by is None:
+                self._file.unlink(missing_ok=True)
+            else:
+                write_whole(self._file, stopped_by.encode())
+        except (OSError, StorageFailed):
+            log.exception("the emergency stop cannot be stored; a restart would release it")
+            return
+        self._kept = stopped_by
+
+
+def read_latch(file: Path) -> str | None:
+    """Return who had stopped the robot when the console ended; None if it was not stopped. A file
+    that cannot be read counts as a stop."""
+    try:
+        return file.read_text(encoding="utf-8") or "an operator"
+    except FileNotFoundError:
+        return None
+    except (OSError, UnicodeDecodeError):
+        log.exception("the stored emergency stop cannot be read; it counts as latched")
+        return "an operator"

@@ -1,0 +1,61 @@
+"""The emergency stop holds over a restart."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from app.console.stop_latch import StopLatch, read_latch
+from app.runtime.control.operator_state import OperatorState
+from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Mission
+from tests.app.console.state import PlainHolder
+
+
+@pytest.fixture
+def holder() -> PlainHolder:
+    return PlainHolder(OperatorState(mission=Mission(), beware=BewareList(classes=())))
+
+
+def stopped_by(holder: PlainHolder, who: str | None) -> None:
+    holder.change(lambda intent: dataclasses.replace(intent, stopped_by=who))
+
+
+def test_a_stop_is_latched_until_it_is_reset_over_any_restart(
+    holder: PlainHolder, tmp_path: Path
+) -> None:
+    file = tmp_path / "stopped"
+    latch = StopLatch(file, holder)
+    latch.keep()
+    assert read_latch(file) is None
+    stopped_by(holder, "Zoë at the door")
+    latch.keep()
+    assert read_latch(file) == "Zoë at the door"
+    again = StopLatch(file, holder)  # the next session, in which it is reset
+    again.keep()
+    assert read_latch(file) == "Zoë at the door"
+    stopped_by(holder, None)
+    again.keep()
+    assert read_latch(file) is None
+
+
+def test_a_stop_that_cannot_be_stored_is_tried_again(
+    holder: PlainHolder, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "data"
+    latch = StopLatch(folder / "stopped", holder)
+    stopped_by(holder, "key")
+    latch.keep()
+    assert "cannot be stored" in caplog.text
+    folder.mkdir()
+    latch.keep()
+    assert read_latch(folder / "stopped") == "key"
+
+
+def test_a_file_that_cannot_be_read_counts_as_a_stop(tmp_path: Path) -> None:
+    (tmp_path / "stopped").write_bytes(b"\xff")
+    assert read_latch(tmp_path / "stopped") == "an operator"
+    (tmp_path / "stopped").write_bytes(b"")
+    assert read_latch(tmp_path / "stopped") == "an operator"

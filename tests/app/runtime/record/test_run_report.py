@@ -1,0 +1,103 @@
+"""Each run has a report of its own, also one that ends with the power."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app.runtime.record.run_report import RunReporter
+from app.runtime.record.time_series import COLUMNS
+from navcore.grid.grid import GridSpec
+from navcore.mission.mission import Mission
+
+SPEC = GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.1)
+
+
+class Runs:
+    """A store of reports, and the reporter that fills it."""
+
+    def __init__(self) -> None:
+        self.stored = dict[str, dict[str, Any]]()
+        self.reporter = RunReporter(
+            store=self,  # type: ignore[arg-type]
+            referee=None,
+            scenario="hall",
+            robot="husky",
+        )
+        self.ticks = 0
+
+    def save_run(self, report: dict[str, Any]) -> None:
+        self.stored[report["id"]] = report
+
+    def tick(self, mission: Mission) -> Mission:
+        self.ticks += 1
+        measured = dict.fromkeys(COLUMNS[1:], 0.0)
+        self.reporter.note_tick(self.ticks * 10**9, mission, 0.5 * self.ticks, lambda: measured)
+        return mission
+
+    @property
+    def figures(self) -> list[tuple[int, list[list[float]]]]:
+        """Number of reached goals, and the goals, of each run."""
+        return [(run["goals_reached"], run["goals"]) for run in self.stored.values()]
+
+
+def to(*goals_m: float) -> Mission:
+    mission = Mission()
+    for x_m in goals_m:
+        mission = mission.add(x_m, 0.0, SPEC)
+    return mission
+
+
+@pytest.fixture
+def runs() -> Runs:
+    return Runs()
+
+
+def test_another_mission_that_is_loaded_ends_the_run(runs: Runs) -> None:
+    mission = runs.tick(to(1.0, 2.0, 3.0).start())
+    mission = runs.tick(mission.arrive().arrive())
+    mission = runs.tick(mission.pause())
+    runs.tick(mission.refill(to(8.0).queue, SPEC, loop=False))
+    assert runs.figures == [(2, [[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])]
+
+
+def test_a_mission_that_goes_on_after_a_restart_counts_what_it_reaches_now(runs: Runs) -> None:
+    before = to(1.0, 2.0, 3.0).start().arrive().arrive().stored()
+    runs.tick(before.resume())
+    runs.tick(before.resume().arrive())
+    assert runs.figures == [(1, [[3.0, 0.0]])]
+
+
+def test_two_missions_between_two_ticks_are_two_runs(runs: Runs) -> None:
+    mission = runs.tick(to(1.0).start())
+    mission = runs.tick(mission.cancel().add(5.0, 0.0, SPEC).start())
+    runs.tick(mission.arrive())
+    assert runs.figures == [(0, [[1.0, 0.0]]), (1, [[5.0, 0.0]])]
+
+
+def test_a_goal_that_was_moved_is_reported_where_it_was_reached(runs: Runs) -> None:
+    mission = runs.tick(to(1.0).start())
+    (goal,) = to(4.0).queue
+    mission = runs.tick(mission.change(goal, SPEC))
+    runs.tick(mission.arrive())
+    assert runs.figures == [(1, [[4.0, 0.0]])]
+
+
+def test_a_run_is_kept_while_it_goes_on_and_replaced_by_its_end(runs: Runs) -> None:
+    runs.reporter.keep()
+    assert runs.figures == []
+    mission = runs.tick(to(1.0, 2.0).start())
+    mission = runs.tick(mission.arrive())
+    runs.reporter.keep()
+    assert [reached for reached, _ in runs.figures] == [1]
+    runs.tick(mission.arrive())
+    assert [reached for reached, _ in runs.figures] == [2]
+    runs.reporter.keep()
+    assert [reached for reached, _ in runs.figures] == [2], "nothing goes on any more"
+
+
+def test_the_console_ends_an_unfinished_run(runs: Runs) -> None:
+    mission = runs.tick(to(1.0, 2.0).start())
+    runs.reporter.close(mission.arrive())
+    assert [reached for reached, _ in runs.figures] == [1]
