@@ -18,7 +18,7 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import BitPlanes, unpack
 from navcore.grid.grid import GridSpec
 from navcore.mapping.explored.patch import FLOOR, Explored
-from navcore.mapping.explored.submap import PackedSubmap, explored_at
+from navcore.mapping.explored.submap import PackedSubmap, mark_submaps
 from navcore.mapping.layers import LayerRules, layer_planes
 from navcore.mapping.points.placing import place, pose_rows
 from navcore.mapping.points.point_links import Cells, Records, link_points, unlink_one
@@ -47,7 +47,7 @@ class MapSnapshot:
     rules: LayerRules
     """Which points count, and the prior map."""
     base: Explored
-    """Explored cells of no pose ID."""
+    """Copy of the explored cells that never move."""
     submaps: Mapping[int, PackedSubmap]
     """Explored cells by pose ID."""
 
@@ -83,7 +83,7 @@ class PreparedCorrection:
 
 def prepare(snapshot: MapSnapshot, poses: Mapping[int, Pose2]) -> PreparedCorrection:
     """Return the map of a snapshot at corrected poses (pose ID → T_map_base); a snapshot serves
-    once, because its points are taken over.
+    once, because its points and cells are taken over.
 
     Raises `BadConfiguration` for an unknown or frozen pose ID.
     """
@@ -97,7 +97,8 @@ def prepare(snapshot: MapSnapshot, poses: Mapping[int, Pose2]) -> PreparedCorrec
     place(live, live["pose_id"], rows, spec)
     points = PointTable(spec.rows * spec.cols)
     points.load(snapshot.records, snapshot.count)
-    explored = explored_at(snapshot.base, snapshot.submaps, corrected, spec)
+    explored = snapshot.base
+    mark_submaps(explored, snapshot.submaps, corrected, spec)
     loaded = snapshot.rules.loaded_prior
     prior = (
         np.zeros(spec.rows * spec.cols, dtype=np.bool_)

@@ -408,6 +408,7 @@ class PointMap:
         self._points.changed[:] = False
         count = self._points.count
         records = self._points.copied_records()
+        base, submaps = self.explored.snapshot()
         return MapSnapshot(
             number=self._snapshot,
             spec=self.spec,
@@ -417,8 +418,8 @@ class PointMap:
             frozen=self.pose_ids.frozen,
             spacing=(self.pose_ids.spacing_m, self.pose_ids.spacing_deg),
             rules=self.layers.rules(),
-            base=self.explored.base,
-            submaps=self.explored.submaps.snapshot(),
+            base=base,
+            submaps=submaps,
         )
 
     def grow(self, growth: Growth) -> None:
@@ -453,20 +454,17 @@ class PointMap:
         check_movable(later, len(self.pose_ids), known)
         self.pose_ids.adopt(prepared.pose_ids, later)
         self._snapshot += 1
-        touched = sorted(self.explored.submaps.touched)
         newer = (self.pose_ids[pose_id] for pose_id in range(known, len(self.pose_ids)))
         rows = np.vstack([prepared.rows, pose_rows(newer)])
         cells = catch_up(prepared.points, self._points, rows, self.spec)
         self.rejections.place(rows, self.spec)
         prepared.points.reuse(self._points)
         self._points = prepared.points
-        self.explored.replace(prepared.explored, touched)
+        floor = self.explored.replace(prepared.explored)
         self.terrain.place()
         self.layers.replace(prepared.rules, prepared.planes, prepared.prior, self._points)
         if self.layers.floor_bins:
-            floor = [self.explored.floor_of(pose_id) for pose_id in touched]
-            disproved = self.layers.clear_prior(np.concatenate([cells[:0], *floor]))
-            cells = np.concatenate([cells, disproved])
+            cells = np.concatenate([cells, self.layers.clear_prior(floor)])
         self.layers.refresh(self._points, cells)
         self.version += 1
         return True
@@ -478,19 +476,19 @@ class PointMap:
         self._snapshot += 1
 
     def state(self) -> MapState:
-        """Return the complete state of the map."""
-        rows, cols, base = self.spec.rows, self.spec.cols, self.explored.base
+        """Return the complete state of the map, whose poses will be constants."""
+        rows, cols, explored = self.spec.rows, self.spec.cols, self.explored.live
         live = self._points.live
         return MapState(
             spec=self.spec,
             points=self._points.copied(),
             points_base=np.column_stack([live["base_x"], live["base_y"]]),
             poses=self.pose_ids.array(),
-            measured=CellMask.copied(base.planes[MEASURED], rows, cols),
-            visible=CellMask.copied(base.planes[VISIBLE], rows, cols),
-            driven=CellMask.copied(base.planes[DRIVEN], rows, cols),
-            volume=base.volume.copy(),
-            submaps=self.explored.submaps.values(),
+            measured=CellMask.copied(explored.planes[MEASURED], rows, cols),
+            visible=CellMask.copied(explored.planes[VISIBLE], rows, cols),
+            driven=CellMask.copied(explored.planes[DRIVEN], rows, cols),
+            volume=explored.volume.copy(),
+            submaps=self.explored.beyond(),
             scans=self.scans(),
             rejections=self.rejections.all,
             prior=self.layers.prior or CellMask.of(np.zeros((rows, cols), dtype=np.bool_)),

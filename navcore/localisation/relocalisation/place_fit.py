@@ -11,8 +11,9 @@ import numpy as np
 from navcore.config.localisation.relocalisation import PlaceFitConfig, RelocalisationConfig
 from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
-from navcore.localisation.relocalisation.place_map import PlaceMap, seen_through_walls
+from navcore.localisation.relocalisation.place_map import PlaceMap
 from navcore.localisation.relocalisation.submap import Submap
+from navcore.localisation.relocalisation.walls import seen_through_walls
 from navcore.localisation.scans.ambiguity import poses_beside, spread_to
 
 NEIGHBOURS = 4

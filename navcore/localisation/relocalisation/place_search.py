@@ -12,20 +12,21 @@ from navcore.config.localisation.relocalisation import PlaceFitConfig, Relocalis
 from navcore.geometry.arrays import Bools, Floats, Indices
 from navcore.geometry.transform import Pose2, difference, wrap_angle
 from navcore.localisation.relocalisation.place_fit import PlaceFit, fit_place
-from navcore.localisation.relocalisation.place_map import (
+from navcore.localisation.relocalisation.place_map import PlaceMap
+from navcore.localisation.relocalisation.search_tables import (
     CLEAR,
     DIRECTIONS,
     FULL,
+    KEPT_BLOCK,
+    TILE,
+    TILE_BITS,
     UNKNOWN,
-    Bytes,
-    PlaceMap,
+    SearchTables,
 )
 from navcore.localisation.relocalisation.submap import Submap
 
 SLICE_CALLS = 100_000
 """Number of bounds after which `advance` returns."""
-KEPT_BLOCK = 2
-"""Level of the blocks of which only the best position is kept."""
 MOST_FOUND = 4_096
 """Places that one slice can return."""
 HOPELESS = -1e9
@@ -104,11 +105,11 @@ class PlaceSearch:
         rules = self._config.search
         if self._order is None:
             self._coarse = _coarse_bounds(
-                self._map.bounds[-1],
+                self._map.tables,
+                self._map.clear.shape,
                 self._worth,
                 self._cells,
                 self._channels,
-                2**rules.levels,
                 rules.least_score,
                 rules.least_evidence,
             )
@@ -118,7 +119,7 @@ class PlaceSearch:
             return False
         found = np.empty((MOST_FOUND, 4))
         self._next, count, self._best = _descend(
-            self._map.bounds,
+            self._map.tables,
             self._worth,
             self._cells,
             self._channels,
@@ -222,7 +223,8 @@ def _worth(config: PlaceFitConfig) -> Indices:
 
 @compiled
 def _bound(
-    table: Bytes,
+    tables: SearchTables,
+    table: int,
     worth: Indices,
     cells: Indices,
     channels: Indices,
@@ -233,7 +235,8 @@ def _bound(
 ) -> float:
     """Return the mean evidence of the points of one heading at a cell, or `HOPELESS` as soon as it
     cannot reach `least_evidence`, or their mean likelihood not `least_score`."""
-    rows, cols = table.shape[1:]
+    rows, cols = tables.numbers.shape[2] * TILE, tables.numbers.shape[3] * TILE
+    shift = max(table - 1, 0)
     count = len(cells)
     evidence = 0
     unlikely = int(count * FULL * (1.0 - least_score)) + 1
@@ -242,7 +245,9 @@ def _bound(
         r, c = row + cells[i, 0], col + cells[i, 1]
         value = UNKNOWN
         if 0 <= r < rows and 0 <= c < cols:
-            value = int(table[channels[i], r, c])
+            r, c = r >> shift, c >> shift
+            tile = tables.numbers[table, channels[i], r >> TILE_BITS, c >> TILE_BITS]
+            value = int(tables.tiles[tile, r & (TILE - 1), c & (TILE - 1)])
         unlikely -= FULL - value
         lacking -= FULL - worth[value]
         if unlikely < 0 or lacking < 0:
@@ -253,22 +258,24 @@ def _bound(
 
 @compiled
 def _coarse_bounds(
-    table: Bytes,
+    tables: SearchTables,
+    shape: tuple[int, int],
     worth: Indices,
     cells: Indices,
     channels: Indices,
-    side: int,
     least_score: float,
     least_evidence: float,
 ) -> Floats:
-    """Return the (yaws, rows, cols) bounds of the largest blocks."""
-    rows, cols = table.shape[1:]
+    """Return the (yaws, rows, cols) bounds of the largest blocks of cells of a shape."""
+    top, (rows, cols) = len(tables.numbers) - 1, shape
+    side = 1 << (top + KEPT_BLOCK - 1)
     bounds = np.zeros((len(cells), (rows + side - 1) // side, (cols + side - 1) // side))
     for yaw in range(bounds.shape[0]):
         for row in range(bounds.shape[1]):
             for col in range(bounds.shape[2]):
                 bounds[yaw, row, col] = _bound(
-                    table,
+                    tables,
+                    top,
                     worth,
                     cells[yaw],
                     channels[yaw],
@@ -282,7 +289,7 @@ def _coarse_bounds(
 
 @compiled
 def _descend(
-    bounds: Bytes,
+    tables: SearchTables,
     worth: Indices,
     cells: Indices,
     channels: Indices,
@@ -300,9 +307,9 @@ def _descend(
     Writes evidence, heading, row and column of the best position of each small block that may still
     count into `found`; returns where to go on, how many were found and the best evidence so far.
     """
-    top = len(bounds) - 1
+    top = len(tables.numbers) - 2 + KEPT_BLOCK
     across_rows, across_cols = coarse.shape[1], coarse.shape[2]
-    stack = np.empty((4 * len(bounds) + 4, 3), dtype=np.int64)
+    stack = np.empty((4 * top + 8, 3), dtype=np.int64)
     count, calls, index = 0, 0, start
     room = len(found) - 4 ** max(top - KEPT_BLOCK, 0)
     while index < len(order) and count <= room and calls < SLICE_CALLS:
@@ -324,7 +331,8 @@ def _descend(
                 for r in range(row, row + (1 << level)):
                     for c in range(col, col + (1 << level)):
                         value = _bound(
-                            bounds[0],
+                            tables,
+                            0,
                             worth,
                             cells[yaw],
                             channels[yaw],
@@ -347,7 +355,8 @@ def _descend(
                 r, c = row + (k >> 1) * half, col + (k & 1) * half
                 calls += 1
                 value = _bound(
-                    bounds[level - 1],
+                    tables,
+                    level - KEPT_BLOCK,
                     worth,
                     cells[yaw],
                     channels[yaw],

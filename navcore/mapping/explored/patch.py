@@ -149,6 +149,21 @@ class Explored:
             volume=np.zeros((-(-spec.rows // BLOCK), -(-spec.cols // BLOCK)), dtype=np.uint64),
         )
 
+    def copied(self) -> Explored:
+        """Return a copy."""
+        return Explored(planes=self.planes.copy(), volume=self.volume.copy())
+
+    def part(self, box: Box) -> Patch:
+        """Return the present cells of a part of the grid; its borders are rounded outwards."""
+        part = empty_patch(box)
+        top, left, bottom, right = part.box
+        part.planes[:] = self.planes[:, PAD + top : PAD + bottom, left // WORD + 1 :][
+            :, :, : part.planes.shape[2]
+        ]
+        blocks = self.volume[top // BLOCK : bottom // BLOCK, left // BLOCK : right // BLOCK]
+        part.volume[: blocks.shape[0], : blocks.shape[1]] = blocks
+        return part
+
     def grown(self, growth: Growth) -> Explored:
         """Return the cells on a larger grid."""
         grown = Explored.empty(growth.new)

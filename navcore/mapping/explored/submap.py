@@ -1,5 +1,5 @@
-"""Submaps: the cells that were explored from each pose ID, so that a correction of poses moves them
-too.
+"""Submaps: the cells that were explored from each pose ID whose pose may be corrected, so that they
+move with it.
 
 A submap keeps its cells on the grid of the map as it lay when the pose ID was first seen, with the
 pose at that time. At any other pose its cells are sampled from these: a cell of the map is explored
@@ -50,17 +50,6 @@ class PackedSubmap:
         words = PLANES * self.rows * self.words
         return 8 * (words + self.rows // BLOCK * self.words * (WORD // BLOCK))
 
-    def is_within(self, part: GridSpec, now: Pose2, spec: GridSpec) -> bool:
-        """Return whether all cells lie in a part of the map when the pose is `now`; `spec` is the
-        grid on which the patch lies."""
-        rows, cols = (0, self.rows), (0, self.words * WORD)
-        corners = np.array([(self.left + col, self.top + row) for row in rows for col in cols])
-        origin = np.array([spec.origin_x_m, spec.origin_y_m])
-        moved = (now @ self.pose.inverse()).to_parent(origin + corners * spec.resolution_m)
-        low = np.array([part.origin_x_m, part.origin_y_m]) + part.resolution_m
-        high = low + np.array([part.cols - 2, part.rows - 2]) * part.resolution_m
-        return bool(((moved >= low) & (moved <= high)).all())
-
     def patch(self) -> Patch:
         """Return the cells; raises `ValueError` for data of another size or damaged data."""
         unpacker = zlib.decompressobj()
@@ -107,20 +96,59 @@ def shifted(submaps: Mapping[int, PackedSubmap], rows: int, cols: int) -> dict[i
     }
 
 
-def explored_at(
-    base: Explored, submaps: Mapping[int, PackedSubmap], poses: Sequence[Pose2], spec: GridSpec
-) -> Explored:
-    """Return the cells of a base and of all submaps at the poses of their IDs."""
-    explored = Explored(planes=base.planes.copy(), volume=base.volume.copy())
+def mark_submaps(
+    explored: Explored,
+    submaps: Mapping[int, PackedSubmap],
+    poses: Sequence[Pose2],
+    spec: GridSpec,
+) -> None:
+    """Add the cells of submaps by pose ID, at the present poses of all IDs, to those of a grid."""
     for pose_id, submap in submaps.items():
         placed(submap.pose, submap.patch(), poses[pose_id], spec).mark_on(
             explored.planes, explored.volume
         )
-    return explored
+
+
+def reaching_beyond(
+    part: GridSpec, submaps: Mapping[int, PackedSubmap], poses: Sequence[Pose2], spec: GridSpec
+) -> dict[int, PackedSubmap]:
+    """Return the submaps that may have cells beyond a part of the map at the present poses of all
+    IDs: only a correction brings any there. `spec`: grid on which the submaps lie."""
+    moved = {
+        pose_id: held
+        for pose_id, held in submaps.items()
+        if held.pose is not poses[pose_id] and held.pose != poses[pose_id]
+    }
+    if not moved:
+        return moved
+    # All at once: a map may have some ten thousand of them, and is stored every few seconds.
+    then, now = (
+        np.array([(pose.x_m, pose.y_m, pose.yaw_rad) for pose in some])
+        for some in ([held.pose for held in moved.values()], [poses[k] for k in moved])
+    )
+    boxes = np.array(
+        [(held.left, held.top, WORD * held.words, held.rows) for held in moved.values()]
+    )
+    corners = boxes[:, None, :2] + boxes[:, None, 2:] * [(0, 0), (0, 1), (1, 0), (1, 1)]
+    arms = corners * spec.resolution_m + (spec.origin_x_m, spec.origin_y_m) - then[:, None, :2]
+    turn = now[:, 2:] - then[:, 2:]
+    x = now[:, :1] + np.cos(turn) * arms[..., 0] - np.sin(turn) * arms[..., 1]
+    y = now[:, 1:2] + np.sin(turn) * arms[..., 0] + np.cos(turn) * arms[..., 1]
+    cols, rows = (
+        (x - part.origin_x_m) / part.resolution_m,
+        (y - part.origin_y_m) / part.resolution_m,
+    )
+    # One cell less on each side: two ways of rounding may differ by one.
+    inside = (cols >= 1) & (cols <= part.cols - 1) & (rows >= 1) & (rows <= part.rows - 1)
+    return {
+        pose_id: held
+        for (pose_id, held), is_within in zip(moved.items(), inside.all(axis=1), strict=True)
+        if not is_within
+    }
 
 
 class Submaps:
-    """Submap of each pose ID from which anything was explored."""
+    """Submap of each pose ID that may be corrected and from which anything was explored."""
 
     def __init__(self) -> None:
         self._packed: dict[int, PackedSubmap] = {}

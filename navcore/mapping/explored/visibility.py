@@ -3,7 +3,7 @@ unknown."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import ONE, PAD, BitPlane, BitPlanes
 from navcore.grid.cell_mask import CellMask, window
 from navcore.grid.grid import BoolGrid, Box, Cell, GridSpec
-from navcore.grid.growth import Growth
+from navcore.grid.growth import Growth, joined
 from navcore.mapping.explored.patch import (
     DRIVEN,
     FLOOR,
@@ -28,7 +28,12 @@ from navcore.mapping.explored.patch import (
     empty_patch,
 )
 from navcore.mapping.explored.raycast import BLOCK, cast_rays
-from navcore.mapping.explored.submap import PackedSubmap, Submaps, explored_at, placed
+from navcore.mapping.explored.submap import (
+    PackedSubmap,
+    Submaps,
+    mark_submaps,
+    reaching_beyond,
+)
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mapping.views.voxels import BIN_M, frustum_box
 from navcore.robot.frame import Frame
@@ -38,17 +43,20 @@ class VisibilityMap:
     """Known cells, one bit each, and known volume, one bit for each block of 4 × 4 cells × 5 cm.
 
     Known space never becomes unknown again; it moves with the poses from which it was explored.
+    What was explored from a frozen pose never moves: its memory is that of the grid, whatever the
+    number of poses.
     """
 
     def __init__(self, spec: GridSpec, density: RaycastConfig, pose_ids: PoseIds) -> None:
         self.spec = spec
         self._density, self._pose_ids = density, pose_ids
         self.base = Explored.empty(spec)
-        """Known space that belongs to no pose ID and never moves."""
+        """Known space that belongs to no pose ID or to frozen ones, and never moves."""
         self.live = Explored.empty(spec)
         """Known space: the base, and the submap of each pose ID at its present pose."""
         self.submaps = Submaps()
-        """Known space by pose ID."""
+        """Known space by pose ID; of frozen ones only what may lie beyond the grid."""
+        self._touched: Box | None = None  # part in which the base has grown since the snapshot
 
     def mark_measured(
         self, cells: Indices, heights: Words, box: Box, pose_id: int, floor_bins: np.uint64
@@ -105,13 +113,20 @@ class VisibilityMap:
         self.spec = growth.new
         self.base, self.live = self.base.grown(growth), self.live.grown(growth)
         self.submaps.shift(growth.rows, growth.cols)
-        for pose_id, submap in self.submaps.values().items():
-            now = self._pose_ids[pose_id]
-            # What lies on the old grid is there already, and unpacking all of them takes long.
-            if now != submap.pose and not submap.is_within(growth.old, now, self.spec):
-                placed(submap.pose, submap.patch(), now, self.spec).mark_on(
-                    self.live.planes, self.live.volume
-                )
+        # What lies on the old grid is there already, and unpacking all of them takes long.
+        submaps, poses = self.submaps.values(), self._pose_ids.poses
+        returning = reaching_beyond(growth.old, submaps, poses, self.spec)
+        mark_submaps(self.live, returning, poses, self.spec)
+
+    def snapshot(self) -> tuple[Explored, Mapping[int, PackedSubmap]]:
+        """Return a copy of the base, and the submaps as values; what is explored afterwards is
+        noted for `replace`."""
+        self._touched = None
+        return self.base.copied(), self.submaps.snapshot()
+
+    def beyond(self) -> dict[int, PackedSubmap]:
+        """Return the submaps that may have cells beyond the grid."""
+        return reaching_beyond(self.spec, self.submaps.values(), self._pose_ids.poses, self.spec)
 
     @property
     def seen(self) -> CellMask:
@@ -184,35 +199,36 @@ class VisibilityMap:
         volume: Words,
         submaps: Mapping[int, PackedSubmap],
     ) -> None:
-        """Replace the known space; `base` are cells of `spec` that were measured, visible and
-        driven on."""
-        self.spec = spec
+        """Replace the known space, with frozen poses; `base` are cells of `spec` that were
+        measured, visible and driven on."""
+        self.spec, poses = spec, self._pose_ids.poses
         self.base = Explored.empty(spec)
         for plane, mask in zip((MEASURED, VISIBLE, DRIVEN), base, strict=True):
             self.base.planes[plane] = mask.plane
         self.base.volume[:] = volume
-        self.submaps.restore(submaps)
-        self.live = explored_at(self.base, submaps, self._pose_ids.poses, self.spec)
+        mark_submaps(self.base, submaps, poses, spec)
+        self.live = self.base.copied()
+        self.submaps.restore(reaching_beyond(spec, submaps, poses, spec))
 
     def forget_floor(self) -> None:
         """Forget where the floor was measured."""
-        self.live.planes[FLOOR] = 0
+        self.live.planes[FLOOR] = self.base.planes[FLOOR] = 0
         self.submaps.forget_floor()
 
-    def floor_of(self, pose_id: int) -> Indices:
-        """Return the (N,) cells, row · cols + col, in which the floor was measured from a pose
-        ID."""
-        patch = self.submaps.placed(pose_id, self._pose_ids[pose_id], self.spec)
-        return patch.cells(FLOOR, self.spec.cols)
-
-    def replace(self, live: Explored, moved: Iterable[int]) -> None:
-        """Set the known space to one computed before, to which the submaps of some pose IDs are
-        added as they are now."""
+    def replace(self, live: Explored) -> Indices:
+        """Set the known space to one computed from the newest snapshot and what was explored since;
+        return the (N,) cells, row · cols + col, of floor measured since, and maybe before."""
+        patches = [
+            self.submaps.placed(pose_id, self._pose_ids[pose_id], self.spec)
+            for pose_id in sorted(self.submaps.touched)
+        ]
+        if self._touched is not None:
+            patches.append(self.base.part(self._touched))
+        for patch in patches:
+            patch.mark_on(live.planes, live.volume)
         self.live = live
-        for pose_id in moved:
-            self.submaps.placed(pose_id, self._pose_ids[pose_id], self.spec).mark_on(
-                live.planes, live.volume
-            )
+        floor = [patch.cells(FLOOR, self.spec.cols) for patch in patches]
+        return np.concatenate([np.empty(0, dtype=np.int64), *floor])
 
     @property
     def measured(self) -> BitPlane:
@@ -248,8 +264,14 @@ class VisibilityMap:
         )
 
     def _mark(self, pose_id: int, patch: Patch) -> Patch:
-        """Add explored cells to the submap of a pose ID and to the map; return the latter."""
-        marked = self.submaps.add(pose_id, self._pose_ids[pose_id], patch, self.spec)
+        """Add cells explored from a pose ID to its submap, or to the base where the pose is frozen,
+        and to the map; return the latter."""
+        if pose_id < self._pose_ids.frozen:
+            patch.mark_on(self.base.planes, self.base.volume)
+            self._touched = joined([patch.box, self._touched or patch.box])
+            marked = patch
+        else:
+            marked = self.submaps.add(pose_id, self._pose_ids[pose_id], patch, self.spec)
         marked.mark_on(self.live.planes, self.live.volume)
         return marked
 

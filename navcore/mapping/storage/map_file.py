@@ -45,6 +45,9 @@ MAX_BYTES = 1 << 29
 """Largest file that is read, in bytes."""
 MAX_UNPACKED = 1 << 31
 """Largest total of the unpacked parts, in bytes."""
+MAX_SUBMAPS = 1 << 35
+"""Largest total of the unpacked submaps, in bytes: the older programs stored one of some 40 kB for
+every pose ID. Only one at a time is unpacked, in about 0.1 ms."""
 _COLUMNS = ("rgb", "class_ids", "confidence", "range_m", "pose_ids")
 _MASKS = {"seen": "measured", "looked": "visible", "trodden": "driven", "prior": "prior"}
 """Part → field of `MapState` for each set of cells."""
@@ -159,7 +162,7 @@ def load(path: Path) -> StoredMap:
         points_base=points_base,
         poses=parts["poses"],
         volume=parts["volume"],
-        submaps={} if version == 1 else submaps_of(parts, len(parts["poses"]), MAX_UNPACKED, where),
+        submaps={} if version == 1 else submaps_of(parts, len(parts["poses"]), MAX_SUBMAPS, where),
         scans=NO_SCANS if version == 1 else scans_of(parts, len(parts["poses"]), where),
         rejections=rejections_of(parts, len(parts["poses"]), where) if version > 2 else (),
         **{field: _mask(parts[name], spec, f"{where}: {name}") for name, field in _MASKS.items()},

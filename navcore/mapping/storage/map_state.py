@@ -40,17 +40,18 @@ class MapState:
     poses: npt.NDArray[np.float64]
     """(P, 3) x and y in metres of the map frame and yaw in radians of each pose, by ID."""
     measured: CellMask
-    """Cells of no pose ID in which a surface was measured."""
+    """Cells in which a surface was measured."""
     visible: CellMask
-    """Cells of no pose ID over which a line of sight has passed."""
+    """Cells over which a line of sight has passed."""
     driven: CellMask
-    """Cells of no pose ID that the robot drove on."""
+    """Cells that the robot drove on."""
     prior: CellMask
     """Occupied cells of the prior map that the camera has not seen free."""
     volume: npt.NDArray[np.uint64]
-    """(⌈rows / 4⌉, ⌈cols / 4⌉) blocks of no pose ID, one bit for each height bin that was seen."""
+    """(⌈rows / 4⌉, ⌈cols / 4⌉) blocks, one bit for each height bin that was seen."""
     submaps: Mapping[int, PackedSubmap]
-    """Cells explored from each pose ID."""
+    """Further explored cells by pose ID. A file of an older program has those of all IDs; now only
+    those are kept that may lie beyond the grid, for when it grows."""
     scans: StoredScans = NO_SCANS
     """Scans by which the robot finds its pose on the map."""
     rejections: tuple[Rejection, ...] = ()

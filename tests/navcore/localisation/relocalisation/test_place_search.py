@@ -7,6 +7,7 @@ import math
 from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,20 +21,15 @@ from navcore.localisation.relocalisation.place_fit import (
     evaluate_place,
     fit_place,
 )
-from navcore.localisation.relocalisation.place_map import (
-    CLEAR,
-    FULL,
-    UNKNOWN,
-    PlaceMap,
-    place_map_of,
-    seen_through_walls,
-)
+from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.place_search import (
     PlaceSearch,
     SearchWindow,
     search_places,
 )
+from navcore.localisation.relocalisation.search_tables import CLEAR, FULL, TILE, UNIFORM, UNKNOWN
 from navcore.localisation.relocalisation.submap import Submap, submap_of
+from navcore.localisation.relocalisation.walls import seen_through_walls
 from navcore.localisation.scans.scan import Keyframe, Scan
 from tests.navcore.laws import law
 from tests.navcore.localisation.plan_worlds import (
@@ -64,6 +60,15 @@ def submap(points: Points, normals: Points | None = None) -> Submap:
     )
 
 
+def values_of(place_map: PlaceMap, table: int) -> npt.NDArray[np.uint8]:
+    """Return the (directions + 1, rows, cols) values of a search table, one for each cell."""
+    numbers, tiles = place_map.tables
+    parts, side = tiles[numbers[table]], 1 << max(table - 1, 0)
+    (channels, down, across), (rows, cols) = parts.shape[:3], place_map.clear.shape
+    values = parts.transpose(0, 1, 3, 2, 4).reshape(channels, down * TILE, across * TILE)
+    return np.asarray(values.repeat(side, axis=1).repeat(side, axis=2)[:, :rows, :cols])
+
+
 @law(25)
 @given(seed=st.integers(0, 2**31))
 def test_branch_and_bound_finds_the_most_evidence_of_all_positions(seed: int) -> None:
@@ -91,7 +96,7 @@ def test_branch_and_bound_finds_the_most_evidence_of_all_positions(seed: int) ->
     search = PlaceSearch(seen, place_map, CONFIG)
     while not search.advance():
         pass
-    table = place_map.bounds[0].astype(np.int64)
+    table = values_of(place_map, 0).astype(np.int64)
     assert {CLEAR, UNKNOWN} < set(np.unique(table).tolist())
     worth = np.maximum(np.arange(FULL + 1) / FULL, CONFIG.fit.unknown_worth)
     worth[CLEAR], worth[UNKNOWN] = -CONFIG.fit.contradicted_cost, CONFIG.fit.unknown_worth
@@ -111,15 +116,30 @@ def test_branch_and_bound_finds_the_most_evidence_of_all_positions(seed: int) ->
 
 
 @law(25)
-@given(seed=st.integers(0, 2**31), level=st.integers(0, 3))
-def test_a_bound_is_no_smaller_than_any_position_of_its_block(seed: int, level: int) -> None:
+@given(seed=st.integers(0, 2**31), level=st.integers(2, 3))
+def test_a_bound_is_the_largest_position_of_the_blocks_that_begin_at_its_cells(
+    seed: int, level: int
+) -> None:
     rng = np.random.default_rng(seed)
     surfaces = rng.uniform(0.0, 3.0, (20, 2))
-    bounds = place_map_of(surfaces, np.zeros((20, 2)), CONFIG.search).bounds
-    side = 2**level
-    for row, col in rng.integers(0, np.array(bounds.shape[2:]) - side, (20, 2)).tolist():
-        block = bounds[0, :, row : row + side, col : col + side]
-        assert (bounds[level, :, row, col] == block.max(axis=(1, 2))).all()
+    made = place_map_of(surfaces, np.zeros((20, 2)), CONFIG.search)
+    cells, bounds = values_of(made, 0), values_of(made, level - 1)
+    side, step = 2**level, 2 ** (level - 2)
+    for row, col in rng.integers(0, np.array(cells.shape[1:]) - 2 * side, (20, 2)).tolist():
+        top, left = row // step * step, col // step * step
+        block = cells[:, top : top + side + step - 1, left : left + side + step - 1]
+        assert (bounds[:, row, col] == block.max(axis=(1, 2))).all()
+
+
+def test_the_tables_of_a_larger_map_grow_by_its_walls_and_not_by_its_area() -> None:
+    """Two rooms 200 m apart: no table of what lies between them but the numbers of its tiles."""
+    wall = np.column_stack([np.linspace(0.0, 4.0, 80), np.zeros(80)])
+    facing = np.tile([0.0, 1.0], (80, 1))
+    one = place_map_of(wall, facing, CONFIG.search)
+    far = np.vstack([wall, wall + 200.0])
+    two = place_map_of(far, np.vstack([facing, facing]), CONFIG.search)
+    assert len(two.tables.tiles) - UNIFORM < 2.5 * (len(one.tables.tiles) - UNIFORM)
+    assert two.memory_mb < 0.1 * (9 * len(two.tables.numbers) + 64 + 1) * two.clear.size / 1e6
 
 
 def wall_between() -> PlaceMap:

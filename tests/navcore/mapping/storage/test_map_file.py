@@ -414,7 +414,7 @@ def test_submaps_that_unpack_to_more_than_is_read_are_refused(
     bombs = {pose_id: packed(ORIGIN, empty_patch((0, 0, 4096, 4096))) for pose_id in (0, 1)}
     save(tmp_path / "m", dataclasses.replace(state_of(3), submaps=bombs), NAMES)
     assert load(tmp_path / "m").state.submaps.keys() == {0, 1}
-    monkeypatch.setattr("navcore.mapping.storage.map_file.MAX_UNPACKED", 10**6)
+    monkeypatch.setattr("navcore.mapping.storage.map_file.MAX_SUBMAPS", 10**6)
     with pytest.raises(BadConfiguration, match="submap_data: unpacks to more than is read"):
         load(tmp_path / "m")
 
