@@ -154,15 +154,12 @@ class Explored:
         return Explored(planes=self.planes.copy(), volume=self.volume.copy())
 
     def part(self, box: Box) -> Patch:
-        """Return the present cells of a part of the grid; its borders are rounded outwards."""
-        part = empty_patch(box)
-        top, left, bottom, right = part.box
-        part.planes[:] = self.planes[:, PAD + top : PAD + bottom, left // WORD + 1 :][
-            :, :, : part.planes.shape[2]
-        ]
-        blocks = self.volume[top // BLOCK : bottom // BLOCK, left // BLOCK : right // BLOCK]
-        part.volume[: blocks.shape[0], : blocks.shape[1]] = blocks
-        return part
+        """Return the present cells of a part of the grid, with the borders of a patch."""
+        top, left, bottom, right = box
+        rows, words = slice(PAD + top, PAD + bottom), slice(1 + left // WORD, 1 + right // WORD)
+        blocks = slice(top // BLOCK, bottom // BLOCK), slice(left // BLOCK, right // BLOCK)
+        planes, volume = self.planes[:, rows, words].copy(), self.volume[blocks].copy()
+        return Patch(top=top, left=left, planes=planes, volume=volume)
 
     def grown(self, growth: Growth) -> Explored:
         """Return the cells on a larger grid."""

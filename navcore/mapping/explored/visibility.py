@@ -32,6 +32,7 @@ from navcore.mapping.explored.submap import (
     PackedSubmap,
     Submaps,
     mark_submaps,
+    placed,
     reaching_beyond,
 )
 from navcore.mapping.points.pose_ids import PoseIds
@@ -207,6 +208,7 @@ class VisibilityMap:
             self.base.planes[plane] = mask.plane
         self.base.volume[:] = volume
         mark_submaps(self.base, submaps, poses, spec)
+        self.base.planes[FLOOR] = 0  # it has disproved the prior map before that was stored
         self.live = self.base.copied()
         self.submaps.restore(reaching_beyond(spec, submaps, poses, spec))
 
@@ -266,12 +268,12 @@ class VisibilityMap:
     def _mark(self, pose_id: int, patch: Patch) -> Patch:
         """Add cells explored from a pose ID to its submap, or to the base where the pose is frozen,
         and to the map; return the latter."""
-        if pose_id < self._pose_ids.frozen:
-            patch.mark_on(self.base.planes, self.base.volume)
-            self._touched = joined([patch.box, self._touched or patch.box])
-            marked = patch
-        else:
-            marked = self.submaps.add(pose_id, self._pose_ids[pose_id], patch, self.spec)
+        now = self._pose_ids[pose_id]
+        if pose_id >= self._pose_ids.frozen:
+            marked = self.submaps.add(pose_id, now, patch, self.spec)
+        elif (marked := placed(now, patch, now, self.spec)).planes.size:
+            marked.mark_on(self.base.planes, self.base.volume)
+            self._touched = joined([marked.box, self._touched or marked.box])
         marked.mark_on(self.live.planes, self.live.volume)
         return marked
 
