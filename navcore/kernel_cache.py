@@ -65,6 +65,8 @@ class SourceVersions:
         modules = {path.with_suffix(".py") for path in paths} | {
             path / "__init__.py" for path in paths
         }
+        # This file decides where the code lies, and not what it is.
+        modules.discard(Path(__file__))
         return {path for path in modules if path in self._texts or path.is_file()}
 
 
@@ -97,8 +99,8 @@ class KernelCache:
             or file.parts[len(self._top.parts)] not in self._packages
         ):
             return None
-        folder = self._folder(file)
         try:
+            folder = self._folder(file)
             is_new = not folder.exists()
             folder.mkdir(parents=True, exist_ok=True)
             os.utime(folder)
