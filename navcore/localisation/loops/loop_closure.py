@@ -93,7 +93,7 @@ def close_loops(
         if is_cancelled():
             return None
         found += finder.loops_of(index)
-    agreed = finder.agreeing(found)
+    agreed = finder.agreeing(found, loops)
     pairs = {(loop.from_id, loop.to_id) for loop in agreed}
     alone = [one for one in found if (one.from_id, one.to_id) not in pairs]
     waiting = LoopCandidates(edges=finder.recent(alone))

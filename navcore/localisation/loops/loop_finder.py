@@ -202,8 +202,9 @@ class LoopFinder:
         least_m = self._driven_m[-1] - self._config.agree_driven_m
         return tuple(one for one in loops if self._driven_m[self._index[one.to_id]] >= least_m)
 
-    def agreeing(self, loops: Sequence[Edge]) -> list[Edge]:
-        """Return the loops that enough others, of other keyframes nearby, agree with.
+    def agreeing(self, loops: Sequence[Edge], believed: Sequence[Edge]) -> list[Edge]:
+        """Return the loops that enough others, of other keyframes nearby, agree with, those that
+        are `believed` already included.
 
         Those that agree match much the same scans and err alike: together they count as one, so
         the covariance of each is multiplied by their number.
@@ -211,7 +212,8 @@ class LoopFinder:
         rules = self._config
         kept = []
         for one in loops:
-            friends = {two.to_id for two in loops if two is not one and self._agree(one, two)}
+            others = (two for two in (*loops, *believed) if two is not one)
+            friends = {two.to_id for two in others if self._agree(one, two)}
             count = len(friends - {one.to_id}) + 1
             if count >= rules.agreeing:
                 kept.append(replace(one, covariance=count * one.covariance))

@@ -198,6 +198,18 @@ def test_matches_of_consecutive_batches_confirm_each_other() -> None:
     assert closed
 
 
+def test_one_match_more_agrees_with_the_loops_that_are_believed() -> None:
+    keyframes, edges, _ = session()
+    closed = close_loops(keyframes, edges, tried_until=len(keyframes) - 24)
+    assert isinstance(closed, LoopClosures)
+    *believed, last = closed.loops
+    for loops, is_closed in ((believed, True), ([], False)):
+        again = close_loops(
+            keyframes, edges, tried_until=len(keyframes), loops=loops, candidates=[last]
+        )
+        assert isinstance(again, LoopClosures) is is_closed
+
+
 def test_a_cancelled_search_changes_nothing() -> None:
     keyframes, edges, _ = session()
     assert close_loops(keyframes, edges, is_cancelled=lambda: True) is None
