@@ -134,6 +134,8 @@ class Localisation:
             self.tracker.shift(T_map_driven @ self._driven.pose, covariance)
             estimate = self.tracker.estimate(frame, estimate.match_share)
             self._prove(by_search=True)
+        elif self.tracker.is_agreed and not self.is_on_trial:
+            self._restart_chain()
         elif self.tracker.place_correction is not None:  # by scans: rooms are alike
             self._prove()
         is_believed = not self.is_on_trial

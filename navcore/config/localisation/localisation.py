@@ -208,6 +208,9 @@ class TrackingConfig:
     refused_s: float = ranged(0.1, 60.0, default=3.0)
     """Time in seconds for which refused position fixes must agree with each other, while nothing
     confirms the estimate, to be believed."""
+    refused_m: float = ranged(0.1, 100.0, default=3.0)
+    """Distance in metres, a radian counting as half a metre, over which refused matches with the
+    saved map must agree with each other, while nothing confirms the estimate, to be believed."""
     located_share: float = ranged(0.1, 1.0, default=0.6)
     """Share of points that fit from which a match is believed."""
     lost_share: float = ranged(0.0, 1.0, default=0.45)

@@ -108,11 +108,13 @@ def match_widely(
     covariance: Matrix,
     *,
     scale: float = 1.0,
+    around: bool = False,
     config: MatchConfig = _DEFAULT,
 ) -> Match:
     """Return the most probable pose as `match` does, where so little is known that several may fit:
     within three standard deviations, and beside the best. The information is less the farther those
-    are apart that are nearly as probable."""
+    are apart that are nearly as probable. `around`: the match is begun beside the expected pose,
+    too, so that on its other side no place is missed that fits as well."""
     sigma_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
     window = (3.0 * sigma_m, 3.0 * math.sqrt(covariance[2, 2]))
     prior = np.linalg.inv(covariance)
@@ -128,7 +130,8 @@ def match_widely(
         return float(scale * one.cost + 0.5 * away @ prior @ away)
 
     first = fit(search(scan, scan_map, expected, window=window, config=config).pose)
-    beside = poses_beside(first.pose, _covariance(first, scale))
+    axes = _covariance(first, scale)
+    beside = poses_beside(first.pose, axes) + (poses_beside(expected, axes) if around else [])
     found = [first, *map(fit, (expected, *beside))]
     best = min(found, key=cost)
     alike = [one.pose for one in found if cost(one) < cost(best) + AS_PROBABLE]

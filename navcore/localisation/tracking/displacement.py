@@ -35,7 +35,7 @@ class DisplacementSearch:
             self.clear()
             return None
         T_map_odom = result.pose @ T_odom_base.inverse()
-        if self._T_map_odom is None or not _is_same(
+        if self._T_map_odom is None or not is_same_pose(
             self._T_map_odom @ T_odom_base, T_map_odom @ T_odom_base
         ):
             self._T_map_odom, self._since_ns = T_map_odom, stamp_ns
@@ -46,6 +46,7 @@ class DisplacementSearch:
         self._T_map_odom = None
 
 
-def _is_same(one: Pose2, two: Pose2) -> bool:
+def is_same_pose(one: Pose2, two: Pose2) -> bool:
+    """Return whether two poses in the map are the same place."""
     turn = abs(wrap_angle(one.yaw_rad - two.yaw_rad))
     return one.distance_to(two.x_m, two.y_m) <= _SAME_M and turn <= _SAME_RAD

@@ -21,7 +21,7 @@ from navcore.localisation.estimate import (
     PlaceCorrection,
 )
 from navcore.localisation.graph.edges import ConstantErrors, Edge
-from navcore.localisation.scans.matching import Match, match, match_widely
+from navcore.localisation.scans.matching import Match
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.correction import CorrectionFlow
@@ -29,17 +29,16 @@ from navcore.localisation.tracking.displacement import DisplacementSearch
 from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPoses
 from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.localisation.tracking.pose_filter import PoseFilter
+from navcore.localisation.tracking.pose_matcher import PoseMatcher
 from navcore.localisation.tracking.recent_odometry import RecentOdometry
 from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
+from navcore.localisation.tracking.refused_matches import RefusedMatches
 from navcore.localisation.tracking.scan_odometry import ScanOdometry
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
 
 _DEFAULT = LocalisationConfig()
-_WIDE_M, _WIDE_RAD = 0.1, math.radians(6.0)
-"""Standard deviations of the pose from which a whole window is searched: surfaces lie so close to
-each other that those next to such a pose may be others."""
 _MOVED_M, _MOVED_RAD = 0.05, math.radians(1.0)
 """Motion after which a scan says something new about a map."""
 _COVARIANCES = 256
@@ -51,8 +50,6 @@ _DISPLACED = np.diag([0.25, 0.25, math.radians(6.0)]) ** 2
 _DOUBTED_S = 0.5
 """Time in seconds of contradicting frames from which the place is looked for beside the estimate:
 a person who passes contradicts the map for less, and the search takes longer than the rest."""
-_UNKNOWN = 1e-6 * np.eye(3)
-"""Information about a direction that a scan tells nothing of."""
 
 
 class Localiser:
@@ -65,6 +62,7 @@ class Localiser:
     ) -> None:
         """`pose_ids` is the map's list of poses, which this one appends to."""
         self._config = config
+        self._matcher = PoseMatcher(config)
         self._saved = ScanMap(config.match)
         self._pose_ids = pose_ids
         self._chain = KeyframeChain(pose_ids, config)
@@ -74,6 +72,7 @@ class Localiser:
         self._recent = RecentScans(config)
         self._scan_odometry = ScanOdometry(config)
         self._refused = RefusedFixes(config.tracking)
+        self._refused_matches = RefusedMatches(config, self._matcher, _DISPLACED)
         self._displacement = DisplacementSearch(config)
         self._flow = CorrectionFlow(config.tracking)
         self._odometry: tuple[Pose2, int] = (IDENTITY, 0)
@@ -93,6 +92,8 @@ class Localiser:
         self.place_correction: PlaceCorrection | None = None
         """Correction at the newest frame by position fixes, or by scans that fit beside the
         estimate, if they contradicted it for so long that it was wrong."""
+        self.is_agreed = False
+        """Whether the matches of some metres have told that correction: then it is proven."""
         self.pushed_m = 0.0
         """Distance in metres by which the robot was pushed, or its wheels have slipped, as the
         newest scan tells in a new map."""
@@ -102,6 +103,7 @@ class Localiser:
     def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         """Return the estimate for one more frame and its scan."""
         self.scan, self.place_correction, self.pushed_m = scan, None, 0.0
+        self.is_agreed = False
         step = self._advance(frame)
         share: float | None = None
         self.saved_share = None
@@ -217,7 +219,7 @@ class Localiser:
         rows[:2, 2] = self._pose.y_m - expected.y_m, expected.x_m - self._pose.x_m
         rows = rows[:count]
         known = rows @ self._filter.covariance_by_motion @ rows.T
-        if is_lost or self._excludes(residual, known + covariance):
+        if is_lost or self._matcher.excludes(residual, known + covariance):
             if self._refused.add(fix.stamp_ns, residual[:2], covariance[:2, :2]):
                 if fix.yaw_rad is None:
                     measured = dataclasses.replace(measured, yaw_rad=expected.yaw_rad)
@@ -225,7 +227,8 @@ class Localiser:
                 return True
         else:
             self._refused.confirm(residual[:2], covariance[:2, :2])
-        if is_lost or self._excludes(residual, known + alike * covariance):
+            self._refused_matches.confirm(residual[:2], covariance[:2, :2])
+        if is_lost or self._matcher.excludes(residual, known + alike * covariance):
             return False
         self._filter.fuse_position(residual, rows, alike * covariance)
         return True
@@ -258,6 +261,7 @@ class Localiser:
         self._recent.clear()
         self._scan_odometry.clear()
         self._refused.clear()
+        self._refused_matches.clear()
         self._displacement.clear()
         self._continues = True
         self._doubt_s = self._doubt_m = 0.0
@@ -270,11 +274,6 @@ class Localiser:
         if self._filter is None:
             raise RuntimeError("the localiser has no pose before its first frame")
         return self._filter
-
-    def _excludes(self, residual: Matrix, covariance: Matrix) -> bool:
-        """Return whether a difference from the expected pose is too large to be believed."""
-        most = self._config.tracking.gate_sigmas**2 + 2.0 * (len(residual) - 1)
-        return bool(residual @ np.linalg.solve(covariance, residual) > most)
 
     def _advance(self, frame: Frame) -> OdometryStep:
         """Follow odometry to a frame."""
@@ -294,6 +293,7 @@ class Localiser:
         self._chain.advance(step)
         self._since_m += step.distance_m
         self.moved_m = step.distance_m + abs(step.turn_rad) / 2
+        self._refused_matches.move(self.moved_m)
         moved_m, moved_rad = self._unmatched
         self._unmatched = (moved_m + step.distance_m, moved_rad + abs(step.turn_rad))
         return step
@@ -316,7 +316,7 @@ class Localiser:
         for scan_map, absolute in ((self._saved, True), (self._chain.map, False)):
             if not len(scan_map):
                 continue
-            result = self._match(scan, scan_map, absolute=absolute)
+            result = self._matcher.match(scan, scan_map, self._require_filter(), absolute=absolute)
             if absolute and 2 * result.near >= result.points:
                 self.saved_share = result.share_of_near
             if absolute and is_elsewhere(result, scan, scan_map, self._config):
@@ -327,7 +327,8 @@ class Localiser:
             found = result
             # The robot's own map may fit by chance at a place to which the robot was carried.
             is_possible = absolute or continues is not False
-            if is_possible and self._believes(result, absolute=absolute):
+            fits = self._fits(result, absolute=absolute)
+            if is_possible and fits and not self._excludes(result):
                 if absolute:
                     self._confirm(result)
                 self._fuse(scan, result, absolute=absolute)
@@ -336,6 +337,8 @@ class Localiser:
                 self._since_m = 0.0
                 self._enter(LocalisationState.LOCATED, stamp_ns)
                 return result.share if absolute else result.share_of_near
+            if absolute and self._corrects(scan, fits=fits):
+                break
             # Where little of the scan is near the map, the rest is new, and so may this be.
             is_mapped = 2 * result.near >= result.points
             if absolute and is_mapped and result.share_of_near <= self._config.tracking.lost_share:
@@ -361,68 +364,41 @@ class Localiser:
         self._chain.push(*push)
         self._recent.push(push.motion, self._odometry[0])
 
-    def _match(self, scan: Scan, scan_map: ScanMap, *, absolute: bool) -> Match:
-        config, own = self._config.match, self._require_filter()
-        covariance = own.covariance_by_motion if absolute else own.covariance_within
-        scale = self._scale(len(scan), absolute=absolute)
-        sigma_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-        sigma_rad = math.sqrt(covariance[2, 2])
-        if absolute and (sigma_m > _WIDE_M or sigma_rad > _WIDE_RAD):
-            return match_widely(scan, scan_map, own.pose, covariance, scale=scale, config=config)
-        return match(
-            scan,
-            scan_map,
-            own.pose,
-            covariance,
-            scale=scale,
-            search_m=min(config.search_m, 2 * config.fine_m + 3 * sigma_m),
-            config=config,
+    def _fits(self, result: Match, *, absolute: bool) -> bool:
+        """Return whether a scan fits a map well enough to be believed."""
+        rules = self._config.tracking
+        return (
+            result.fitting >= self._config.match.min_points
+            and result.share_of_near >= rules.located_share
+            and (not absolute or result.share >= rules.located_share)
         )
 
-    def _scale(self, points: int, *, absolute: bool) -> float:
-        """Return the number of measurements that a point counts as."""
-        rules = self._config.tracking
-        return 1.0 / rules.correlated_points if absolute else rules.young_points / points
-
-    def _believes(self, result: Match, *, absolute: bool) -> bool:
-        """Return whether a match fits, and odometry does not exclude it."""
-        rules = self._config.tracking
-        if (
-            result.fitting < self._config.match.min_points
-            or result.share_of_near < rules.located_share
-            or (absolute and result.share < rules.located_share)
-        ):
-            return False
+    def _excludes(self, result: Match) -> bool:
+        """Return whether odometry excludes a match."""
         shift = difference(result.pose, self._pose)
-        return not self._excludes(shift, self._require_filter().covariance_by_motion + self._floor)
+        covariance = self._require_filter().covariance_by_motion + self._matcher.floor
+        return self._matcher.excludes(shift, covariance)
 
     def _fuse(self, scan: Scan, result: Match, *, absolute: bool) -> None:
         moved_m, moved_rad = self._unmatched
         if moved_m < _MOVED_M and moved_rad < _MOVED_RAD:
             return  # the same view again would say the same with the same errors
         self._unmatched = (0.0, 0.0)
-        scale, own = self._scale(result.points, absolute=absolute), self._require_filter()
-        own.fuse_match(result.pose, scale * result.information, self._floor, absolute=absolute)
+        scale, own = self._matcher.scale(result.points, absolute=absolute), self._require_filter()
+        own.fuse_match(
+            result.pose, scale * result.information, self._matcher.floor, absolute=absolute
+        )
         if absolute:
             return
         surfaces = self._chain.map.covariance_at(result.pose, scan, self._config.match.fine_m)
         if surfaces is not None:
-            own.bound(surfaces + self._error(result))
-
-    def _error(self, result: Match) -> Matrix:
-        """Return the (3, 3) covariance of a match besides that of the surfaces."""
-        information = self._scale(result.points, absolute=True) * result.information
-        return np.asarray(np.linalg.inv(information + _UNKNOWN) + self._floor)
+            own.bound(surfaces + self._matcher.error(result))
 
     def _confirm(self, result: Match) -> None:
-        """Forget the fixes that a believed match against the saved map contradicts."""
-        shift = difference(result.pose, self._pose)
-        self._refused.confirm(shift[:2], self._error(result)[:2, :2])
-
-    @property
-    def _floor(self) -> Matrix:
-        rules = self._config.tracking
-        return np.diag([rules.floor_m, rules.floor_m, math.radians(rules.floor_deg)]) ** 2
+        """Forget the fixes and matches that a believed match against the saved map contradicts."""
+        shift, covariance = difference(result.pose, self._pose)[:2], self._matcher.error(result)
+        self._refused.confirm(shift, covariance[:2, :2])
+        self._refused_matches.confirm(shift, covariance[:2, :2])
 
     def _trust(self, step: OdometryStep) -> None:
         """Take back doubt: a frame fits."""
@@ -435,10 +411,25 @@ class Localiser:
         if not (is_tracked and self.is_confirmed and self._doubt_s >= _DOUBTED_S):
             return
         found = self._displacement.find(scan, self._saved, self._pose, self._odometry[0], stamp_ns)
-        if found is None:
-            return
-        information = self._scale(found.points, absolute=True) * found.information
-        spread = np.linalg.inv(information + np.linalg.inv(_DISPLACED)) + self._floor
+        if found is not None:
+            self._correct_to(found)
+
+    def _corrects(self, scan: Scan, *, fits: bool) -> bool:
+        """Correct the estimate if matches that it excludes have agreed for long enough; returns
+        whether they have. `fits`: whether the newest scan does where the estimate excludes it."""
+        if not (self.is_confirmed and (fits or self._refused_matches.is_open)):
+            return False
+        own = self._require_filter()
+        found = self._refused_matches.find(scan, self._saved, own, self._odometry[0])
+        self.is_agreed = found is not None
+        if found is not None:
+            self._correct_to(found)
+        return self.is_agreed
+
+    def _correct_to(self, found: Match) -> None:
+        """Correct the estimate to a match beside it."""
+        information = self._matcher.scale(found.points, absolute=True) * found.information
+        spread = np.linalg.inv(information + np.linalg.inv(_DISPLACED)) + self._matcher.floor
         self._shift(found.pose, spread, None)
 
     def _doubt(self, step: OdometryStep, stamp_ns: int) -> None:
@@ -482,10 +473,11 @@ class Localiser:
         applied = self._flow.T_map_odom @ frame.pose
         behind = difference(self._pose, applied)
         besides = np.outer(behind, behind)
-        # As long as fixes contradict it, the robot may be where they have it.
-        besides[:2, :2] += np.outer(self._refused.offset, self._refused.offset)
+        # As long as fixes or matches contradict it, the robot may be where they have it.
+        for offset in (self._refused.offset, self._refused_matches.offset):
+            besides[:2, :2] += np.outer(offset, offset)
         if len(self._saved):
-            besides = besides + self._floor
+            besides = besides + self._matcher.floor
         return LocalisationEstimate(
             T_map_odom=self._flow.T_map_odom,
             T_map_base=applied,
