@@ -9,6 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.robot.fix import FixSource
 
@@ -44,6 +45,10 @@ def _certain() -> Matrix:
     return np.zeros((3, 3))
 
 
+def _undriven() -> Floats:
+    return np.zeros(3)
+
+
 def _unmoved() -> Matrix:
     return np.zeros((2, 2))
 
@@ -58,6 +63,8 @@ class LocalisationEstimate:
     """Pose of the robot in the map at the frame's stamp."""
     T_driven_base: Pose2 = IDENTITY
     """Pose by odometry without its turns at standstill (`DrivenOdometry`)."""
+    travel: Floats = field(default_factory=_undriven)
+    """(3,) distance in metres, turns in radians and time in seconds that were driven so far."""
     covariance: Matrix = field(default_factory=_certain)
     """(3, 3) covariance of `T_map_base` relative to the map: x and y in metres along the map's
     axes, yaw in radians."""

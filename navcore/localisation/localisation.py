@@ -34,7 +34,7 @@ from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.start_check import Probation, StartCheck
 from navcore.localisation.tasks import PrepareSearch, SearchPlaces
 from navcore.localisation.tracking.localiser import Localiser
-from navcore.localisation.tracking.odometry_model import DrivenOdometry
+from navcore.localisation.tracking.odometry_model import DrivenOdometry, travel_covariance
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.perception.labels import Labels
 from navcore.perception.people.track import Track
@@ -112,13 +112,14 @@ class Localisation:
         """Return the estimate for one more frame, whose pose is T_odom_base, and its scan."""
         self._driven.follow(frame.pose, frame.stamp_ns)
         estimate = self._followed(frame, scan)
-        return dataclasses.replace(estimate, T_driven_base=self._driven.pose)
+        driven = self._driven
+        return dataclasses.replace(estimate, T_driven_base=driven.pose, travel=driven.travel)
 
     def _followed(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         if self._kept is not None:
             moved = self._kept.T_driven_base.inverse() @ self._driven.pose
             there = self._kept.T_map_base @ moved
-            self.tracker.place(there, self._kept.covariance, frame)
+            self.tracker.place(there, self._kept.covariance + self._drift_since(self._kept), frame)
             self._kept = None
         elif self._start is not None and self.tracker.scan is None:
             self.tracker.place(frame.pose, self._start.covariance, frame)
@@ -416,6 +417,16 @@ class Localisation:
         self._loops.take(closures)
         self.closures = None
 
+    def _drift_since(self, left: LocalisationEstimate) -> Matrix:
+        """Return the (3, 3) covariance by which the driving since an estimate has made the pose
+        more uncertain."""
+        return travel_covariance(self._driven.travel - left.travel, self._config.odometry)
+
+    def _is_certain(self, covariance: Matrix) -> bool:
+        """Return whether a pose is at least as certain as a start is taken to be."""
+        at_start = StartCheck(self._config.start, self._config.relocalisation).covariance
+        return bool((np.diag(covariance) <= np.diag(at_start)).all())
+
     def forget_session(self) -> None:
         """Forget the keyframes of this session, which were made at a wrong place."""
         self.tracker.forget_own_map()
@@ -449,8 +460,11 @@ class Localisation:
 
         `last`: T_map_base at the end of the session before, which is tried next; None if unknown.
         `kept`: the estimate in this map from before another one was used, if odometry has gone on
-        since: then it holds as long as nothing contradicts it.
+        since: then it holds as long as nothing contradicts it, unless so much was driven since that
+        the robot would be less certain than at a start.
         """
+        if kept is not None and not self._is_certain(self._drift_since(kept)):
+            kept = None
         self.tracker = Localiser(self._pose_ids, self._config)
         self.tracker.load(keyframes)
         self._relocaliser, self._place_map, self._is_lost = None, None, False

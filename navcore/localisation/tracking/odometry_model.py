@@ -77,6 +77,8 @@ class DrivenOdometry:
         self._last: tuple[Pose2, int] | None = None
         self.pose = IDENTITY
         """T_driven_base at the newest frame; the first has it where odometry has it."""
+        self.travel: Floats = np.zeros(3)
+        """What was driven so far, as `travel_of` a step tells it, (3,)."""
 
     def follow(self, T_odom_base: Pose2, stamp_ns: int) -> None:
         """Go on to a frame's pose by odometry; without a motion if the robot stood."""
@@ -87,6 +89,7 @@ class DrivenOdometry:
             step = OdometryStep.between(before, T_odom_base, (stamp_ns - then_ns) / 1e9)
             if not step.is_standing(self._config):
                 self.pose = self.pose @ before.inverse() @ T_odom_base
+                self.travel = self.travel + travel_of(step, self._config)
         self._last = T_odom_base, stamp_ns
 
 
@@ -187,14 +190,26 @@ def travel_variance(travel: Floats, away_m: Floats, config: OdometryConfig = _DE
     Noise adds up its variances, constant errors themselves; an error of heading swings all of the
     distance. `travel` is (N, 3), `away_m` (N,) in metres.
     """
-    distance_m, turn_rad, duration_s = travel.T
-    yaw_noise = math.radians(config.gyro_noise_deg) ** 2 * duration_s
-    yaw_bias = (config.gyro_bias_degph * DEGPH * duration_s) ** 2
-    yaw_scale = (config.gyro_scale * turn_rad) ** 2
+    distance_m, turn_rad, _ = travel.T
     slip = config.slip_m**2 * distance_m + config.turn_slip_m**2 * turn_rad
     scale = (config.length_scale * distance_m) ** 2
-    swing = (yaw_noise + yaw_bias + yaw_scale) * (distance_m + away_m) ** 2
+    swing = _heading_variance(travel, config) * (distance_m + away_m) ** 2
     return np.asarray(slip + scale + swing)
+
+
+def travel_covariance(travel: Floats, config: OdometryConfig = _DEFAULT) -> Matrix:
+    """Return a bound of the (3, 3) covariance by which a (3,) travel makes a pose more uncertain,
+    wherever it has led: x and y in metres, yaw in radians."""
+    position = float(travel_variance(travel[None], np.zeros(1), config)[0])
+    return np.diag([position, position, float(_heading_variance(travel, config))])
+
+
+def _heading_variance(travel: Floats, config: OdometryConfig) -> Floats:
+    """Return the variance of the heading after travels (..., 3) in square radians."""
+    _, turn_rad, duration_s = travel.T
+    noise = math.radians(config.gyro_noise_deg) ** 2 * duration_s
+    bias = (config.gyro_bias_degph * DEGPH * duration_s) ** 2
+    return np.asarray(noise + bias + (config.gyro_scale * turn_rad) ** 2)
 
 
 def _turn(state: Matrix, step: OdometryStep) -> float:

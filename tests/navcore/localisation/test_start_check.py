@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from typing import cast
 
@@ -426,6 +427,34 @@ def test_a_robot_that_comes_back_to_a_map_is_not_turned_by_the_gyros_drift_meanw
     localisation.load(kept_map()[1], kept=before)
     estimate = localisation.follow(frame_at(pose, k + 1), scan.emptied())
     assert abs(estimate.T_map_base.yaw_rad - before.T_map_base.yaw_rad) < 0.01
+
+
+def comes_back(driven_m: float) -> tuple[LocalisationEstimate, LocalisationEstimate]:
+    """The estimates of before and after a robot has used another map, in which it has driven, by
+    half of it forth and by half of it back."""
+    localisation, scan, before = started()
+    localisation.load(())
+    step_m, start = 0.1, before.T_map_odom.inverse() @ before.T_map_base
+    forth = [k * step_m for k in range(round(driven_m / 2 / step_m) + 1)]
+    for number, x_m in enumerate([*forth, *forth[::-1]]):
+        pose = start @ Pose2(x_m=-x_m, y_m=0.0, yaw_rad=0.0)
+        localisation.follow(frame_at(pose, 100 + number), scan.emptied())
+    localisation.load(kept_map()[1], kept=before)
+    return before, localisation.follow(frame_at(pose, 101 + number), scan.emptied())
+
+
+def test_a_robot_that_comes_back_to_a_map_is_as_uncertain_as_it_has_become_by_its_way() -> None:
+    for driven_m in (1.0, 8.0):
+        before, after = comes_back(driven_m)
+        assert after.is_known
+        assert after.sigma_m == pytest.approx(
+            math.hypot(before.sigma_m, 0.02 * driven_m), abs=0.012 * math.sqrt(driven_m) + 0.02
+        )
+
+
+def test_after_a_long_way_its_place_is_checked_as_that_of_a_start() -> None:
+    _, after = comes_back(40.0)
+    assert after.state is LocalisationState.CHECKING
 
 
 @pytest.mark.parametrize(
