@@ -66,8 +66,8 @@ class Localiser:
         self._saved = ScanMap(config.match)
         self._pose_ids = pose_ids
         self._chain = KeyframeChain(pose_ids, config)
-        self._covariances: dict[int, Matrix] = {}
-        """(3, 3) covariance of the robot's pose at each keyframe of the session by its ID."""
+        self._relative: dict[int, Matrix] = {}
+        """(3, 3) `PoseFilter.relative` at each keyframe of the session by its ID."""
         self._filter: PoseFilter | None = None
         self._recent = RecentScans(config)
         self._scan_odometry = ScanOdometry(config)
@@ -155,7 +155,7 @@ class Localiser:
 
     def forget_own_map(self) -> None:
         """Forget the keyframes of this session."""
-        self._chain, self._covariances = KeyframeChain(self._pose_ids, self._config), {}
+        self._chain, self._relative = KeyframeChain(self._pose_ids, self._config), {}
 
     def correct(self, poses: Mapping[int, Pose2], known: tuple[int, Matrix] | None = None) -> None:
         """Move keyframes of this session to corrected poses by ID, and the robot with the newest;
@@ -164,16 +164,16 @@ class Localiser:
         frozen = {keyframe.pose_id for keyframe in self._saved.keyframes}
         motion = self._chain.correct({i: poses[i] for i in poses if i not in frozen})
         if motion is not None and self._filter is not None:
-            self._filter.move(motion)
+            own = self._filter
+            own.move(motion)
             self._scan_odometry.clear()
             if known is not None:
                 pose_id, covariance = known
-                then = self._covariances.get(pose_id, self._filter.covariance)
-                before, since = self._filter.covariance, growth(self._filter.covariance, then)
-                self._filter.place(self._filter.pose, covariance + since, with_map=True)
-                now = self._filter.covariance
-                self._covariances = {
-                    i: growth(now, growth(before, held)) for i, held in self._covariances.items()
+                before, then = own.relative, self._relative.get(pose_id, own.relative)
+                own.place(own.pose, covariance + growth(before, then), with_map=True)
+                self._relative = {
+                    i: growth(own.relative, growth(before, held))
+                    for i, held in self._relative.items()
                 }
 
     def place(self, T_map_base: Pose2, covariance: Matrix | None, frame: Frame) -> None:
@@ -460,9 +460,9 @@ class Localiser:
             covariance = self._require_filter().covariance_but_scale + np.outer(behind, behind)
             keyframe = self._chain.add(scan, pose, frame.stamp_ns, covariance)
             if keyframe is not None:
-                self._covariances[keyframe.pose_id] = self._require_filter().covariance
-                while len(self._covariances) > _COVARIANCES:
-                    del self._covariances[next(iter(self._covariances))]
+                self._relative[keyframe.pose_id] = self._require_filter().relative
+                while len(self._relative) > _COVARIANCES:
+                    del self._relative[next(iter(self._relative))]
 
     def lose(self, stamp_ns: int) -> None:
         """Forget the pose: the robot is lost until it is placed."""

@@ -89,6 +89,14 @@ class PoseFilter:
         return np.asarray(self._best[:3, :3] + LEAST)
 
     @property
+    def relative(self) -> Matrix:
+        """(3, 3) covariance whose growth since an earlier pose bounds that of the pose relative to
+        where it was then, in map axes: a fix makes the pose more certain in the map alone."""
+        relative = self.covariance
+        relative[:2, :2] += self.offset
+        return relative
+
+    @property
     def covariance_by_motion(self) -> Matrix:
         """(3, 3) covariance of the pose without what the robot's own new map tells, in map axes."""
         return np.asarray(self._covariance[:3, :3] + LEAST)

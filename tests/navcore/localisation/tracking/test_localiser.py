@@ -360,6 +360,30 @@ def test_after_a_correction_of_keyframes_the_robot_is_as_uncertain_as_it_has_bec
     assert again.covariance[0, 0] == pytest.approx(grown, rel=0.1)
 
 
+def test_a_fix_since_a_keyframe_takes_nothing_of_the_way_since_then() -> None:
+    covariances = []
+    for is_fixed in (False, True):
+        trip, dark = new_trip(), PlanWorld([(90.0, 90.0, 91.0, 91.0)])
+        for _ in trip.go(ROUTE[:60], ROUTE[:60]):
+            pass
+        newest = trip.localiser.keyframes[-1]
+        for _ in trip.go(ROUTE[60:], ROUTE[60:], dark):
+            pass
+        if is_fixed:
+            there = fix_at(
+                ROUTE[-1].x_m,
+                ROUTE[-1].y_m,
+                1e-4 * np.eye(2),
+                frame_at(IDENTITY, trip.k - 1).stamp_ns,
+            )
+            assert trip.localiser.fuse(there)
+        known = newest.pose_id, 1e-6 * np.eye(3)
+        trip.localiser.correct({newest.pose_id: newest.T_map_base}, known)
+        covariances.append(trip.localiser.estimate(frame_at(ROUTE[-1], trip.k - 1)).covariance)
+    without, with_fix = covariances
+    assert with_fix[0, 0] > 0.9 * without[0, 0]
+
+
 def test_a_correction_moves_keyframes_and_robot_alike() -> None:
     trip = new_trip()
     for _ in trip.go(ROUTE[:100], ROUTE[:100]):
