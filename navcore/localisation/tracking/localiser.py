@@ -227,7 +227,8 @@ class Localiser:
                 return True
         else:
             self._refused.confirm(residual[:2], covariance[:2, :2])
-            self._refused_matches.confirm(residual[:2], covariance[:2, :2])
+            if self._refused_matches.are_contradicted(residual[:2], covariance[:2, :2]):
+                self._refused_matches.clear()
         if is_lost or self._matcher.excludes(residual, known + alike * covariance):
             return False
         self._filter.fuse_position(residual, rows, alike * covariance)
@@ -328,16 +329,17 @@ class Localiser:
             # The robot's own map may fit by chance at a place to which the robot was carried.
             is_possible = absolute or continues is not False
             fits = self._fits(result, absolute=absolute)
-            if is_possible and fits and not self._excludes(result):
-                if absolute:
-                    self._confirm(result)
+            is_excluded = fits and self._excludes(result)
+            if absolute and fits and not is_excluded:
+                is_possible = self._confirms(scan, result)
+            if is_possible and fits and not is_excluded:
                 self._fuse(scan, result, absolute=absolute)
                 self._trust(step)
                 self._displacement.clear()
                 self._since_m = 0.0
                 self._enter(LocalisationState.LOCATED, stamp_ns)
                 return result.share if absolute else result.share_of_near
-            if absolute and self._corrects(scan, fits=fits):
+            if absolute and self._corrects(scan, is_excluded=is_excluded):
                 break
             # Where little of the scan is near the map, the rest is new, and so may this be.
             is_mapped = 2 * result.near >= result.points
@@ -384,21 +386,31 @@ class Localiser:
         if moved_m < _MOVED_M and moved_rad < _MOVED_RAD:
             return  # the same view again would say the same with the same errors
         self._unmatched = (0.0, 0.0)
-        scale, own = self._matcher.scale(result.points, absolute=absolute), self._require_filter()
-        own.fuse_match(
-            result.pose, scale * result.information, self._matcher.floor, absolute=absolute
-        )
+        matcher, own = self._matcher, self._require_filter()
+        information = matcher.scale(result.points, absolute=absolute) * result.information
+        own.fuse_match(result.pose, information, matcher.floor, absolute=absolute)
         if absolute:
             return
         surfaces = self._chain.map.covariance_at(result.pose, scan, self._config.match.fine_m)
         if surfaces is not None:
-            own.bound(surfaces + self._matcher.error(result))
+            own.bound(surfaces + matcher.error(result))
 
-    def _confirm(self, result: Match) -> None:
-        """Forget the fixes and matches that a believed match against the saved map contradicts."""
+    def _confirms(self, scan: Scan, result: Match) -> bool:
+        """Return whether a match with the saved map that the estimate does not exclude holds, and
+        forget the fixes and matches that it contradicts. Where the scan fits better at the place of
+        those, it has found surfaces beside the right ones."""
         shift, covariance = difference(result.pose, self._pose)[:2], self._matcher.error(result)
+        if self._refused_matches.are_contradicted(shift, covariance[:2, :2]):
+            if self._looks_elsewhere(scan) is not False:
+                return False
+            self._refused_matches.clear()
         self._refused.confirm(shift, covariance[:2, :2])
-        self._refused_matches.confirm(shift, covariance[:2, :2])
+        return True
+
+    def _looks_elsewhere(self, scan: Scan) -> bool | None:
+        """Return what the refused matches say of one more scan (`RefusedMatches.look`)."""
+        own = self._require_filter()
+        return self._refused_matches.look(scan, self._saved, own, self._odometry[0])
 
     def _trust(self, step: OdometryStep) -> None:
         """Take back doubt: a frame fits."""
@@ -414,17 +426,17 @@ class Localiser:
         if found is not None:
             self._correct_to(found)
 
-    def _corrects(self, scan: Scan, *, fits: bool) -> bool:
-        """Correct the estimate if matches that it excludes have agreed for long enough; returns
-        whether they have. `fits`: whether the newest scan does where the estimate excludes it."""
-        if not (self.is_confirmed and (fits or self._refused_matches.is_open)):
+    def _corrects(self, scan: Scan, *, is_excluded: bool) -> bool:
+        """Correct the estimate if matches that it excludes, as the newest if it `is_excluded`, have
+        agreed for long enough; returns whether they have."""
+        refused = self._refused_matches
+        if self.is_confirmed and (is_excluded or refused.is_open) and refused.is_due():
+            self._looks_elsewhere(scan)
+        if refused.told is None:
             return False
-        own = self._require_filter()
-        found = self._refused_matches.find(scan, self._saved, own, self._odometry[0])
-        self.is_agreed = found is not None
-        if found is not None:
-            self._correct_to(found)
-        return self.is_agreed
+        self._correct_to(refused.told)
+        self.is_agreed = True
+        return True
 
     def _correct_to(self, found: Match) -> None:
         """Correct the estimate to a match beside it."""

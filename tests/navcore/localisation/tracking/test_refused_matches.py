@@ -12,7 +12,11 @@ from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.scans.scan import Keyframe
+from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.localiser import Localiser
+from navcore.localisation.tracking.pose_filter import PoseFilter
+from navcore.localisation.tracking.pose_matcher import PoseMatcher
+from navcore.localisation.tracking.refused_matches import RefusedMatches
 from navcore.mapping.points.pose_ids import PoseIds
 from tests.navcore.localisation.plan_worlds import (
     Drive,
@@ -85,6 +89,26 @@ def test_meanwhile_it_is_as_uncertain_as_the_matches_are_away() -> None:
 
 def test_one_that_is_right_is_not_corrected() -> None:
     assert not corrections(driven(office(3), CORRIDOR))
+
+
+def test_a_match_confirms_the_estimate_unless_the_scan_fits_better_at_the_refused_place() -> None:
+    config, rng, world = LocalisationConfig(), np.random.default_rng(1), office(3)
+    saved = ScanMap(config.match)
+    saved.replace(
+        Keyframe(pose_id=k, T_map_base=pose, scan=world.scan(pose, rng))
+        for k, pose in enumerate(CORRIDOR)
+    )
+    refused = RefusedMatches(config, PoseMatcher(config), 0.06 * np.eye(3))
+    true, near = CORRIDOR[20], 1e-4 * np.eye(2)
+    here, away = world.scan(true, rng), world.scan(CORRIDOR[40], rng)
+    own = PoseFilter(Pose2(x_m=true.x_m, y_m=true.y_m + 0.2, yaw_rad=true.yaw_rad))
+    own.place(own.pose, SURE)
+    assert refused.look(here, saved, own, IDENTITY)
+    assert refused.are_contradicted(np.zeros(2), near)
+    assert not refused.are_contradicted(np.array([0.0, -0.2]), near)
+    assert refused.look(here, saved, own, IDENTITY)  # of another match at the estimate
+    own.place(CORRIDOR[40], SURE)
+    assert refused.look(away, saved, own, IDENTITY) is False
 
 
 def shelves(pitch_m: float) -> PlanWorld:
