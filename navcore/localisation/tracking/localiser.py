@@ -339,10 +339,12 @@ class Localiser:
                 self._since_m = 0.0
                 self._enter(LocalisationState.LOCATED, stamp_ns)
                 return result.share if absolute else result.share_of_near
-            if absolute and self._corrects(scan, is_excluded=is_excluded):
-                break
             # Where little of the scan is near the map, the rest is new, and so may this be.
             is_mapped = 2 * result.near >= result.points
+            least_fit = self._config.start.share
+            is_unfit = result.near >= least_fit * result.points and result.share < least_fit
+            if absolute and self._corrects(scan, is_telling=is_excluded or is_unfit):
+                break
             if absolute and is_mapped and result.share_of_near <= self._config.tracking.lost_share:
                 contradicted = True
                 break
@@ -426,11 +428,11 @@ class Localiser:
         if found is not None:
             self._correct_to(found)
 
-    def _corrects(self, scan: Scan, *, is_excluded: bool) -> bool:
-        """Correct the estimate if matches that it excludes, as the newest if it `is_excluded`, have
-        agreed for long enough; returns whether they have."""
+    def _corrects(self, scan: Scan, *, is_telling: bool) -> bool:
+        """Correct the estimate if matches that it excludes have agreed for long enough; returns
+        whether they have. `is_telling`: whether the newest scan may speak against the estimate."""
         refused = self._refused_matches
-        if self.is_confirmed and (is_excluded or refused.is_open) and refused.is_due():
+        if self.is_confirmed and (is_telling or refused.is_open) and refused.is_due():
             self._looks_elsewhere(scan)
         if refused.told is None:
             return False
