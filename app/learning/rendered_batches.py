@@ -122,10 +122,24 @@ class RenderedBatches:
             for number in range(workers)
         ]
         self._arrived = threading.Event()
+        self._failure: Exception | None = None
+        # No image may take the place of another one while windows are cut out of that one.
+        self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._receive, name="rendered images", daemon=True)
         for process in self._processes:
             process.start()
         self._thread.start()
+
+    @property
+    def kind(self) -> str:
+        """What is rendered."""
+        sources = "; ".join(
+            f"seed {source.seed}, {source.size[0]}×{source.size[1]}"
+            + ", disturbed" * source.disturbed
+            + ", furnished" * source.furnished
+            for source in self._sources
+        )
+        return f"images rendered meanwhile, of {len(self._sources)} kinds of worlds ({sources}),"
 
     def close(self) -> None:
         """End the processes."""
@@ -137,9 +151,11 @@ class RenderedBatches:
 
     def batches(self, epoch: int) -> Iterator[Batch]:
         """Return the batches of an epoch; before the first, wait for images of each size. Raises
-        `BadConfiguration` where no process renders any more."""
+        `BadConfiguration` where no process renders any more, and where the images cannot be kept.
+        """
         while not all(pool.count for pool in self._pools.values()):
             self._arrived.clear()
+            self._check_thread()
             if not self._arrived.wait(PATIENCE_S):
                 raise BadConfiguration(f"--rendered: no image came within {PATIENCE_S:.0f} s")
         if not any(process.is_alive() for process in self._processes):
@@ -148,7 +164,17 @@ class RenderedBatches:
                 "use fewer --workers"
             )
         for _ in range(self.steps):
-            yield self._batch()
+            self._check_thread()
+            with self._lock:
+                batch = self._batch()
+            yield batch
+
+    def _check_thread(self) -> None:
+        if self._failure is not None:
+            raise BadConfiguration(
+                "--rendered: the images cannot be kept: "
+                f"{type(self._failure).__name__}: {self._failure!s:.300}"
+            ) from self._failure
 
     def _batch(self) -> Batch:
         """Return a batch with windows of each size by its share of the images."""
@@ -173,8 +199,14 @@ class RenderedBatches:
                 continue
             except (OSError, EOFError):  # the process whose memory holds the images has ended
                 continue
-            self._pools[self._sources[number].size].add(images)
-            self._arrived.set()
+            try:
+                with self._lock:
+                    self._pools[self._sources[number].size].add(images)
+            except Exception as error:
+                self._failure = error
+                return
+            finally:
+                self._arrived.set()
 
 
 def _render(

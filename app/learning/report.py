@@ -126,6 +126,7 @@ def write_card(training: Training, metrics: dict[str, Any], command: Sequence[st
         "model_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
         "run": training.identity,
         "recipe": dataclasses.asdict(recipe),
+        "source": training.source.kind,
         "data": dataclasses.asdict(dataset.card),
         "command": " ".join(command),
         "figures": {
@@ -161,7 +162,7 @@ def _card_text(training: Training, metrics: dict[str, Any], command: object) -> 
             f"# {MODEL_NAME}",
             f"ESANet {recipe.variant}, width {recipe.width:g}, {size}, "
             f"{len(data.class_names)} classes.",
-            f"Trained on {data.counts.train} images with",
+            f"Trained on {training.source.kind or f'{data.counts.train} images'} with",
             f"    {command}",
             f"Seed {recipe.seed}, epoch {metrics['best_epoch']} of {recipe.epochs} kept; the whole "
             "recipe, the data set's source and the hashes are in `card.json`.",

@@ -28,6 +28,7 @@ from navcore.errors import BadConfiguration, StorageFailed
 from navcore.learning.data.dataset import Dataset
 from navcore.learning.training.checkpoint import Epoch
 from navcore.learning.training.distributed import Ranks
+from navcore.learning.training.initial_weights import with_depth_of
 from navcore.learning.training.recipe import Recipe
 from navcore.learning.training.trainer import STATE_NAME, Machine, Step, Training
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork
@@ -63,7 +64,9 @@ def train(
         )
         _prepare(out, resume=resume)
         with ExitStack() as stack:
-            source = None
+            source, card = None, dataset.card
+            if start is not None:
+                card = with_depth_of(start, dataset).card
             if rendered:
                 if ranks.count > 1:
                     raise BadConfiguration("--rendered: expected one process, not torchrun")
@@ -74,7 +77,7 @@ def train(
                 source = stack.enter_context(
                     closing(
                         RenderedBatches(
-                            recipe, dataset.card, where, workers=max(1, workers), memory_mb=cache_mb
+                            recipe, card, where, workers=max(1, workers), memory_mb=cache_mb
                         )
                     )
                 )

@@ -61,11 +61,11 @@ def calibrate(
     from navcore.perception.esanet.weights import weights_file as weights
 
     trained, images, inference = _opened(source, target, data, split)
-    offsets, temperature = shift(trained.network, images, inference)
+    made = shift(trained.network, images, inference)
     weights.save(trained.network, trained.card, target)
-    for name, offset in zip(trained.card.class_names, offsets, strict=True):
-        typer.echo(f"{name}: {offset:+.3f}")
-    typer.echo(f"temperature: {temperature:.3f}")
+    for name, offset, shown in zip(trained.card.class_names, made.offsets, made.shown, strict=True):
+        typer.echo(f"{name}: {offset:+.3f}" + ("" if shown else f", no image of {split} shows it"))
+    typer.echo(f"temperature: {made.temperature:.3f}")
 
 
 @weights_cli.command()

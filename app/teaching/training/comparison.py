@@ -29,9 +29,9 @@ def compared(
     which both networks agree (None without such pixels).
 
     The labels of both are those of `new`, whose first classes are those of `old`. An annotated
-    class is judged on the captured images: what an annotation names none of is not of an annotated
-    class, so the old network's own label is its truth. All other classes are judged on the rendered
-    images, whose labels are exact.
+    class is judged on the captured images. Where their annotation names nothing, the old network's
+    own label is the truth, except for an annotated class, of which the annotation tells more: there
+    it is void. All other classes are judged on the rendered images, whose labels are exact.
     """
 
     def found_by_both(sample: Sample) -> tuple[LabelArray, LabelArray]:
@@ -43,14 +43,15 @@ def compared(
     classes = len(new.card.class_names)
     on_captured, on_rendered = PairedCounts(classes), PairedCounts(classes)
     alike = unnamed = done = 0
-    annotated: set[int] = set()
+    marked = {int(label) for sample in captured for label in np.unique(sample.labels) if label}
+    annotated = [label for label in marked if new.card.class_names[label - 1] != NOTHING_NAME]
     for sample in captured:
         was, now = found_by_both(sample)
         silent = sample.labels == 0
         alike += int((silent & (was == now)).sum())
         unnamed += int(silent.sum())
-        annotated |= set(np.unique(sample.labels[~silent]).tolist())
-        truth = np.where(silent, was + 1, sample.labels).astype(np.uint8)
+        own = np.where(np.isin(was + 1, annotated), 0, was + 1)
+        truth = np.where(silent, own, sample.labels).astype(np.uint8)
         on_captured.add(truth, was, now)
         on_progress(done := done + 1)
     for sample in rendered:
@@ -59,7 +60,7 @@ def compared(
         on_progress(done := done + 1)
     figures = []
     for index, name in enumerate(new.card.class_names):
-        is_captured = index + 1 in annotated and name != NOTHING_NAME
+        is_captured = index + 1 in annotated
         pair = on_captured if is_captured else on_rendered
         known = index < len(old.card.class_names)
         figures.append(_figures(pair, index, name, known=known, captured=is_captured))

@@ -12,6 +12,7 @@ import base64
 import binascii
 import json
 import zipfile
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -47,6 +48,7 @@ _SPLIT_OF: dict[str, Split] = {
 }
 BACKGROUND = "background"
 _VOID_NAMES = ("void", "unlabeled", "_background_", "__ignore__")
+NO_CLASSES = (BACKGROUND, *_VOID_NAMES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,7 +100,7 @@ class CvatArchive:
         kept = {
             name: colour
             for name, colour in colours.items()
-            if keep_background or name.casefold() not in (BACKGROUND, *_VOID_NAMES)
+            if name.casefold() not in (_VOID_NAMES if keep_background else NO_CLASSES)
         }
         if not 0 < len(kept) <= MAX_CLASSES:
             raise BadConfiguration(
@@ -120,11 +122,15 @@ class CvatArchive:
             raise BadConfiguration(
                 f'{self.path}: no mask in {MASKS}; export as "Segmentation mask 1.1"'
             )
+        bases = Counter(PurePosixPath(key).stem for key in masks)
         for key in masks:
             name = key[len(MASKS) : -len(".png")]
-            labels = self._mask(key)
+            alone = bases[PurePosixPath(key).stem] == 1
             sample = _sample(
-                self._rgb(name), _depth(self._depth_dir, name), labels, f"{self.path}: {name}"
+                self._rgb(name, alone=alone),
+                _depth(self._depth_dir, name, alone=alone),
+                self._mask(key),
+                f"{self.path}: {name}",
             )
             yield ImportedSample(
                 split=splits.get(name, "train"), name=flat_name(name), sample=sample
@@ -146,7 +152,7 @@ class CvatArchive:
         table = np.array([self._labels.get(value, 0) for value in found.tolist()], dtype=np.uint8)
         return table[where].reshape(packed.shape)
 
-    def _rgb(self, name: str) -> RgbArray:
+    def _rgb(self, name: str, *, alone: bool) -> RgbArray:
         for ending in (".jpg", ".jpeg", ".png"):
             if f"{IMAGES}{name}{ending}" in self._entries:
                 return decode_rgb(
@@ -156,7 +162,7 @@ class CvatArchive:
             raise BadConfiguration(
                 f"{self.path}: no image {IMAGES}{name}; export with images, or give their folder"
             )
-        return read_rgb(_found(self._rgb_dir, name, (".jpg", ".jpeg", ".png")))
+        return read_rgb(_found(self._rgb_dir, name, (".jpg", ".jpeg", ".png"), alone=alone))
 
     def _labelmap(self) -> dict[str, tuple[int, int, int]]:
         """Return colours by name from lines `name:r,g,b:parts:actions`."""
@@ -368,19 +374,21 @@ def _sample(rgb: RgbArray, depth: npt.NDArray[np.uint16], labels: LabelArray, wh
     return Sample(rgb=rgb, depth=depth, labels=labels)
 
 
-def _depth(folder: Path, name: str) -> npt.NDArray[np.uint16]:
-    return read_depth(_found(folder, name, (".depth.png", "_depth.png", ".png")))
+def _depth(folder: Path, name: str, *, alone: bool = True) -> npt.NDArray[np.uint16]:
+    return read_depth(_found(folder, name, (".depth.png", "_depth.png", ".png"), alone=alone))
 
 
-def _found(folder: Path, name: str, endings: Sequence[str]) -> Path:
-    """Return the file of a name in the folder; the folders of the source may be missing there."""
-    for stem in (name, PurePosixPath(name).name):
+def _found(folder: Path, name: str, endings: Sequence[str], *, alone: bool) -> Path:
+    """Return the file of a name in the folder; the folders of the source may be missing there, if
+    `alone` says that no other image has the same name but for its folder."""
+    for stem in (name, PurePosixPath(name).name) if alone else (name,):
         for ending in endings:
             path = _within(folder, _safe(stem + ending, str(folder)))
             if path.is_file():
                 return path
     raise BadConfiguration(
         f"{folder}: no file for image {name!r:.120}; expected {name}{endings[0]}"
+        + ("" if alone else ", with its folder: another image of the archive has its name")
     )
 
 

@@ -47,6 +47,11 @@ class BatchSource(Protocol):
     """What a training learns from."""
 
     @property
+    def kind(self) -> str | None:
+        """What the images are and how they are made, a part of the run's identity; None for the
+        train split of the data set."""
+
+    @property
     def steps(self) -> int:
         """Number of batches of an epoch."""
 
@@ -83,6 +88,8 @@ class CachedSplit:
 
 class DatasetBatches:
     """Random variations of all images of the train split, in a new order every epoch."""
+
+    kind = None
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -34,18 +35,26 @@ BACKGROUND_STRIDE = 16
 Logits = npt.NDArray[np.float32]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Calibration:
+    """What the logits of a network were changed by."""
+
+    offsets: npt.NDArray[np.float64]
+    """(C,) offsets, 0 for class 0 and for a class that no image shows."""
+    shown: npt.NDArray[np.bool_]
+    """(C,) whether an image shows the class."""
+    temperature: float
+    """Temperature that the shifted logits were divided by."""
+
+
 def calibrate(
     network: EsaNet,
     images: CachedSplit,
     inference: InferenceSettings,
     *,
     on_progress: Callable[[int], None] = lambda count: None,
-) -> tuple[npt.NDArray[np.float64], float]:
-    """Shift and scale the network's logits in place so that they fit the images best.
-
-    Returns the offsets (C,), 0 for class 0, and the temperature that the shifted logits are divided
-    by.
-    """
+) -> Calibration:
+    """Shift and scale the network's logits in place so that they fit the images best."""
     logits, classes, weights = _collected(network, images, inference, on_progress)
     offsets = best_offsets(logits, classes, weights)
     temperature = best_temperature(logits + offsets.astype(np.float32), classes, weights)
@@ -55,7 +64,8 @@ def calibrate(
         last.bias += torch.from_numpy(offsets).to(last.bias)
         for parameter in (last.weight, last.bias):
             parameter /= temperature
-    return offsets, temperature
+    shown = np.bincount(classes, minlength=logits.shape[1]) > 0
+    return Calibration(offsets=offsets, shown=shown, temperature=temperature)
 
 
 def best_temperature(
@@ -90,12 +100,14 @@ def best_offsets(
     class.
 
     `logits` is (N, C), `classes` (N,) the true classes 0 … C−1, `weights` (N,) the number of pixels
-    that each one stands for. The first class keeps 0.
+    that each one stands for. The first class keeps 0, and so does a class without true pixels: of
+    that one only false detections are seen here, which any suppression makes fewer.
     """
     offsets = np.zeros(logits.shape[1])
+    shown = np.unique(classes[classes > 0])
     for _ in range(ROUNDS):
         before = offsets.copy()
-        for number in range(1, len(offsets)):
+        for number in shown:
             scores = _scores(logits, classes, weights, offsets, number)
             # Of equally good offsets take the one nearest to the present one.
             good = np.flatnonzero(scores >= scores.max() - 1e-12)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 import torch
 import torch.distributed as group
-from torch import nn
+from torch import Tensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,15 +42,14 @@ class Ranks:
         group.all_reduce(tensor)
         return float(tensor) / self.count
 
-    def average_buffers(self, network: nn.Module) -> None:
-        """Average the running means of the batch norms, which each process has of its own
-        images."""
+    def average(self, tensors: Iterable[Tensor]) -> None:
+        """Replace floating-point tensors by their means over all processes, in place."""
         if self.count == 1:
             return
-        for buffer in network.buffers():
-            if buffer.is_floating_point():
-                group.all_reduce(buffer)
-                buffer /= self.count
+        for tensor in tensors:
+            if tensor.is_floating_point():
+                group.all_reduce(tensor)
+                tensor /= self.count
 
     def wait(self) -> None:
         """Wait until all processes have called this."""

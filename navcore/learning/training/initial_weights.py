@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import torch
 
 from navcore.errors import BadConfiguration
+from navcore.learning.data.dataset import Dataset
 from navcore.learning.training.recipe import Recipe
 from navcore.perception.esanet import EsaNet, build
 from navcore.perception.esanet.network.variants import variant_named
@@ -45,6 +48,17 @@ def transferred_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard
         for row, old_row in rows:
             tensor[row].copy_(learned[key][old_row])
     return network
+
+
+def with_depth_of(start: TrainedNetwork, dataset: Dataset) -> Dataset:
+    """Return the data set with the depth statistics of `start`, in its own unit: with others the
+    network would take every distance for another one."""
+    depth, units_per_m = start.card.depth, dataset.card.depth.units_per_m
+    factor = units_per_m / depth.units_per_m
+    same = dataclasses.replace(
+        depth, mean=depth.mean * factor, std=depth.std * factor, units_per_m=units_per_m
+    )
+    return dataclasses.replace(dataset, card=dataclasses.replace(dataset.card, depth=same))
 
 
 def _common_classes(known: WeightsCard, wanted: WeightsCard) -> list[tuple[int, int]]:

@@ -132,9 +132,11 @@ class Recipe:
                     f"training: crop: {self.crop} is larger than the working size {self.size}"
                 )
 
-    def identity(self, card: DatasetCard, start: str | None = None) -> str:
-        """Return the identity of the run: a SHA-256 of the recipe, the data set's card and the
-        SHA-256 of the initial weights.
+    def identity(
+        self, card: DatasetCard, *, start: str | None = None, source: str | None = None
+    ) -> str:
+        """Return the identity of the run: a SHA-256 of the recipe, the data set's card, the SHA-256
+        of the initial weights, and what it learns from if not from the train split.
 
         Only values that differ from the defaults are hashed, so that a setting added later does not
         change the identity of old runs.
@@ -149,6 +151,8 @@ class Recipe:
         }
         if start is not None:
             content["start"] = start
+        if source is not None:
+            content["source"] = source
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

@@ -30,7 +30,11 @@ from navcore.learning.training.batches import (
 from navcore.learning.training.checkpoint import Epoch, RunState, read_state, write_state
 from navcore.learning.training.distributed import Ranks
 from navcore.learning.training.evaluation import InferenceSettings, evaluate
-from navcore.learning.training.initial_weights import new_network, transferred_network
+from navcore.learning.training.initial_weights import (
+    new_network,
+    transferred_network,
+    with_depth_of,
+)
 from navcore.learning.training.losses import jaccard_loss, pyramid_losses
 from navcore.learning.training.metrics import (
     count_pixels,
@@ -42,7 +46,6 @@ from navcore.learning.training.recipe import Recipe, learning_rate, momentum
 from navcore.perception.esanet import EsaNet
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard, digest, save
 
-_STEPS_TAKEN = "encoder_rgb.bn1.num_batches_tracked"
 SELECTION_CACHE_MB = 256
 """Memory for decoded images of the selection split, megabytes."""
 MODEL_NAME, STATE_NAME = "model.safetensors", "state.pt"
@@ -98,6 +101,8 @@ class Training:
         """Prepare a run from the weights `start` or from scratch, that learns from `source`, the
         train split of the data set if None; raises `BadConfiguration` if recipe, data and weights
         do not fit."""
+        if start is not None:
+            dataset = with_depth_of(start, dataset)
         self.recipe, self.dataset, self.out, self._machine = recipe, dataset, out, machine
         if recipe.selection != "last" and not dataset.count(recipe.selection):
             raise BadConfiguration(
@@ -106,20 +111,22 @@ class Training:
             )
         if len(dataset.card.class_names) < 2:
             raise BadConfiguration("training: the data set has one class; expected two or more")
-        self.identity = recipe.identity(
-            dataset.card, digest(start.network.state_dict(), {}) if start else None
-        )
-        self._source = source or DatasetBatches(
+        self.source = source or DatasetBatches(
             dataset,
             recipe,
             ranks=machine.ranks,
             cache_mb=machine.cache_mb,
             map_batches=machine.map_batches,
         )
+        self.identity = recipe.identity(
+            dataset.card,
+            start=digest(start.network.state_dict(), {}) if start else None,
+            source=self.source.kind,
+        )
         self._selection = (
             None if recipe.selection == "last" else _selection(dataset, recipe.selection)
         )
-        self.steps = self._source.steps
+        self.steps = self.source.steps
         card = self.card()
         network = (
             transferred_network(start, recipe, card)
@@ -161,7 +168,7 @@ class Training:
         learner = self._learner()
         for number in range(len(self.state.history) + 1, (until or self.recipe.epochs) + 1):
             loss, rate = self._epoch(learner, number, on_progress)
-            self._machine.ranks.average_buffers(self.network)
+            self._average_buffers()
             miou = self._validate(number)
             epoch = Epoch(number=number, loss=loss, learning_rate=rate, miou=miou)
             self._keep(epoch)
@@ -169,7 +176,8 @@ class Training:
         return self.state
 
     def card(self) -> WeightsCard:
-        """Return the card of the network that this run trains."""
+        """Return the card of the network that this run trains: with the depth statistics of the
+        network that it starts from, whose weights were learned with them."""
         names = self.dataset.card.class_names
         return WeightsCard(
             variant=self.recipe.variant,
@@ -187,9 +195,11 @@ class Training:
         """Train one epoch; return the mean loss and the last learning rate."""
         self.network.train()
         losses = []
-        for step, batch in enumerate(self._source.batches(number), start=1):
+        for step, batch in enumerate(self.source.batches(number), start=1):
             rate = self._set_rate(number, step)
             loss = self._step(learner, batch)
+            if self.recipe.averaging:
+                self._average((number - 1) * self.steps + step)
             if not math.isfinite(loss):
                 raise BadConfiguration(
                     f"training: the loss is {loss} in epoch {number}; lower learning_rate"
@@ -210,14 +220,11 @@ class Training:
         )
         torch.autograd.backward(loss)
         self._optimiser.step()
-        if self.recipe.averaging:
-            self._average()
         return loss.item()
 
-    def _average(self) -> None:
-        """Move the averaged weights towards the current ones; faster at the start, to forget the
-        initial ones."""
-        taken = int(self.network.state_dict()[_STEPS_TAKEN])
+    def _average(self, taken: int) -> None:
+        """Move the averaged weights towards the current ones; faster in the first steps of the run,
+        to forget the initial ones. `taken` is the number of steps of the run."""
         share = 1 - min(self.recipe.averaging, (1 + taken) / (10 + taken))
         for key, value in self.network.state_dict().items():
             average = self.state.average[key]
@@ -225,6 +232,13 @@ class Training:
                 average.lerp_(value, share)
             else:
                 average.copy_(value)
+
+    def _average_buffers(self) -> None:
+        """Average the running means over all processes, each of which has those of its own
+        images."""
+        buffers = dict(self.network.named_buffers())
+        averaged = [self.state.average[key] for key in buffers if key in self.state.average]
+        self._machine.ranks.average([*buffers.values(), *averaged])
 
     def _set_rate(self, number: int, step: int) -> float:
         """Set learning rate and momentum of a step; return the learning rate."""

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
@@ -14,6 +18,8 @@ from app.learning.rendered_batches import RenderedBatches, Source
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.learning.data.dataset import DatasetWriter, load_dataset
+from navcore.learning.training.batches import Batch
+from navcore.learning.training.window_pool import PooledImages
 from navcore.perception.esanet.weights import weights_file as weights
 from tests.navcore.learning.made import data_set, sample, tiny_recipe
 
@@ -49,6 +55,57 @@ def test_a_network_learns_from_worlds_that_are_rendered_meanwhile(
     assert trained.card.class_names == BEWARE_CLASSES
     learned = trained.network.state_dict()["encoder_rgb.bn1.num_batches_tracked"]
     assert int(learned) == 6
+
+
+def pooled() -> PooledImages:
+    return PooledImages.of([sample(0)], len(BEWARE_CLASSES), np.random.default_rng(0))
+
+
+@pytest.fixture
+def batches(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[RenderedBatches]:
+    """Batches of images that the test hands over by itself."""
+    monkeypatch.setattr(rendered_batches, "_render", wait_for_the_end)
+    card = dataclasses.replace(data_set(tmp_path).card, class_names=BEWARE_CLASSES)
+    recipe = tiny_recipe(class_weights="none")
+    sources = (Source(seed=1, size=(64, 64), disturbed=False, furnished=False),)
+    made = RenderedBatches(
+        recipe, card, torch.device("cpu"), workers=1, memory_mb=1, sources=sources
+    )
+    yield made
+    made.close()
+
+
+def wait_for_the_end(number: int, workers: int, sources: object, queue: Any, ending: Any) -> None:
+    """Stands for the process that renders."""
+    ending.wait()
+
+
+def test_no_image_is_replaced_while_windows_are_cut(
+    batches: RenderedBatches, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (pool,) = batches._pools.values()
+    pool.add(pooled())
+    added = threading.Event()
+    cut = pool.windows
+    monkeypatch.setattr(pool, "add", lambda images: added.set())
+
+    def windows(*arguments: Any) -> Batch:
+        batches._queue.put((0, pooled()))
+        assert not added.wait(1.0)
+        return cut(*arguments)
+
+    monkeypatch.setattr(pool, "windows", windows)
+    next(batches.batches(1))
+    assert added.wait(5.0)
+
+
+def test_an_error_of_the_thread_that_keeps_the_images_ends_the_training(
+    batches: RenderedBatches,
+) -> None:
+    wrong = dataclasses.replace(pooled(), labels=torch.zeros((1, 5, 5), dtype=torch.uint8))
+    batches._queue.put((0, wrong))
+    with pytest.raises(BadConfiguration, match="cannot be kept"):
+        next(batches.batches(1))
 
 
 def test_a_data_set_without_images_to_report_on_is_refused(tmp_path: Path) -> None:

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import cast
 
-from app.teaching.training.comparison import not_found
+import numpy as np
+import pytest
+
+from app.teaching.training import comparison
+from app.teaching.training.comparison import compared, not_found
 from app.teaching.training.paired_counts import PairedCounts
+from navcore.learning.data.card import Sample
+from navcore.learning.training.evaluation import InferenceSettings
+from navcore.perception.esanet import EsaNet
+from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH, Size
+from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard
 from web.interface.teaching import ClassFigures
 
 CUP = 1
@@ -43,6 +52,39 @@ def test_of_a_group_of_images_one_is_no_interval() -> None:
 def test_without_true_pixels_there_is_no_figure() -> None:
     pair = PairedCounts(2)
     assert pair.ious(CUP) is None and pair.interval(CUP) is None and pair.pixels(CUP) == 0
+
+
+def network(*class_names: str) -> TrainedNetwork:
+    """Return a card; what it finds is told by the test."""
+    card = WeightsCard(
+        variant="r18",
+        num_classes=len(class_names),
+        width=0.5,
+        class_names=class_names,
+        depth=NYUV2_DEPTH,
+        source_sha256="0" * 64,
+    )
+    return TrainedNetwork(network=cast(EsaNet, card), card=card)
+
+
+def test_what_the_old_network_found_falsely_is_no_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    old, new = network("background", "cup"), network("background", "cup", "shoe")
+    labels = np.zeros((20, 20), dtype=np.uint8)
+    labels[5:10, 5:10] = CUP + 1
+    was = np.zeros_like(labels)
+    was[12:] = CUP  # a cup where there is none, and not where there is one
+    now = np.where(labels, CUP, 0).astype(np.uint8)
+    now[0, :2] = CUP  # of background
+    found = {id(old.network): was, id(new.network): now}
+    monkeypatch.setattr(comparison, "predict", lambda one, *_: [found[id(one)]])
+    sample = Sample(
+        rgb=np.zeros((20, 20, 3), dtype=np.uint8), depth=labels.astype(np.uint16), labels=labels
+    )
+    inference = InferenceSettings(size=Size(height=32, width=32))
+    figures, _ = compared(old, new, [sample], [], inference)
+    (cup,) = (one for one in figures if one.name == "cup")
+    assert cup.pixels == 25 and cup.new == round(25 / 27, 4)
+    assert not_found(figures, ("cup",)) == ()
 
 
 def test_a_taught_class_without_enough_of_its_pixels_is_not_found() -> None:

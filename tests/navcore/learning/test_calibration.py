@@ -47,6 +47,12 @@ def test_a_network_that_is_right_stays_as_it_is() -> None:
     np.testing.assert_array_equal(best_offsets(logits, classes, np.ones(5)), 0.0)
 
 
+def test_a_class_that_no_image_shows_is_not_suppressed() -> None:
+    classes = np.array([0, 1, 0, 1, 0, 1])
+    logits = np.eye(3, dtype=np.float32)[[0, 1, 2, 1, 0, 2]]
+    assert best_offsets(logits, classes, np.ones(6))[2] == 0.0
+
+
 @pytest.mark.parametrize("temperature", [0.5, 1.0, 3.0])
 def test_a_network_that_is_too_sure_becomes_as_sure_as_it_is_right(temperature: float) -> None:
     rng = np.random.default_rng(3)
@@ -68,9 +74,10 @@ def test_what_is_calibrated_names_the_same_classes_less_surely(tmp_path: Path) -
     )
     batch = plain_batch([images[0]], inference.size, dataset.card.depth)
     before = logits_of(network, batch, inference)
-    offsets, temperature = calibrate(network, images, inference)
-    assert temperature > 1.5
-    shifted = before + torch.from_numpy(offsets).float()[None, :, None, None]
+    made = calibrate(network, images, inference)
+    assert made.temperature > 1.5
+    assert made.shown.all()
+    shifted = before + torch.from_numpy(made.offsets).float()[None, :, None, None]
     torch.testing.assert_close(
-        logits_of(network, batch, inference), shifted / temperature, rtol=1e-4, atol=1e-4
+        logits_of(network, batch, inference), shifted / made.temperature, rtol=1e-4, atol=1e-4
     )

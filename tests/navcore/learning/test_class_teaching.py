@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from navcore.perception.esanet.weights.weights_file import (
     TrainedNetwork,
     digest_of_features,
     load,
+    save,
 )
 
 SIZE = Size(height=64, width=96)
@@ -111,6 +113,16 @@ def test_a_taught_network_has_the_features_that_examples_were_made_of(
     other = copy.deepcopy(start)
     other.network.encoder_rgb.conv1.weight.data[0, 0, 0, 0] += 1.0
     assert digest_of_features(other) != digest_of_features(start)
+
+
+def test_a_network_that_is_saved_in_half_precision_keeps_its_features(
+    start: TrainedNetwork, tmp_path: Path
+) -> None:
+    start = copy.deepcopy(start)  # the shipped one is in half precision
+    start.network.encoder_rgb.conv1.weight.data *= 1.0001
+    grown = grown_network(start, ["shoe"])
+    save(grown.network, grown.card, tmp_path / "taught.safetensors", half=True)
+    assert digest_of_features(load(tmp_path / "taught.safetensors")) == digest_of_features(start)
 
 
 def test_the_loss_is_the_cross_entropy_of_the_network(start: TrainedNetwork) -> None:

@@ -81,6 +81,41 @@ def test_the_background_of_cvat_can_be_a_class(tmp_path: Path, depth_dir: Path) 
     assert one.sample.labels[3, 4] == 2
 
 
+def test_a_name_for_void_is_no_class_where_the_background_is_one(
+    tmp_path: Path, depth_dir: Path
+) -> None:
+    labelmap = LABELMAP + "void:9,9,9::\nunlabeled:8,8,8::\n__ignore__:7,7,7::\n"
+    drawn = mask()
+    drawn[0] = (9, 9, 9)
+    path = archive(
+        tmp_path / "a.zip",
+        labelmap_dot_txt=labelmap.encode(),
+        SegmentationClass__room__a_dot_png=png(drawn),
+    )
+    source = CvatArchive(path, depth_dir=depth_dir, keep_background=True)
+    assert source.class_names == ("background", "book", "cup")
+    (one,) = source
+    assert (one.sample.labels[0] == 0).all() and (one.sample.labels[1] == 1).all()
+
+
+def test_of_two_images_of_one_name_none_gets_the_depth_of_the_other(
+    tmp_path: Path, depth_dir: Path
+) -> None:
+    path = archive(
+        tmp_path / "a.zip",
+        SegmentationClass__hall__a_dot_png=png(mask()),
+        JPEGImages__hall__a_dot_png=png(RGB),
+    )
+    with pytest.raises(BadConfiguration, match="with its folder: another image"):
+        list(CvatArchive(path, depth_dir=depth_dir))
+    for place, shift in (("hall", 0), ("room", 500)):
+        (depth_dir / place).mkdir()
+        write_grey(depth_dir / place / "a.png", DEPTH + np.uint16(shift))
+    hall, room = CvatArchive(path, depth_dir=depth_dir)
+    np.testing.assert_array_equal(hall.sample.depth, DEPTH)
+    np.testing.assert_array_equal(room.sample.depth, DEPTH + 500)
+
+
 def test_cvat_pictures_may_lie_elsewhere(tmp_path: Path, depth_dir: Path) -> None:
     bare = archive(tmp_path / "a.zip", JPEGImages__room__a_dot_png=None)
     with pytest.raises(BadConfiguration, match="export with images"):

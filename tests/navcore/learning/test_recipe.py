@@ -108,6 +108,17 @@ def test_the_identity_tells_runs_apart() -> None:
     assert Recipe().identity(other) != Recipe().identity(CARD)
 
 
+def test_another_source_of_images_or_other_initial_weights_make_another_run() -> None:
+    recipe = Recipe()
+    runs = {
+        recipe.identity(CARD),
+        recipe.identity(CARD, start="a"),
+        recipe.identity(CARD, source="a"),
+        recipe.identity(CARD, source="b"),
+    }
+    assert len(runs) == 4
+
+
 def test_changes_of_light_make_another_run_and_their_absence_none() -> None:
     own = Recipe(augmentation=Augmentation(focus=0.5))
     lit = Recipe(augmentation=Augmentation(focus=0.5, blur=(0.0, 0.03)))

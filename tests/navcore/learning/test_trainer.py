@@ -21,6 +21,7 @@ from navcore.errors import BadConfiguration
 from navcore.learning.data.dataset import load_dataset
 from navcore.learning.training.batches import CachedSplit, epoch_batches, training_batch
 from navcore.learning.training.checkpoint import Epoch, RunState
+from navcore.learning.training.distributed import Ranks
 from navcore.learning.training.evaluation import InferenceSettings, evaluate, predict
 from navcore.learning.training.initial_weights import new_network, transferred_network
 from navcore.learning.training.metrics import (
@@ -39,8 +40,9 @@ from navcore.learning.training.trainer import (
     class_weights,
     training_loss,
 )
-from navcore.perception.esanet.network.preprocess import Size
+from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
 from navcore.perception.esanet.weights import weights_file as weights
+from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard
 from tests.navcore.learning.made import NAMES, data_set, tiny_recipe
 
 CPU = torch.device("cpu")
@@ -328,6 +330,72 @@ def test_a_run_goes_on_from_trained_weights(tmp_path: Path) -> None:
         BadConfiguration, match="another recipe or other data"
     ):  # the start is part of what a run is
         begun(recipe, tmp_path / "d", out).resume()
+
+
+def started(recipe: Recipe, data: Path, out: Path) -> Training:
+    """A run from a network of many steps and another depth, of the classes of a larger data set."""
+    network = new_network(recipe, 2)
+    for module in network.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            assert module.num_batches_tracked is not None
+            module.num_batches_tracked += 50_000
+    card = WeightsCard(
+        variant=recipe.variant,
+        num_classes=2,
+        width=recipe.width,
+        class_names=NAMES,
+        depth=DepthStatistics(mean=3.0, std=1.5, units_per_m=1.0),
+        source_sha256="0" * 64,
+    )
+    start = TrainedNetwork(network=network, card=card)
+    out.mkdir(exist_ok=True)
+    return Training(recipe, load_dataset(data), out, HERE, start=start)
+
+
+def test_the_average_forgets_the_weights_that_a_run_starts_from(tmp_path: Path) -> None:
+    data_set(tmp_path / "d")
+    recipe = tiny_recipe(averaging=0.999, selection="last")
+    training = started(recipe, tmp_path / "d", tmp_path / "out")
+    before = {key: value.clone() for key, value in training.network.state_dict().items()}
+    shares: list[float] = []
+
+    def note(_: Step | Epoch) -> None:
+        key = "decoder.conv_out.bias"
+        here, now = training.state.average[key], training.network.state_dict()[key]
+        shares.append(float((here - before[key]).norm() / (now - before[key]).norm()))
+
+    training.run(note, until=1)
+    assert shares[0] == pytest.approx(9 / 11, rel=1e-3)  # of the first step
+
+
+def test_the_average_has_the_running_means_of_all_processes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data_set(tmp_path / "d")
+    training = begun(tiny_recipe(averaging=0.9), tmp_path / "d", tmp_path / "out")
+    training._machine = dataclasses.replace(HERE, ranks=Ranks(count=2))
+    key = "encoder_rgb.bn1.running_mean"
+    training.state.average[key].fill_(1.0)
+    # The other process has three everywhere.
+    monkeypatch.setattr(torch.distributed, "all_reduce", lambda tensor: tensor.add_(3.0))
+    training._average_buffers()
+    assert float(training.state.average[key].mean()) == 2.0
+    assert float(training.network.state_dict()[key].mean()) == 1.5
+    weight = "encoder_rgb.conv1.weight"
+    assert torch.equal(training.state.average[weight], training.network.state_dict()[weight])
+
+
+def test_a_run_from_trained_weights_keeps_their_depth_in_the_units_of_its_images(
+    tmp_path: Path,
+) -> None:
+    data_set(tmp_path / "d")
+    training = started(tiny_recipe(), tmp_path / "d", tmp_path / "out")
+    kept = DepthStatistics(mean=3000.0, std=1500.0, units_per_m=1000.0)
+    assert training.card().depth == kept
+    batch = next(training.source.batches(1))
+    plain = load_dataset(tmp_path / "d").card.depth
+    millimetres = batch.depth * 1500 + 3000
+    assert float(millimetres.mean()) == pytest.approx(plain.mean, rel=0.05)
 
 
 def test_what_was_learned_is_carried_over_to_other_classes(tmp_path: Path) -> None:

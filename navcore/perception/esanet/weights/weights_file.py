@@ -154,10 +154,7 @@ def save(network: EsaNet, card: WeightsCard, target: Path, *, half: bool = False
     }
     network_with(card.architecture, tensors, str(target))
     if half:
-        tensors = {
-            key: value.half() if value.ndim == _KERNEL_DIMENSIONS else value
-            for key, value in tensors.items()
-        }
+        tensors = {key: _halved(value) for key, value in tensors.items()}
     metadata = _as_metadata(card)
     content = safetensors.torch.save(tensors, {**metadata, "sha256": digest(tensors, metadata)})
     write_whole(target, content)
@@ -208,12 +205,20 @@ def digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:
     return hashed.hexdigest()
 
 
+def _halved(tensor: Tensor) -> Tensor:
+    """Return the kernel of a convolution in half precision, any other tensor as it is."""
+    return tensor.half() if tensor.ndim == _KERNEL_DIMENSIONS else tensor
+
+
 def digest_of_features(trained: TrainedNetwork) -> str:
     """Return the SHA-256 of what makes the features, before classes are made of them: networks of
-    the same have the same features, whatever classes were taught to them."""
+    the same have the same features, whatever classes were taught to them.
+
+    It is that of the kernels in half precision, in which a taught network is saved.
+    """
     of_classes = trained.card.architecture.class_tensors()
     tensors = {
-        key: tensor.float() if tensor.is_floating_point() else tensor
+        key: _halved(tensor).float() if tensor.is_floating_point() else tensor
         for key, tensor in trained.network.state_dict().items()
         if key not in of_classes
     }
