@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import tempfile
 from contextlib import suppress
@@ -53,6 +54,15 @@ def write_whole(path: Path, data: bytes) -> None:
         with suppress(OSError):
             draft.unlink()
         raise StorageFailed(f"{path} cannot be written: {_reason(error)}") from None
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """Give a file a further name, or copy it where the file system has no links; raises
+    `OSError`."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
 
 
 def _sync_folder(folder: Path) -> None:

@@ -45,7 +45,8 @@ def training_beside(commands: int, *, in_a_process: bool = True) -> Measurement:
     with tempfile.TemporaryDirectory(prefix="beside-training-") as name:
         folder = Path(name)
         world = room_file(folder)
-        data = exported(annotated_frames(folder / "frames", world))
+        with exported(annotated_frames(folder / "frames", world)) as file:
+            data = file.read()
         options = ConsoleOptions(
             scenario=str(world),
             port=0,

@@ -96,7 +96,8 @@ def eventually(holds: Callable[[], bool], patience_s: float = PATIENCE_S) -> Non
 
 def add(program: httpx.Client, frames: FrameStore) -> int:
     """Upload frames and return how many were added."""
-    answer = program.post("/api/v1/teach/frames.zip", content=exported(frames))
+    with exported(frames) as file:
+        answer = program.post("/api/v1/teach/frames.zip", content=file.read())
     return int(answer.json()["added"])
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import BinaryIO, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,10 @@ FrameSource = Literal["operator", "drive", "upload"]
 VERSION_NAME = r"^[A-Za-z0-9][A-Za-z0-9 _-]{0,39}$"
 """Name of a version of the network."""
 MAX_UPLOAD_BYTES = 256_000_000
-"""Largest upload in bytes, a weights file or an archive of frames, packed and unpacked."""
+"""Largest weights file that is uploaded, bytes."""
+MAX_FRAMES_BYTES = 520_000_000
+"""Largest archive of frames in bytes, packed and unpacked: a full folder of frames, whose limit is
+500 MB before the last one, with its lists."""
 
 
 @served
@@ -113,8 +116,9 @@ class FrameFolder(Protocol):
         """Return the (H, W) connected pixels around a pixel of like colour without a step of depth
         between them. `tolerance` is the distance of colours in CIELAB."""
 
-    def export(self) -> bytes:
-        """Return all frames as a zip archive of a data set."""
+    def export(self) -> BinaryIO:
+        """Return a file with all frames as a zip archive of a data set, which the caller closes;
+        raises `Refused` without a frame, and until the file of the last export is closed."""
 
     def add_archive(self, data: bytes) -> int:
         """Add the frames of such an archive and return their number; all or none. Raises

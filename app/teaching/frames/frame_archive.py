@@ -7,18 +7,22 @@ anything is unpacked, and every image is read before the first is stored.
 from __future__ import annotations
 
 import io
+import shutil
 import tempfile
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
+from typing import BinaryIO, cast
 
 from app.teaching.frames.frame_record import UNITS_PER_M
 from app.teaching.frames.frame_store import FrameStore
 from navcore.errors import BadConfiguration, Refused, StorageFailed
+from navcore.files import link_or_copy
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS
 from navcore.learning.data.dataset import Dataset, load_dataset
-from web.interface.teaching import MAX_UPLOAD_BYTES, Annotation
+from web.interface.teaching import MAX_FRAMES_BYTES, Annotation
 
+_LINKS = ".export-"
 _LISTS = {f"{split}_{kind}.txt" for split in SPLITS for kind in KINDS}
 _FAILURES = (
     zipfile.BadZipFile,
@@ -30,17 +34,40 @@ _FAILURES = (
 )
 
 
-def exported(store: FrameStore) -> bytes:
-    """Return all frames as a zip archive; raises `Refused` without one."""
-    content = io.BytesIO()
-    with store.held(), zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
-        if not store.all():
-            raise Refused("there is no captured frame to export")
-        dataset = load_dataset(store.folder)
-        files = [path for listed in dataset.files.values() for triple in listed for path in triple]
-        for path in (CARD_NAME, *sorted(_LISTS), *files):
-            archive.write(store.folder / path, path)
-    return content.getvalue()
+def exported(store: FrameStore) -> BinaryIO:
+    """Return a temporary file, open at its beginning, with all frames as a zip archive; it is gone
+    when it is closed.
+
+    Raises `Refused` without a frame, `StorageFailed` when the disk is full. The store is locked
+    only while the files are linked.
+    """
+    if not store.all():
+        raise Refused("there is no captured frame to export")
+    for left in store.folder.glob(f"{_LINKS}*"):  # by a console that was killed
+        shutil.rmtree(left, ignore_errors=True)
+    try:
+        with tempfile.TemporaryDirectory(prefix=_LINKS, dir=store.folder) as name:
+            with store.held():
+                files = _linked(store.folder, Path(name))
+            content = tempfile.TemporaryFile(dir=store.folder)  # noqa: SIM115 - the caller closes it
+            with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
+                for path in files:
+                    archive.write(Path(name) / path, path)
+    except OSError as error:
+        raise StorageFailed(f"the frames cannot be exported: {error.strerror or error}") from error
+    content.seek(0)
+    return cast(BinaryIO, content)
+
+
+def _linked(source: Path, folder: Path) -> list[str]:
+    """Link the data set in `source` into a folder and return the paths of its files."""
+    dataset = load_dataset(source)
+    images = [path for listed in dataset.files.values() for triple in listed for path in triple]
+    files = [CARD_NAME, *sorted(_LISTS), *images]
+    for path in files:
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        link_or_copy(source / path, folder / path)
+    return files
 
 
 def add_archive(store: FrameStore, data: bytes) -> int:
@@ -73,7 +100,7 @@ def _add_all(store: FrameStore, dataset: Dataset) -> int:
                 sample = dataset.read(split, index)
                 annotation = Annotation(class_names=dataset.card.class_names, labels=sample.labels)
                 added.append(store.add_images(sample.rgb, sample.depth, annotation).id)
-        except (Refused, StorageFailed):
+        except BaseException:
             for name in added:
                 store.delete(name)
             raise
@@ -85,8 +112,8 @@ def _unpack(data: bytes, folder: Path) -> None:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-            if sum(entry.file_size for entry in entries) > MAX_UPLOAD_BYTES:
-                raise BadConfiguration(f"the archive unpacks to more than {MAX_UPLOAD_BYTES} bytes")
+            if sum(entry.file_size for entry in entries) > MAX_FRAMES_BYTES:
+                raise BadConfiguration(f"the archive unpacks to more than {MAX_FRAMES_BYTES} bytes")
             for entry in entries:
                 target = folder / _inside(entry.filename)
                 target.parent.mkdir(parents=True, exist_ok=True)

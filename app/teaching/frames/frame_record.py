@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -52,6 +53,8 @@ class FrameRecord:
     T_map_camera: tuple[float, ...] | None = None
     """Pose of the camera in the map frame, a 4 × 4 matrix row by row; None for an uploaded
     image."""
+    split: Literal["train", "valid"] | None = None
+    """Split of the frame in all trainings; None before the first one."""
     stamp_ns: int | None = None
     """Time of capture in nanoseconds of the robot's clock; None for an uploaded image."""
 

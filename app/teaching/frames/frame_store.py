@@ -4,7 +4,7 @@ and annotations.
 Colours, depth and labels lie as `navcore.learning.data.dataset` reads them, all in the split
 `train`; camera and pose of each frame lie beside them. A frame is complete when its record is
 there, which is written last, and annotated when its labels are not all void. Every write replaces a
-file in one go.
+file in one go. No name is given twice: the card keeps the last one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ import dataclasses
 import io
 import json
 import threading
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -29,7 +31,16 @@ from app.teaching.frames.rules import CaptureRules
 from app.teaching.frames.thumbnails import is_near_duplicate
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import write_whole
-from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, DatasetCard, DepthSums
+from navcore.learning.data.card import (
+    CARD_NAME,
+    KINDS,
+    MAX_CLASSES,
+    SPLITS,
+    Counts,
+    DatasetCard,
+    DepthSums,
+    Split,
+)
 from navcore.learning.data.images import (
     DepthArray,
     LabelArray,
@@ -41,10 +52,13 @@ from navcore.learning.data.images import (
     write_rgb,
 )
 from navcore.learning.data.writer import write_text
+from navcore.perception.esanet.network.preprocess import DepthStatistics
 from navcore.robot.frame import Frame
 from web.interface.teaching import NOTHING_NAME, Annotation, CapturedFrame, FrameSource
 
 DEFAULT = CaptureRules()
+_LAST_ID = "last_id"
+"""Key of the card's source: number of the last frame."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +77,7 @@ class FrameStore:
         self._lock = threading.RLock()
         self._stored: dict[str, _Stored] | None = None
         self._class_names: list[str] = [NOTHING_NAME]
-        self._bytes_used = 0
+        self._bytes_used = self._last_id = 0
         self.dropped = 0
         """Number of near-duplicates that were not kept since the start."""
 
@@ -90,7 +104,8 @@ class FrameStore:
             if self._is_known(record):
                 self.dropped += 1
                 return None
-            return self._add(record, frame.rgb, depth_mm, np.zeros_like(depth_mm, dtype=np.uint8))
+            labels = np.zeros_like(depth_mm, dtype=np.uint8)
+            return self._add(record, frame.rgb, depth_mm, labels, self._class_names)
 
     def add_images(
         self, rgb: RgbArray, depth_mm: DepthArray, annotation: Annotation
@@ -98,7 +113,7 @@ class FrameStore:
         """Store an uploaded image with its annotation, near-duplicate or not."""
         with self._lock:
             record = record_of(self._next_name(), rgb, depth_mm, "upload")
-            return self._add(record, rgb, depth_mm, self._labels_of(record, annotation))
+            return self._add(record, rgb, depth_mm, *self._labels_of(record, annotation))
 
     def delete(self, name: str) -> None:
         """Delete a frame: first its record, so that a crash leaves no half of it listed."""
@@ -139,34 +154,73 @@ class FrameStore:
         it."""
         with self._lock:
             stored = self._known(name)
-            labels = self._labels_of(stored.record, annotation)
-            self._write_card(self._sums())  # first: no label without the name of its class
+            labels, class_names = self._labels_of(stored.record, annotation)
+            # First: no label without the name of its class.
+            self._write_card(self._sums(), class_names)
             write_whole(self.folder / stored.record.files[2], _as_npy(labels))
+            self._class_names = class_names
             self._open()[name] = dataclasses.replace(stored, labels=_occurring(labels))
             return self._shown(self._open()[name])
+
+    def splits(self) -> dict[str, Split]:
+        """Return the splits of the frames that a training has used, by name."""
+        with self._lock:
+            records = {name: stored.record for name, stored in self._open().items()}
+        return {name: record.split for name, record in records.items() if record.split}
+
+    def note_splits(self, splits: Mapping[str, Literal["train", "valid"]]) -> None:
+        """Store the splits of frames for later trainings; raises `StorageFailed`."""
+        with self._lock:
+            for name, split in splits.items():
+                stored = self._known(name)
+                if stored.record.split != split:
+                    record = dataclasses.replace(stored.record, split=split)
+                    write_whole(self.folder / record.path, record.as_json())
+                    self._open()[name] = dataclasses.replace(stored, record=record)
 
     def held(self) -> contextlib.AbstractContextManager[bool]:
         """Return the lock under which nothing in the folder changes."""
         return self._lock
 
     def _add(
-        self, record: FrameRecord, rgb: RgbArray, depth_mm: DepthArray, labels: LabelArray
+        self,
+        record: FrameRecord,
+        rgb: RgbArray,
+        depth_mm: DepthArray,
+        labels: LabelArray,
+        class_names: list[str],
     ) -> CapturedFrame:
+        """Store a frame whose labels are numbers of `class_names`; nothing of it stays when that
+        fails."""
         stored = self._open()
         if len(stored) >= self.rules.max_frames or self._bytes_used >= self.rules.max_bytes:
             raise Refused(
                 f"the folder of captured frames is full ({len(stored)} frames, "
                 f"{self._bytes_used / 1e6:.0f} MB); delete frames that are not needed"
             )
-        sums = _added(self._sums(), record.sums)
         try:
-            sums.statistics(units_per_m=UNITS_PER_M)
+            record.sums.statistics(units_per_m=UNITS_PER_M)
         except BadConfiguration as error:
             raise Refused(f"the image cannot be learned from: {error}") from None
-        self._write(record, rgb, depth_mm, labels, sums)
-        stored[record.id] = _Stored(record=record, labels=_occurring(labels))
-        self._bytes_used += self._size_of(record)
-        self._publish()
+        self._last_id = int(record.id)
+        before = self._class_names
+        try:
+            self._write(record, rgb, depth_mm, labels, class_names)
+            stored[record.id] = _Stored(record=record, labels=_occurring(labels))
+            self._class_names = class_names
+            self._publish()
+            self._bytes_used += self._size_of(record)
+        except BaseException as error:
+            stored.pop(record.id, None)
+            self._class_names = before
+            for path in (record.path, *record.files):
+                with contextlib.suppress(OSError):
+                    (self.folder / path).unlink(missing_ok=True)
+            if isinstance(error, OSError | StorageFailed):
+                raise StorageFailed(
+                    f"the frame cannot be stored, those stored before are intact: {error}"
+                ) from error
+            raise
         return self._shown(stored[record.id])
 
     def _write(
@@ -175,30 +229,25 @@ class FrameStore:
         rgb: RgbArray,
         depth_mm: DepthArray,
         labels: LabelArray,
-        sums: DepthSums,
+        class_names: list[str],
     ) -> None:
-        """Write the files of a frame; nothing of it stays when the disk refuses one."""
+        """Write the files of a frame, its record last."""
         colours, depth, label = (self.folder / path for path in record.files)
-        try:
-            for split in SPLITS:
-                for kind in KINDS:
-                    (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
-            (self.folder / record.path).parent.mkdir(parents=True, exist_ok=True)
-            self._write_card(sums)
-            write_rgb(colours, rgb)
-            write_grey(depth, depth_mm)
-            write_whole(label, _as_npy(labels))
-            write_whole(self.folder / record.path, record.as_json())
-        except (OSError, StorageFailed) as error:
-            for path in (colours, depth, label, self.folder / record.path):
-                with contextlib.suppress(OSError):
-                    path.unlink(missing_ok=True)
-            raise StorageFailed(
-                f"the frame cannot be stored, those stored before are intact: {error}"
-            ) from error
+        for split in SPLITS:
+            for kind in KINDS:
+                (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
+        (self.folder / record.path).parent.mkdir(parents=True, exist_ok=True)
+        self._write_card(_added(self._sums(), record.sums), class_names)
+        write_rgb(colours, rgb)
+        write_grey(depth, depth_mm)
+        write_whole(label, _as_npy(labels))
+        write_whole(self.folder / record.path, record.as_json())
 
-    def _labels_of(self, record: FrameRecord, annotation: Annotation) -> LabelArray:
-        """Return an annotation in the numbers of this folder, to which new classes are added."""
+    def _labels_of(
+        self, record: FrameRecord, annotation: Annotation
+    ) -> tuple[LabelArray, list[str]]:
+        """Return an annotation in the numbers of this folder, and the names of its classes with
+        the new ones at the end: labels on disk keep their meaning."""
         given, names = annotation.labels, annotation.class_names
         if given.shape != (record.height, record.width):
             raise BadConfiguration(
@@ -212,20 +261,19 @@ class FrameStore:
             raise BadConfiguration(
                 f"label {given.max()} is beyond the {len(names)} classes of the annotation"
             )
+        self._open()
+        known = list(self._class_names)
         numbers = np.zeros(256, dtype=np.uint8)
         for label in _occurring(given):
-            numbers[label] = self._number_of(names[label - 1])
-        return np.asarray(numbers[given], dtype=np.uint8)
-
-    def _number_of(self, name: str) -> int:
-        """Return the label of a class, which is appended if it is new: labels on disk keep their
-        meaning."""
-        self._open()
-        folded = [known.casefold() for known in self._class_names]
-        if name.casefold() not in folded:
-            self._class_names.append(name)
-            return len(self._class_names)
-        return folded.index(name.casefold()) + 1
+            name = folded[label - 1]
+            own = [one.strip().casefold() for one in known]
+            if name not in own:
+                if len(known) == MAX_CLASSES:
+                    raise BadConfiguration(f"the frames have {MAX_CLASSES} classes already")
+                known.append(names[label - 1].strip())
+                own.append(name)
+            numbers[label] = own.index(name) + 1
+        return np.asarray(numbers[given], dtype=np.uint8), known
 
     def _shown(self, stored: _Stored) -> CapturedFrame:
         record = stored.record
@@ -253,8 +301,8 @@ class FrameStore:
         )
 
     def _next_name(self) -> str:
-        names = self._open()
-        return f"{int(max(names, default='000000')) + 1:06d}"
+        self._open()
+        return f"{self._last_id + 1:06d}"
 
     def _open(self) -> dict[str, _Stored]:
         """Return the frames by name, read from the folder of an earlier session at first; a frame
@@ -263,8 +311,10 @@ class FrameStore:
             return self._stored
         found: dict[str, _Stored] = {}
         if (self.folder / CARD_NAME).exists():
-            self._class_names = self._names_on_card()
+            self._class_names, self._last_id = self._read_card()
             for path in sorted(self.folder.glob("train/camera/*.json")):
+                if path.stem.isdecimal():
+                    self._last_id = max(self._last_id, int(path.stem))
                 with contextlib.suppress(BadConfiguration, OSError):
                     record = read_record(path)
                     labels = read_labels(self.folder / record.files[2])
@@ -277,11 +327,13 @@ class FrameStore:
             self._publish()
         return found
 
-    def _names_on_card(self) -> list[str]:
+    def _read_card(self) -> tuple[list[str], int]:
+        """Return the names of the classes, and the number of the last frame, also a deleted one."""
         try:
             card = json.loads((self.folder / CARD_NAME).read_text(encoding="utf-8"))
-            return [str(name) for name in card["class_names"]]
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            names = [str(name) for name in card["class_names"]]
+            return names, int(card.get("source", {}).get(_LAST_ID, 0))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise StorageFailed(
                 f"{self.folder / CARD_NAME} cannot be read: {error}; move the folder away"
             ) from None
@@ -305,16 +357,19 @@ class FrameStore:
                     self.folder / f"{split}_{kind}.txt", "".join(f"{line}\n" for line in lines)
                 )
         if listed:
-            self._write_card(self._sums())
+            self._write_card(self._sums(), self._class_names)
 
-    def _write_card(self, sums: DepthSums) -> None:
+    def _write_card(self, sums: DepthSums, class_names: list[str]) -> None:
         sizes = {(one.record.height, one.record.width) for one in self._open().values()}
         card = DatasetCard(
-            class_names=tuple(self._class_names),
-            depth=sums.statistics(units_per_m=UNITS_PER_M),
+            class_names=tuple(class_names),
+            depth=_statistics(sums),
             counts=Counts(train=len(self._open())),
             sizes=tuple(sorted(sizes)),
-            source={"made_by": "frames captured and annotated in the operator console"},
+            source={
+                "made_by": "frames captured and annotated in the operator console",
+                _LAST_ID: self._last_id,
+            },
         )
         write_text(self.folder / CARD_NAME, json.dumps(dataclasses.asdict(card), indent=1))
 
@@ -325,6 +380,15 @@ def _added(one: DepthSums, other: DepthSums) -> DepthSums:
         total=one.total + other.total,
         squares=one.squares + other.squares,
     )
+
+
+def _statistics(sums: DepthSums) -> DepthStatistics:
+    """Return the statistics of depth; those of none, as in a data set without images, where the
+    frames of an earlier release have no depth."""
+    try:
+        return sums.statistics(units_per_m=UNITS_PER_M)
+    except BadConfiguration:
+        return DepthStatistics(mean=0.0, std=1.0, units_per_m=UNITS_PER_M)
 
 
 def _occurring(labels: LabelArray) -> tuple[int, ...]:

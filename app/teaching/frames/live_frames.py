@@ -6,8 +6,10 @@ import contextlib
 import logging
 import queue
 import threading
+import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +31,8 @@ from web.interface.teaching import (
 
 JOIN_S = 2.0
 """Longest wait for the end of the thread, seconds."""
+LOOK_S = 0.2
+"""Time after which the waiting thread looks whether it shall end, seconds."""
 DEFAULT, REGION = CaptureRules(), RegionRules()
 log = logging.getLogger(__name__)
 
@@ -53,10 +57,14 @@ class LiveFrames:
         self.store = FrameStore(folder, rules)
         self._newest, self._class_names = newest, class_names
         self._capturing, self._trouble = False, None  # type: tuple[bool, str | None]
-        self._waiting: queue.Queue[Frame | None] = queue.Queue(maxsize=1)
+        self._waiting: queue.Queue[Frame] = queue.Queue(maxsize=1)
         self._thread: threading.Thread | None = None
+        self._ending = threading.Event()
         self._guard = threading.Lock()
         self._noted: Pose2 | None = None
+        self._exporting = threading.Lock()
+        # Weak: the file of an answer that was never read is closed with it.
+        self._exported: Callable[[], BinaryIO | None] = lambda: None
 
     def state(self) -> FrameFolderState:
         """Return what the folder holds."""
@@ -107,7 +115,7 @@ class LiveFrames:
         with self._guard:
             self._capturing, thread = False, self._thread
         if thread is not None:
-            self._waiting.put(None)
+            self._ending.set()
             thread.join(JOIN_S)
 
     def delete(self, frame_id: str) -> None:
@@ -146,9 +154,15 @@ class LiveFrames:
             max_share=REGION.max_share,
         )
 
-    def export(self) -> bytes:
-        """Return all frames as a zip archive."""
-        return frame_archive.exported(self.store)
+    def export(self) -> BinaryIO:
+        """Return a file with all frames as a zip archive."""
+        with self._exporting:
+            last = self._exported()
+            if last is not None and not last.closed:
+                raise Refused("the images are being exported already; wait until that has ended")
+            file = frame_archive.exported(self.store)
+            self._exported = weakref.ref(file)
+            return file
 
     def add_archive(self, data: bytes) -> int:
         """Add the frames of an archive."""
@@ -164,10 +178,17 @@ class LiveFrames:
         )
 
     def _run(self) -> None:
-        while (frame := self._waiting.get()) is not None:
+        while not self._ending.is_set():
+            try:
+                frame = self._waiting.get(timeout=LOOK_S)
+            except queue.Empty:
+                continue
             try:
                 self.store.add_frame(frame, "drive")
             except BewareNavError as error:
                 # A full folder or disk stays full: no further attempt until the operator asks.
                 self._capturing, self._trouble = False, str(error)
                 log.warning("the capture of frames ended: %s", error)
+            except Exception as error:
+                self._capturing, self._trouble = False, f"{type(error).__name__}: {error}"
+                log.exception("the capture of frames ended")

@@ -20,7 +20,6 @@ from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import Perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.networks.versions import (
-    MAX_VERSIONS,
     MODEL_NAME,
     START,
     VersionStore,
@@ -89,7 +88,7 @@ class LiveNetworks:
         self._before: Perception | None = None
         self._exchange: str | None = None
         self._trouble: str | None = None
-        self._lock = threading.Lock()
+        self._lock, self._checking = threading.Lock(), threading.Lock()
         self._thread: threading.Thread | None = None
 
     @property
@@ -142,11 +141,7 @@ class LiveNetworks:
                 raise Refused(f"the network {self._exchange!r} is being prepared; wait for it")
             if name == self._used[-1] and self.used is not None:
                 raise Refused(f"the network {name!r} is in use already")
-            self._exchange, self._trouble = name, None
-        self._thread = threading.Thread(
-            target=self._prepare, args=(name, choice), name="exchange", daemon=True
-        )
-        self._thread.start()
+            self._begin(name, choice)
 
     def roll_back(self) -> str:
         """Use the version that was in use before, at once where it is still in memory."""
@@ -160,37 +155,28 @@ class LiveNetworks:
                 self._take(before, self._used[:-1])
                 self._before = None
                 return name
-            self._exchange, self._trouble = name, None
-        self._thread = threading.Thread(
-            target=self._prepare,
-            args=(name, self._choice_of(name)),
-            kwargs={"used": self._used[:-1]},
-            name="exchange",
-            daemon=True,
-        )
-        self._thread.start()
+            self._begin(name, self._choice_of(name), self._used[:-1])
         return name
 
     def add(self, name: str, data: bytes) -> NetworkVersion:
         """Check an uploaded file in a process of its own, which may read it, and store it."""
         check_version_name(name)
+        with self._checking, tempfile.TemporaryDirectory(prefix="weights-") as checked:
+            with self._lock:
+                self._refuse_version(name)
+            path = Path(checked) / MODEL_NAME
+            write_whole(path, data)
+            _check(path)
+            version = NetworkVersion(
+                name=name,
+                origin="upload",
+                sha256=_sha256(path),
+                class_names=_names(path),
+                created_unix_s=round(time.time(), 1),
+            )
         folder = self.versions.folder / name
         with self._lock:
-            if folder.exists():
-                raise Refused(f"there is a version {name!r} already; take another name")
-            if len(self.versions.all()) >= MAX_VERSIONS:
-                raise Refused(f"there are {MAX_VERSIONS} versions; delete one first")
-            with tempfile.TemporaryDirectory(prefix="weights-") as checked:
-                path = Path(checked) / MODEL_NAME
-                write_whole(path, data)
-                _check(path)
-                version = NetworkVersion(
-                    name=name,
-                    origin="upload",
-                    sha256=_sha256(path),
-                    class_names=_names(path),
-                    created_unix_s=round(time.time(), 1),
-                )
+            self._refuse_version(name)
             try:
                 folder.mkdir(parents=True)
             except OSError as error:
@@ -220,6 +206,25 @@ class LiveNetworks:
         """Wait for an exchange that is going on."""
         if self._thread is not None:
             self._thread.join(JOIN_S)
+
+    def _refuse_version(self, name: str) -> None:
+        """Raise `Refused` where no version of this name can be added."""
+        if (self.versions.folder / name).exists():
+            raise Refused(f"there is a version {name!r} already; take another name")
+        self.versions.refuse_if_full()
+
+    def _begin(self, name: str, choice: SegmenterChoice, used: Sequence[str] | None = None) -> None:
+        """Begin to prepare a version; the lock is held."""
+        thread = threading.Thread(
+            target=self._prepare, args=(name, choice, used), name="exchange", daemon=True
+        )
+        self._exchange, self._trouble = name, None
+        try:
+            thread.start()
+        except RuntimeError as error:
+            self._exchange = None
+            raise Refused(f"the network cannot be prepared: {error}") from None
+        self._thread = thread
 
     def _prepare(
         self, name: str, choice: SegmenterChoice, used: Sequence[str] | None = None

@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 
 from app.teaching.json_files import json_of
-from navcore.errors import BadConfiguration, NotKnown, StorageFailed
+from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import read_whole, write_whole
 from navcore.toml_config import from_table
 from web.interface.teaching import VERSION_NAME as PATTERN
@@ -37,6 +37,11 @@ class VersionStore:
             except BadConfiguration:
                 continue
         return sorted(found, key=lambda one: (one.created_unix_s or 0.0, one.name))
+
+    def refuse_if_full(self) -> None:
+        """Raise `Refused` where no version can be added."""
+        if len(self.all()) >= MAX_VERSIONS:
+            raise Refused(f"there are {MAX_VERSIONS} versions of the network; delete one first")
 
     def weights_of(self, name: str) -> Path:
         """Return the weights file of a version; raises `NotKnown`."""

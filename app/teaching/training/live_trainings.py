@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -47,6 +48,7 @@ class LiveTrainings:
         """Prepare a run and begin it."""
         with self._lock:
             self._refuse_while_running()
+            self._versions.refuse_if_full()
             name, weights = self._start_of(order.start_name)
             if weights.suffix != ".safetensors":
                 raise Refused("an ONNX file cannot be trained on; start from another version")
@@ -62,6 +64,7 @@ class LiveTrainings:
             )
             folder = self._versions.folder / plan.name
             prepare(folder, self._frames, plan, order.class_names)
+            self._remove_unfinished(but=folder)
             self._launch(folder)
             return self._shown(folder)
 
@@ -146,6 +149,13 @@ class LiveTrainings:
         if self._process is not None and self._process.poll() is None:
             return True
         return holder_of(folder) is not None
+
+    def _remove_unfinished(self, *, but: Path) -> None:
+        """Remove the runs that no version came of: only the newest one can be resumed."""
+        for path in self._versions.folder.glob(f"*/{PLAN_NAME}"):
+            folder = path.parent
+            if folder != but and not (folder / VERSION_NAME).exists() and not holder_of(folder):
+                shutil.rmtree(folder, ignore_errors=True)
 
     def _newest_folder(self) -> Path | None:
         folders = list(self._versions.folder.glob(f"*/{PLAN_NAME}"))

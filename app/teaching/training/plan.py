@@ -1,24 +1,23 @@
 """Plan of a training run: its images, its start and its recipe, checked and put down on disk.
 
 The images are linked into the folder of the run as a data set, annotated ones only: what is
-deleted or annotated later does not change a run that has begun. Every fourth frame of a class is
-held back and never trained on.
+deleted or annotated later does not change a run that has begun. A quarter of the frames of a class
+is held back and never trained on, in no later run either.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from app.teaching.frames.frame_store import FrameStore
 from app.teaching.json_files import json_of
 from navcore.errors import BadConfiguration, Refused, StorageFailed
-from navcore.files import read_whole, write_whole
+from navcore.files import link_or_copy, read_whole, write_whole
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Counts, Split
 from navcore.learning.data.dataset import load_dataset
 from navcore.learning.data.writer import write_text
@@ -31,7 +30,7 @@ MAX_PLAN_BYTES = 1_000_000
 LEAST_FRAMES = 3
 """Smallest number of annotated frames that show a class: two to learn from, one held back."""
 HELD_EVERY = 4
-"""One of this many frames of a class is held back."""
+"""One of this many frames of a class is held back, the second, the sixth, … of its new ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,32 +61,50 @@ def taught_names(frames: Sequence[CapturedFrame]) -> tuple[str, ...]:
     return tuple(name for name in dict.fromkeys(names) if name != NOTHING_NAME)
 
 
-def held_back(frames: Sequence[CapturedFrame]) -> set[str]:
-    """Return the ids of the frames to hold back: of those of each class the second, the sixth, …
+def held_back(
+    frames: Sequence[CapturedFrame], before: Mapping[str, Split] | None = None
+) -> set[str]:
+    """Return the ids of the frames to hold back, a quarter of those of each class.
 
-    Raises `Refused` when there are too few frames of a class.
+    `before` are the splits of the frames in earlier trainings. They stay, so that no network is
+    judged by what it, or the one that it starts from, was trained on; only a class of which all
+    frames were trained on has one of these held back. Raises `Refused` when there are too few
+    frames of a class.
     """
-    names = taught_names(frames)
+    names, before = taught_names(frames), before or {}
     if not names:
         raise Refused(
             "nothing is annotated; mark the pixels of a class in at least "
             f"{LEAST_FRAMES} captured frames"
         )
-    held: set[str] = set()
-    for name in names:
-        showing = [frame.id for frame in frames if name in frame.class_names]
+    held = {frame.id for frame in frames if before.get(frame.id) == "valid"}
+    by_class = [[frame.id for frame in frames if name in frame.class_names] for name in names]
+    for name, showing in zip(names, by_class, strict=True):
         if len(showing) < LEAST_FRAMES:
             raise Refused(
                 f"{name}: {len(showing)} annotated frames show it, at least {LEAST_FRAMES} are "
                 "needed: two to learn from and one to check with"
             )
-        if not held & set(showing):
-            held.update(showing[1::HELD_EVERY])
+    filled: set[str] = set()
+    for showing in sorted(by_class, key=len):
+        missing = len(showing[1::HELD_EVERY]) - len(held.intersection(showing))
+        new = [one for one in showing if one not in held and one not in before]
+        if not new and not held.intersection(showing):
+            missing, new = 1, showing
+        # Those of a rarer class last, which has its quarter already.
+        others = [[one for one in new if (one in filled) == late] for late in (False, True)]
+        held.update([one for part in others for one in _spread(part)][: max(0, missing)])
+        filled.update(showing)
     for name in names:
         left = [f.id for f in frames if name in f.class_names and f.id not in held]
         if not left:
             raise Refused(f"{name}: all frames that show it are held back; annotate one more of it")
     return held
+
+
+def _spread(ids: Sequence[str]) -> list[str]:
+    """Return ids with the second, the sixth, … first: neighbours show nearly the same."""
+    return [*ids[1::HELD_EVERY], *(one for i, one in enumerate(ids) if i % HELD_EVERY != 1)]
 
 
 def prepare(
@@ -103,10 +120,11 @@ def prepare(
         for name in asked:
             if name not in taught_names(frames):
                 raise Refused(f"{name}: no pixel of any captured frame is annotated as it")
-        held = held_back(frames)
+        held = held_back(frames, store.splits())
         plan = dataclasses.replace(plan, class_names=taught_names(frames))
         try:
             _link(folder / DATA_NAME, store.folder, frames, held)
+            store.note_splits({one.id: "valid" if one.id in held else "train" for one in frames})
             write_whole(folder / PLAN_NAME, json_of(plan))
         except OSError as error:
             shutil.rmtree(folder, ignore_errors=True)
@@ -144,17 +162,10 @@ def _link(data: Path, source: Path, frames: Sequence[CapturedFrame], held: set[s
             for path in files:
                 target = data / path
                 target.parent.mkdir(parents=True, exist_ok=True)
-                _link_or_copy(source / path, target)
+                link_or_copy(source / path, target)
         for column, kind in enumerate(KINDS):
             lines = "".join(f"{files[column]}\n" for files in listed)
             write_text(data / f"{split}_{kind}.txt", lines)
     counts = Counts(train=len(chosen["train"]), valid=len(chosen["valid"]))
     card = dataclasses.replace(dataset.card, counts=counts)
     write_text(data / CARD_NAME, json.dumps(dataclasses.asdict(card), indent=1))
-
-
-def _link_or_copy(source: Path, target: Path) -> None:
-    try:
-        os.link(source, target)
-    except OSError:  # a file system without links
-        shutil.copyfile(source, target)

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import io
+import threading
+import time
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from app.teaching.frames import frame_store
+from app.teaching.frames import frame_store, live_frames
 from app.teaching.frames.frame_archive import add_archive, exported
 from app.teaching.frames.frame_store import FrameStore
 from app.teaching.frames.live_frames import LiveFrames
 from app.teaching.frames.rules import CaptureRules
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
+from navcore.learning.data.card import DepthSums
 from navcore.learning.data.dataset import load_dataset
+from navcore.learning.data.writer import write_text
+from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH, frame_at
 from web.interface.teaching import Annotation
 
@@ -115,6 +122,85 @@ def test_a_deleted_frame_is_gone_and_a_damaged_one_is_left_out(store: FrameStore
         again.annotation("000001")
 
 
+def test_no_frame_gets_the_name_of_a_deleted_one(store: FrameStore) -> None:
+    for x_m, brightness in ((1.0, 120), (3.0, 60)):
+        store.add_frame(frame_at(x_m, brightness=brightness), "drive")
+    store.delete("000002")
+    stored = store.add_frame(frame_at(5.0, brightness=20), "drive")
+    assert stored is not None and stored.id == "000003"
+    for name in ("000001", "000003"):
+        store.delete(name)
+    stored = FrameStore(store.folder).add_frame(frame_at(5.0, brightness=20), "drive")
+    assert stored is not None and stored.id == "000004"
+
+
+def test_a_class_is_the_same_with_blanks_around_its_name(store: FrameStore) -> None:
+    store.add_frame(frame_at(1.0), "drive")
+    for name in ("cup", " cup", "Cup "):
+        assert store.annotate("000001", block_of(name)).class_names == ("cup",)
+    assert store.annotate("000001", block_of(" shoe")).class_names == ("shoe",)
+
+
+def test_a_class_of_an_annotation_that_was_not_stored_is_none(
+    store: FrameStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.add_frame(frame_at(1.0), "drive")
+
+    def full(path: Path, data: bytes) -> None:
+        raise StorageFailed(f"{path} cannot be written: No space left on device")
+
+    with monkeypatch.context() as context:
+        context.setattr(frame_store, "write_whole", full)
+        with pytest.raises(StorageFailed):
+            store.annotate("000001", block_of("shoe"))
+        with pytest.raises(StorageFailed):
+            store.add_images(*store.images("000001"), block_of("shoe"))
+    assert store.annotation("000001").class_names == ("background",)
+    assert store.annotate("000001", block_of("cup")).class_names == ("cup",)
+
+
+def without_depth() -> tuple[np.ndarray, np.ndarray]:
+    """Return an image whose depth was not measured."""
+    return frame_at(5.0).rgb, np.zeros((HEIGHT, WIDTH), dtype=np.uint16)
+
+
+def test_an_image_without_depth_is_refused_beside_others_too(store: FrameStore) -> None:
+    store.add_frame(frame_at(1.0), "drive")
+    with pytest.raises(Refused, match="cannot be learned from"):
+        store.add_images(*without_depth(), block_of("shoe"))
+    assert len(store.all()) == 1
+
+
+def test_images_without_depth_of_an_earlier_release_can_outlive_the_others(
+    store: FrameStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.add_frame(frame_at(1.0), "drive")
+    with monkeypatch.context() as earlier:
+        earlier.setattr(DepthSums, "statistics", lambda *_, units_per_m: NYUV2_DEPTH)
+        store.add_images(*without_depth(), block_of("shoe"))
+    store.delete("000001")
+    assert [one.id for one in FrameStore(store.folder).all()] == ["000002"]
+    assert store.annotate("000002", block_of("cup")).class_names == ("cup",)
+
+
+def test_a_frame_whose_lists_cannot_be_written_is_not_kept(
+    store: FrameStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.add_frame(frame_at(1.0), "drive")
+
+    def full(path: Path, text: str) -> None:
+        if path.suffix == ".txt":
+            raise StorageFailed(f"{path} cannot be written: No space left on device")
+        write_text(path, text)
+
+    with monkeypatch.context() as context:
+        context.setattr(frame_store, "write_text", full)
+        with pytest.raises(StorageFailed, match="No space left"):
+            store.add_frame(frame_at(5.0, brightness=40), "drive")
+    assert [one.id for one in store.all()] == ["000001"]
+    assert not list(store.folder.glob("*/*/000002*"))
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -138,7 +224,8 @@ def test_an_archive_goes_out_and_in(store: FrameStore, tmp_path: Path) -> None:
     store.add_frame(frame_at(1.0), "drive")
     store.annotate("000001", block_of("shoe"))
     other = FrameStore(tmp_path / "other")
-    assert add_archive(other, exported(store)) == 1
+    with exported(store) as file:
+        assert add_archive(other, file.read()) == 1
     (shown,) = FrameStore(other.folder).all()
     assert shown.source == "upload" and shown.class_names == ("shoe",)
 
@@ -157,7 +244,11 @@ def test_a_damaged_archive_is_refused_whole(
         store.add_frame(frame_at(x_m, brightness=brightness), "drive")
         store.annotate(store.all()[-1].id, block_of("shoe"))
     content = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(exported(store))) as old, zipfile.ZipFile(content, "w") as new:
+    with (
+        exported(store) as file,
+        zipfile.ZipFile(file) as old,
+        zipfile.ZipFile(content, "w") as new,
+    ):
         for name in old.namelist():
             damaged = name.endswith(("000002.png", "dataset.json"))
             data = old.read(name)
@@ -172,6 +263,27 @@ def test_a_damaged_archive_is_refused_whole(
     with pytest.raises(BadConfiguration, match=said):
         add_archive(other, content.getvalue())
     assert other.all() == []
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_one_export_is_made_at_a_time_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    frames = LiveFrames(tmp_path, newest=lambda: frame_at(1.0), class_names=lambda: ["shoe"])
+    with pytest.raises(Refused, match="no captured frame"):
+        frames.export()
+    frames.capture()
+    before = sorted(tmp_path.rglob("*"))
+    file = frames.export()
+    frames.delete("000001")
+    with pytest.raises(Refused, match="being exported"):
+        frames.export()
+    with zipfile.ZipFile(file) as archive:
+        assert "train/rgb/000001.png" in archive.namelist() and archive.testzip() is None
+    file.close()
+    frames.capture()
+    frames.export()  # of an answer that was never read
+    gc.collect()
+    frames.export().close()
+    assert len(sorted(tmp_path.rglob("*"))) == len(before)
 
 
 def test_an_archive_cannot_leave_its_folder(store: FrameStore) -> None:
@@ -197,3 +309,54 @@ def test_frames_are_captured_while_the_robot_moves_and_only_then(tmp_path: Path)
     with pytest.raises(BadConfiguration, match="beware list"):
         frames.annotate("000001", block_of("dragon"))
     assert frames.annotate("000001", block_of("Shoe")).annotated
+
+
+def test_a_capture_that_fails_says_so_and_ends_and_can_begin_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = LiveFrames(tmp_path, newest=lambda: None, class_names=list)
+
+    def broken(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as context:
+        context.setattr(frames.store, "add_frame", broken)
+        frames.capture_while_driving(True)
+        frames.note(frame_at(1.0))
+        eventually(lambda: not frames.state().capturing)
+    assert "Permission denied" in (frames.state().trouble or "")
+    frames.capture_while_driving(True)
+    frames.note(frame_at(3.0))
+    eventually(lambda: len(frames.all()) == 1)
+    frames.close()
+
+
+def test_the_capture_ends_while_a_frame_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = LiveFrames(tmp_path, newest=lambda: None, class_names=list)
+    writing, hung = threading.Event(), threading.Event()
+
+    def slow(*_: object) -> None:
+        writing.set()
+        hung.wait(10)
+
+    monkeypatch.setattr(frames.store, "add_frame", slow)
+    monkeypatch.setattr(live_frames, "JOIN_S", 0.1)
+    frames.capture_while_driving(True)
+    frames.note(frame_at(1.0))
+    assert writing.wait(10)
+    frames.note(frame_at(3.0))
+    ending = threading.Thread(target=frames.close, daemon=True)
+    ending.start()
+    ending.join(5)
+    assert not ending.is_alive()
+    hung.set()
+
+
+def eventually(holds: Callable[[], bool]) -> None:
+    """Wait until a condition holds."""
+    deadline = time.monotonic() + 10
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -72,13 +74,13 @@ def store_of(folder: Path, *numbers: int, not_found: tuple[str, ...] = ()) -> Ve
     return VersionStore(folder)
 
 
-def networks_of(versions: VersionStore, live: LivePerception) -> LiveNetworks:
-    """Return the networks of a console that started with the shipped one."""
+def networks_of(versions: VersionStore, live: LivePerception, used: str = START) -> LiveNetworks:
+    """Return the networks of a console that started with the version `used`."""
     return LiveNetworks(
         versions,
         live,
         choice=SegmenterChoice(kind="network"),
-        used=START,
+        used=used,
         compose=perception_of,
         try_out=lambda one: None,
     )
@@ -186,3 +188,38 @@ def test_an_upload_on_a_full_disk_leaves_its_name_free(
             networks.add("mine", b"weights")
     assert list(tmp_path.iterdir()) == []
     assert networks.add("mine", b"weights").name == "mine"
+
+
+def test_a_version_that_is_gone_blocks_no_exchange(tmp_path: Path) -> None:
+    versions = store_of(tmp_path, 2, 3)
+    versions.note_used([START, "taught 2", "taught 3"])
+    live = LivePerception(perception_of(SegmenterChoice()))
+    networks = networks_of(versions, live, used="taught 3")
+    shutil.rmtree(tmp_path / "taught 2")
+    with pytest.raises(NotKnown):
+        networks.roll_back()
+    assert networks.exchange is None
+    networks.use(START)
+    eventually(lambda: networks.exchange is None)
+    assert networks.used == START
+
+
+def test_an_upload_that_is_checked_holds_no_exchange_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    networks = networks_of(store_of(tmp_path, 2), LivePerception(perception_of(SegmenterChoice())))
+    checking, ended = threading.Event(), threading.Event()
+
+    def check(path: Path) -> None:
+        checking.set()
+        ended.wait(10)
+
+    monkeypatch.setattr(live_networks, "_check", check)
+    upload = threading.Thread(target=networks.add, args=("mine", b"weights"))
+    upload.start()
+    assert checking.wait(10)
+    networks.use("taught 2")
+    eventually(lambda: networks.used == "taught 2")
+    ended.set()
+    upload.join(10)
+    assert [one.name for one in networks.versions.all()] == ["taught 2", "mine"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -15,6 +15,7 @@ import torch
 
 import navcore.files
 from app.teaching.frames.frame_store import FrameStore
+from app.teaching.networks import versions
 from app.teaching.networks.versions import MODEL_NAME, VersionStore
 from app.teaching.training import plan, run
 from app.teaching.training.comparison import LEAST_IOU
@@ -23,6 +24,7 @@ from app.teaching.training.lock import holder_of
 from app.teaching.training.plan import PLAN_NAME, TrainingPlan, held_back, prepare, read_plan
 from app.teaching.training.run import STATE_NAME, Cancelled, TeachingRun
 from navcore.errors import Refused, StorageFailed
+from navcore.learning.data.card import Split
 from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet import build
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
@@ -131,19 +133,60 @@ def test_the_plan_of_an_earlier_release_is_still_read(
     assert read_plan(folder).recipe == RECIPE
 
 
+def shown(number: int, *names: str) -> CapturedFrame:
+    """Return a frame that shows classes."""
+    return CapturedFrame(
+        id=str(number), source="operator", width=8, height=8, annotated=True, class_names=names
+    )
+
+
+def splits_of(frames: Sequence[CapturedFrame], held: set[str]) -> dict[str, Split]:
+    """Return the splits that a training leaves."""
+    return {one.id: "valid" if one.id in held else "train" for one in frames}
+
+
+def test_a_frame_that_was_trained_on_is_never_held_back_nor_the_other_way_round() -> None:
+    frames = [shown(i, "shoe") for i in range(16)]
+    held = held_back(frames)
+    assert len(held) == 4
+    before = splits_of(frames, held)
+    left = [one for one in frames if one.id not in ("0", "2", "5")]
+    assert held_back(left, before) == held - {"5"}
+    more = held_back([*left, *(shown(i, "shoe") for i in range(20, 31))], before)
+    assert held - {"5"} <= more and len(more) == 6
+    assert not any(before.get(one) == "train" for one in more)
+
+
+def test_of_a_class_that_was_only_trained_on_one_frame_is_held_back() -> None:
+    frames = [shown(i, "shoe") for i in range(5)]
+    held = held_back(frames)
+    left = [one for one in frames if one.id not in held]
+    assert len(held_back(left, splits_of(frames, held))) == 1
+
+
+def test_of_every_class_a_quarter_is_held_back() -> None:
+    both, cups = (
+        [shown(i, "shoe", "cup") for i in range(4)],
+        [shown(i, "cup") for i in range(4, 40)],
+    )
+    held = held_back([*both, *cups])
+    assert len(held) == 10 and len(held & {one.id for one in both}) == 1
+
+
+def test_a_run_keeps_the_split_of_its_frames(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    planned(tmp_path / "taught 1", frames, start)
+    expected = {"000001": "train", "000002": "valid", "000003": "train", "000004": "train"}
+    assert frames.splits() == FrameStore(frames.folder).splits() == expected
+    frames.delete("000001")
+    planned(tmp_path / "taught 2", frames, start)
+    assert frames.splits()["000002"] == "valid"
+
+
 def test_too_few_frames_and_a_class_without_pixels_are_refused(
     tmp_path: Path, frames: FrameStore, start: Path
 ) -> None:
-    def shown(number: int, *names: str) -> CapturedFrame:
-        return CapturedFrame(
-            id=str(number),
-            source="operator",
-            width=8,
-            height=8,
-            annotated=True,
-            class_names=names,
-        )
-
     assert held_back([shown(i, "shoe") for i in range(6)]) == {"1", "5"}
     with pytest.raises(Refused, match="nothing is annotated"):
         held_back([shown(1, "background")])
@@ -157,8 +200,9 @@ def test_too_few_frames_and_a_class_without_pixels_are_refused(
 
 def trainings_of(tmp_path: Path, frames: FrameStore, start: Path) -> LiveTrainings:
     """Return the training runs of a console."""
-    versions = VersionStore(tmp_path / "versions")
-    return LiveTrainings(versions, frames, lambda name: (name or "start", start))
+    return LiveTrainings(
+        VersionStore(tmp_path / "versions"), frames, lambda name: (name or "start", start)
+    )
 
 
 def eventually(holds: Callable[[], bool]) -> None:
@@ -231,3 +275,17 @@ def test_a_disk_that_fills_up_ends_a_training_in_words_and_it_can_be_resumed(
             TeachingRun(folder).run()
     assert not (folder / MODEL_NAME).exists()
     assert TeachingRun(folder).run().taught == ("shoe",)
+
+
+def test_a_new_training_removes_those_that_nothing_came_of(
+    tmp_path: Path, frames: FrameStore, start: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trainings = trainings_of(tmp_path, frames, start)
+    monkeypatch.setattr(trainings, "_launch", lambda folder: None)
+    for _ in range(3):
+        trainings.start(TrainingOrder())
+    assert [path.name for path in (tmp_path / "versions").iterdir()] == ["taught 3"]
+    monkeypatch.setattr(versions, "MAX_VERSIONS", 0)
+    with pytest.raises(Refused, match="delete one first"):
+        trainings.start(TrainingOrder())
+    assert [path.name for path in (tmp_path / "versions").iterdir()] == ["taught 3"]

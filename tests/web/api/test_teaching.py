@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import httpx
 
 from navcore.geometry.transform import Pose2
@@ -47,6 +49,18 @@ def test_a_frame_is_captured_annotated_and_taken_along(
     assert listed["folder"]["annotated"] == 2 and listed["folder"]["dropped"] == 1
     assert client.delete(url).status_code == 204
     assert client.get(f"{url}/labels").status_code == 404
+
+
+def test_an_annotation_of_very_many_runs_is_no_too_large_request(
+    operations: FakeOperations, client: httpx.Client
+) -> None:
+    look(operations)
+    client.post("/api/v1/teach/frames")
+    body = json.dumps({"class_names": ["cup"], "runs": runs_of_block()}) + " " * 2_000_000
+    headers = {"Content-Type": "application/json"}
+    url = "/api/v1/teach/frames/000001/labels"
+    assert client.put(url, content=body, headers=headers).status_code == 200
+    assert client.put(url, content=body + " " * 4_000_000, headers=headers).status_code == 413
 
 
 def test_what_cannot_be_an_annotation_is_refused_in_words(

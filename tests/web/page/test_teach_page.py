@@ -190,6 +190,46 @@ def test_marks_that_were_not_saved_are_kept_until_they_are(
     assert not marked(client, "shoe")[40, 50]
 
 
+def test_marks_that_are_refused_are_kept_and_those_of_a_deleted_image_are_not(
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+) -> None:
+    capture_two(client, operations)
+    page = opened(new_context, server, 1024, 768)
+    current = page.locator("[aria-current=true]")
+    page.get_by_test_id("class").select_option("shoe")
+    page.keyboard.press("b")
+    expect(page.get_by_test_id("canvas")).to_have_attribute("aria-busy", "false")
+    said = {"error": {"code": "bad_value", "message": "no such class", "where": None}}
+    page.route("**/labels", lambda route: route.fulfill(status=422, json=said))
+    click_pixel(page, *ON_BLOCK)
+    expect(page.get_by_test_id("saved")).to_have_text("not saved")
+    page.keyboard.press("n")
+    expect(page.locator(".toast")).to_contain_text("No such class")
+    expect(current).to_have_attribute("data-testid", "frame-000001")
+    page.unroute("**/labels")
+    page.keyboard.press("n")
+    expect(current).to_have_attribute("data-testid", "frame-000002")
+    assert marked(client, "shoe").any()
+
+    expect(page.get_by_test_id("canvas")).to_have_attribute("aria-busy", "false")
+    page.route(
+        "**/labels",
+        lambda route: (
+            route.fulfill(status=413, json=said)
+            if route.request.method == "PUT"
+            else route.continue_()
+        ),
+    )
+    click_pixel(page, *ON_BLOCK)
+    expect(page.get_by_test_id("saved")).to_have_text("not saved")
+    page.get_by_test_id("delete-frame").click()
+    page.get_by_test_id("delete-frame").click()
+    expect(current).to_have_attribute("data-testid", "frame-000001")
+
+
 def test_a_network_that_does_not_find_its_class_is_no_success(
     new_context: Callable[..., BrowserContext],
     server: ConsoleServer,

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated
+import os
+from collections.abc import Iterator
+from typing import Annotated, BinaryIO
 
 import numpy as np
 from fastapi import APIRouter, Path, Request, Response
+from fastapi.responses import StreamingResponse
 
 from navcore.errors import NotKnown
 from web.api.router import api_router
@@ -26,6 +29,8 @@ from web.schemas.teaching import (
 FrameId = Annotated[str, Path(pattern=r"^[0-9]{1,12}$")]
 _REFUSALS = refusals(409, 422, 503)
 _OF_ONE = refusals(404, 409, 422, 503)
+PART_BYTES = 1 << 20
+"""Size of the parts in which an archive is sent."""
 REGION = "region"
 """Class name of the pixels of a grown region."""
 
@@ -59,10 +64,15 @@ def teach_frames_router(operations: RobotService) -> APIRouter:
 
     @router.get("/teach/frames.zip", response_class=Response, responses=_REFUSALS)
     def export_frames() -> Response:
-        """Return all frames as a zip archive of a data set, for `bewarenav train`."""
-        headers = {"Content-Disposition": 'attachment; filename="frames.zip"'}
-        data = operations.teaching.frames.export()
-        return Response(data, media_type="application/zip", headers=headers)
+        """Return all frames as a zip archive of a data set, for `bewarenav train`. Operators only,
+        one at a time."""
+        file = operations.teaching.frames.export()
+        headers = {
+            "Content-Disposition": 'attachment; filename="frames.zip"',
+            "Content-Length": str(file.seek(0, os.SEEK_END)),
+        }
+        file.seek(0)
+        return StreamingResponse(_parts_of(file), media_type="application/zip", headers=headers)
 
     @router.post("/teach/frames.zip", response_model=AddedOut, responses=_REFUSALS)
     async def add_frames(request: Request) -> AddedOut:
@@ -103,3 +113,10 @@ def teach_frames_router(operations: RobotService) -> APIRouter:
         return AnnotationOut.of(Annotation(class_names=(REGION,), labels=found.astype(np.uint8)))
 
     return router
+
+
+def _parts_of(file: BinaryIO) -> Iterator[bytes]:
+    """Yield the content of a file, then close it."""
+    with file:
+        while part := file.read(PART_BYTES):
+            yield part

@@ -42,8 +42,8 @@ def teach_training_router(operations: RobotService) -> APIRouter:
         "/teach/training", status_code=201, response_model=TrainingRun, responses=_REFUSALS
     )
     def start_training(body: TrainingIn) -> TrainingRun:
-        """Train the annotated classes, in a process of its own at the lowest priority. Every fourth
-        frame of a class is held back for the comparison."""
+        """Train the annotated classes, in a process of its own at the lowest priority. A quarter
+        of the frames of a class is held back for the comparison, in all later trainings, too."""
         return operations.teaching.trainings.start(body.order())
 
     @router.post("/teach/training/cancel", response_model=TrainingRun, responses=_REFUSALS)

@@ -10,6 +10,7 @@ import { makeLabels, runsOf, valuesOf } from "./labels.js";
 const SAVE_MS = 300;
 const RETRY_MS = 2000;
 const GONE = 404;
+const FORBIDDEN = 403;
 const marks = element("marks");
 let frame = null;
 let labels = null;
@@ -24,6 +25,13 @@ let onSaved = () => {};
 export const whenSaved = (act) => {
   onSaved = act;
 };
+
+// Give up what is not saved, of an image that was deleted.
+export function forget() {
+  clearTimeout(timer);
+  stroke = null;
+  saved = edits;
+}
 
 export const shownFrame = () => frame;
 
@@ -92,16 +100,11 @@ async function save() {
     setText(element("saved"), t("saved"));
     onSaved(stored);
   } catch (error) {
-    if (error.status === GONE) {
-      saved = edits; // marks of an image that was deleted
-      return;
-    }
+    if (error.status === GONE) return forget();
     setText(element("saved"), t("not saved"));
-    if (isRefused(error.status)) {
-      saved = edits; // said once; to try it again would hold the next image back for good
-      throw error;
-    }
-    timer = setTimeout(() => flush().catch(() => {}), RETRY_MS);
+    // A viewer can save nothing; what else is refused is kept until it is changed or saved.
+    if (error.status === FORBIDDEN) forget();
+    else if (!isRefused(error.status)) timer = setTimeout(() => flush().catch(() => {}), RETRY_MS);
     throw error;
   }
 }

@@ -8,7 +8,7 @@ import "../core/theme.js";
 import { attempt, notify } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
 import { chooseClass, loadClasses } from "./classes.js";
-import { chooseTool, redo, show, shownFrame, undo, whenSaved } from "./drawing.js";
+import { chooseTool, forget, redo, show, shownFrame, undo, whenSaved } from "./drawing.js";
 import { refreshNetworks, upload } from "./networks.js";
 import { refreshTraining } from "./training.js";
 
@@ -26,7 +26,10 @@ async function refreshFrames() {
   element("no-frames").hidden = frames.length > 0;
   reconcile(element("frames"), frames, (frame) => frame.id, createFrame, refreshFrame);
   const shown = shownFrame();
-  if (shown && !frames.some(({ id }) => id === shown.id)) await show(null);
+  if (shown && !frames.some(({ id }) => id === shown.id)) {
+    forget();
+    await show(null);
+  }
   if (!shownFrame() && frames.length) await choose(frames[0]);
 }
 
