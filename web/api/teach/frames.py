@@ -64,8 +64,8 @@ def teach_frames_router(operations: RobotService) -> APIRouter:
 
     @router.get("/teach/frames.zip", response_class=Response, responses=_REFUSALS)
     def export_frames() -> Response:
-        """Return all frames as a zip archive of a data set, for `bewarenav train`. Operators only,
-        one at a time."""
+        """Return all frames as a zip archive of a data set, with the annotated classes alone and
+        everything in the split `train`. Operators only, one at a time."""
         file = operations.teaching.frames.export()
         headers = {
             "Content-Disposition": 'attachment; filename="frames.zip"',
