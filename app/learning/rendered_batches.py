@@ -139,7 +139,7 @@ class RenderedBatches:
             + ", furnished" * source.furnished
             for source in self._sources
         )
-        return f"images rendered meanwhile, of {len(self._sources)} kinds of worlds ({sources}),"
+        return f"images rendered meanwhile, of {len(self._sources)} kinds of worlds ({sources})"
 
     def close(self) -> None:
         """End the processes."""

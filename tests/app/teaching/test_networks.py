@@ -220,6 +220,7 @@ def test_an_upload_that_is_checked_holds_no_exchange_up(
     assert checking.wait(10)
     networks.use("taught 2")
     eventually(lambda: networks.used == "taught 2")
+    assert upload.is_alive()
     ended.set()
     upload.join(10)
     assert [one.name for one in networks.versions.all()] == ["taught 2", "mine"]
