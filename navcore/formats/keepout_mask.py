@@ -17,6 +17,7 @@ from shapely.geometry import MultiPolygon, Polygon, box
 from navcore.errors import BadGeometry
 from navcore.geometry.polyline import Corners
 from navcore.grid.grid import BoolGrid, GridSpec, inflate_by
+from navcore.grid.growth import is_possible, reaching
 from navcore.mission.zone import MAX_CORNERS, Zone, zone_masks
 
 MAX_PARTS, MAX_HOLES = 200, 2000
@@ -24,6 +25,23 @@ MAX_PARTS, MAX_HOLES = 200, 2000
 INSET = 0.1
 """Distance in cells of the polygon from the border of its cells; on the border it would touch, and
 so include, the neighbouring ones."""
+
+
+def mask_spec(zones: Iterable[Zone], spec: GridSpec) -> GridSpec:
+    """Return a grid grown by whole tiles to all enabled keep-out zones with their margins; raises
+    `BadGeometry` naming the zone for which it would become too large."""
+    for zone in zones:
+        if not zone.closed:
+            continue
+        (left, bottom, right, top), margin_m = zone.bounds, zone.margin_m
+        corners = ((left - margin_m, bottom - margin_m), (right + margin_m, top + margin_m))
+        spec = reaching(spec, corners)
+        if not is_possible(spec):
+            raise BadGeometry(
+                f"zone {zone.name!r} lies so far away that the mask would cover {spec.extent()}; "
+                "disable it, or export the zones as GeoJSON"
+            )
+    return spec
 
 
 def closed_cells(zones: Iterable[Zone], spec: GridSpec) -> BoolGrid:

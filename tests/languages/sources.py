@@ -93,6 +93,7 @@ SENTENCES = (
     "web/api/beware/drafts.py",
     "web/api/map/edits.py",
     "web/api/map/maps.py",
+    "web/api/nav2_files.py",
     "web/api/sites.py",
     "web/api/users.py",
     "web/api/zone_drafts.py",

@@ -11,12 +11,12 @@ import numpy as np
 from fastapi import APIRouter, HTTPException, Query, Response
 
 from navcore.errors import BadConfiguration
-from navcore.formats.keepout_mask import closed_cells, polygons_of
+from navcore.formats.keepout_mask import closed_cells, mask_spec, polygons_of
 from navcore.formats.map_image import encode
-from navcore.formats.nav2_map import description_of, map_from_cells, read, yaml_text
-from navcore.mapping.storage.prior_map import prior_layer
+from navcore.formats.nav2_map import State, description_of, map_from_cells, read, yaml_text
 from navcore.perception.region_growing import region_at
 from navcore.planning.path import NoPath
+from web.api.nav2_files import OfGrid, on_grid
 from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.images.camera import beware_mask
@@ -83,7 +83,7 @@ def drawing_router(operations: RobotService) -> APIRouter:
         "/zones/import-mask",
         status_code=201,
         response_model=ZonesOut,
-        responses=refusals(404, 409, 422, 503),
+        responses=refusals(409, 422, 503),
     )
     def import_mask(mask: MaskImportIn, existing: ExistingQuery = "ask") -> ZonesOut:
         """Add the occupied parts of a Nav2 keep-out mask as zones, all or none, as one edit."""
@@ -91,13 +91,14 @@ def drawing_router(operations: RobotService) -> APIRouter:
             image = base64.b64decode(mask.picture, validate=True)
         except ValueError:
             raise BadConfiguration("mask.picture: is not base64") from None
-        spec = newest().grid.spec
-        cells = prior_layer(read(mask.yaml.encode(errors="replace"), image, "mask"), spec)
+        nav2_map = read(mask.yaml.encode(errors="replace"), image, "mask")
+        cells = nav2_map.cells(State.OCCUPIED)
         if not cells.any():
             raise BadConfiguration(
-                "the mask keeps nothing out; expected occupied, that is dark, pixels on the map"
+                "the mask keeps nothing out; expected occupied, that is dark, pixels"
             )
-        polygons = polygons_of(cells, spec)
+        # In the mask's own grid: the present one ends where nothing was seen yet.
+        polygons = polygons_of(cells, nav2_map.spec)
         short = mask.name[: MAX_NAME - 5]
         names = (
             [mask.name]
@@ -113,22 +114,22 @@ def drawing_router(operations: RobotService) -> APIRouter:
         )
         return all_zones()
 
-    @router.get("/zones.pgm", response_class=Response, responses=refusals(404))
-    def get_mask() -> Response:
+    @router.get("/zones.pgm", response_class=Response, responses=refusals(404, 409, 422))
+    def get_mask(grid: OfGrid = None) -> Response:
         """Return the enabled keep-out zones as a Nav2 keep-out mask: 0 closed, 254 free, row 0 at
-        the top."""
-        spec = newest().grid.spec
-        cells = closed_cells(operations.zones.stored, spec)
+        the top. It covers the map and all of these zones."""
+        zones = operations.zones.stored
+        spec = mask_spec(zones, newest().grid_spec)
+        headers, cells = on_grid(spec, grid), closed_cells(zones, spec)
         image = map_from_cells(occupied=cells, known=np.ones_like(cells), spec=spec).image
-        return Response(encode(image), media_type="image/x-portable-graymap")
+        return Response(encode(image), media_type="image/x-portable-graymap", headers=headers)
 
-    @router.get("/zones.yaml", response_class=Response, responses=refusals(404))
-    def get_mask_yaml() -> Response:
+    @router.get("/zones.yaml", response_class=Response, responses=refusals(404, 409, 422))
+    def get_mask_yaml(grid: OfGrid = None) -> Response:
         """Return Nav2's description of `zones.pgm`."""
-        return Response(
-            yaml_text(description_of(newest().grid.spec), "zones.pgm"),
-            media_type="application/yaml",
-        )
+        spec = mask_spec(operations.zones.stored, newest().grid_spec)
+        headers, text = on_grid(spec, grid), yaml_text(description_of(spec), "zones.pgm")
+        return Response(text, media_type="application/yaml", headers=headers)
 
     @router.post("/camera/region", response_model=RegionOut, responses=refusals(404, 422))
     def region(pixel: PixelIn) -> RegionOut:

@@ -12,8 +12,9 @@ from starlette.types import Message, Receive, Scope
 from web.gateway.problems import problem
 from web.interface.sites import MAX_ARCHIVE_BYTES
 from web.interface.teaching import MAX_FRAMES_BYTES, MAX_UPLOAD_BYTES
+from web.schemas.map.poses import MAX_POSES_BYTES
 from web.schemas.teaching import MAX_RUNS
-from web.schemas.zones import MAX_IMAGE_FILE
+from web.schemas.zones import MAX_IMAGE_FILE, MAX_IMPORT_BYTES
 
 MAX_BODY_BYTES = 1_000_000
 """Largest body in bytes."""
@@ -22,6 +23,8 @@ BODY_TIMEOUT_S = 10.0
 LARGE_BODIES = {
     "/api/v1/sites/import": (MAX_ARCHIVE_BYTES, 120.0),
     "/api/v1/sites/import-nav2": (MAX_IMAGE_FILE + MAX_BODY_BYTES, 120.0),
+    "/api/v1/zones/import": (MAX_IMPORT_BYTES, 120.0),
+    "/api/v1/map/poses": (MAX_POSES_BYTES, 120.0),
     "/api/v1/zones/import-mask": (MAX_IMAGE_FILE + MAX_BODY_BYTES, 120.0),
     "/api/v1/teach/frames.zip": (MAX_FRAMES_BYTES, 300.0),
     "/api/v1/teach/networks": (MAX_UPLOAD_BYTES, 300.0),

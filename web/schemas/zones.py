@@ -35,6 +35,8 @@ Colour = Annotated[StrictStr, Field(pattern=r"^#[0-9a-f]{6}$")]
 Ring = Annotated[list[Corner], Field(max_length=MAX_CORNERS + 1)]
 MAX_IMPORT = 500
 """Largest number of zones in an import."""
+MAX_IMPORT_BYTES = 24_000_000
+"""Largest GeoJSON of an import in bytes: as many zones of 1000 corners with 17 digits each."""
 MAX_IMAGE_FILE = 12_000_000
 """Largest number of characters of an image in base64: a PGM of 3000 × 3000 cells."""
 

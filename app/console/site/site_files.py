@@ -19,9 +19,9 @@ from app.storage.sites import SiteRow, SiteTable
 from navcore.config.mapping import MappingConfig
 from navcore.errors import NotKnown
 from navcore.formats.alignment import align, placed
-from navcore.formats.keepout_mask import closed_cells
+from navcore.formats.keepout_mask import closed_cells, mask_spec
 from navcore.formats.map_image import encode
-from navcore.formats.nav2_map import Nav2Map, State, description_of, map_from_cells, yaml_text
+from navcore.formats.nav2_map import Nav2Map, State, map_from_cells, yaml_text
 from navcore.mapping.changes import CellMap
 from web.interface.sites import PointPair, Site
 
@@ -78,16 +78,17 @@ def export_nav2(site: SiteStore, config: MappingConfig) -> bytes:
     cells = cells_of(site, config)
     if cells is None:
         raise NotKnown(f"site {site.name!r} has no map yet; drive there first")
-    closed = closed_cells(site.zones(), cells.spec)
-    whole = np.ones_like(closed)
+    zones = site.zones()
+    spec = mask_spec(zones, cells.spec)  # zones may lie beyond the map
+    closed = closed_cells(zones, spec)
     images = {
         "map": map_from_cells(occupied=cells.occupied, known=cells.known, spec=cells.spec),
-        "keepout_mask": map_from_cells(occupied=closed, known=whole, spec=cells.spec),
+        "keepout_mask": map_from_cells(occupied=closed, known=np.ones_like(closed), spec=spec),
     }
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
         for name, nav2_map in images.items():
-            packed.writestr(f"{name}.yaml", yaml_text(description_of(cells.spec), f"{name}.pgm"))
+            packed.writestr(f"{name}.yaml", yaml_text(nav2_map.description, f"{name}.pgm"))
             packed.writestr(f"{name}.pgm", encode(nav2_map.image))
     return file.getvalue()
 

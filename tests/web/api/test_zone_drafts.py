@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon
 
-from navcore.formats.keepout_mask import closed_cells
+from navcore.formats.keepout_mask import closed_cells, mask_spec
 from tests.web.api.test_api import SQUARE, wrong, zone
 from tests.web.fake_operations import SPEC, FakeOperations
+from web.gateway.request_body import MAX_BODY_BYTES
 
 
 def geometry(kind: str, coordinates: Any, **more: float) -> dict[str, Any]:
@@ -164,6 +165,60 @@ def test_a_mask_goes_out_and_comes_in_with_the_same_cells(
                 "message"
             ]
         )
+
+
+def test_a_mask_with_zones_beyond_the_map_loses_none_of_them(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    far = [(20.0, 0.0), (-25.0, 3.0), (0.0, 0.0)]  # the map is 16 m × 12 m
+    corners = ([[x, y], [x + 1, y], [x + 1, y + 1], [x, y + 1]] for x, y in far)
+    for number, ring in enumerate(corners):
+        client.post("/api/v1/zones", json=zone(f"part {number}", corners=ring, margin_m=0.2))
+    drawn = closed_cells(operations.zones.stored, mask_spec(operations.zones.stored, SPEC))
+    yaml, pgm = client.get("/api/v1/zones.yaml").text, client.get("/api/v1/zones.pgm").content
+    for number in (1, 2, 3):
+        client.delete(f"/api/v1/zones/z{number}")
+    mask = {"yaml": yaml, "picture": base64.b64encode(pgm).decode(), "name": "far"}
+    assert names(client.post("/api/v1/zones/import-mask", json=mask)) == ["far 1", "far 2", "far 3"]
+    again = closed_cells(operations.zones.stored, mask_spec(operations.zones.stored, SPEC))
+    np.testing.assert_array_equal(again, drawn)
+
+
+def test_a_zone_too_far_away_for_a_mask_is_named(client: httpx.Client) -> None:
+    client.post(
+        "/api/v1/zones", json=zone("dock", corners=[[9e3, 9e3], [9.1e3, 9e3], [9e3, 9.1e3]])
+    )
+    told = wrong(client.get("/api/v1/zones.pgm"), 422)
+    assert "'dock'" in told["message"] and "GeoJSON" in told["message"]
+
+
+@pytest.mark.parametrize("name", ["zones", "map"])
+def test_the_second_file_of_a_map_is_refused_once_the_map_has_grown(
+    client: httpx.Client, operations: FakeOperations, name: str
+) -> None:
+    asked = {"grid": client.get(f"/api/v1/{name}.yaml").headers["Grid"]}
+    same = client.get(f"/api/v1/{name}.pgm", params=asked)
+    assert same.status_code == 200 and same.headers["Grid"] == asked["grid"]
+    operations.grow(20.0, 0.0)
+    for file in (f"{name}.pgm", f"{name}.yaml"):
+        refused = client.get(f"/api/v1/{file}", params=asked)
+        assert wrong(refused, 409)["code"] == "outdated"
+        assert client.get(f"/api/v1/{file}").status_code == 200
+
+
+def test_as_many_circles_and_poses_as_are_allowed_are_not_too_large(client: httpx.Client) -> None:
+    client.post(
+        "/api/v1/zones",
+        json={"name": "round", "geometry": geometry("Point", [3.1234567890123, 1], radius_m=0.5)},
+    )
+    (exported,) = client.get("/api/v1/zones").json()["features"]
+    file = {"type": "FeatureCollection", "features": [exported] * 500}
+    asked = client.post("/api/v1/zones/import", json=file)
+    assert int(asked.request.headers["Content-Length"]) > MAX_BODY_BYTES
+    assert wrong(asked, 409)["code"] == "already_there"
+    pose = {"id": 99_999, "x_m": 1.2345678901234567, "y_m": -1.5, "yaw_rad": -1.2345678901234567}
+    corrected = client.patch("/api/v1/map/poses", json={"poses": [pose] * 100_000})
+    assert corrected.status_code != 413
 
 
 def test_a_preview_compares_and_names_what_cuts_the_goal_off(client: httpx.Client) -> None:

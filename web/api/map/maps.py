@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from navcore.geometry.transform import Pose2
+from web.api.nav2_files import OfGrid, on_grid
 from web.api.router import api_router
 from web.gateway.etag import unless_known
 from web.gateway.problems import refusals
@@ -113,18 +114,23 @@ def maps_router(operations: RobotService) -> APIRouter:
             raise HTTPException(404, "the map has no such tile")
         return Response(cells_png(tick, tile_cells((row, col), tick)), media_type="image/png")
 
-    @router.get("/map.pgm", response_class=Response, responses=_NOTHING_YET)
-    def get_map_pgm(zones: WithZones = False) -> Response:
+    @router.get("/map.pgm", response_class=Response, responses=refusals(404, 409))
+    def get_map_pgm(zones: WithZones = False, grid: OfGrid = None) -> Response:
         """Return Nav2's map image: occupied 0, free 254, unknown 205, row 0 at the top.
 
         The zones are in the mask `zones.pgm`; with `zones=1` they are occupied cells of the map.
         """
-        return Response(map_pgm(newest(), zones=zones), media_type="image/x-portable-graymap")
+        tick = newest()
+        headers = on_grid(tick.grid_spec, grid)
+        image = map_pgm(tick, zones=zones)
+        return Response(image, media_type="image/x-portable-graymap", headers=headers)
 
-    @router.get("/map.yaml", response_class=Response, responses=_NOTHING_YET)
-    def get_map_yaml() -> Response:
+    @router.get("/map.yaml", response_class=Response, responses=refusals(404, 409))
+    def get_map_yaml(grid: OfGrid = None) -> Response:
         """Return Nav2's description of `map.pgm`; the origin is its lower-left corner."""
-        return Response(map_yaml(newest()), media_type="application/yaml")
+        tick = newest()
+        headers = on_grid(tick.grid_spec, grid)
+        return Response(map_yaml(tick), media_type="application/yaml", headers=headers)
 
     @router.get("/cloud.ply", response_class=Response, responses=_NOTHING_YET)
     def get_cloud() -> Response:

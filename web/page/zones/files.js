@@ -1,6 +1,6 @@
 // Zones read from and written to files: GeoJSON, and keep-out masks of Nav2.
 
-import { abortableFetch, post } from "../core/link/api.js";
+import { abortableFetch, post, refusalOf } from "../core/link/api.js";
 import { download, element } from "../core/dom.js";
 import { t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
@@ -55,11 +55,24 @@ function parsed(text, name) {
   }
 }
 
-async function exportFile(route, name, type) {
+async function fetched(route) {
   const response = await abortableFetch(`/api/v1/${route}`);
-  if (!response.ok) throw new Error(t("the console did not deliver the file"));
-  download(name, new Blob([await response.arrayBuffer()], { type }));
+  if (!response.ok) throw await refusalOf(response);
+  return { bytes: await response.arrayBuffer(), grid: response.headers.get("Grid") };
 }
+
+// Both files of the mask on one grid; where the map grows in between both are asked for again.
+async function mask(tries = 3) {
+  const yaml = await fetched("zones.yaml");
+  try {
+    return [yaml, await fetched(`zones.pgm?grid=${encodeURIComponent(yaml.grid)}`)];
+  } catch (error) {
+    if (error.code !== "outdated" || tries === 1) throw error;
+    return mask(tries - 1);
+  }
+}
+
+const save = ({ bytes }, name, type) => download(name, new Blob([bytes], { type }));
 
 element("zones-file").onchange = (event) =>
   attempt(async () => {
@@ -68,9 +81,10 @@ element("zones-file").onchange = (event) =>
     await importFiles(files);
   });
 element("zones-geojson").onclick = () =>
-  attempt(() => exportFile("zones", "zones.geojson", "application/geo+json"));
+  attempt(async () => save(await fetched("zones"), "zones.geojson", "application/geo+json"));
 element("zones-mask").onclick = () =>
   attempt(async () => {
-    await exportFile("zones.yaml", "zones.yaml", "application/yaml");
-    await exportFile("zones.pgm", "zones.pgm", "image/x-portable-graymap");
+    const [yaml, image] = await mask();
+    save(yaml, "zones.yaml", "application/yaml");
+    save(image, "zones.pgm", "image/x-portable-graymap");
   });

@@ -9,6 +9,9 @@ from pydantic import Field
 from web.schemas.fields import Closed, Metres, number
 
 MAX_POSES = 100_000
+"""Largest number of corrected poses in a request."""
+MAX_POSES_BYTES = 150 * MAX_POSES
+"""Largest request in bytes: numbers of 17 digits."""
 
 
 class NumberedPose(Closed):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import pickle
@@ -196,6 +197,13 @@ def test_the_nav2_export_is_without_the_zones_and_the_mask_beside_it(store: Stor
     np.testing.assert_array_equal(plain.cells(State.OCCUPIED), accepted().occupied)
     closed = mask.cells(State.OCCUPIED)
     assert closed[SPEC.cell(1.0, 1.0)] and not closed[SPEC.cell(-2.0, -1.0)]
+    beyond = dataclasses.replace(
+        store.site.zones()[0], id="b", polygon=((40.0, 0.0), (41.0, 0.0), (41.0, 1.0))
+    )
+    hall.save_zone(beyond)
+    files = parts_of(export_nav2(hall, MappingConfig()))
+    mask = read(files["keepout_mask.yaml"], files["keepout_mask.pgm"], "keepout_mask")
+    assert mask.cells(State.OCCUPIED)[mask.spec.cell(40.9, 0.2)]
     empty = store.sites.make("empty")
     with pytest.raises(NotKnown, match="no map yet"):
         export_nav2(empty, MappingConfig())
