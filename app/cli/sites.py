@@ -46,7 +46,7 @@ def list_sites(data: DataOption = Path("data")) -> None:
     from app.console.site.site_files import listed
 
     with _sites(data) as sites:
-        newest = max(sites.all(), key=lambda row: row.chosen_unix_s, default=None)
+        newest = max(sites.all(), key=lambda row: row.chosen, default=None)
         for site in listed(sites, "" if newest is None else newest.name):
             typer.echo(
                 f"{'*' if site.chosen else ' '} {site.name:40} {site.zones:4} zones "

@@ -22,7 +22,7 @@ class Database:
 
     def __init__(self, folder: Path) -> None:
         """Open or create the file in `folder`; raises `StorageFailed` when it cannot be used."""
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self.path = folder / FILE
         connection = None
         try:
@@ -60,8 +60,12 @@ class Database:
 
     @contextmanager
     def writing(self) -> Iterator[sqlite3.Connection]:
-        """One transaction: all its statements are on the disk at the end, or none if any fails."""
+        """One transaction: all its statements are on the disk at the end, or none if any fails.
+        What is written within the block, by the same thread, belongs to it."""
         with self._lock:
+            if self._connection.in_transaction:
+                yield self._connection
+                return
             try:
                 self._connection.execute("BEGIN IMMEDIATE")
                 try:

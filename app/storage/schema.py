@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 
 from navcore.errors import StorageFailed
 
-VERSION = 3
+VERSION = 4
 FIRST_SITE = "default"
 """Name of the first site; what a file of version 1 holds becomes this site."""
 PER_SITE = {
@@ -23,12 +24,14 @@ PER_SITE = {
 }
 """Tables of what belongs to a site, and their columns."""
 TABLES = (
-    # `world` is the world in which the site was made; `renamed_from` is set until the folder of the
-    # site has its new name.
-    "sites (name TEXT PRIMARY KEY COLLATE NOCASE, world TEXT, chosen_unix_s REAL NOT NULL, "
+    # `world` is the world in which the site was made; `chosen` is larger than that of every site
+    # that was chosen before, 0 for never; `renamed_from` is the name of the folder of the site
+    # until that has the new one.
+    "sites (name TEXT PRIMARY KEY COLLATE NOCASE, world TEXT, chosen REAL NOT NULL, "
     "renamed_from TEXT)",
     *(f"{table} ({columns})" for table, columns in PER_SITE.items()),
-    "runs (id TEXT PRIMARY KEY, report TEXT NOT NULL)",
+    # The time series of a report are most of it; the list of all runs is read without them.
+    "runs (id TEXT PRIMARY KEY, summary TEXT NOT NULL, series TEXT)",
     "users (name TEXT PRIMARY KEY, role TEXT NOT NULL, password_hash TEXT NOT NULL, "
     "token_hash TEXT, language TEXT)",
     "audit (id INTEGER PRIMARY KEY AUTOINCREMENT, at TEXT NOT NULL, entry TEXT NOT NULL)",
@@ -60,10 +63,14 @@ def create_schema(database: sqlite3.Connection) -> None:
         if version == VERSION:  # another process was faster
             database.execute("COMMIT")
             return
-        if version in (1, 2):
+        if version in (1, 2, 3):
             if version == 1:
                 _add_sites(database)
-            database.execute("ALTER TABLE users ADD COLUMN language TEXT")
+            else:
+                database.execute("ALTER TABLE sites RENAME COLUMN chosen_unix_s TO chosen")
+            if version < 3:
+                database.execute("ALTER TABLE users ADD COLUMN language TEXT")
+            _split_runs(database)
         else:
             _require_new(database)
             for table in TABLES:
@@ -75,6 +82,21 @@ def create_schema(database: sqlite3.Connection) -> None:
     except BaseException:
         database.execute("ROLLBACK")
         raise
+
+
+def _split_runs(database: sqlite3.Connection) -> None:
+    """Store the time series of each report apart from the rest of it."""
+    (table,) = (table for table in TABLES if table.startswith("runs "))
+    database.execute("ALTER TABLE runs RENAME TO whole_runs")
+    database.execute(f"CREATE TABLE {table} STRICT")
+    for run_id, text in database.execute("SELECT id, report FROM whole_runs ORDER BY rowid"):
+        report = json.loads(text)
+        series = report.pop("series", None)
+        database.execute(
+            "INSERT INTO runs VALUES (?, ?, ?)",
+            (run_id, json.dumps(report), None if series is None else json.dumps(series)),
+        )
+    database.execute("DROP TABLE whole_runs")
 
 
 def _add_sites(database: sqlite3.Connection) -> None:

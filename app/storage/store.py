@@ -38,9 +38,10 @@ class Store:
             self._database = Database(folder)
             self.sites = SiteTable(self._database, folder)
             """Sites of the data folder."""
+            self.sites.tidy()
             if not self.sites.all():
                 self.sites.make(FIRST_SITE)
-            newest = max(self.sites.all(), key=lambda row: row.chosen_unix_s)
+            newest = max(self.sites.all(), key=lambda row: row.chosen)
             self.site = self.sites.open(newest.name)
             """Site in use."""
         except StorageFailed:
@@ -76,27 +77,26 @@ class Store:
     def runs(self) -> tuple[dict[str, Any], ...]:
         """Return the reports of past missions without their time series, newest first."""
         rows = self._database.rows(
-            # A number that is not finite is no JSON to SQLite.
-            "SELECT CASE WHEN json_valid(report) THEN json_remove(report, '$.series') "
-            "ELSE report END FROM runs ORDER BY rowid DESC LIMIT ?",
-            (MAX_RUNS,),
+            "SELECT summary FROM runs ORDER BY rowid DESC LIMIT ?", (MAX_RUNS,)
         )
-        reports = [json.loads(row[0]) for row in rows]
-        return tuple({k: v for k, v in report.items() if k != "series"} for report in reports)
+        return tuple(json.loads(summary) for (summary,) in rows)
 
     def run(self, run_id: str) -> dict[str, Any]:
         """Return one report; raises `NotKnown`."""
-        rows = self._database.rows("SELECT report FROM runs WHERE id = ?", (run_id,))
+        rows = self._database.rows("SELECT summary, series FROM runs WHERE id = ?", (run_id,))
         if not rows:
             raise NotKnown(f"no run has the id {run_id!r}")
-        report: dict[str, Any] = json.loads(rows[0][0])
-        return report
+        summary, series = rows[0]
+        report: dict[str, Any] = json.loads(summary)
+        return report if series is None else {**report, "series": json.loads(series)}
 
     def save_run(self, report: dict[str, Any]) -> None:
         """Store the report of a mission under its `id`; the oldest go."""
+        summary = json.dumps({key: value for key, value in report.items() if key != "series"})
+        series = json.dumps(report["series"]) if "series" in report else None
         with self._database.writing() as connection:
             connection.execute(
-                "INSERT OR REPLACE INTO runs VALUES (?, ?)", (report["id"], json.dumps(report))
+                "INSERT OR REPLACE INTO runs VALUES (?, ?, ?)", (report["id"], summary, series)
             )
             connection.execute(
                 "DELETE FROM runs WHERE rowid NOT IN "

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from navcore.errors import BadConfiguration
 from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import LONGEST_SIDE, MOST_CELLS, PAD, BitPlane, empty_plane
 from navcore.grid.cell_mask import CellMask
@@ -65,6 +66,18 @@ def growth_to(spec: GridSpec, box: Box) -> Growth | None:
     lie outside; None where it contains them already, or where it would become too large."""
     growth = _enlarged(spec, box)
     return growth if growth.new != spec and is_possible(growth.new) else None
+
+
+def growth_over(spec: GridSpec, other: GridSpec) -> Growth | None:
+    """Return the growth by whole tiles after which a grid covers another one; None where it does
+    already. Raises `BadConfiguration` where it would become too large."""
+    growth = _enlarged(spec, cells_of(spec, other))
+    if not is_possible(growth.new):
+        raise BadConfiguration(
+            f"the map covers {other.extent()}, that of this world begins with {spec.extent()}: one "
+            "map of both would be too large; check the origin"
+        )
+    return growth if growth.new != spec else None
 
 
 def growth_into(spec: GridSpec, larger: GridSpec) -> Growth | None:

@@ -18,6 +18,7 @@ from navcore.errors import BadGeometry
 from navcore.formats.nav2_map import map_from_cells
 from navcore.geometry.arrays import Indices, Points
 from navcore.grid.grid import BoolGrid, GridSpec, inflate
+from navcore.grid.growth import growth_over
 from navcore.mapping.storage.prior_map import prior_layer
 
 
@@ -101,16 +102,18 @@ def changed_areas(
     return tuple(sorted(found, key=lambda area: -area.area_m2))
 
 
-def accept(accepted: CellMap, present: CellMap, areas: Iterable[ChangedArea]) -> CellMap:
-    """Return the accepted map, on the grid of the present one, with some changed areas taken
-    over."""
-    before = accepted.on(present.spec)
+def accept(accepted: CellMap, spec: GridSpec, areas: Iterable[ChangedArea]) -> CellMap:
+    """Return the accepted map with some changed areas of a grid taken over, on that grid grown to
+    all of the accepted map, which may have grown since the areas were found."""
+    growth = growth_over(spec, accepted.spec)
+    before = accepted.on(spec if growth is None else growth.new)
+    top, left = (0, 0) if growth is None else (growth.rows, growth.cols)
     occupied, known = before.occupied.copy(), before.known.copy()
     for area in areas:
         rows, cols = area.cells.T
-        occupied[rows, cols] = area.kind is ChangeKind.APPEARED
-        known[rows, cols] = True
-    return CellMap(spec=present.spec, occupied=occupied, known=known)
+        occupied[rows + top, cols + left] = area.kind is ChangeKind.APPEARED
+        known[rows + top, cols + left] = True
+    return CellMap(spec=before.spec, occupied=occupied, known=known)
 
 
 def _areas(

@@ -11,6 +11,7 @@ import dataclasses
 import json
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,8 @@ PERSON = "person"
 """Name of the entry for people."""
 LARGEST_CLASS_ID = 62
 """Largest class id; the map has a bit for each id in a word."""
+MAX_RETIRED = 500
+"""Largest number of names that are remembered of removed and renamed entries."""
 MAX_MARGIN_M = 2.0
 """Largest margin of an entry in metres."""
 FLAT_M = 0.05
@@ -165,9 +168,11 @@ class BewareList:
     """Version of the list; grows by one with every edit."""
     retired: tuple[tuple[str, int], ...] = ()
     """Name and class id of removed entries, and former names of renamed ones, oldest first: maps
-    may hold points under them. A name has one class id for ever."""
+    may hold points under them. A name has one class id for ever, apart from former names beyond
+    the newest `MAX_RETIRED`; an id keeps its last name."""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "retired", _newest(self.retired, self.classes))
         for what in ("name", "class_id"):
             values = [getattr(entry, what) for entry in self.classes]
             twice = {value for value in values if values.count(value) > 1}
@@ -311,6 +316,22 @@ class BewareList:
         kept = {(entry.name, entry.class_id) for entry in classes}
         retired = tuple(pair for pair in self.ids.items() if pair not in kept)
         return BewareList(classes=classes, version=self.version + 1, retired=retired)
+
+
+def _newest(
+    retired: Sequence[tuple[str, int]], classes: Iterable[BewareClass]
+) -> tuple[tuple[str, int], ...]:
+    """Return the retired names without the oldest of more than `MAX_RETIRED`; of an id without
+    another name none is left out."""
+    surplus, kept = len(retired) - MAX_RETIRED, list[tuple[str, int]]()
+    names = Counter([entry.class_id for entry in classes] + [number for _, number in retired])
+    for pair in retired:
+        if surplus > 0 and names[pair[1]] > 1:
+            surplus -= 1
+            names[pair[1]] -= 1
+        else:
+            kept.append(pair)
+    return tuple(kept)
 
 
 def check_name(name: str, where: str) -> None:

@@ -74,6 +74,7 @@ SENTENCES = (
     "navcore/formats/map_image.py",
     "navcore/formats/nav2_map.py",
     "navcore/grid/grid.py",
+    "navcore/grid/growth.py",
     "navcore/localisation/estimate.py",
     "navcore/localisation/relocalisation/place_check.py",
     "navcore/localisation/relocalisation/place_fit.py",

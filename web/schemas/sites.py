@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, StrictBool, StrictStr
 
-from navcore.mission.beware_list import LARGEST_CLASS_ID
+from navcore.mission.beware_list import LARGEST_CLASS_ID, MAX_RETIRED
 from navcore.mission.mission import MAX_GOALS
 from web.interface.sites import MAX_TAGS, SITE_NAME, PointPair, Site, Tag
 from web.interface.wire import DOCUMENTED
@@ -113,7 +113,7 @@ class BewareDocument(Closed):
     """Classes of the list."""
     retired: Annotated[
         list[tuple[Name, Annotated[int, Field(strict=True, ge=1, le=LARGEST_CLASS_ID)]]],
-        Field(max_length=LARGEST_CLASS_ID),
+        Field(max_length=MAX_RETIRED),
     ]
     """Names and ids of removed classes, whose points may be on the map."""
 

@@ -22,6 +22,8 @@ from navcore.formats.alignment import align, placed
 from navcore.formats.keepout_mask import closed_cells, mask_spec
 from navcore.formats.map_image import encode
 from navcore.formats.nav2_map import Nav2Map, State, map_from_cells, yaml_text
+from navcore.grid.grid import GridSpec
+from navcore.grid.growth import growth_over
 from navcore.mapping.changes import CellMap
 from web.interface.sites import PointPair, Site
 
@@ -62,14 +64,8 @@ def export(site: SiteStore) -> bytes:
 def add(sites: SiteTable, name: str, archive: bytes) -> None:
     """Make a site of an archive, all or nothing."""
     contents = unpack(archive)
-    site = sites.make(name)
-    try:
+    with sites.making(name, contents.map_data) as site:
         contents.store(site)
-        if contents.map_data is not None:
-            sites.write_map(site.name, contents.map_data)
-    except BaseException:
-        sites.delete(site.name)
-        raise
 
 
 def export_nav2(site: SiteStore, config: MappingConfig) -> bytes:
@@ -94,18 +90,25 @@ def export_nav2(site: SiteStore, config: MappingConfig) -> bytes:
 
 
 def add_nav2(
-    sites: SiteTable, name: str, nav2_map: Nav2Map, *, pairs: tuple[PointPair, PointPair] | None
+    sites: SiteTable,
+    name: str,
+    nav2_map: Nav2Map,
+    *,
+    pairs: tuple[PointPair, PointPair] | None,
+    first_grid: GridSpec | None = None,
 ) -> None:
-    """Make a site whose accepted map is a Nav2 map, see `web.interface.sites.Sites.add_nav2`."""
+    """Make a site whose accepted map is a Nav2 map, see `web.interface.sites.Sites.add_nav2`.
+
+    `first_grid`: grid with which a map of this world begins, if it is known; raises
+    `BadConfiguration` where it cannot grow to the Nav2 map.
+    """
     if pairs is not None:
         nav2_map = placed(nav2_map, align(*pairs))
+    if first_grid is not None:
+        growth_over(first_grid, nav2_map.spec)
     cells = _cells_of(nav2_map)
-    site = sites.make(name)
-    try:
+    with sites.making(name) as site:
         save_accepted(site, cells)
-    except BaseException:
-        sites.delete(site.name)
-        raise
 
 
 def _cells_of(nav2_map: Nav2Map) -> CellMap:

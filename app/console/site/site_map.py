@@ -18,8 +18,7 @@ from navcore.errors import BadConfiguration
 from navcore.formats.map_image import MAX_PIXELS, MAX_SIDE
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
-from navcore.grid.growth import cells_of as grid_cells
-from navcore.grid.growth import growth_into, growth_to
+from navcore.grid.growth import growth_into, growth_over
 from navcore.mapping.changes import CellMap
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage import map_file
@@ -83,7 +82,7 @@ def map_of(site: SiteStore, empty: MapState) -> SiteMap:
         return SiteMap(state=stored.state, class_names=stored.class_names)
     accepted = accepted_map(site)
     if accepted is not None:
-        growth = growth_to(empty.spec, grid_cells(empty.spec, accepted.spec))
+        growth = growth_over(empty.spec, accepted.spec)
         empty = empty if growth is None else empty.grown(growth)
         prior = CellMask.of(accepted.on(empty.spec).occupied)
         empty = dataclasses.replace(empty, prior=prior)

@@ -24,6 +24,7 @@ from navcore.config.mapping import MappingConfig
 from navcore.errors import Outdated, Refused
 from navcore.formats.nav2_map import read as nav2_map_of
 from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.grid.grid import GridSpec
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.fixes import TagMap
 from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
@@ -72,9 +73,10 @@ class MapView(Protocol):
 class _Listing:
     """Changes as an operator has seen them."""
 
-    accepted: CellMap
-    present: CellMap
+    spec: GridSpec
+    """Grid of the cells of the areas."""
     areas: tuple[ChangedArea, ...]
+    """Changed areas in the order of their numbers."""
 
 
 class LiveSites:
@@ -216,7 +218,9 @@ class LiveSites:
     ) -> Site:
         """Make a site of a Nav2 map."""
         sites, nav2_map = self._store.sites, nav2_map_of(files.yaml, files.image, "map")
-        return self._made(lambda: site_files.add_nav2(sites, name, nav2_map, pairs=pairs), name)
+        first = self._controller.navigator.first_grid
+        site_files.add_nav2(sites, name, nav2_map, pairs=pairs, first_grid=first)
+        return self._site(name)
 
     # The accepted map
 
@@ -226,9 +230,7 @@ class LiveSites:
             present, accepted = self._present(), accepted_map(self._store.site)
             areas = () if accepted is None else changed_areas(accepted, present)
             self._listed += 1
-            self._listings[self._listed] = _Listing(
-                accepted=accepted or present, present=present, areas=areas[:MAX_AREAS]
-            )
+            self._listings[self._listed] = _Listing(spec=present.spec, areas=areas[:MAX_AREAS])
             while len(self._listings) > MAX_LISTINGS:
                 self._listings.popitem(last=False)
             return MapChanges(
@@ -252,7 +254,7 @@ class LiveSites:
             if before is None:
                 raise Refused("there is no accepted map yet; accept the whole map first")
             chosen = [seen.areas[area_id] for area_id in sorted(set(area_ids))]
-            save_accepted(self._store.site, accept(before, seen.present, chosen))
+            save_accepted(self._store.site, accept(before, seen.spec, chosen))
             return self.changes()
 
     # The session over a restart

@@ -11,7 +11,7 @@ import numpy as np
 from navcore.errors import BadConfiguration
 from navcore.formats import nav2_map
 from navcore.grid.grid import GridSpec
-from navcore.grid.growth import cells_of, growth_into, growth_to
+from navcore.grid.growth import growth_into, growth_over
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage import map_file
 from navcore.mapping.storage.prior_map import prior_layer
@@ -33,7 +33,7 @@ def load_map(cloud: PointMap, beware: BewareList, *, prior: Path | None, kept: P
         # seen to be gone stays gone.
         source = nav2_map.load(prior)
         occupied = prior_layer(source, cloud.spec).copy()
-        growth = growth_to(cloud.spec, cells_of(cloud.spec, source.spec))
+        growth = growth_over(cloud.spec, source.spec)
         if growth is not None:
             cloud.grow(growth)
             occupied = prior_layer(source, cloud.spec).copy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -11,10 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.storage import Store
+from app.storage import Store, sites
 from app.storage.schema import FIRST_SITE
+from app.storage.site_store import SiteStore
 from app.storage.sites import MAX_SITES, checked_name
-from navcore.errors import BadConfiguration, NotKnown, Refused
+from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
+from navcore.files import write_whole
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.zone import Zone
 from web.auth.roles import Role
@@ -59,12 +62,19 @@ def store(tmp_path: Path) -> Iterator[Store]:
     opened.close()
 
 
+def write_map(site: SiteStore, data: bytes, *, at_s: float | None = None) -> None:
+    site.folder.mkdir(parents=True, exist_ok=True)
+    site.map_file.write_bytes(data)
+    if at_s is not None:
+        os.utime(site.map_file, (at_s, at_s))
+
+
 def fill(store: Store, site: str, *, mark: bytes = b"map") -> None:
     contents = store.sites.open(site)
     contents.save_zone(zone("wet"))
     contents.save_document("mission", "round", {"goals": [], "loop": False})
     contents.save_beware(default_beware_list().edited("cup", margin_m=0.3))
-    store.sites.write_map(site, mark)
+    write_map(contents, mark)
 
 
 def test_two_sites_hold_the_same_names_and_ids_apart(store: Store) -> None:
@@ -84,7 +94,7 @@ def test_a_copy_has_everything_and_goes_its_own_way(store: Store) -> None:
     assert copied.documents("mission") == store.site.documents("mission")
     assert copied.beware_versions() == store.site.beware_versions()
     copied.change_zones([], ["wet"])
-    store.sites.write_map("Day 2", b"other")
+    write_map(copied, b"other")
     assert store.site.zones() == (zone("wet"),) and store.site.map_file.read_bytes() == b"map"
 
 
@@ -141,12 +151,12 @@ def test_every_name_that_is_allowed_is_a_plain_file_name(text: str) -> None:
 
 @pytest.mark.parametrize("name", ["", "..", "a/b", "a\\b", "\x00", ".a", "a ", "-a", "x" * 41])
 def test_a_name_that_could_leave_the_folder_is_refused(store: Store, name: str) -> None:
-    for act in (
+    acts: tuple[Callable[[], object], ...] = (
         lambda: store.sites.make(name),
         lambda: store.sites.copy("default", name),
         lambda: store.sites.rename("default", name),
-        lambda: store.sites.write_map(name, b""),
-    ):
+    )
+    for act in acts:
         with pytest.raises(BadConfiguration, match="expected 1 to 40"):
             act()
 
@@ -162,6 +172,104 @@ def test_a_renaming_that_was_killed_is_finished_at_the_next_start(tmp_path: Path
     store.close()
     with closing(Store(tmp_path)) as again:
         assert again.site.name == "hall" and again.site.map_file.read_bytes() == b"map"
+
+
+def test_a_folder_that_cannot_be_renamed_is_used_on_and_renamed_at_the_next_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    store = Store(tmp_path)
+    fill(store, "default")
+    with monkeypatch.context() as broken:
+        broken.setattr(Path, "rename", fail)
+        renamed = store.sites.rename("default", "hall")
+    assert names(store) == ["hall"] and renamed.name == "hall"
+    assert renamed.map_file.read_bytes() == b"map" and renamed.zones() == (zone("wet"),)
+    write_map(store.sites.open("hall"), b"newer map")
+    # The folder of that name is in use still.
+    with pytest.raises(Refused, match="already"):
+        store.sites.make("default")
+    store.close()
+    with closing(Store(tmp_path)) as again:
+        hall = again.sites.open("hall")
+        assert hall.folder.name == "hall" and hall.map_file.read_bytes() == b"newer map"
+        assert again.sites.make("default").map_file.exists() is False
+
+
+def test_a_renaming_whose_last_note_is_not_stored_has_succeeded(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fill(store, "default")
+    write = store._database.write
+
+    def fail(statement: str, values: tuple[object, ...] = ()) -> None:
+        if "renamed_from = NULL" in statement:
+            raise StorageFailed("the disk is full")
+        write(statement, values)
+
+    monkeypatch.setattr(store._database, "write", fail)
+    renamed = store.sites.rename("default", "hall")
+    assert renamed.folder.name == store.sites.open("hall").folder.name == "hall"
+    assert renamed.map_file.read_bytes() == b"map"
+    monkeypatch.undo()
+    # Back again, while the note of the first renaming is still there.
+    assert store.sites.rename("hall", "default").map_file.read_bytes() == b"map"
+
+
+@pytest.mark.parametrize("newer", ["default", "hall"])
+def test_of_two_folders_of_a_renamed_site_the_newer_map_is_kept(tmp_path: Path, newer: str) -> None:
+    store = Store(tmp_path)
+    fill(store, "default")
+    store.sites.rename("default", "hall")
+    for name in ("default", "hall"):
+        site = SiteStore(store._database, name, tmp_path / "sites" / name)
+        write_map(site, name.encode(), at_s=2e9 if name == newer else 1e9)
+    store._database.write("UPDATE sites SET renamed_from = 'default' WHERE name = 'hall'")
+    store.close()
+    with closing(Store(tmp_path)) as again:
+        assert again.site.map_file.read_bytes() == newer.encode()
+        assert again.site.folder.name == "hall"
+
+
+def test_a_map_is_written_before_the_transaction_and_a_draft_of_before_is_deleted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = Store(tmp_path)
+    fill(store, "default")
+
+    def check(path: Path, data: bytes) -> None:
+        assert not store._database._connection.in_transaction
+        write_whole(path, data)
+
+    monkeypatch.setattr(sites, "write_whole", check)
+    assert store.sites.copy("default", "hall").map_file.read_bytes() == b"map"
+    draft = tmp_path / "sites" / f"{sites.DRAFT}killed"
+    draft.mkdir()
+    store.close()
+    with closing(Store(tmp_path)):
+        folders = sorted(path.name for path in (tmp_path / "sites").iterdir())
+        assert folders == ["default", "hall"]
+
+
+def test_a_site_whose_making_fails_halfway_is_not_there(store: Store) -> None:
+    with pytest.raises(StorageFailed, match="full"), store.sites.making("hall", b"map") as site:
+        site.save_zone(zone("wet"))
+        raise StorageFailed("the disk is full")
+    assert names(store) == ["default"] and not (store.path.parent / "sites" / "hall").exists()
+    assert store.sites.make("hall").zones() == ()
+
+
+def test_the_newest_site_is_that_chosen_last_whatever_the_clock_says(tmp_path: Path) -> None:
+    with closing(Store(tmp_path)) as store:
+        store.use("default")
+        # A console of before, with a clock that was years ahead.
+        store._database.write("UPDATE sites SET chosen = 4e9")
+        store.sites.make("hall")
+        store.use("hall", world="office")
+    with closing(Store(tmp_path)) as again:
+        assert again.site.name == "hall" and again.sites.last_of("office") == "hall"
 
 
 def test_the_site_that_was_used_last_in_a_world_is_used_again(store: Store) -> None:
@@ -184,7 +292,7 @@ def test_a_data_folder_of_before_becomes_the_site_default(tmp_path: Path) -> Non
     with closing(Store(tmp_path)) as now:
         # What a console of before stored, in the same words.
         fill(now, FIRST_SITE)
-        now._database.write("INSERT INTO runs VALUES ('a', '{}')")
+        now.save_run({"id": "a"})
         rows = {
             table: now._database.rows(f"SELECT * FROM {table}")
             for table in ("zones", "beware_lists", "documents")
@@ -194,7 +302,7 @@ def test_a_data_folder_of_before_becomes_the_site_default(tmp_path: Path) -> Non
     with closing(sqlite3.connect(old / "console.sqlite")) as before:
         for statement in VERSION_1:
             before.execute(statement)
-        before.execute("INSERT INTO runs VALUES ('a', '{}')")
+        before.execute("""INSERT INTO runs VALUES ('a', '{"id": "a", "series": {"t_s": [0]}}')""")
         before.execute("INSERT INTO users VALUES ('vera', 'admin', '-', NULL)")
         for _, _, *row in rows["zones"]:
             before.execute("INSERT INTO zones (id, zone) VALUES (?, ?)", row)
@@ -208,7 +316,8 @@ def test_a_data_folder_of_before_becomes_the_site_default(tmp_path: Path) -> Non
         assert moved.site.zones() == now.site.zones() == (zone("wet"),)
         assert moved.site.beware() == now.site.beware()
         assert moved.site.documents("mission") == now.site.documents("mission")
-        assert moved.runs() == ({},)
+        assert moved.runs() == ({"id": "a"},)
+        assert moved.run("a") == {"id": "a", "series": {"t_s": [0]}}
         assert moved.users.all() == (VERA,) and moved.users.all()[0].language is None
     with closing(Store(old)) as again:
         assert again.site.zones() == (zone("wet"),)
@@ -219,6 +328,9 @@ def test_the_users_of_a_data_folder_of_before_gain_a_language(tmp_path: Path) ->
         fill(before, FIRST_SITE)
         before.users.add(VERA)
         before._database.write("ALTER TABLE users DROP COLUMN language")
+        before._database.write("ALTER TABLE sites RENAME COLUMN chosen TO chosen_unix_s")
+        before._database.write("DROP TABLE runs")
+        before._database.write("CREATE TABLE runs (id TEXT PRIMARY KEY, report TEXT NOT NULL)")
         before._database.write("PRAGMA user_version = 2")
     with closing(Store(tmp_path)) as now:
         assert now.users.all() == (VERA,) and now.site.zones() == (zone("wet"),)

@@ -53,10 +53,21 @@ def test_what_the_robot_has_not_seen_is_not_gone() -> None:
 def test_only_the_accepted_area_changes_the_accepted_map() -> None:
     accepted, present = hall((30, 10, 34, 14)), hall((20, 50, 28, 60))
     box, _ = changed_areas(accepted, present)
-    merged = accept(accepted, present, [box])
+    merged = accept(accepted, SPEC, [box])
     assert merged.occupied[20:28, 50:60].all() and merged.occupied[30:34, 10:14].all()
     assert [area.kind for area in changed_areas(merged, present)] == [ChangeKind.GONE]
     assert not accepted.occupied[20:28, 50:60].any()
+
+
+def test_an_area_of_an_older_listing_does_not_cut_off_a_map_that_has_grown_since() -> None:
+    (box,) = changed_areas(hall(), hall((20, 50, 28, 60)))
+    grown = hall().on(SPEC.part(-256, -256, SPEC.rows, SPEC.cols + 256))
+    occupied = grown.occupied.copy()
+    occupied[0, 0] = occupied[-1, -1] = True
+    merged = accept(CellMap(spec=grown.spec, occupied=occupied, known=grown.known), SPEC, [box])
+    assert merged.spec == grown.spec and merged.occupied[256 + 20 : 256 + 28, 256 + 50 : 316].all()
+    occupied[256 + 20 : 256 + 28, 256 + 50 : 316] = True
+    np.testing.assert_array_equal(merged.occupied, occupied)
 
 
 @given(before=grids, now=grids, known=grids)
@@ -65,7 +76,7 @@ def test_after_all_areas_are_accepted_nothing_has_changed(
 ) -> None:
     accepted, present = cells_of(before), cells_of(now, known)
     areas = changed_areas(accepted, present, EXACT)
-    merged = accept(accepted, present, areas)
+    merged = accept(accepted, SMALL, areas)
     assert changed_areas(merged, present, EXACT) == ()
     # Every changed cell is in one area, and no other cell is touched.
     changed = (now & ~before) | (before & ~now & known)

@@ -29,7 +29,7 @@ from navcore.grid.grid import GridSpec
 from navcore.mapping.changes import CellMap
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage import map_file
-from navcore.mission.beware_list import default_beware_list
+from navcore.mission.beware_list import MAX_RETIRED, default_beware_list
 from navcore.mission.zone import Zone
 from navcore.mission.zone_shapes import Circle
 from web.interface.sites import Tag
@@ -179,6 +179,38 @@ def test_a_nav2_map_is_the_accepted_map_and_the_prior_of_a_new_site(store: Store
     add_nav2(store.sites, "turned", source, pairs=moved)
     turned = accepted_map(store.sites.open("turned"))
     assert turned is not None and turned.occupied.any(axis=0).sum() <= 2  # the row is a column now
+
+
+def test_a_nav2_map_to_which_the_map_cannot_grow_is_refused_with_both_extents(
+    store: Store,
+) -> None:
+    cells = accepted()
+    far = dataclasses.replace(SPEC, origin_x_m=25_000.0, origin_y_m=18_000.0)
+    source = map_from_cells(occupied=cells.occupied, known=cells.known, spec=far)
+    extents = r"the map covers x 25000 to 25006 m.*begins with x -3 to 3 m"
+    with pytest.raises(BadConfiguration, match=extents):
+        add_nav2(store.sites, "hall", source, pairs=None, first_grid=SPEC)
+    assert [row.name for row in store.sites.all()] == ["default"]
+    # The command line does not know the world: it is told at the start there.
+    add_nav2(store.sites, "hall", source, pairs=None)
+    with pytest.raises(BadConfiguration, match=extents):
+        map_of(store.sites.open("hall"), PointMap(SPEC, MappingConfig()).state())
+
+
+def test_a_site_whose_classes_were_often_renamed_comes_back(store: Store) -> None:
+    beware = default_beware_list()
+    gone, often = (entry.name for entry in beware.classes[:2])
+    beware = beware.removed(gone)
+    for number in range(MAX_RETIRED + 20):
+        beware = beware.renamed(often if number == 0 else f"tape {number - 1}", f"tape {number}")
+    # The oldest former names go, and never the last one of an id.
+    assert len(beware.retired) == MAX_RETIRED and often not in beware.ids
+    assert beware.ids[gone] == default_beware_list().ids[gone]
+    store.site.save_beware(beware)
+    add(store.sites, "hall", pack(store.site))
+    brought = store.sites.open("hall").beware()
+    assert brought is not None
+    assert (brought.classes, brought.retired) == (beware.classes, beware.retired)
 
 
 def test_the_nav2_export_is_without_the_zones_and_the_mask_beside_it(store: Store) -> None:

@@ -185,7 +185,7 @@ def test_a_mission_that_starts_in_the_meantime_is_not_moved_to_another_site(
         desk.sites.choose("hall")
     assert desk.sites.chosen == "default" and len(desk.controller.intent.zones) == 1
     desk.zones.add(SQUARE)  # edits go on
-    assert max(desk.store.sites.all(), key=lambda row: row.chosen_unix_s).name == "default"
+    assert max(desk.store.sites.all(), key=lambda row: row.chosen).name == "default"
 
 
 def test_an_edit_that_comes_too_late_is_refused_and_stored_nowhere(desk: Desk) -> None:
@@ -202,7 +202,9 @@ def test_an_edit_that_comes_too_late_is_refused_and_stored_nowhere(desk: Desk) -
 
 
 def test_a_site_with_a_damaged_map_is_refused_and_nothing_changes(desk: Desk) -> None:
-    desk.store.sites.write_map("hall", b"no map")
+    hall = desk.store.sites.open("hall")
+    hall.folder.mkdir(parents=True)
+    hall.map_file.write_bytes(b"no map")
     with desk.ticking(), pytest.raises(BadConfiguration, match="no map file"):
         desk.sites.choose("hall")
     assert desk.sites.chosen == "default"
@@ -235,6 +237,24 @@ def test_the_site_in_use_is_renamed_with_its_map(desk: Desk) -> None:
     assert not (desk.store.site.folder.parent / "default").exists()
     assert points_in(desk.store.site) > 10
     desk.zones.add(SQUARE)
+    assert len(desk.store.sites.open("Ward 3").zones()) == 1
+
+
+def test_a_site_in_use_whose_folder_cannot_be_renamed_goes_on_under_its_new_name(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    with desk.ticking():
+        desk.sites.export("default")
+        with monkeypatch.context() as broken:
+            broken.setattr(Path, "rename", fail)
+            assert desk.sites.rename("default", "Ward 3").name == "Ward 3"
+        desk.zones.add(SQUARE)
+        desk.store.site.map_file.unlink()
+        desk.sites.export("Ward 3")
+    assert desk.sites.chosen == "Ward 3" and points_in(desk.store.sites.open("Ward 3")) > 10
     assert len(desk.store.sites.open("Ward 3").zones()) == 1
 
 
