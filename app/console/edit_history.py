@@ -95,15 +95,19 @@ class EditStack(Generic[Step]):
                 dataclasses.replace(edit, step=change(edit.step)) for edit in self._undone
             ]
 
-    def undo(self, take_back: Callable[[Edit[Step]], None]) -> str:
-        """Take back the newest edit and return its description; raises `Refused` without one.
+    def undo(self, take_back: Callable[[Edit[Step]], None], *, number: int | None = None) -> str:
+        """Take back the newest edit and return its description; raises `Refused` without one, and
+        when it is not the one with the `number`, if that is given.
 
         An edit that cannot be taken back stays the newest.
         """
         with self.editing():
             if not self._done:
                 raise Refused("there is no edit to undo")
-            take_back(self._done[-1])
+            newest = self._done[-1]
+            if number not in (None, newest.number):
+                raise _another(newest.text)
+            take_back(newest)
             self._undone.append(self._done.pop())
             return self._undone[-1].text
 
@@ -120,6 +124,10 @@ class EditStack(Generic[Step]):
             return edit.text
 
 
+def _another(edit: str | None) -> Refused:
+    return Refused(f"another edit was made since, so nothing is undone: {edit}")
+
+
 class Editor(Protocol):
     """An editor of zones, beware list, map or path settings."""
 
@@ -127,8 +135,9 @@ class Editor(Protocol):
     def history(self) -> EditHistory:
         """Its next undo and redo."""
 
-    def undo(self, *, by: str) -> str:
-        """Undo its newest edit and return its description."""
+    def undo(self, *, by: str, number: int | None = None) -> str:
+        """Undo its newest edit and return its description; `Refused` when it is not the one with
+        the `number`, if that is given."""
 
     def redo(self, *, by: str) -> str:
         """Repeat its edit that was undone last and return its description."""
@@ -169,8 +178,8 @@ class AllEdits:
                 raise Refused("there is no edit to undo")
             newest = editor.history
             if number is not None and number != newest.undo_number:
-                raise Refused(f"another edit was made since, so nothing is undone: {newest.undo}")
-            return editor.undo(by=by)
+                raise _another(newest.undo)
+            return editor.undo(by=by, number=number)
 
     def redo(self, *, by: str) -> str:
         """Repeat the edit that was undone last and return its description."""

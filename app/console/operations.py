@@ -225,15 +225,18 @@ class LiveOperations:
         ):
             yield
 
-    def enter_site(self, site: SiteStore, *, same_map: bool = False) -> None:
-        """Edit the contents of another site from now on, or of one with the `same_map`, which has
-        another name now."""
+    @contextmanager
+    def holding_edits(self) -> Iterator[None]:
+        """Hold off every edit that is stored at the present site."""
+        with self.zones.held(), self.beware.held(), self.path_settings.held():
+            yield
+
+    def enter_site(self, site: SiteStore) -> None:
+        """Edit the contents of another site from now on."""
         self._edits_before += self.zones.changes + 1
         self._edit(site)
         self.map_edits = self._map_editor()
         self._recorder.watch_zones(self.zones.stored)
-        if same_map:
-            return
         self._forget_map()
         # The tick that runs now still notes what it saw on the map before.
         self._controller.edit_map(lambda _: self._begin_map())

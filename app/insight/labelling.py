@@ -80,8 +80,8 @@ class LabellingFolder:
     def add(self, view: StoredView, *, names: dict[int, str], said: str | None) -> None:
         """Add a view whose region shows the class `said`, or no class of the list for None.
 
-        `names` are the classes of the beware list by id. Raises `Refused` when the folder is full,
-        `StorageFailed` when it cannot be written.
+        Both are classes of the network; `names` those of the beware list by id. Raises `Refused`
+        when the folder is full, `StorageFailed` when it cannot be written.
         """
         with self._lock:
             self._open()

@@ -197,7 +197,8 @@ class LiveInsight:
     def mark_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
         """Mark a detection as wrong, and add its frame to the labelling folder, corrected."""
         view = self.detections.view(sighting_id)
-        self.labelling.add(view, names=self._names(class_name), said=class_name)
+        names, said = self._network_classes(class_name)
+        self.labelling.add(view, names=names, said=said)
         self.detections.mark(sighting_id, "wrong")
         what = f"it is “{class_name}”" if class_name else "it is nothing of the list"
         self.event_log.note(
@@ -213,7 +214,7 @@ class LiveInsight:
         if self._decision is None:
             raise Refused("the camera has delivered no image yet")
         self._snapshots.append(self._decision)
-        return self._decision.frame.stamp_ns
+        return _snapshot_id(self._decision)
 
     def snapshot_image(self, snapshot: int) -> bytes:
         """Return the JPEG of a held image; raises `NotKnown`."""
@@ -223,10 +224,10 @@ class LiveInsight:
         self, snapshot: int, class_name: str, box: tuple[int, int, int, int]
     ) -> LabellingState:
         """Add a held image to the labelling folder, with a missed object."""
-        names, decision = self._names(class_name), self._held(snapshot)
+        (names, said), decision = self._network_classes(class_name), self._held(snapshot)
         mask = region_in(decision.frame.rgb, box)
         view = packed(decision.frame, decision.labels, self._controller.intent.beware, mask)
-        self.labelling.add(view, names=names, said=class_name)
+        self.labelling.add(view, names=names, said=said)
         self.event_log.note(
             self._now_s(),
             "labelled",
@@ -269,7 +270,7 @@ class LiveInsight:
 
     def _held(self, snapshot: int) -> TickResult:
         for decision in tuple(self._snapshots):
-            if decision.frame.stamp_ns == snapshot:
+            if _snapshot_id(decision) == snapshot:
                 return decision
         raise NotKnown(f"image {snapshot} is no longer held; take another one")
 
@@ -282,11 +283,15 @@ class LiveInsight:
             None,
         )
 
-    def _names(self, class_name: str | None) -> dict[int, str]:
-        names = {entry.class_id: entry.name for entry in self._controller.intent.beware.classes}
-        if class_name is not None and class_name not in names.values():
+    def _network_classes(self, class_name: str | None) -> tuple[dict[int, str], str | None]:
+        """Return the class of the network for each class id of the list, and for the entry of a
+        name: a renamed entry is still trained as the class that detects it."""
+        entries = self._controller.intent.beware.classes
+        named = {entry.name: entry.detected_as for entry in entries}
+        if class_name is not None and class_name not in named:
             raise NotKnown(f"the beware list has no class {class_name!r:.90}; add it first")
-        return names
+        detected_as = {entry.class_id: entry.detected_as for entry in entries}
+        return detected_as, None if class_name is None else named[class_name]
 
     def _query(self) -> ExplanationQuery:
         intent, decision = self._controller.intent, self._decision
@@ -317,3 +322,9 @@ class LiveInsight:
             safety_margin_m=self._config.safety_margin_m,
             start_relief_m=self._config.start_relief_m,
         )
+
+
+def _snapshot_id(decision: TickResult) -> int:
+    """Return the number of a held image: its time in microseconds, since JavaScript rounds the
+    nanoseconds of a clock that has run for 104 days."""
+    return decision.frame.stamp_ns // 1000

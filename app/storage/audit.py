@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from datetime import UTC, datetime
+from datetime import MINYEAR, UTC, datetime
 from typing import Any
 
 from app.storage.database import Database
@@ -63,4 +63,8 @@ class AuditTable:
 
 def _stamp(at: datetime) -> str:
     """Return the date of an entry as text that sorts like the times."""
-    return at.astimezone(UTC).isoformat(timespec="milliseconds")
+    try:
+        utc = at.astimezone(UTC)
+    except OverflowError:  # before the year 1 or after 9999 in UTC
+        utc = (datetime.min if at.year == MINYEAR else datetime.max).replace(tzinfo=UTC)
+    return utc.isoformat(timespec="milliseconds")

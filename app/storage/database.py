@@ -63,10 +63,10 @@ class Database:
         """One transaction: all its statements are on the disk at the end, or none if any fails.
         What is written within the block, by the same thread, belongs to it."""
         with self._lock:
-            if self._connection.in_transaction:
-                yield self._connection
-                return
             try:
+                if self._connection.in_transaction:
+                    yield self._connection
+                    return
                 self._connection.execute("BEGIN IMMEDIATE")
                 try:
                     yield self._connection

@@ -14,7 +14,7 @@ PER_SITE = {
     # A zone is one JSON document, so that it can gain a property without a new schema.
     "zones": "position INTEGER PRIMARY KEY AUTOINCREMENT, site TEXT NOT NULL COLLATE NOCASE, "
     "id TEXT NOT NULL, zone TEXT NOT NULL, UNIQUE (site, id)",
-    # Every beware list that was ever in force, so that edits can be undone.
+    # The newest beware lists that were in force, so that edits can be undone.
     "beware_lists": "position INTEGER PRIMARY KEY AUTOINCREMENT, "
     "site TEXT NOT NULL COLLATE NOCASE, version INTEGER NOT NULL, list TEXT NOT NULL",
     # JSON documents that belong to a site, by kind and name: zone sets, saved missions, the goals

@@ -14,6 +14,8 @@ from navcore.mission.zone import Zone
 from navcore.toml_config import from_table
 from web.interface.beware import BewareVersion
 
+MAX_LISTS = 1000
+"""Largest number of beware lists that are kept of a site."""
 MAP_FILE = "map.npz"
 """Name of the map file in the folder of a site."""
 
@@ -31,6 +33,10 @@ class SiteStore:
         """Name of the site."""
         self.folder = folder
         """Folder of the map; it may not exist before the first map is kept."""
+
+    def follow(self, renamed: SiteStore) -> None:
+        """Take over the name and the folder that this site has after a renaming."""
+        self.name, self.folder = renamed.name, renamed.folder
 
     @property
     def map_file(self) -> Path:
@@ -84,12 +90,25 @@ class SiteStore:
 
     def beware(self) -> BewareList | None:
         """Return the list saved last; None on a new site."""
-        versions = self._beware_versions(limit=1)
+        versions = self.beware_versions(limit=1)
         return versions[0].list if versions else None
 
-    def beware_versions(self) -> tuple[BewareVersion, ...]:
-        """Return every list that was ever saved, newest first."""
-        return self._beware_versions(limit=-1)
+    def beware_versions(self, *, limit: int = MAX_LISTS) -> tuple[BewareVersion, ...]:
+        """Return the lists saved last, newest first."""
+        rows = self._database.rows(
+            "SELECT list FROM beware_lists WHERE site = ? ORDER BY position DESC LIMIT ?",
+            (self.name, limit),
+        )
+        return tuple(_beware_version(json.loads(row[0])) for row in rows)
+
+    def beware_version(self, version: int) -> BewareVersion | None:
+        """Return the newest list of a version; None where it is not kept."""
+        rows = self._database.rows(
+            "SELECT list FROM beware_lists WHERE site = ? AND version = ? "
+            "ORDER BY position DESC LIMIT 1",
+            (self.name, version),
+        )
+        return _beware_version(json.loads(rows[0][0])) if rows else None
 
     def save_beware(
         self,
@@ -100,7 +119,7 @@ class SiteStore:
         what: str = "",
     ) -> None:
         """Store the list in force, with the time of the edit in seconds since 1970, who made it
-        and its description; earlier lists are kept."""
+        and its description; the oldest go."""
         document = {
             "version": beware.version,
             "classes": [as_table(entry) for entry in beware.classes],
@@ -109,17 +128,17 @@ class SiteStore:
             "by": by,
             "what": what,
         }
-        self._database.write(
-            "INSERT INTO beware_lists (site, version, list) VALUES (?, ?, ?)",
-            (self.name, beware.version, json.dumps(document)),
-        )
-
-    def _beware_versions(self, *, limit: int) -> tuple[BewareVersion, ...]:
-        rows = self._database.rows(
-            "SELECT list FROM beware_lists WHERE site = ? ORDER BY position DESC LIMIT ?",
-            (self.name, limit),
-        )
-        return tuple(_beware_version(json.loads(row[0])) for row in rows)
+        text = json.dumps(document)
+        with self._database.writing() as connection:
+            connection.execute(
+                "INSERT INTO beware_lists (site, version, list) VALUES (?, ?, ?)",
+                (self.name, beware.version, text),
+            )
+            connection.execute(
+                "DELETE FROM beware_lists WHERE site = ? AND position <= (SELECT position FROM "
+                "beware_lists WHERE site = ? ORDER BY position DESC LIMIT 1 OFFSET ?)",
+                (self.name, self.name, MAX_LISTS),
+            )
 
 
 def _beware_version(saved: Mapping[str, Any]) -> BewareVersion:

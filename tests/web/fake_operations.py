@@ -631,9 +631,13 @@ class MemoryStore:
         """Implement the store."""
         return self._lists[-1].list if self._lists else None
 
-    def beware_versions(self) -> tuple[BewareVersion, ...]:
+    def beware_versions(self, *, limit: int = 1000) -> tuple[BewareVersion, ...]:
         """Implement the store."""
-        return tuple(self._lists[::-1])
+        return tuple(self._lists[::-1][:limit])
+
+    def beware_version(self, version: int) -> BewareVersion | None:
+        """Implement the store."""
+        return next((one for one in self._lists[::-1] if one.list.version == version), None)
 
     def save_beware(self, beware: BewareList, *, unix_s: float, by: str, what: str) -> None:
         """Implement the store."""

@@ -208,7 +208,10 @@ class BewareEdits(Protocol):
         site, others are those of `navcore.mission.beware_sets`. Raises `NotKnown`."""
 
     def versions(self) -> tuple[BewareVersion, ...]:
-        """Return all stored versions, newest first."""
+        """Return the stored versions, newest first."""
+
+    def version(self, version: int) -> BewareVersion:
+        """Return a stored version; raises `NotKnown`."""
 
     def restore(self, version: int, *, force: bool = False, by: str = OPERATOR) -> BewareList:
         """Bring back a stored version, as the next one; raises `NotKnown`."""

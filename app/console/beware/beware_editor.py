@@ -39,8 +39,11 @@ class BewareStore(Protocol):
     def beware(self) -> BewareList | None:
         """Return the list saved last; None on a new site."""
 
-    def beware_versions(self) -> tuple[BewareVersion, ...]:
-        """Return every list that was ever saved, newest first."""
+    def beware_versions(self, *, limit: int = ...) -> tuple[BewareVersion, ...]:
+        """Return the lists saved last, newest first."""
+
+    def beware_version(self, version: int) -> BewareVersion | None:
+        """Return the newest list of a version; None where it is not kept."""
 
     def save_beware(self, beware: BewareList, *, unix_s: float, by: str, what: str) -> None:
         """Store the list in force; earlier lists are kept."""
@@ -95,12 +98,16 @@ class BewareEditor:
         self._colours, self._follower, self._examples = colours, follower, examples
         self._defaults = defaults or default_beware_list()
         self._calendar_s = calendar_s
-        stored = store.beware_versions()[: MAX_UNDO + 1][::-1]
+        stored = store.beware_versions(limit=MAX_UNDO + 1)[::-1]
         earlier = (
             (new.what or "an edit", _Lists(before=old.list, after=new.list))
             for old, new in itertools.pairwise(stored)
         )
         self._edits = EditStack[_Lists](number=number, earlier=earlier)
+
+    def held(self) -> AbstractContextManager[None]:
+        """Hold off every edit during the block."""
+        return self._edits.editing()
 
     def retired(self) -> AbstractContextManager[None]:
         """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
@@ -196,8 +203,15 @@ class BewareEditor:
             return self._step(self._ready_made(name), by, what="ready-made list")
 
     def versions(self) -> tuple[BewareVersion, ...]:
-        """Return all stored versions, newest first."""
+        """Return the stored versions, newest first."""
         return self._store.beware_versions()
+
+    def version(self, version: int) -> BewareVersion:
+        """Return a stored version; raises `NotKnown`."""
+        stored = self._store.beware_version(version)
+        if stored is None:
+            raise NotKnown(f"the beware list has no version {version}")
+        return stored
 
     def restore(self, version: int, *, force: bool = False, by: str = OPERATOR) -> BewareList:
         """Bring back a stored version, as the next one."""
@@ -221,10 +235,7 @@ class BewareEditor:
         return drafted
 
     def _restored(self, version: int) -> BewareList:
-        for stored in self.versions():
-            if stored.list.version == version:
-                return self.list.replaced(stored.list.classes)
-        raise NotKnown(f"the beware list has no version {version}")
+        return self.list.replaced(self.version(version).list.classes)
 
     def _ready_made(self, name: str) -> BewareList:
         lists = {"default": self._defaults, **ready_made()}
@@ -232,9 +243,9 @@ class BewareEditor:
             raise NotKnown(f"no ready-made list is called {name!r}, only {', '.join(lists)}")
         return self.list.adopted(lists[name].classes)
 
-    def undo(self, *, by: str = OPERATOR) -> str:
+    def undo(self, *, by: str = OPERATOR, number: int | None = None) -> str:
         """Restore the list before the newest edit, as a new version."""
-        return self._edits.undo(lambda edit: self._take_back(edit, by))
+        return self._edits.undo(lambda edit: self._take_back(edit, by), number=number)
 
     def redo(self, *, by: str = OPERATOR) -> str:
         """Repeat the edit that was undone last, as a new version."""

@@ -41,6 +41,10 @@ class PathSettings:
         self._holder, self._store, self._configured = holder, store, configured
         self._edits = EditStack[_Prices](number=number)
 
+    def held(self) -> AbstractContextManager[None]:
+        """Hold off every edit during the block."""
+        return self._edits.editing()
+
     def retired(self) -> AbstractContextManager[None]:
         """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
         return self._edits.retired()
@@ -65,9 +69,9 @@ class PathSettings:
             self._apply(price)
             self._edits.add(f"cost of unseen floor: × {price:g}", prices)
 
-    def undo(self, *, by: str = OPERATOR) -> str:
+    def undo(self, *, by: str = OPERATOR, number: int | None = None) -> str:
         """Undo the newest edit and return its description."""
-        return self._edits.undo(lambda edit: self._apply(edit.step.before))
+        return self._edits.undo(lambda edit: self._apply(edit.step.before), number=number)
 
     def redo(self, *, by: str = OPERATOR) -> str:
         """Repeat the edit that was undone last and return its description."""

@@ -83,6 +83,10 @@ class ZoneEditor:
         self._unstored = frozenset[str]()  # ids of zones that moved while the store refused
         self._changes = 0
 
+    def held(self) -> AbstractContextManager[None]:
+        """Hold off every edit during the block."""
+        return self._edits.editing()
+
     def retired(self) -> AbstractContextManager[None]:
         """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
         return self._edits.retired()
@@ -231,9 +235,9 @@ class ZoneEditor:
             old = self._expected(zone_id, expected_version)
             self._step(f"deletion of {old.name!r}", {zone_id: None})
 
-    def undo(self, *, by: str = OPERATOR) -> str:
+    def undo(self, *, by: str = OPERATOR, number: int | None = None) -> str:
         """Undo the newest edit and return its description; only the audit log keeps who did it."""
-        return self._edits.undo(lambda edit: self._apply(edit.step.before))
+        return self._edits.undo(lambda edit: self._apply(edit.step.before), number=number)
 
     def redo(self, *, by: str = OPERATOR) -> str:
         """Repeat the edit that was undone last and return its description."""

@@ -293,9 +293,9 @@ class MapEditor:
                 return
         raise NotKnown(f"nothing was rejected under the id {rejection_id}")
 
-    def undo(self, *, by: str) -> str:
+    def undo(self, *, by: str, number: int | None = None) -> str:
         """Undo the newest edit and return its description."""
-        return self._edits.undo(lambda edit: self._post(edit.step.take_back, by))
+        return self._edits.undo(lambda edit: self._post(edit.step.take_back, by), number=number)
 
     def redo(self, *, by: str) -> str:
         """Repeat the edit that was undone last and return its description."""

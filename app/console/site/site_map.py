@@ -47,7 +47,7 @@ def put_in_force(site: SiteStore, given: BewareList, present: BewareList) -> Non
     if adopted.classes == present.classes:
         return
     now_s = time.time()
-    if not site.beware_versions():
+    if site.beware() is None:
         site.save_beware(present, unix_s=now_s, what="list of a new site")
     what = "; ".join(changes_between(present, adopted)[:3])
     site.save_beware(adopted, unix_s=now_s, by="command line", what=what)

@@ -56,9 +56,11 @@ class SiteUser(Protocol):
     def leaving_site(self) -> AbstractContextManager[None]:
         """Hold every edit of the present site; after the block they are refused."""
 
-    def enter_site(self, site: SiteStore, *, same_map: bool = False) -> None:
-        """Edit the contents of another site from now on, or of one with the `same_map`, which has
-        another name now."""
+    def holding_edits(self) -> AbstractContextManager[None]:
+        """Hold off every edit that is stored at the present site."""
+
+    def enter_site(self, site: SiteStore) -> None:
+        """Edit the contents of another site from now on."""
 
 
 class MapView(Protocol):
@@ -145,12 +147,11 @@ class LiveSites:
                 raise Refused(
                     f"the map of site {self.chosen!r} is being opened; try again in a moment"
                 )
-            with self._user.leaving_site():
+            with self._user.holding_edits():
                 if self._has_own_map:
-                    self._keeper.move(lambda: self._renamed(name, new_name).map_file)
+                    self._keeper.move(lambda: self._renamed(new_name).map_file)
                 else:
-                    self._renamed(name, new_name)
-            self._user.enter_site(self._store.site, same_map=True)
+                    self._renamed(new_name)
             return self._site(self.chosen)
 
     def set_dock(self, name: str, dock: Pose2 | None) -> Site:
@@ -318,9 +319,10 @@ class LiveSites:
                 self._controller.enter_site(edit, replace_map)
             except Refused:
                 self._store.use(before.name)
+                self._store.site = before  # that of the editors, which go on
                 self._has_entered = True
                 raise
-            self._user.enter_site(site)
+            self._user.enter_site(self._store.site)
         self._left.pop(site.name, None)
         if left.is_known:
             self._left[before.name] = left
@@ -345,9 +347,11 @@ class LiveSites:
         tags = dock_and_tags.tags_of(self._store.site)
         self._controller.navigator.localisation.tags = tags if tags.tags else self._world_tags
 
-    def _renamed(self, name: str, new_name: str) -> SiteStore:
-        self._store.site = self._store.sites.rename(name, new_name)
-        return self._store.site
+    def _renamed(self, new_name: str) -> SiteStore:
+        """Rename the site in use; its editors, with all that can be undone, go on."""
+        site = self._store.site
+        site.follow(self._store.sites.rename(site.name, new_name))
+        return site
 
     def _require_own_map(self) -> None:
         if not self._has_own_map:

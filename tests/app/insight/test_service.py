@@ -1,12 +1,16 @@
-"""The explanation of a real navigator's decision."""
+"""The explanation of a real navigator's decision, and the images that operators correct."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
+
+import numpy as np
 
 from app.storage import Store
 from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.supervisor import Behaviour
+from navcore.learning.data.dataset import load_dataset
 from navcore.mission.zone import OWN_COLOUR, Zone
 from tests.app.insight.test_event_log import insight_of
 from tests.reliability.fault_runs import first_frame, standing_controller
@@ -33,4 +37,27 @@ def test_a_keep_out_of_the_robot_itself_is_among_the_reasons_for_its_path(
     [rule] = [rule for rule in insight.explain().rules if rule.name == lane.name]
     assert rule.along_m > 0 and rule.saves_m is not None and rule.saves_m > 0.05
     assert insight.without([rule.key]).difference_m == -rule.saves_m
+    store.close()
+
+
+def test_an_example_of_a_renamed_class_is_trained_as_the_class_that_detects_it(
+    tmp_path: Path,
+) -> None:
+    controller, store = standing_controller(), Store(tmp_path / "data")
+    insight, frame = insight_of(store, tmp_path / "labelling", controller), first_frame()
+    controller.change(
+        lambda state: dataclasses.replace(state, beware=state.beware.renamed("cup", "mug"))
+    )
+    decision = controller.think(frame, clock=lambda: frame.stamp_ns)
+    assert decision is not None
+    # The clock of a robot that has run for half a year: JavaScript must not round the id.
+    late = dataclasses.replace(frame, stamp_ns=2**54 + 1)
+    insight.note_decision(dataclasses.replace(decision, frame=late))
+    snapshot = insight.snapshot()
+    assert int(float(snapshot)) == snapshot < 2**53 and insight.snapshot_image(snapshot)
+    insight.add_example(snapshot, "mug", (10, 10, 60, 60))
+    stored = load_dataset(tmp_path / "labelling")
+    names = [name.casefold() for name in stored.card.class_names]
+    assert "mug" not in names
+    assert names.index("cup") + 1 in np.unique(stored.read("train", 0).labels)
     store.close()

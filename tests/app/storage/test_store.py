@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import pytest
@@ -101,3 +102,14 @@ def test_polygons_are_stored_as_plain_json(tmp_path: Path) -> None:
     (stored,) = database.execute("SELECT zone FROM zones").fetchone()
     database.close()
     assert json.loads(stored)["polygon"] == [list(corner) for corner in SQUARE]
+
+
+@pytest.mark.parametrize("shift", [14, -14])
+def test_a_time_that_utc_cannot_name_bounds_the_audit_log(tmp_path: Path, shift: int) -> None:
+    store, zone_of_time = Store(tmp_path), timezone(timedelta(hours=shift))
+    number = store.audit.add({"who": "vera"})
+    since = datetime.min.replace(tzinfo=zone_of_time)
+    until = datetime.max.replace(tzinfo=zone_of_time)
+    assert [entry["id"] for entry in store.audit.newest(since=since, until=until)] == [number]
+    assert store.audit.newest(until=since) == store.audit.newest(since=until) == ()
+    store.close()

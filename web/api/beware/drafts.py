@@ -9,7 +9,6 @@ from typing import Annotated
 import numpy as np
 from fastapi import APIRouter, Path, Response
 
-from navcore.errors import NotKnown
 from navcore.mission.beware_changes import changes_between
 from web.api.beware.beware import Force
 from web.api.router import api_router
@@ -109,14 +108,12 @@ def beware_drafts_router(operations: RobotService) -> APIRouter:
     @router.get("/beware/versions/{version}", response_model=ComparisonOut, responses=refusals(404))
     def get_version(version: Version) -> ComparisonOut:
         """Return a stored version and how it differs from the list in force."""
-        for stored in operations.beware.versions():
-            if stored.list.version == version:
-                return ComparisonOut(
-                    version=version,
-                    classes=stored.list.classes,
-                    changes=changes_between(operations.beware.list, stored.list),
-                )
-        raise NotKnown(f"the beware list has no version {version}")
+        stored = operations.beware.version(version).list
+        return ComparisonOut(
+            version=version,
+            classes=stored.classes,
+            changes=changes_between(operations.beware.list, stored),
+        )
 
     @router.post(
         "/beware/versions/{version}/restore",

@@ -10,7 +10,7 @@ import pytest
 
 from app.console.beware.beware_editor import BewareEditor
 from app.console.site.site_map import beware_of, put_in_force
-from app.storage import Store
+from app.storage import Store, site_store
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.mission.beware_changes import changes_between
 from navcore.mission.beware_list import (
@@ -177,4 +177,22 @@ def test_a_file_from_the_command_line_is_a_version_of_the_site(tmp_path: Path) -
     assert editor.list.classes == SHIPPED.classes
     with pytest.raises(BadConfiguration, match="the list is empty"):
         put_in_force(store.site, BewareList(classes=()), beware_of(store.site))
+    store.close()
+
+
+def test_the_newest_lists_are_kept_and_a_version_is_found_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(site_store, "MAX_LISTS", 5)
+    store = Store(tmp_path)
+    store.sites.make("other").save_beware(SHIPPED)
+    editor = editor_of(store)
+    for number in range(8):
+        editor.edit("cup", {"margin_m": number / 10})
+    kept = [one.list.version for one in editor.versions()]
+    assert kept == [editor.list.version - back for back in range(5)]
+    assert editor.version(kept[-1]).list.named("cup").margin_m == 0.3
+    with pytest.raises(NotKnown, match="no version 0"):
+        editor.restore(0)
+    assert store.sites.open("other").beware() == SHIPPED
     store.close()

@@ -91,9 +91,13 @@ class MemoryLists:
         """Return the list saved last."""
         return self.versions[-1].list if self.versions else None
 
-    def beware_versions(self) -> tuple[BewareVersion, ...]:
-        """Return all lists, newest first."""
-        return tuple(self.versions[::-1])
+    def beware_versions(self, *, limit: int = 1000) -> tuple[BewareVersion, ...]:
+        """Return the newest lists, newest first."""
+        return tuple(self.versions[::-1][:limit])
+
+    def beware_version(self, version: int) -> BewareVersion | None:
+        """Return a list."""
+        return next((one for one in self.versions[::-1] if one.list.version == version), None)
 
     def save_beware(self, beware: BewareList, *, unix_s: float, by: str, what: str) -> None:
         """Keep a list."""

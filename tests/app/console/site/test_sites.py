@@ -22,7 +22,7 @@ from app.storage import Store
 from app.storage.site_store import SiteStore
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
-from navcore.errors import BadConfiguration, Outdated, Refused
+from navcore.errors import BadConfiguration, Outdated, Refused, StorageFailed
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.mapping.point_map import PointMap
@@ -76,7 +76,13 @@ class Desk:
         with self.zones.retired(), self.beware.retired():
             yield
 
-    def enter_site(self, site: SiteStore, *, same_map: bool = False) -> None:
+    @contextmanager
+    def holding_edits(self) -> Iterator[None]:
+        """Hold the edits."""
+        with self.zones.held(), self.beware.held():
+            yield
+
+    def enter_site(self, site: SiteStore) -> None:
         """Edit another site."""
         self.zones = ZoneEditor(self.controller, store=site)
         self.beware = beware_editor(site, holder=self.controller)
@@ -186,6 +192,10 @@ def test_a_mission_that_starts_in_the_meantime_is_not_moved_to_another_site(
     assert desk.sites.chosen == "default" and len(desk.controller.intent.zones) == 1
     desk.zones.add(SQUARE)  # edits go on
     assert max(desk.store.sites.all(), key=lambda row: row.chosen).name == "default"
+    with desk.ticking():
+        desk.sites.rename("default", "Ward 3")
+    desk.zones.add(SQUARE)
+    assert len(desk.store.sites.open("Ward 3").zones()) == 3
 
 
 def test_an_edit_that_comes_too_late_is_refused_and_stored_nowhere(desk: Desk) -> None:
@@ -238,6 +248,26 @@ def test_the_site_in_use_is_renamed_with_its_map(desk: Desk) -> None:
     assert points_in(desk.store.site) > 10
     desk.zones.add(SQUARE)
     assert len(desk.store.sites.open("Ward 3").zones()) == 1
+
+
+def test_what_can_be_undone_and_what_is_not_stored_yet_survive_a_new_name(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise StorageFailed("the disk is full")
+
+    desk.zones.add_all([SQUARE])
+    with monkeypatch.context() as broken:
+        broken.setattr(desk.store.site, "change_zones", fail)
+        desk.zones.move(lambda zone: dataclasses.replace(zone, margin_m=0.5))
+    with desk.ticking():
+        desk.sites.rename("default", "Ward 3")
+    desk.zones.add(dataclasses.replace(SQUARE, name="dry"))
+    stored = desk.store.sites.open("Ward 3").zones()
+    assert [(one.name, one.margin_m) for one in stored] == [("wet", 0.5), ("dry", 0.0)]
+    desk.zones.undo()
+    desk.zones.undo()
+    assert desk.store.sites.open("Ward 3").zones() == ()
 
 
 def test_a_site_in_use_whose_folder_cannot_be_renamed_goes_on_under_its_new_name(
