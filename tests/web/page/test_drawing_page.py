@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Download, Page, Route, expect
 
+from navcore.formats.nav2_map import State, read
 from navcore.mission.zone import ZoneKind
 from navcore.mission.zone_shapes import Circle, Corridor
 from tests.web.fake_operations import FakeOperations
@@ -257,6 +258,36 @@ def test_zones_are_saved_in_sets_and_files_and_an_import_is_undone_with_one_key(
     page.get_by_test_id("zone-sets").click()
     page.get_by_test_id("zone-sets-entry").get_by_role("button", name="Use").click()
     expect(page.get_by_test_id("zone")).to_have_count(1)
+
+
+def test_a_mask_is_exported_on_one_grid_also_while_the_map_grows(
+    page: Page, operations: FakeOperations, tmp_path: Path
+) -> None:
+    operations.zones.add(ZoneDraft(name="desk", polygon=((-5.0, -4.0), (-4.0, -4.0), (-4.0, -3.0))))
+    asked, saved = list[str](), list[Download]()
+
+    def grow_once(route: Route) -> None:
+        asked.append(route.request.url)
+        if len(asked) == 1:
+            operations.grow(-20.0, 0.0)
+        route.continue_()
+
+    def note(download: Download) -> None:
+        saved.append(download)
+
+    page.route("**/zones.pgm*", grow_once)
+    page.on("download", note)
+    page.get_by_test_id("zone-files").click()
+    page.get_by_test_id("zones-mask").click()
+    eventually(page, lambda: len(saved) == 2)
+    assert len(asked) == 2
+    files = {}
+    for one in saved:
+        one.save_as(tmp_path / one.suggested_filename)
+        files[one.suggested_filename] = (tmp_path / one.suggested_filename).read_bytes()
+    mask = read(files["zones.yaml"], files["zones.pgm"], "mask")
+    closed = mask.cells(State.OCCUPIED)
+    assert closed[mask.spec.cell(-4.1, -3.9)] and not closed[mask.spec.cell(4.1, -3.9)]
 
 
 def test_a_click_on_an_object_in_the_camera_image_drafts_a_zone(
