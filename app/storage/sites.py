@@ -21,7 +21,7 @@ from app.storage.database import Database
 from app.storage.schema import PER_SITE
 from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
-from navcore.files import read_whole, write_whole
+from navcore.files import read_whole, sync_folder, write_whole
 from navcore.mapping.storage.map_file import MAX_BYTES
 from web.interface.sites import SITE_NAME
 
@@ -261,6 +261,7 @@ def _kept_s(path: Path) -> float:
 def _rename(folder: Path, new: Path) -> None:
     try:
         folder.rename(new)
+        sync_folder(new.parent)
     except OSError as error:
         raise StorageFailed(f"{folder} cannot be renamed: {error.strerror}") from None
 

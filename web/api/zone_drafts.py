@@ -14,6 +14,8 @@ from navcore.errors import BadConfiguration
 from navcore.formats.keepout_mask import closed_cells, mask_spec, polygons_of
 from navcore.formats.map_image import encode
 from navcore.formats.nav2_map import State, description_of, map_from_cells, read, yaml_text
+from navcore.grid.growth import cells_of
+from navcore.mapping.storage.prior_map import prior_layer
 from navcore.perception.region_growing import region_at
 from navcore.planning.path import NoPath
 from web.api.nav2_files import OfGrid, on_grid
@@ -83,22 +85,27 @@ def drawing_router(operations: RobotService) -> APIRouter:
         "/zones/import-mask",
         status_code=201,
         response_model=ZonesOut,
-        responses=refusals(409, 422, 503),
+        responses=refusals(404, 409, 422, 503),
     )
     def import_mask(mask: MaskImportIn, existing: ExistingQuery = "ask") -> ZonesOut:
-        """Add the occupied parts of a Nav2 keep-out mask as zones, all or none, as one edit."""
+        """Add the occupied parts of a Nav2 keep-out mask as zones, all or none, as one edit: on its
+        own grid, which may reach beyond the map, or in the map's cells where its own are finer."""
         try:
             image = base64.b64decode(mask.picture, validate=True)
         except ValueError:
             raise BadConfiguration("mask.picture: is not base64") from None
         nav2_map = read(mask.yaml.encode(errors="replace"), image, "mask")
+        spec, present = nav2_map.spec, newest().grid_spec
         cells = nav2_map.cells(State.OCCUPIED)
+        if spec.resolution_m < present.resolution_m:
+            # Else each staircase and speck of a fine mask would be one of a zone.
+            spec = present.part(*cells_of(present, spec))
+            cells = prior_layer(nav2_map, spec)
         if not cells.any():
             raise BadConfiguration(
                 "the mask keeps nothing out; expected occupied, that is dark, pixels"
             )
-        # In the mask's own grid: the present one ends where nothing was seen yet.
-        polygons = polygons_of(cells, nav2_map.spec)
+        polygons = polygons_of(cells, spec)
         short = mask.name[: MAX_NAME - 5]
         names = (
             [mask.name]

@@ -13,6 +13,9 @@ import pytest
 from shapely.geometry import Point, Polygon
 
 from navcore.formats.keepout_mask import closed_cells, mask_spec
+from navcore.formats.map_image import encode
+from navcore.formats.nav2_map import map_from_cells, yaml_text
+from navcore.grid.grid import GridSpec
 from tests.web.api.test_api import SQUARE, wrong, zone
 from tests.web.fake_operations import SPEC, FakeOperations
 from web.gateway.request_body import MAX_BODY_BYTES
@@ -182,6 +185,25 @@ def test_a_mask_with_zones_beyond_the_map_loses_none_of_them(
     assert names(client.post("/api/v1/zones/import-mask", json=mask)) == ["far 1", "far 2", "far 3"]
     again = closed_cells(operations.zones.stored, mask_spec(operations.zones.stored, SPEC))
     np.testing.assert_array_equal(again, drawn)
+
+
+def test_a_fine_mask_beyond_the_map_comes_in_with_the_cells_of_the_map(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    fine = GridSpec(resolution_m=0.02, rows=500, cols=500, origin_x_m=20.0, origin_y_m=0.0)
+    occupied = np.zeros((500, 500), dtype=np.bool_)
+    occupied[7, 7] = True  # a speck, smaller than a zone may be
+    occupied[100:200, 100:300] = True
+    image = map_from_cells(occupied=occupied, known=np.ones_like(occupied), spec=fine)
+    mask = {
+        "yaml": yaml_text(image.description, "mask.pgm"),
+        "picture": base64.b64encode(encode(image.image)).decode(),
+        "name": "fine",
+    }
+    assert names(client.post("/api/v1/zones/import-mask", json=mask)) == ["fine 1", "fine 2"]
+    spec = mask_spec(operations.zones.stored, SPEC)
+    closed = closed_cells(operations.zones.stored, spec)
+    assert closed.sum() == 1 + 20 * 40 and closed[spec.cell(20.15, 0.15)]
 
 
 def test_a_zone_too_far_away_for_a_mask_is_named(client: httpx.Client) -> None:
