@@ -49,15 +49,18 @@ class SourceVersions:
         return self._texts[file]
 
     def of(self, file: Path) -> str:
-        """Return a hash of a file and of all files of the packages that it imports, directly or
-        not."""
+        """Return a hash of a file and of all that it reaches."""
+        texts = b"\0".join(self.text(each) for each in sorted(self.reached(file)))
+        return hashlib.blake2b(texts, digest_size=8).hexdigest()
+
+    def reached(self, file: Path) -> set[Path]:
+        """Return a file and all files of the packages that it imports, directly or not."""
         reached, new = {file}, [file]
         while new:
             found = self._imported(new.pop()) - reached
             reached |= found
             new += found
-        texts = b"\0".join(self.text(each) for each in sorted(reached))
-        return hashlib.blake2b(texts, digest_size=8).hexdigest()
+        return reached
 
     def _imported(self, file: Path) -> set[Path]:
         names = (name.decode().split(".") for name in _IMPORTED.findall(self.text(file)))
@@ -129,7 +132,7 @@ class KernelCache:
 
     @property
     def is_complete(self) -> bool:
-        """Whether `complete` was called with this version."""
+        """Whether `complete` was called with this version, and nothing was removed since."""
         return self._complete.exists()
 
     def complete(self) -> None:
@@ -139,6 +142,8 @@ class KernelCache:
             for old in self._root.glob("complete-*"):
                 old.unlink()
             self._complete.touch()
+            for old in self._root.parent.glob("compiled-*"):  # as versions before this one kept it
+                shutil.rmtree(old, ignore_errors=True)
 
     def count(self) -> KernelCount:
         """Return how far it is."""
@@ -153,6 +158,8 @@ class KernelCache:
         with suppress(OSError):
             versions = sorted(self._root.glob(f"{name}-*"), key=lambda each: each.stat().st_mtime)
             for old in versions[:-KEPT_VERSIONS]:
+                for complete in self._root.glob("complete-*"):
+                    complete.unlink(missing_ok=True)  # it may speak of what goes
                 shutil.rmtree(old, ignore_errors=True)
 
 

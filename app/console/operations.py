@@ -338,6 +338,7 @@ class LiveOperations:
             segmenter=self._perception.title,
             segmenter_warning=self._perception.warning,
             loop=intent.mission.loop,
+            goes_on=intent.mission.goes_on,
             picture_serial=picture.serial if picture else None,
             grid_version=picture.grid_version if picture else None,
             grid_spec=picture.grid_spec if picture else None,
@@ -363,8 +364,13 @@ class LiveOperations:
                 )
             if action in ("start", "resume"):
                 require_known(self._controller.place)
+            # The next command of a robot that backs off would pause the mission again.
+            goes_on = action in ("start", "resume")
             return dataclasses.replace(
-                intent, mission=TRANSITIONS[action](intent.mission), searching=False
+                intent,
+                mission=TRANSITIONS[action](intent.mission),
+                searching=False,
+                by_hand=None if goes_on else intent.by_hand,
             )
 
         self._controller.change(edit)

@@ -20,7 +20,7 @@ class StopLatch:
 
     def __init__(self, file: Path, holder: StateHolder) -> None:
         self._file, self._holder = file, holder
-        self._kept = read_latch(file)
+        self._kept, self._has_failed = read_latch(file), False
 
     def keep(self) -> None:
         """Write the file if the stop was latched or reset; tried again the next time if it cannot
@@ -34,9 +34,11 @@ class StopLatch:
             else:
                 write_whole(self._file, stopped_by.encode())
         except (OSError, StorageFailed):
-            log.exception("the emergency stop cannot be stored; a restart would release it")
+            if not self._has_failed:
+                log.exception("the emergency stop cannot be stored; a restart would release it")
+            self._has_failed = True
             return
-        self._kept = stopped_by
+        self._kept, self._has_failed = stopped_by, False
 
 
 def read_latch(file: Path) -> str | None:

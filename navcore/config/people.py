@@ -39,8 +39,9 @@ class PeopleConfig:
     """Time in seconds of waiting at one position after which the robot avoids where people are, no
     longer where they may come to; `near_m` and `near_mps` still hold."""
     cautious_s: float = ranged(0.0, 10.0, default=2.0)
-    """Time in seconds of driving on for which the robot is no faster than `cautious_mps` after it
-    has waited for people of whom one was out of sight: they may be about to come into view."""
+    """Time in seconds of driving or turning on for which the robot is no faster than
+    `cautious_mps` after it has waited for people of whom one was out of sight: they may be about to
+    come into view."""
     cautious_mps: float = ranged(0.05, 1.0, default=0.2)
     """Greatest speed in metres per second of any part of the body in that time."""
     reaction_s: float = ranged(0.1, 1.0, default=0.45)

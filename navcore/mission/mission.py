@@ -159,8 +159,9 @@ class Mission:
         """Remove a goal from the queue; raises `NotKnown`."""
         gone = self.queued(goal_id)
         queue = tuple(goal for goal in self.queue if goal is not gone)
-        goes_on = bool(queue) or self.phase is Phase.LEAVING
-        return dataclasses.replace(self, queue=queue, phase=self.phase if goes_on else Phase.IDLE)
+        if queue or self.phase is Phase.LEAVING:
+            return dataclasses.replace(self, queue=queue)
+        return dataclasses.replace(self, queue=queue, phase=Phase.IDLE, goes_on=False)
 
     def start(self) -> Mission:
         """Start driving to the first goal; raises `Refused` without a goal or while paused."""
@@ -168,7 +169,9 @@ class Mission:
             raise Refused("there is no goal to drive to; add one first")
         if self.phase in (Phase.PAUSED, Phase.LEAVING):
             raise Refused(f"the mission is {self.phase}; resume or cancel it")
-        begun = dataclasses.replace(self, phase=Phase.DRIVING, cancelled=False, restored=False)
+        begun = dataclasses.replace(
+            self, phase=Phase.DRIVING, cancelled=False, restored=False, goes_on=False
+        )
         if self.phase is not Phase.IDLE:
             return begun
         return dataclasses.replace(begun, reached=(), reached_count=0, runs=self.runs + 1)
@@ -177,7 +180,7 @@ class Mission:
         """Stop and keep the goals; raises `Refused` unless driving, or about to go on."""
         if self.phase is Phase.LEAVING:
             return self.left()
-        if self.goes_on:
+        if self.phase is Phase.PAUSED and self.goes_on:
             return dataclasses.replace(self, goes_on=False)
         if self.phase is not Phase.DRIVING:
             raise Refused(f"only a driving mission can be paused, this one is {self.phase}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import shutil
 import threading
 from pathlib import Path
@@ -17,6 +18,7 @@ from navcore.kernel_cache import (
     KEPT_VERSIONS,
     KernelCache,
     SharedCache,
+    SourceVersions,
     root_folder,
 )
 
@@ -182,3 +184,27 @@ def test_the_cache_knows_how_many_kernels_it_has_and_whether_these_are_all(tmp_p
     assert KernelCache(tmp_path, tmp_path / "cache").is_complete
     (package / "kernels.py").write_text(source + "# more\n", encoding="utf-8")
     assert not KernelCache(tmp_path, tmp_path / "cache").is_complete
+
+
+def test_a_cache_from_which_code_was_removed_is_not_complete(top: Path) -> None:
+    KernelCache(top, top / "cache").complete()
+    first = (top / "navcore" / "grid" / "bitplane.py").read_text(encoding="utf-8")
+    for _ in range(KEPT_VERSIONS + 1):
+        folder(top, "grid/bitplane.py")
+        edited(top, "grid/bitplane.py")
+    (top / "navcore" / "grid" / "bitplane.py").write_text(first, encoding="utf-8")
+    assert not KernelCache(top, top / "cache").is_complete
+
+
+def test_what_kernels_reach_imports_no_module_as_a_name_of_its_package() -> None:
+    """Such imports are not followed: a change there would not compile the kernels again."""
+    versions = SourceVersions(SOURCE.parent)
+    kernels = [file for file in SOURCE.rglob("*.py") if b"@compiled" in versions.text(file)]
+    reached = {one for file in kernels for one in versions.reached(file)}
+    assert len(reached) > len(kernels) > 40
+    for file in reached:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("navcore"):
+                package = SOURCE.parent.joinpath(*str(node.module).split("."))
+                names = [one.name for one in node.names]
+                assert not any((package / f"{name}.py").exists() for name in names), file

@@ -120,6 +120,8 @@ class State:
     """Reason why the segmenter is not the configured one; null when it is."""
     loop: bool = False
     """Whether reached goals are queued again."""
+    goes_on: bool = False
+    """Whether the paused mission goes on by itself, once the robot has backed off."""
     picture_serial: int | None = None
     """Serial number of the newest tick, which `path` and `camera.jpg` show; null before the
     first."""

@@ -322,8 +322,10 @@ class ZoneEditor:
     def _date_in(self, left_s: float) -> float:
         """Return the date of an expiry after some time, which is kept though the calendar clock is
         set meanwhile."""
-        at_s = self._calendar_s() + left_s
-        self._due_s[at_s] = self._steady_s() + left_s
+        at_s, now_s = self._calendar_s() + left_s, self._steady_s()
+        for past in [date for date, due_s in self._due_s.items() if due_s <= now_s]:
+            del self._due_s[past]  # what is kept are the times of zones drawn lately
+        self._due_s[at_s] = now_s + left_s
         return at_s
 
     def _left_s(self, at_s: float) -> float:

@@ -44,6 +44,7 @@ class RunReporter:
         self._store, self._referee, self._scenario, self._robot = store, referee, scenario, robot
         self._stop_noted: str | None = None
         self._run: _Run | None = None
+        self._kept: tuple[object, ...] = ()
         self._saving = threading.Lock()
 
     def note_stop(self, reason: str | None) -> None:
@@ -79,7 +80,9 @@ class RunReporter:
     def keep(self) -> None:
         """Store what the present run has come to; any thread may call it."""
         with self._saving:
-            if (run := self._run) is not None:
+            run = self._run
+            if run is not None and run.progress != self._kept:
+                self._kept = run.progress
                 self._save(self._report_of(run))
 
     def close(self, mission: Mission) -> None:
@@ -140,6 +143,11 @@ class _Run:
         """Follow the goals: those that are added, moved or reached."""
         self._goals.update({goal.id: goal for goal in mission.queue})
         self._reached_count = mission.reached_count
+
+    @property
+    def progress(self) -> tuple[object, ...]:
+        """What changes as the robot gets on."""
+        return self._id, round(self._distance_m, 1), self._reached_count, len(self._goals)
 
     @property
     def _duration_s(self) -> float:

@@ -11,11 +11,12 @@ import shutil
 import tempfile
 import zipfile
 import zlib
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO, cast
 
 from app.teaching.frames.frame_record import UNITS_PER_M
-from app.teaching.frames.frame_store import FrameStore
+from app.teaching.frames.frame_store import FrameStore, NoDepth
 from navcore.errors import BadConfiguration, Refused, StorageFailed
 from navcore.files import link_or_copy
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS
@@ -99,7 +100,8 @@ def _add_all(store: FrameStore, dataset: Dataset) -> int:
             for split, index in places:
                 sample = dataset.read(split, index)
                 annotation = Annotation(class_names=dataset.card.class_names, labels=sample.labels)
-                added.append(store.add_images(sample.rgb, sample.depth, annotation).id)
+                with suppress(NoDepth):  # one from before such images were refused
+                    added.append(store.add_images(sample.rgb, sample.depth, annotation).id)
         except BaseException:
             for name in added:
                 store.delete(name)

@@ -69,6 +69,10 @@ class _Stored:
     labels: tuple[int, ...]
 
 
+class NoDepth(Refused):
+    """The image has no depth to learn from; others may have."""
+
+
 class FrameStore:
     """Bounded folder of frames; safe to use from any thread."""
 
@@ -201,7 +205,7 @@ class FrameStore:
         try:
             record.sums.statistics(units_per_m=UNITS_PER_M)
         except BadConfiguration as error:
-            raise Refused(f"the image cannot be learned from: {error}") from None
+            raise NoDepth(f"the image cannot be learned from: {error}") from None
         self._last_id = int(record.id)
         before = self._class_names
         try:
@@ -216,6 +220,8 @@ class FrameStore:
             for path in (record.path, *record.files):
                 with contextlib.suppress(OSError):
                     (self.folder / path).unlink(missing_ok=True)
+            with contextlib.suppress(OSError, StorageFailed):
+                self._publish()  # the lists may name it already
             if isinstance(error, OSError | StorageFailed):
                 raise StorageFailed(
                     f"the frame cannot be stored, those stored before are intact: {error}"

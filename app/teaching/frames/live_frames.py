@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from app.teaching.frames import frame_archive
 from app.teaching.frames.frame_record import UNITS_PER_M
-from app.teaching.frames.frame_store import FrameStore
+from app.teaching.frames.frame_store import FrameStore, NoDepth
 from app.teaching.frames.rules import CaptureRules, RegionRules
 from navcore.errors import BadConfiguration, BewareNavError, Refused
 from navcore.geometry.transform import Pose2, wrap_angle
@@ -185,6 +185,8 @@ class LiveFrames:
                 continue
             try:
                 self.store.add_frame(frame, "drive")
+            except NoDepth as error:
+                log.info("a frame is left out: %s", error)
             except BewareNavError as error:
                 # A full folder or disk stays full: no further attempt until the operator asks.
                 self._capturing, self._trouble = False, str(error)

@@ -146,3 +146,15 @@ def test_nothing_goes_on_by_itself_once_it_has_ended() -> None:
     with pytest.raises(Refused, match="latched"):
         latched.back_off().start()
     assert not latched.intent.mission.goes_on
+
+
+def test_an_operator_who_resumes_meanwhile_ends_it() -> None:
+    robot = Robot()
+
+    def resume() -> None:
+        robot.resume()
+        robot.intent = dataclasses.replace(robot.intent, by_hand=None)
+
+    robot.at_step[3] = resume
+    assert backed_off(robot).steps == 3
+    assert robot.intent.mission.phase is Phase.DRIVING

@@ -201,6 +201,46 @@ def test_a_frame_whose_lists_cannot_be_written_is_not_kept(
     assert not list(store.folder.glob("*/*/000002*"))
 
 
+def test_lists_of_which_the_last_cannot_be_written_name_nothing_that_has_gone(
+    store: FrameStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.add_frame(frame_at(1.0), "drive")
+    written = list[Path]()
+
+    def full(path: Path, text: str) -> None:
+        written.append(path)
+        if len(written) == 2:  # and then there is room again
+            raise StorageFailed(f"{path} cannot be written: No space left on device")
+        write_text(path, text)
+
+    with monkeypatch.context() as context:
+        context.setattr(frame_store, "write_text", full)
+        with pytest.raises(StorageFailed, match="No space left"):
+            store.add_frame(frame_at(5.0, brightness=40), "drive")
+    assert load_dataset(store.folder).count("train") == 1
+
+
+def test_a_frame_without_depth_ends_no_capture_and_is_left_out_of_an_archive(
+    store: FrameStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = LiveFrames(tmp_path / "live", newest=lambda: None, class_names=list)
+    frames.capture_while_driving(True)
+    blind = dataclasses.replace(frame_at(1.0), depth_m=np.zeros((HEIGHT, WIDTH), np.float32))
+    frames.note(blind)
+    eventually(frames._waiting.empty)
+    frames.note(frame_at(3.0))
+    eventually(lambda: len(frames.all()) == 1)
+    assert frames.state().capturing
+    frames.close()
+    with monkeypatch.context() as earlier:
+        earlier.setattr(DepthSums, "statistics", lambda *_, units_per_m: NYUV2_DEPTH)
+        store.add_images(*without_depth(), block_of("shoe"))
+        store.add_frame(frame_at(1.0, brightness=40), "drive")
+        with exported(store) as file:
+            archive = file.read()
+    assert add_archive(FrameStore(tmp_path / "other"), archive) == 1
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

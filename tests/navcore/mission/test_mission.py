@@ -184,3 +184,26 @@ def test_a_saved_mission_replaces_the_queued_goals_but_not_while_driving() -> No
     assert (loaded.queue[0].name, loaded.queue[0].yaw_rad) == ("a", 0.5)
     with pytest.raises(Refused, match="driving"):
         DRIVING.refill(kept, SPEC, loop=False)
+
+
+def test_only_a_paused_mission_goes_on_by_itself() -> None:
+    """Whatever is done to it meanwhile: a pause must not leave a driving one."""
+    interrupted = DRIVING.interrupt()
+    assert interrupted.phase is Phase.PAUSED and interrupted.goes_on
+    emptied = interrupted
+    for goal in interrupted.queue:
+        emptied = emptied.remove(goal.id)
+    changed = (
+        interrupted.resume(),
+        interrupted.pause(),
+        interrupted.cancel(),
+        interrupted.leave(),
+        interrupted.stored(),
+        interrupted.refill(interrupted.queue, SPEC, loop=False),
+        emptied,
+        emptied.add(1.0, 1.0, SPEC).start(),
+    )
+    assert not any(mission.goes_on for mission in changed)
+    assert interrupted.pause().phase is Phase.PAUSED
+    with pytest.raises(Refused):
+        interrupted.pause().pause()

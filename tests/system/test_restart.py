@@ -1,0 +1,37 @@
+"""What a console that ends, or is killed, leaves to the next one."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from app.console import application
+from app.console.application import console
+from tests.system.test_sites import _when, client, options
+
+
+def test_a_stop_holds_over_a_restart_and_the_run_that_it_interrupts_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(application, "RUN_PERIOD_S", 0.2)
+    data, killed = tmp_path / "data", tmp_path / "killed"
+    with console(options(data)) as running, client(running.url) as program:
+        program.post("goals", json={"x_m": 2.0, "y_m": 2.0}).raise_for_status()
+        program.post("mission/start").raise_for_status()
+        _when(program, lambda state: state["moving"])
+        program.post("stop", params={"by": "the test"}).raise_for_status()
+        _when(program, lambda _: (data / "stopped").exists() and program.get("runs").json() != [])
+        shutil.copytree(data, killed)  # as a kill would leave it
+    for left in (data, killed):
+        with console(options(left)) as running, client(running.url) as program:
+            state = _when(program, lambda state: state["explored_m2"] > 0)
+            assert state["stop_latched"] and state["phase"] == "paused"
+            refused = program.post("mission/resume")
+            assert refused.status_code == 409 and "the test is latched" in refused.text
+            (run,) = program.get("runs").json()
+            assert run["goals"] == [[2.0, 2.0]] and run["goals_reached"] == 0
+            program.post("stop/reset").raise_for_status()
+            _when(program, lambda state: not state["stop_latched"])
+    assert not (data / "stopped").exists()
