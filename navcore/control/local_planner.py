@@ -259,9 +259,8 @@ def _drive(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
     found = checker.manoeuvre(path, pose)
     motion = None if found is None else _manoeuvre(checker, found, path, pose, began=pose)
     motion = motion or _back_off(checker, pose)
-    if motion.outcome is ControllerState.BLOCKED:
-        unseen = follow(checker.all_observed(), path, primitives) is not None
-        return dataclasses.replace(motion, unseen=unseen)
+    if motion is BLOCKED and follow(checker.all_observed(), path, primitives):
+        return dataclasses.replace(motion, unseen=True)
     return motion
 
 

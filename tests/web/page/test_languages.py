@@ -308,7 +308,7 @@ def report_fields() -> set[str]:
     """Return the fields of the reports of console and referee, but for the series."""
     found = set[str]()
     for path, functions in (
-        ("app/runtime/record/run_report.py", {"_end", "report"}),
+        ("app/runtime/record/run_report.py", {"_report_of", "report"}),
         ("sim/referee/referee.py", {"summary"}),
     ):
         tree = ast.parse((REPOSITORY / path).read_text(encoding="utf-8"))
