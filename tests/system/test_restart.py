@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import time
 from pathlib import Path
 
 import pytest
 
 from app.console import application
 from app.console.application import console
+from app.console.site.sites import SESSION_PERIOD_S
 from tests.system.test_sites import _when, client, options
 
 
@@ -23,6 +25,7 @@ def test_a_stop_holds_over_a_restart_and_the_run_that_it_interrupts_is_kept(
         _when(program, lambda state: state["moving"])
         program.post("stop", params={"by": "the test"}).raise_for_status()
         _when(program, lambda _: (data / "stopped").exists() and program.get("runs").json() != [])
+        time.sleep(3 * SESSION_PERIOD_S)  # within which the phase of the mission is stored
         shutil.copytree(data, killed)  # as a kill would leave it
     for left in (data, killed):
         with console(options(left)) as running, client(running.url) as program:
