@@ -10,11 +10,11 @@ import numpy as np
 from navcore.config.localisation.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
-from navcore.control import dynamic_window
-from navcore.control.footprint_distance import contact_slack
-from navcore.control.manoeuvre import ManoeuvreProblem, manoeuvre_along
+from navcore.control.collision.footprint_distance import contact_slack
+from navcore.control.manoeuvre.manoeuvre import ManoeuvreProblem, manoeuvre_along
 from navcore.control.motion_primitives import errors_to_path
-from navcore.control.social import NO_PEOPLE, clear_of_people, waiting_index
+from navcore.control.motions import dynamic_window
+from navcore.control.people.social import NO_PEOPLE, clear_of_people, waiting_index
 from navcore.costmap.live_costmap import LiveCostmap
 from navcore.geometry.camera import Intrinsics, pixel_rays
 from navcore.geometry.kinematics import arc_position

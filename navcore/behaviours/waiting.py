@@ -3,7 +3,7 @@
 A robot that waits in the lane of a person may wait for ever: the person comes up to it, waits too,
 turns round and is soon back. So after `patience_s` the robot no longer avoids where people may come
 to, only where they are; it is still never faster than it can stop before a person reaches it
-(`navcore.control.social.speed_limit_near_people`).
+(`navcore.control.people.social.speed_limit_near_people`).
 """
 
 from __future__ import annotations

@@ -17,27 +17,27 @@ import numpy as np
 
 from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerConfig
 from navcore.config.people import PeopleConfig
-from navcore.control.beside_people import (
+from navcore.control.collision.collision_checker import CollisionChecker, stopping_trajectory
+from navcore.control.manoeuvre.manoeuvre import Manoeuvre, steer
+from navcore.control.motion import ARRIVED, BLOCKED, DRIVES_ON, ControllerState, Motion
+from navcore.control.motion_primitives import arcs
+from navcore.control.motions.beside_people import (
     face_person,
     loses_sight,
     no_faster,
     slow_beside_people,
 )
-from navcore.control.collision_checker import CollisionChecker, stopping_trajectory
-from navcore.control.dynamic_window import avoid, will_collide
-from navcore.control.growth_exit import drive_out
-from navcore.control.manoeuvre import Manoeuvre, steer
-from navcore.control.motion import ARRIVED, BLOCKED, DRIVES_ON, ControllerState, Motion
-from navcore.control.motion_primitives import arcs
-from navcore.control.path_follower import follow
-from navcore.control.social import (
+from navcore.control.motions.dynamic_window import avoid, will_collide
+from navcore.control.motions.growth_exit import drive_out
+from navcore.control.motions.path_follower import follow
+from navcore.control.motions.turning import spin, turn_in_place, turn_with_room
+from navcore.control.people.social import (
     NO_PEOPLE,
     PEOPLE_CONFIG,
     PeopleState,
     clear_of_people,
     recedes,
 )
-from navcore.control.turning import spin, turn_in_place, turn_with_room
 from navcore.costmap.local_costmap import footprint_overlaps, outside
 from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import metres_along, path_from

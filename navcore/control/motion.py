@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from navcore.control.manoeuvre import Manoeuvre
+from navcore.control.manoeuvre.manoeuvre import Manoeuvre
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 
 

@@ -16,7 +16,7 @@ a robot that is nearer already, which can then drive away, and it is given up wh
 it: the robot passes slowly.
 
 The growth itself may come over a robot beside the zone, which then drives out of it before it goes
-on to its goal (`navcore.control.growth_exit`).
+on to its goal (`navcore.control.motions.growth_exit`).
 """
 
 from __future__ import annotations

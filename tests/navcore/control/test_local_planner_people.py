@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from navcore.behaviours.waiting import WaitingTimer
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.control.social import (
+from navcore.control.people.social import (
     NO_PEOPLE,
     PEOPLE_CONFIG,
     PeopleExpectations,

@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 
-from navcore.control.collision_checker import CollisionChecker
+from navcore.control.collision.collision_checker import CollisionChecker
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.social import speed_limit_near_people
-from navcore.control.turning import turn_with_room
+from navcore.control.motions.turning import turn_with_room
+from navcore.control.people.social import speed_limit_near_people
 from navcore.geometry.transform import STANDSTILL, Twist, wrap_angle
 from navcore.robot.profile import RobotProfile
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from navcore.config.control import CONTROL_CONFIG, ManoeuvreConfig, StateLatticeConfig
+from navcore.control.manoeuvre.state_lattice import FORWARD, TURNING, Ends, cells, cheapest
 from navcore.control.motion_primitives import STATIONS
-from navcore.control.state_lattice import FORWARD, TURNING, Ends, cells, cheapest
 from navcore.geometry.arrays import Floats, Indices, Points
 from navcore.geometry.kinematics import chord_lengths
 from navcore.geometry.polyline import metres_along, points_at

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from navcore.control.collision_checker import CollisionChecker
+from navcore.control.collision.collision_checker import CollisionChecker
 from navcore.control.motion import ControllerState, Motion
 from navcore.control.motion_primitives import Primitives, errors_to_path
-from navcore.control.social import clear_of_people, waiting_index
+from navcore.control.people.social import clear_of_people, waiting_index
 from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Twist
 

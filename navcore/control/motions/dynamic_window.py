@@ -16,7 +16,7 @@ import numpy as np
 
 from navcore.compiled import compiled
 from navcore.config.control import CONTROL_CONFIG, DynamicWindowConfig
-from navcore.control.collision_checker import CollisionChecker, stopping_trajectory
+from navcore.control.collision.collision_checker import CollisionChecker, stopping_trajectory
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.polyline import metres_along, points_at

@@ -12,8 +12,8 @@ import numpy as np
 from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerConfig
 from navcore.config.people import PeopleConfig
 from navcore.config.safety import GateConfig
-from navcore.control.footprint_distance import contact_slack, footprint_distances
-from navcore.control.manoeuvre import (
+from navcore.control.collision.footprint_distance import contact_slack, footprint_distances
+from navcore.control.manoeuvre.manoeuvre import (
     Manoeuvre,
     ManoeuvreProblem,
     manoeuvre_along,
@@ -21,7 +21,7 @@ from navcore.control.manoeuvre import (
     visible_by_turning,
 )
 from navcore.control.motion_primitives import arcs
-from navcore.control.social import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
+from navcore.control.people.social import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
 from navcore.costmap.local_costmap import outside
 from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.geometry.kinematics import chord_lengths

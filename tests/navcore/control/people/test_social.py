@@ -10,7 +10,7 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.control.social import (
+from navcore.control.people.social import (
     NO_PEOPLE,
     PEOPLE_CONFIG,
     SOCIAL_CONFIG,

@@ -20,7 +20,7 @@ import numpy as np
 
 from navcore.config.control import CONTROL_CONFIG, SocialConfig
 from navcore.config.people import PeopleConfig
-from navcore.control.walker_distance import are_clear, gaps
+from navcore.control.people.walker_distance import are_clear, gaps
 from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.transform import Pose2, Twist
 from navcore.perception.people.track import Track

@@ -12,7 +12,7 @@ import shapely
 
 from navcore.config.control import LocalPlannerConfig, ManoeuvreConfig, StateLatticeConfig
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
-from navcore.control.manoeuvre import (
+from navcore.control.manoeuvre.manoeuvre import (
     Manoeuvre,
     ManoeuvreProblem,
     manoeuvre_along,
@@ -20,7 +20,7 @@ from navcore.control.manoeuvre import (
     steer,
 )
 from navcore.control.motion import BLOCKED, IDLE, ControllerState, Motion
-from navcore.control.social import NO_PEOPLE, PeopleState
+from navcore.control.people.social import NO_PEOPLE, PeopleState
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.perception.people.track import Track

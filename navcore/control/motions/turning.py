@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from navcore.control.collision_checker import CollisionChecker
+from navcore.control.collision.collision_checker import CollisionChecker
 from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import Twist
 

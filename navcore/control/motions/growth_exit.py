@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from navcore.config.control import GrowthExitConfig
-from navcore.control.collision_checker import CollisionChecker
+from navcore.control.collision.collision_checker import CollisionChecker
 from navcore.control.motion import BLOCKED, ControllerState, Motion
 from navcore.geometry.arrays import Bools, Floats
 from navcore.geometry.kinematics import chord_lengths

@@ -9,9 +9,9 @@ import pytest
 
 from navcore.config.control import LocalPlannerConfig
 from navcore.config.safety import DEFAULT_SAFETY
-from navcore.control.collision_checker import CollisionChecker
-from navcore.control.growth_exit import drive_out
+from navcore.control.collision.collision_checker import CollisionChecker
 from navcore.control.motion import IDLE, ControllerState
+from navcore.control.motions.growth_exit import drive_out
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
 from navcore.mission.zone import Zone

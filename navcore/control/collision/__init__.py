@@ -1,0 +1,1 @@
+"""What the body would touch on a motion."""

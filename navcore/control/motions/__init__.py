@@ -1,0 +1,1 @@
+"""The motions that the local planner chooses from, one file each."""

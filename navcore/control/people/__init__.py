@@ -1,0 +1,1 @@
+"""People near the robot: where they may come to, and the rules beside them."""
