@@ -14,7 +14,8 @@ from navcore.control.collision.footprint_distance import contact_slack
 from navcore.control.manoeuvre.manoeuvre import ManoeuvreProblem, manoeuvre_along
 from navcore.control.motion_primitives import errors_to_path
 from navcore.control.motions import dynamic_window
-from navcore.control.people.social import NO_PEOPLE, clear_of_people, waiting_index
+from navcore.control.people.people_state import NO_PEOPLE
+from navcore.control.people.social import clear_of_people, waiting_index
 from navcore.costmap.live_costmap import LiveCostmap
 from navcore.geometry.camera import Intrinsics, pixel_rays
 from navcore.geometry.kinematics import arc_position

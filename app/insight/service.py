@@ -27,7 +27,7 @@ from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.recorder import Recorder
 from app.runtime.record.time_series import TimeSeries
 from navcore.config.navigator import NavigatorConfig
-from navcore.control.collision.collision_checker import candidates
+from navcore.control.motions.path_follower import candidates
 from navcore.costmap.local_costmap import nearby, obstacle_masks
 from navcore.errors import NotKnown, Refused
 from navcore.navigator import TickResult

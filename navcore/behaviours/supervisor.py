@@ -16,7 +16,7 @@ from navcore.config.behaviours import RecoveryConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.people.social import PeopleExpectations, may_walk
+from navcore.control.people.people_state import PeopleExpectations, may_walk
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2
 from navcore.mission.order import NavigationRequest

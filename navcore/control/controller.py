@@ -9,7 +9,7 @@ import numpy as np
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.control.people.social import NOTHING_EXPECTED, PeopleExpectations, PeopleState
+from navcore.control.people.people_state import NOTHING_EXPECTED, PeopleExpectations, PeopleState
 from navcore.control.speed_limits import allowed_speed_mps, slowed
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.local_costmap import (

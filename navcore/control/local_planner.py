@@ -17,8 +17,8 @@ import numpy as np
 
 from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerConfig
 from navcore.config.people import PeopleConfig
-from navcore.control.collision.collision_checker import CollisionChecker, stopping_trajectory
-from navcore.control.manoeuvre.manoeuvre import Manoeuvre, steer
+from navcore.control.collision.collision_checker import CollisionChecker
+from navcore.control.manoeuvre.manoeuvre import manoeuvre_to_see, visible_by_turning
 from navcore.control.motion import ARRIVED, BLOCKED, DRIVES_ON, ControllerState, Motion
 from navcore.control.motion_primitives import arcs
 from navcore.control.motions.beside_people import (
@@ -29,15 +29,11 @@ from navcore.control.motions.beside_people import (
 )
 from navcore.control.motions.dynamic_window import avoid, will_collide
 from navcore.control.motions.growth_exit import drive_out
+from navcore.control.motions.manoeuvring import drive_manoeuvre, find_manoeuvre, manoeuvre_problem
 from navcore.control.motions.path_follower import follow
+from navcore.control.motions.reversing import back_off, retreat
 from navcore.control.motions.turning import spin, turn_in_place, turn_with_room
-from navcore.control.people.social import (
-    NO_PEOPLE,
-    PEOPLE_CONFIG,
-    PeopleState,
-    clear_of_people,
-    recedes,
-)
+from navcore.control.people.people_state import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
 from navcore.costmap.local_costmap import footprint_overlaps, outside
 from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import metres_along, path_from
@@ -181,7 +177,7 @@ def _select(
         crossing = _cross(inputs, checker, path) if inputs.people.expectations.leaves_lane else None
         if crossing is not None:
             return crossing
-        return _retreat(surroundings, path_from(inputs.retreat, inputs.pose))
+        return retreat(surroundings, path_from(inputs.retreat, inputs.pose))
     if inputs.spin:
         return spin(checker) or BLOCKED
     if inputs.around:
@@ -230,8 +226,8 @@ def _align(inputs: LocalPlannerInput, checker: CollisionChecker, goal: _Goal) ->
     here, pose, previous = np.zeros((1, 2)), inputs.pose, inputs.previous
     found, began = previous.manoeuvre, previous.began or pose
     if found is None:
-        found, began = checker.manoeuvre_to_see(here, pose), pose
-    motion = None if found is None else _manoeuvre(checker, found, here, pose, began=began)
+        found, began = manoeuvre_to_see(here, manoeuvre_problem(checker), pose), pose
+    motion = None if found is None else drive_manoeuvre(checker, found, here, pose, began=began)
     return motion or BLOCKED
 
 
@@ -256,9 +252,9 @@ def _drive(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
         turn = turn_in_place(checker, bearing)
         if turn is not None:
             return turn
-    found = checker.manoeuvre(path, pose)
-    motion = None if found is None else _manoeuvre(checker, found, path, pose, began=pose)
-    motion = motion or _back_off(checker, pose)
+    found = find_manoeuvre(checker, path, pose)
+    motion = None if found is None else drive_manoeuvre(checker, found, path, pose, began=pose)
+    motion = motion or back_off(checker, pose)
     if motion is BLOCKED and follow(checker.all_observed(), path, primitives):
         return dataclasses.replace(motion, unseen=True)
     return motion
@@ -270,10 +266,10 @@ def _continue(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points
     if previous.began is None:
         return None
     if previous.manoeuvre is not None:
-        return _manoeuvre(checker, previous.manoeuvre, path, pose, began=previous.began)
+        return drive_manoeuvre(checker, previous.manoeuvre, path, pose, began=previous.began)
     if previous.began.distance_to(pose.x_m, pose.y_m) >= inputs.local.back_off_m:
         return None
-    motion = _back_off(checker, previous.began)
+    motion = back_off(checker, previous.began)
     return motion if motion.outcome is ControllerState.BACK else None
 
 
@@ -296,112 +292,13 @@ def _look(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) ->
     config = inputs.control.turn
     looking = inputs.previous.outcome is ControllerState.LOOK
     least_deg = config.look_until_deg if looking else config.look_from_deg
-    cells = checker.visible_by_turning(path, beyond_rad=math.radians(least_deg))
+    cells = visible_by_turning(path, manoeuvre_problem(checker), beyond_rad=math.radians(least_deg))
     if len(cells) == 0:
         return None
     x, y = cells[np.hypot(*cells.T).argmin()]
     bearing = math.atan2(y, x)
     turn = turn_with_room(checker, bearing)
     return None if turn is None else dataclasses.replace(turn, outcome=ControllerState.LOOK)
-
-
-def _manoeuvre(
-    checker: CollisionChecker, manoeuvre: Manoeuvre, path: Points, pose: Pose2, *, began: Pose2
-) -> Motion | None:
-    """Drive one step of a manoeuvre; None where it is done, blocked, or belongs to another path."""
-    config = checker.control.manoeuvre
-    steered = steer(manoeuvre, pose, braking_mps2=checker.local.braking_mps2, config=config)
-    if steered is None:
-        return None
-    twist, rest = steered
-    poses = rest.in_base(pose)[None]
-    target = pose.from_parent(np.array(rest.target))
-    if float(np.hypot(*(path - target).T).min()) > config.path_distance_m:
-        return None
-    if not checker.is_free(poses, config.clearance_share * rest.clearance_m):
-        return None
-    if not _is_clear_of_people(checker, rest, pose):
-        yields = ControllerState.WAIT_FOR_PEOPLE
-        return Motion(twist=STANDSTILL, outcome=yields, began=began, manoeuvre=rest)
-    padding_m = min(config.stop_clearance_share * rest.clearance_m, checker.padding_m)
-    for share in config.speed_shares:
-        slower = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
-        if checker.is_free(stopping_trajectory(slower, checker.profile), padding_m):
-            state = ControllerState.MANOEUVRE
-            return Motion(twist=slower, outcome=state, began=began, manoeuvre=rest)
-    return None
-
-
-def _is_clear_of_people(checker: CollisionChecker, rest: Manoeuvre, pose: Pose2) -> bool:
-    if not len(checker.people.walking):
-        return True
-    clear = clear_of_people(
-        checker.people,
-        rest.in_base(pose)[None],
-        rest.arrival_times_s(pose, checker.control.manoeuvre)[None],
-        checker.profile,
-        checker.people_config,
-        checker.control.social,
-    )
-    return bool(clear.all())
-
-
-def _back_off(checker: CollisionChecker, began: Pose2) -> Motion:
-    """Reverse along the clearest arc, slowly, over ground that was observed or driven before."""
-    config, primitives = checker.control.reverse, arcs(checker.control.arcs)
-    checker, curvatures = checker.without_front_contacts(), primitives.curvatures_1pm
-    behind = primitives.poses[:, : config.poses] * np.array([-1.0, 1.0, -1.0])
-    free = (checker.clearance(behind) > checker.padding_m) & checker.is_observed(behind)
-    count = free.sum(axis=1)
-    # In so tight a bend a corner of the front moves forward.
-    count[np.abs(curvatures) * checker.profile.width_m / 2 >= 1] = 0
-    arc = int(np.argmax(count - config.curvature_weight * np.abs(curvatures)))
-    if count[arc] <= config.poses // 2:
-        return BLOCKED
-    speed = config.speed_mps
-    twist = Twist(v_mps=-speed, w_radps=-speed * float(curvatures[arc]))
-    return Motion(twist=twist, outcome=ControllerState.BACK, began=began)
-
-
-def _retreat(checker: CollisionChecker, driven: Points) -> Motion:
-    """Reverse along the driven path, (N, 2) in the base frame; stand where that is blocked or may
-    bring the body nearer to a person.
-
-    Seen from a robot that faces the other way it is a path like any other: the footprint is the
-    same from both ends.
-    """
-    behind, primitives = checker.reversed(), arcs(checker.control.arcs)
-    speed_mps = checker.control.reverse.speed_mps
-    alone = follow(behind.without_people(), -driven, primitives) if len(driven) > 1 else None
-    if alone is None or alone.arc is None:
-        return BLOCKED
-    if len(checker.people.walking) == 0:
-        return slow_beside_people(checker, _backwards(alone, speed_mps))
-    receding = recedes(
-        behind.people,
-        primitives.poses[alone.arc],
-        primitives.distances_m / speed_mps,
-        checker.profile,
-        checker.people_config,
-        checker.control.social,
-    )
-    if receding:
-        slowly = _backwards(alone, speed_mps)
-        return no_faster(slowly, checker.people_config.near_mps, checker.profile)
-    motion = follow(behind, -driven, primitives)
-    if motion is None:
-        return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
-    return slow_beside_people(checker, _backwards(motion, speed_mps))
-
-
-def _backwards(motion: Motion, speed_mps: float) -> Motion:
-    """The motion of a robot that faces the other way, no faster than a speed."""
-    twist = motion.twist
-    share = min(1.0, speed_mps / max(twist.v_mps, speed_mps))
-    return Motion(
-        twist=Twist(v_mps=-share * twist.v_mps, w_radps=share * twist.w_radps),
-        outcome=ControllerState.BACK,
-    )
 
 
 def _bearing(path: Points, lookahead_m: float) -> float:

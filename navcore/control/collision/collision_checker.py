@@ -4,7 +4,6 @@ along any motion."""
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,19 +12,11 @@ from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerCo
 from navcore.config.people import PeopleConfig
 from navcore.config.safety import GateConfig
 from navcore.control.collision.footprint_distance import contact_slack, footprint_distances
-from navcore.control.manoeuvre.manoeuvre import (
-    Manoeuvre,
-    ManoeuvreProblem,
-    manoeuvre_along,
-    manoeuvre_to_see,
-    visible_by_turning,
-)
-from navcore.control.motion_primitives import arcs
-from navcore.control.people.social import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
+from navcore.control.people.people_state import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
 from navcore.costmap.local_costmap import outside
-from navcore.geometry.arrays import Bools, Floats, Indices, Points
+from navcore.geometry.arrays import Bools, Floats, Points
 from navcore.geometry.kinematics import chord_lengths
-from navcore.geometry.transform import Pose2, Twist
+from navcore.geometry.transform import Twist
 from navcore.robot.profile import RobotProfile
 
 COMMAND_LIFE_S = GateConfig().command_life_s
@@ -136,38 +127,6 @@ class CollisionChecker:
         unobserved."""
         return bool((self.clearance(poses) > padding_m).all() and self.is_observed(poses).all())
 
-    def manoeuvre(self, path: Points, pose: Pose2) -> Manoeuvre | None:
-        """Find the cheapest manoeuvre that leads on along the (N, 2) path, base frame, or else to a
-        viewpoint of how the path goes on; None without one."""
-        return manoeuvre_along(path, self._manoeuvre_problem(), pose) or self.manoeuvre_to_see(
-            path, pose
-        )
-
-    def manoeuvre_to_see(self, path: Points, pose: Pose2) -> Manoeuvre | None:
-        """Find the cheapest manoeuvre to a viewpoint of the unobserved cells that a body which
-        turns along the (N, 2) path, base frame, may sweep; None without one."""
-        return manoeuvre_to_see(path, self._manoeuvre_problem(), pose)
-
-    def visible_by_turning(self, path: Points, *, beyond_rad: float) -> Points:
-        """(K, 2) unobserved cells that a body which follows the (N, 2) path soon sweeps, and that
-        the camera sees when the robot turns to them in place by more than an angle."""
-        return visible_by_turning(path, self._manoeuvre_problem(), beyond_rad=beyond_rad)
-
-    def _manoeuvre_problem(self) -> ManoeuvreProblem:
-        # What touches the body would leave the search no first step; it is kept as each is driven.
-        apart_m = self.profile.distances_m(self.contacts)
-        beside = self.contacts[apart_m > self.cell_radius_m]
-        return ManoeuvreProblem(
-            obstacles=np.vstack([self.others, beside]),
-            cell_radius_m=self.cell_radius_m,
-            unseen=self.unseen,
-            unseen_clearance_m=self.unseen_clearance_m,
-            profile=self.profile,
-            clearance_m=self.padding_m + self.control.manoeuvre.extra_clearance_m,
-            config=self.control.manoeuvre,
-            lattice=self.control.lattice,
-        )
-
     def reversed(self) -> CollisionChecker:
         """Return the surroundings as seen from a robot that faces the other way."""
         return dataclasses.replace(
@@ -205,36 +164,6 @@ class CollisionChecker:
     def all_observed(self) -> CollisionChecker:
         """Return the surroundings as if the camera had seen all of them."""
         return dataclasses.replace(self, unseen=self.unseen[:0])
-
-
-def candidates(
-    *,
-    geometric: Points,
-    forbidden: Points,
-    profile: RobotProfile,
-    local: LocalPlannerConfig,
-    cell_m: float,
-    control: ControlConfig = CONTROL_CONFIG,
-) -> tuple[Floats, Indices]:
-    """Return what the local planner chooses from: (A, S, 2) points of the motion primitives, base
-    frame, and (A,) the number of poses of each that are free.
-
-    `geometric` and `forbidden` are (N, 2) centres of cells of side `cell_m`. People who walk and
-    unobserved cells are left out, since they depend on speed and on the tick.
-    """
-    geometric = geometric[outside(geometric, profile, -cell_m / 2)]
-    checker = CollisionChecker(
-        obstacles=np.vstack([geometric, forbidden]),
-        unseen=np.empty((0, 2)),
-        cell_radius_m=cell_m * math.sqrt(0.5),
-        profile=profile,
-        local=local,
-        control=control,
-    )
-    poses = arcs(control.arcs).poses
-    free = checker.clearance(poses) > checker.padding_m
-    count = np.where(free.all(axis=1), free.shape[1], np.argmin(free, axis=1))
-    return poses[..., :2], count.astype(np.int64)
 
 
 def stopping_trajectory(twist: Twist, profile: RobotProfile) -> Floats:

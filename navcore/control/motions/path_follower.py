@@ -7,12 +7,15 @@ import math
 
 import numpy as np
 
+from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerConfig
 from navcore.control.collision.collision_checker import CollisionChecker
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.motion_primitives import Primitives, errors_to_path
+from navcore.control.motion_primitives import Primitives, arcs, errors_to_path
 from navcore.control.people.social import clear_of_people, waiting_index
-from navcore.geometry.arrays import Bools, Floats, Points
+from navcore.costmap.local_costmap import outside
+from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.geometry.transform import Twist
+from navcore.robot.profile import RobotProfile
 
 
 def follow(checker: CollisionChecker, path: Points, primitives: Primitives) -> Motion | None:
@@ -127,3 +130,33 @@ def _braking_speed(checker: CollisionChecker, free_m: float, goal_m: float) -> f
         math.sqrt(2 * braking_mps2 * stopping_m),
         math.sqrt(2 * config.goal_braking_share * braking_mps2 * goal_m) + config.goal_speed_mps,
     )
+
+
+def candidates(
+    *,
+    geometric: Points,
+    forbidden: Points,
+    profile: RobotProfile,
+    local: LocalPlannerConfig,
+    cell_m: float,
+    control: ControlConfig = CONTROL_CONFIG,
+) -> tuple[Floats, Indices]:
+    """Return what the local planner chooses from: (A, S, 2) points of the motion primitives, base
+    frame, and (A,) the number of poses of each that are free.
+
+    `geometric` and `forbidden` are (N, 2) centres of cells of side `cell_m`. People who walk and
+    unobserved cells are left out, since they depend on speed and on the tick.
+    """
+    geometric = geometric[outside(geometric, profile, -cell_m / 2)]
+    checker = CollisionChecker(
+        obstacles=np.vstack([geometric, forbidden]),
+        unseen=np.empty((0, 2)),
+        cell_radius_m=cell_m * math.sqrt(0.5),
+        profile=profile,
+        local=local,
+        control=control,
+    )
+    poses = arcs(control.arcs).poses
+    free = checker.clearance(poses) > checker.padding_m
+    count = np.where(free.all(axis=1), free.shape[1], np.argmin(free, axis=1))
+    return poses[..., :2], count.astype(np.int64)

@@ -14,7 +14,7 @@ from shapely.ops import unary_union
 from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.config.behaviours import LaneConfig
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.people.social import PEOPLE_CONFIG
+from navcore.control.people.people_state import PEOPLE_CONFIG
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY

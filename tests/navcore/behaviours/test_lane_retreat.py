@@ -8,7 +8,7 @@ import pytest
 from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.config.behaviours import LaneConfig, LaneRetreatConfig
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.people.social import PEOPLE_CONFIG
+from navcore.control.people.people_state import PEOPLE_CONFIG
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.robot.profile import HUSKY

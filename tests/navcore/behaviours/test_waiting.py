@@ -7,7 +7,7 @@ from navcore.behaviours.waiting import WaitingTimer
 from navcore.config.behaviours import WaitingConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.people.social import PEOPLE_CONFIG
+from navcore.control.people.people_state import PEOPLE_CONFIG
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest

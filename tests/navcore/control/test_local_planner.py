@@ -14,10 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.control import LocalPlannerConfig
-from navcore.control.collision.collision_checker import COMMAND_LIFE_S, candidates
+from navcore.control.collision.collision_checker import COMMAND_LIFE_S
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.control.people.social import NO_PEOPLE, PeopleState
+from navcore.control.motions.path_follower import candidates
+from navcore.control.people.people_state import NO_PEOPLE, PeopleState
 from navcore.costmap.local_costmap import nearby, obstacle_masks, outside, people_mask
 from navcore.geometry.arrays import Points
 from navcore.geometry.polyline import path_from

@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from navcore.behaviours.waiting import WaitingTimer
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.control.people.social import (
+from navcore.control.people.people_state import (
     NO_PEOPLE,
     PEOPLE_CONFIG,
     PeopleExpectations,
     PeopleState,
-    speed_limit_near_people,
 )
+from navcore.control.people.social import speed_limit_near_people
 from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track

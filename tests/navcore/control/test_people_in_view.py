@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.people.social import PeopleState
+from navcore.control.people.people_state import PeopleState
 from navcore.perception.people.track import Track
 from navcore.robot.laser_scan import ScannerMount
 from navcore.robot.profile import HUSKY

@@ -17,10 +17,10 @@ from navcore.control.manoeuvre.manoeuvre import (
     ManoeuvreProblem,
     manoeuvre_along,
     manoeuvre_to_see,
-    steer,
 )
+from navcore.control.manoeuvre.steering import steer
 from navcore.control.motion import BLOCKED, IDLE, ControllerState, Motion
-from navcore.control.people.social import NO_PEOPLE, PeopleState
+from navcore.control.people.people_state import NO_PEOPLE, PeopleState
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.perception.people.track import Track

@@ -12,7 +12,7 @@ from navcore.config.control import LocalPlannerConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState
-from navcore.control.people.social import PeopleState
+from navcore.control.people.people_state import PeopleState
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY, RobotProfile, load_profile

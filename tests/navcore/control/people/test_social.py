@@ -10,15 +10,8 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.control.people.social import (
-    NO_PEOPLE,
-    PEOPLE_CONFIG,
-    SOCIAL_CONFIG,
-    PeopleState,
-    clear_of_people,
-    recedes,
-    waiting_index,
-)
+from navcore.control.people.people_state import NO_PEOPLE, PEOPLE_CONFIG, SOCIAL_CONFIG, PeopleState
+from navcore.control.people.social import clear_of_people, recedes, waiting_index
 from navcore.geometry.transform import Pose2
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY
