@@ -216,7 +216,7 @@ def _correct_a_map(point_map: PointMap) -> None:
     for _ in range(2):
         point_map.correct({pose_id: moved @ pose for pose_id, pose in enumerate(point_map.poses)})
     everywhere = np.arange(point_map.spec.rows * point_map.spec.cols)
-    point_map.put_back(point_map.erase(everywhere, [NOTHING]))
+    point_map.edits.put_back(point_map.edits.erase(everywhere, [NOTHING]))
 
 
 class _UnsureSegmenter:

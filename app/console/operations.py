@@ -277,7 +277,7 @@ class LiveOperations:
         if decision.taken_back:
             self._recent.forget()
         if decision.place.is_known and (at := pose_ids.known(decision.frame.pose)) is not None:
-            self._recent.note(decision.frame, at, pose_ids[at], point_map.erasures)
+            self._recent.note(decision.frame, at, pose_ids[at], point_map.edits.erasures)
             self.teaching.note(decision.frame)
         self.insight.note_place(self._anchored.note_tick(decision.correction, pose_ids))
         request = self._controller.tick_state.request

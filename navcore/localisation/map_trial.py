@@ -36,7 +36,7 @@ class MapTrial:
         """Hold the map that was loaded, if the place in it is on trial."""
         is_open = self._localisation.is_on_trial
         self._saved = self._map.state() if is_open else None
-        self._is_clean, self._edits, self._driven_m = True, self._map.edits, 0.0
+        self._is_clean, self._edits, self._driven_m = True, self._map.edits.count, 0.0
         self._is_corrected = False
 
     def follow(self, place: LocalisationEstimate) -> bool:
@@ -71,7 +71,7 @@ class MapTrial:
     @property
     def _is_edited(self) -> bool:
         """Whether the operator has edited the map by hand since it was loaded."""
-        return self._map.edits != self._edits
+        return self._map.edits.count != self._edits
 
     def take_back(self) -> bool:
         """Restore the saved map while the trial is open; returns whether it has changed."""

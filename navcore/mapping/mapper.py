@@ -43,7 +43,7 @@ class Mapper:
         self._placed = False
         self._sightings = PeopleSightings(config.map.people_s)
         self._has_loaded_people = False
-        self._edits, self._is_corrected = point_map.edits, False
+        self._edits, self._is_corrected = point_map.edits.count, False
 
     def update(
         self,
@@ -67,7 +67,7 @@ class Mapper:
         self.map.insert(seen, frame, labels, self._recognised(beware))
         if ground_m is None:
             ground_m = flat_ground(frame.intrinsics.width)
-        self.map.version += self.map.terrain.observe(frame, ground_m, rules.obstacle_height_m)
+        self.map.observe_ground(frame, ground_m, rules.obstacle_height_m)
         if people:
             self._forget_unseen(seen, people, frame.stamp_ns, T_map_odom)
         self.map.forget(self._tracker.trail(self.map.spec, T_map_odom), [NOTHING, *people])
@@ -98,10 +98,10 @@ class Mapper:
         """Forget people where none has been seen, or followed by the tracker, for a while."""
         shown = seen.points_map[class_set(people)[seen.class_ids], :2].astype(np.float64)
         self._sightings.note(shown, stamp_ns)
-        if self._is_corrected or self._edits != self.map.edits:
+        if self._is_corrected or self._edits != self.map.edits.count:
             # Points have moved, or were put back, with no look at where they are now.
             self._sightings.note(self.map.positions_of(people), stamp_ns)
-            self._edits, self._is_corrected = self.map.edits, False
+            self._edits, self._is_corrected = self.map.edits.count, False
         followed = T_map_odom.to_parent(self._tracker.positions)
         self._sightings.note(followed, stamp_ns, self._config.perception.people.return_m)
         cells = self._sightings.take_old(stamp_ns, self.map.spec)

@@ -224,7 +224,7 @@ def test_an_edit_by_hand_ends_the_trial(
     episode = seen_from(kept[1], kept[0])
     try:
         navigator = episode.controller.navigator
-        navigator.map.erase(np.array([0]), [NOTHING])
+        navigator.map.edits.erase(np.array([0]), [NOTHING])
         wrong = contents(episode)
         navigator.localisation.search(stamp_ns=0)
         episode.observe(episode.now_s + 0.5)

@@ -111,12 +111,14 @@ class BewareMap:
         def edit(point_map: PointMap) -> None:
             past = self._past_view(point_map, seen)
             removed.extend(
-                point_map.forget_coloured(change.entry.class_id, change.rule, change.before, past)
+                point_map.edits.forget_coloured(
+                    change.entry.class_id, change.rule, change.before, past
+                )
                 for change in changes
             )
             for erased in restored:
-                point_map.put_back(erased)
-            point_map.add_past(past.points)
+                point_map.edits.put_back(erased)
+            point_map.edits.add_past(past.points)
 
         self._holder.edit_map(edit)
         return removed
@@ -138,7 +140,9 @@ class BewareMap:
         def copy(point_map: PointMap) -> None:
             costmap = occupancy()
             if costmap is not None and costmap.spec == point_map.spec:
-                taken.append((costmap, point_map.beware_points, self._past_view(point_map, seen)))
+                taken.append(
+                    (costmap, point_map.edits.beware_points, self._past_view(point_map, seen))
+                )
             done.set()
 
         self._holder.edit_map(copy)
@@ -148,7 +152,7 @@ class BewareMap:
         stays = np.ones(len(points), dtype=np.bool_)
         for change in changes:
             found = (points["class_id"] == change.entry.class_id) & (points["confidence"] >= 1)
-            stays[found] = self._map.is_taken(points[found], change.rule, change.before, past)
+            stays[found] = self._map.edits.is_taken(points[found], change.rule, change.before, past)
         points = np.concatenate([points[stays], past.points])
         least = least_confidence(after, self._config.map.confidence.certain)
         counts = (points["cell"] >= 0) & (points["confidence"] >= least[points["class_id"]])
@@ -179,7 +183,7 @@ class BewareMap:
         poses = point_map.poses
         frames = tuple(one.placed(poses) for one in self._recent.all if one.pose_id < len(poses))
         points = [
-            point_map.past_points(
+            point_map.edits.past_points(
                 look.observation, look.of.pose_id, look.of.T_map_id, look.of.erasures
             )
             for look in seen

@@ -88,13 +88,13 @@ class _Erasure:
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
         cells = np.flatnonzero(rasterise(self.polygon, point_map.spec))
-        self.erased = erased = point_map.erase(cells, self.what.class_ids)
+        self.erased = erased = point_map.edits.erase(cells, self.what.class_ids)
         found = f"{erased.cells} cells" if erased.cells != 1 else "1 cell"
         tell(f"{by} erased {found} of {_WHAT[self.what]}.", self.place)
 
     def take_back(self, point_map: PointMap, tell: Tell, by: str) -> None:
         if self.erased is not None:
-            point_map.put_back(self.erased)
+            point_map.edits.put_back(self.erased)
             self.erased = None
         tell(f"{by} took back: {self.text}.", self.place)
 
@@ -118,15 +118,17 @@ class _Rejecting:
         for sighting in self.sightings:
             self.mark(sighting.id, "rejected")
         for region in self.regions:
-            rejection, erased = point_map.reject(region.class_id, region.points, region.confidence)
+            rejection, erased = point_map.edits.reject(
+                region.class_id, region.points, region.confidence
+            )
             self.done.append((rejection.id, erased))
         freed = sum(erased.cells for _, erased in self.done)
         tell(f"{by}: {self.text}; {freed} cells are free.", self.place)
 
     def take_back(self, point_map: PointMap, tell: Tell, by: str) -> None:
         for rejection_id, erased in reversed(self.done):
-            point_map.take_back(rejection_id)
-            point_map.put_back(erased)
+            point_map.edits.take_back(rejection_id)
+            point_map.edits.put_back(erased)
         self.done = []
         for sighting in self.sightings:
             self.mark(sighting.id, sighting.verdict)
@@ -147,12 +149,12 @@ class _Forgetting:
     removed: Rejection | None = field(default=None, init=False)
 
     def apply(self, point_map: PointMap, tell: Tell, by: str) -> None:
-        self.removed = point_map.take_back(self.rejection_id)
+        self.removed = point_map.edits.take_back(self.rejection_id)
         tell(f"{by}: {self.text}.", self.place)
 
     def take_back(self, point_map: PointMap, tell: Tell, by: str) -> None:
         if self.removed is not None:
-            point_map.restore_rejection(self.removed)
+            point_map.edits.restore_rejection(self.removed)
             self.removed = None
         tell(f"{by} took back: {self.text}.", self.place)
 

@@ -46,7 +46,7 @@ def regions_of(
         away_m = np.hypot(*(points - at).T)
         near = away_m <= min(REACH_M, away_m.min(initial=np.inf))
         wanted = np.unique(own[near])[:1]
-    seen = point_map.beware_points
+    seen = point_map.edits.beware_points
     seen = seen[(seen["class_id"] == class_id) & (seen["cell"] >= 0)]
     surest = np.zeros(count)
     np.maximum.at(surest, names.ravel()[seen["cell"]], seen["confidence"])

@@ -66,7 +66,7 @@ def test_an_edit_by_hand_ends_the_trial_at_once() -> None:
     for edits in (0, 1):
         begun, point_map, driving = trial()
         begun.follow(LOCATED)
-        point_map.edits += edits
+        point_map.edits.count += edits
         assert begun.take_back() is (edits == 0)
         assert driving.forgotten == 1 - edits and begun.is_open is (edits == 0)
 

@@ -64,7 +64,7 @@ def moved(cloud: PointMap, rng: np.random.Generator, far: float = 1.0) -> dict[i
 
 
 def columns(cloud: PointMap) -> list[np.ndarray]:
-    live = cloud._points.live
+    live = cloud._placed.table.live
     return [live[name].copy() for name in live.dtype.names or () if name != "next"]
 
 
@@ -96,9 +96,9 @@ def assert_consistent(cloud: PointMap) -> None:
     if not prior_of(cloud).any():
         assert_same(layers(cloud, ALL), rebuilt(cloud, ALL))
         assert_same(layers(cloud, SURE), rebuilt(cloud, SURE))
-    live = cloud._points.live
+    live = cloud._placed.table.live
     linked = 0
-    for cell, first in enumerate(cloud._points.first.tolist()):
+    for cell, first in enumerate(cloud._placed.table.first.tolist()):
         while first:
             assert live["cell"][first - 1] == cell
             linked, first = linked + 1, int(live["next"][first - 1])

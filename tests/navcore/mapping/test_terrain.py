@@ -196,15 +196,15 @@ def test_a_false_step_is_erased_and_comes_back_with_the_undo_where_a_correction_
     kerb = np.flatnonzero(point_map.terrain.bools)
     assert live.follow(NO_CLASSES, ()).grid.geometric.sum() == len(kerb) > 0
     left = kerb[SPEC.centres(np.column_stack(np.divmod(kerb, SPEC.cols)))[:, 1] > 0.0]
-    erased = point_map.erase(left, [NOTHING])
+    erased = point_map.edits.erase(left, [NOTHING])
     assert erased.cells == len(left) < len(kerb)
     assert not point_map.terrain.bools.ravel()[left].any()
     assert live.follow(NO_CLASSES, ()).grid.geometric.sum() == point_map.terrain.bools.sum() > 0
     point_map.correct({0: Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0)})
-    point_map.put_back(erased)
+    point_map.edits.put_back(erased)
     assert point_map.terrain.bools.sum() == pytest.approx(len(kerb), rel=0.05)
     # What is seen again after it was erased is there again.
-    point_map.erase(np.flatnonzero(point_map.terrain.bools), [NOTHING])
+    point_map.edits.erase(np.flatnonzero(point_map.terrain.bools), [NOTHING])
     assert not point_map.terrain.bools.any()
     looked(point_map, dataclasses.replace(with_kerb(0.08), pose=point_map.pose_ids[0]))
     assert point_map.terrain.bools.any()

@@ -37,7 +37,7 @@ def keep_red_floor(operations: FakeOperations) -> None:
     records["base_x"], records["base_y"] = x_m.ravel() + 6.0, y_m.ravel()  # of the pose at x −6 m
     records["class_id"], records["confidence"] = RED_FLOOR, 1.0
     operations.point_map.layers.add_classes(records["class_id"])
-    operations.point_map.put_back(Erased(records=records, prior_xy=np.empty((0, 2)), cells=0))
+    operations.point_map.edits.put_back(Erased(records=records, prior_xy=np.empty((0, 2)), cells=0))
 
 
 def test_what_the_map_holds_is_called_none_from_its_menu(

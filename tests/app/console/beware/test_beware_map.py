@@ -132,7 +132,7 @@ class Drive:
         at = self.navigator.map.pose_ids.known(decision.frame.pose)
         assert at is not None
         point_map = self.navigator.map
-        self.recent.note(decision.frame, at, point_map.pose_ids[at], point_map.erasures)
+        self.recent.note(decision.frame, at, point_map.pose_ids[at], point_map.edits.erasures)
 
     def cells(self) -> dict[str, Any]:
         """Return the occupied cells of each class by name."""
@@ -178,20 +178,20 @@ def moved(point_map: PointMap) -> None:
 
 
 MAP_EDITS: dict[str, Callable[[PointMap], object]] = {
-    "erase all": lambda point_map: point_map.erase(
+    "erase all": lambda point_map: point_map.edits.erase(
         cells_in((1.0, 1.9), (-1.0, 1.0)), Erasable.BOTH.class_ids
     ),
-    "erase tape": lambda point_map: point_map.erase(
+    "erase tape": lambda point_map: point_map.edits.erase(
         cells_in((1.0, 2.1), (0.2, 1.4)), Erasable.BEWARE.class_ids
     ),
-    "erase obstacles": lambda point_map: point_map.erase(
+    "erase obstacles": lambda point_map: point_map.edits.erase(
         cells_in((1.0, 3.0), (-1.0, 1.0)), Erasable.GEOMETRY.class_ids
     ),
     "reject red": lambda point_map: (
-        point_map.reject(1, np.array([[1.35, -0.15]]), 1.0) if point_map.poses else None
+        point_map.edits.reject(1, np.array([[1.35, -0.15]]), 1.0) if point_map.poses else None
     ),
     "reject tape": lambda point_map: (
-        point_map.reject(3, np.array([[1.25, 0.85]]), 1.0) if point_map.poses else None
+        point_map.edits.reject(3, np.array([[1.25, 0.85]]), 1.0) if point_map.poses else None
     ),
 }
 Steps = list[tuple[int, str]]
@@ -229,7 +229,7 @@ def of_map(name: str) -> Callable[[Drive], None]:
         point_map = drive.navigator.map
         if name in MAP_EDITS:
             MAP_EDITS[name](point_map)
-        elif not point_map.erasures:
+        elif not point_map.edits.erasures:
             moved(point_map)
 
     return edit
@@ -330,7 +330,7 @@ def test_what_was_erased_does_not_come_back_with_another_rule() -> None:
         drive.see(number)
     assert drive.cells()["red"].any()
     everywhere = np.arange(SPEC.rows * SPEC.cols)
-    drive.navigator.map.erase(everywhere, Erasable.BEWARE.class_ids)
+    drive.navigator.map.edits.erase(everywhere, Erasable.BEWARE.class_ids)
     EDITS["wide"](drive.editor)
     assert not drive.cells()["red"].any()
     drive.see(len(FRAMES) - 1)

@@ -58,7 +58,7 @@ def console(*things: Box, blue: int = 0, network: bool = True) -> tuple[BewareEd
 
 
 def cells(point_map: PointMap, class_id: int) -> int:
-    points = point_map.beware_points
+    points = point_map.edits.beware_points
     return len(np.unique(points["cell"][points["class_id"] == class_id]))
 
 

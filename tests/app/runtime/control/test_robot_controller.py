@@ -295,7 +295,7 @@ def test_an_edit_of_the_map_is_done_before_the_next_tick_also_when_its_frame_is_
 
     def erase(point_map: PointMap) -> None:
         everywhere = np.arange(point_map.spec.rows * point_map.spec.cols)
-        erased.append(point_map.erase(everywhere, Erasable.BOTH.class_ids).cells)
+        erased.append(point_map.edits.erase(everywhere, Erasable.BOTH.class_ids).cells)
 
     driver.edit_map(erase)
     driver.edit_map(erase)

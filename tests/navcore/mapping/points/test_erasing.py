@@ -78,13 +78,13 @@ def test_only_what_was_asked_for_is_erased_and_comes_back_when_it_is_put_back(
     before, points = occupied(point_map), in_order(point_map.points)
     assert min(before) > 0
     version = point_map.version
-    erased = point_map.erase(EVERYWHERE, what.class_ids)
+    erased = point_map.edits.erase(EVERYWHERE, what.class_ids)
     assert point_map.version > version
     assert occupied(point_map) == (
         before[0] if what is Erasable.BEWARE else 0,
         before[1] if what is Erasable.GEOMETRY else 0,
     )
-    point_map.put_back(erased)
+    point_map.edits.put_back(erased)
     assert occupied(point_map) == before
     assert in_order(point_map.points) == points
 
@@ -93,7 +93,7 @@ def test_only_the_area_is_erased() -> None:
     point_map = mapped(picture(BOX, MARK))
     kept = layer_grid(point_map, RED_LIST, ())
     area = cells_of(1.0, 0.0, 1.7, 1.0)
-    point_map.erase(area, Erasable.BOTH.class_ids)
+    point_map.edits.erase(area, Erasable.BOTH.class_ids)
     now = layer_grid(point_map, RED_LIST, ())
     for before, after in (
         (kept.geometric, now.geometric),
@@ -107,7 +107,7 @@ def test_only_the_area_is_erased() -> None:
 def test_what_the_camera_sees_again_comes_back_and_what_is_gone_does_not() -> None:
     point_map = mapped(picture(BOX, MARK))
     before = occupied(point_map)
-    point_map.erase(EVERYWHERE, Erasable.BOTH.class_ids)
+    point_map.edits.erase(EVERYWHERE, Erasable.BOTH.class_ids)
     look(point_map, picture(BOX))
     assert occupied(point_map) == (before[0], 0)
 
@@ -118,10 +118,10 @@ def test_erased_points_that_are_put_back_are_where_their_pose_is_now() -> None:
     corrected = mapped(frame)
     corrected.correct(moved)
     erased_before = mapped(frame)
-    erased = erased_before.erase(EVERYWHERE, Erasable.BOTH.class_ids)
+    erased = erased_before.edits.erase(EVERYWHERE, Erasable.BOTH.class_ids)
     erased_before.correct(moved)
     assert occupied(erased_before) == (0, 0)
-    erased_before.put_back(erased)
+    erased_before.edits.put_back(erased)
     assert in_order(erased_before.points) == in_order(corrected.points)
     assert_same(layers(erased_before, RED_LIST), layers(corrected, RED_LIST))
 
@@ -129,7 +129,7 @@ def test_erased_points_that_are_put_back_are_where_their_pose_is_now() -> None:
 def test_a_correction_under_way_does_not_bring_erased_points_back() -> None:
     point_map = mapped(picture(BOX, MARK))
     prepared = prepare(point_map.snapshot(), {0: Pose2(x_m=0.2, y_m=0.0, yaw_rad=0.0)})
-    point_map.erase(EVERYWHERE, Erasable.BOTH.class_ids)
+    point_map.edits.erase(EVERYWHERE, Erasable.BOTH.class_ids)
     assert point_map.apply(prepared)
     assert occupied(point_map) == (0, 0)
 
@@ -138,7 +138,7 @@ def test_erased_points_stay_erased_in_the_map_file_and_when_the_map_grows(
     tmp_path: Path,
 ) -> None:
     point_map = mapped(picture(BOX, MARK))
-    erased = point_map.erase(EVERYWHERE, Erasable.GEOMETRY.class_ids)
+    erased = point_map.edits.erase(EVERYWHERE, Erasable.GEOMETRY.class_ids)
     before = occupied(point_map)
     save(tmp_path / "map", point_map.state(), {})
     again = PointMap(SPEC, MappingConfig())
@@ -148,7 +148,7 @@ def test_erased_points_stay_erased_in_the_map_file_and_when_the_map_grows(
     assert growth is not None
     point_map.grow(growth)
     assert occupied(point_map) == before
-    point_map.put_back(erased)
+    point_map.edits.put_back(erased)
     assert occupied(point_map) == occupied(mapped(picture(BOX, MARK)))
 
 
@@ -158,13 +158,13 @@ def test_the_prior_map_is_erased_as_geometry_for_good_and_can_be_put_back() -> N
     prior[20:30, 20:30] = True
     point_map.load_prior(prior)
     look(point_map, picture())
-    assert point_map.erase(EVERYWHERE, Erasable.BEWARE.class_ids).cells == 0
-    erased = point_map.erase(EVERYWHERE, Erasable.GEOMETRY.class_ids)
+    assert point_map.edits.erase(EVERYWHERE, Erasable.BEWARE.class_ids).cells == 0
+    erased = point_map.edits.erase(EVERYWHERE, Erasable.GEOMETRY.class_ids)
     assert erased.cells == 100
     assert occupied(point_map) == (0, 0)
     point_map.correct({0: Pose2(x_m=0.2, y_m=0.0, yaw_rad=0.0)})  # this derives the prior map again
     assert occupied(point_map) == (0, 0)
-    point_map.put_back(erased)
+    point_map.edits.put_back(erased)
     assert occupied(point_map) == (100, 0)
 
 
@@ -173,9 +173,9 @@ def test_a_cell_of_the_prior_map_whose_floor_was_seen_does_not_come_back() -> No
     prior = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
     prior[SPEC.cell(1.5, 0.0)] = prior[20, 20] = True
     point_map.load_prior(prior)
-    erased = point_map.erase(EVERYWHERE, Erasable.GEOMETRY.class_ids)
+    erased = point_map.edits.erase(EVERYWHERE, Erasable.GEOMETRY.class_ids)
     look(point_map, picture())
-    point_map.put_back(erased)
+    point_map.edits.put_back(erased)
     assert occupied(point_map) == (1, 0)
 
 
@@ -186,7 +186,7 @@ def test_a_correction_under_way_does_not_bring_an_erased_prior_map_back() -> Non
     point_map.load_prior(prior)
     look(point_map, picture())
     prepared = prepare(point_map.snapshot(), {0: Pose2(x_m=0.2, y_m=0.0, yaw_rad=0.0)})
-    point_map.erase(EVERYWHERE, Erasable.GEOMETRY.class_ids)
+    point_map.edits.erase(EVERYWHERE, Erasable.GEOMETRY.class_ids)
     assert not point_map.apply(prepared)
     assert occupied(point_map) == (0, 0)
 
@@ -196,7 +196,7 @@ def test_a_cell_beside_the_grid_is_refused(cell: int) -> None:
     point_map = mapped(picture(BOX))
     before = in_order(point_map.points)
     with pytest.raises(ValueError, match="not all on the grid"):
-        point_map.erase(np.array([0, cell]), Erasable.BOTH.class_ids)
+        point_map.edits.erase(np.array([0, cell]), Erasable.BOTH.class_ids)
     assert in_order(point_map.points) == before
 
 
@@ -208,9 +208,9 @@ def test_the_map_after_looks_erasures_and_corrections_equals_that_of_its_points(
         step = rng.integers(4)
         if step == 0:
             cells = np.flatnonzero(rng.random(SMALL.rows * SMALL.cols) < 0.3)
-            erased.append(cloud.erase(cells, list(Erasable)[rng.integers(3)].class_ids))
+            erased.append(cloud.edits.erase(cells, list(Erasable)[rng.integers(3)].class_ids))
         elif step == 1 and erased:
-            cloud.put_back(erased.pop())
+            cloud.edits.put_back(erased.pop())
         elif step == 2 and len(cloud.poses):
             moved = Pose2(x_m=rng.normal(0, 0.3), y_m=0.0, yaw_rad=rng.normal(0, 0.2))
             cloud.correct({int(rng.integers(len(cloud.poses))): moved})

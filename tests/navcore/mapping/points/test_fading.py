@@ -280,13 +280,13 @@ def test_the_map_after_looks_list_edits_erasures_and_rejections_equals_that_of_i
         red = points.points_map[points.class_ids == RED_ID, :2].astype(np.float64)
         if step == 0:
             cells = np.flatnonzero(rng.random(SPEC.rows * SPEC.cols) < 0.3)
-            erased.append(cloud.erase(cells, [int(rng.integers(2)) * RED_ID]))
+            erased.append(cloud.edits.erase(cells, [int(rng.integers(2)) * RED_ID]))
         elif step == 1 and erased:
-            cloud.put_back(erased.pop())
+            cloud.edits.put_back(erased.pop())
         elif step == 2 and len(red):
-            erased.append(cloud.reject(RED_ID, red[:5], 1.0)[1])
+            erased.append(cloud.edits.reject(RED_ID, red[:5], 1.0)[1])
         elif step == 3 and cloud.rejections.all:
-            cloud.take_back(cloud.rejections.all[0].id)
+            cloud.edits.take_back(cloud.rejections.all[0].id)
         elif step == 4:
             beware = beware.edited("red floor", enabled=bool(rng.integers(2)))
             cloud.use(beware)

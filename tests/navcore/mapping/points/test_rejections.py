@@ -62,7 +62,7 @@ def rejected() -> PointMap:
     """A map on which a mat was seen with 90 % and rejected."""
     point_map = PointMap(SPEC, MappingConfig())
     assert look(point_map, labels(PLACE))[7] > 0
-    point_map.reject(7, positions(point_map), 0.9)
+    point_map.edits.reject(7, positions(point_map), 0.9)
     return point_map
 
 
@@ -90,7 +90,7 @@ def test_certainty_is_better_evidence_unless_certain_looks_were_rejected(
 ) -> None:
     point_map = PointMap(SPEC, MappingConfig())
     look(point_map, labels(PLACE, confidence=1.0))
-    point_map.reject(7, positions(point_map), 1.0)
+    point_map.edits.reject(7, positions(point_map), 1.0)
     assert [look(point_map, labels(PLACE, confidence=1.0))[7] for _ in range(5)] == [0] * 5
     assert look(rejected, labels(PLACE, confidence=1.0))[7] > 0
 
@@ -128,15 +128,15 @@ def test_a_rejection_moves_with_its_pose_and_with_the_grid_and_is_kept_with_the_
 
 def test_a_rejection_that_is_taken_back_holds_no_longer(rejected: PointMap) -> None:
     (one,) = rejected.rejections.all
-    assert rejected.take_back(one.id + 1) is None
-    assert rejected.take_back(one.id) is one
+    assert rejected.edits.take_back(one.id + 1) is None
+    assert rejected.edits.take_back(one.id) is one
     assert [look(rejected, labels(PLACE))[7] for _ in range(3)][-1] > 0
 
 
 def test_a_map_without_a_pose_and_too_many_rejections_are_refused(rejected: PointMap) -> None:
     with pytest.raises(ValueError, match="a map with a pose"):
-        PointMap(SPEC, MappingConfig()).reject(7, np.zeros((1, 2)), 0.9)
+        PointMap(SPEC, MappingConfig()).edits.reject(7, np.zeros((1, 2)), 0.9)
     (one,) = rejected.rejections.all
     rejected.rejections.all = (one,) * MAX_REJECTIONS
     with pytest.raises(ValueError, match=f"at most {MAX_REJECTIONS}"):
-        rejected.restore_rejection(one)
+        rejected.edits.restore_rejection(one)
