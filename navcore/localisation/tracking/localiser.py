@@ -15,11 +15,7 @@ import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference, growth
-from navcore.localisation.estimate import (
-    LocalisationEstimate,
-    LocalisationState,
-    PlaceCorrection,
-)
+from navcore.localisation.estimate import LocalisationEstimate, PlaceCorrection
 from navcore.localisation.graph.edges import ConstantErrors, Edge
 from navcore.localisation.scans.matching import Match
 from navcore.localisation.scans.scan import Keyframe, Scan
@@ -35,6 +31,7 @@ from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
 from navcore.localisation.tracking.refused_matches import RefusedMatches
 from navcore.localisation.tracking.scan_odometry import ScanOdometry
+from navcore.localisation.tracking.tracking_state import TrackingState
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
 
@@ -77,9 +74,7 @@ class Localiser:
         self._flow = CorrectionFlow(config.tracking)
         self._odometry: tuple[Pose2, int] = (IDENTITY, 0)
         self._recent_odometry = RecentOdometry()
-        self._state = LocalisationState.DEAD_RECKONING
-        self._since_ns, self._since_m = 0, 0.0
-        self._doubt_s, self._doubt_m = 0.0, 0.0
+        self._state = TrackingState(config.tracking)
         self._unmatched = (math.inf, math.inf)
         self._continues = True
         self.scan: Scan | None = None
@@ -107,14 +102,14 @@ class Localiser:
         step = self._advance(frame)
         share: float | None = None
         self.saved_share = None
-        if self._state is not LocalisationState.LOST:
+        if not self._state.is_lost:
             share = self._observe(scan, step, frame.stamp_ns)
             self._flow.follow(
                 self._pose, frame.pose, standing=step.is_standing(self._config.odometry)
             )
         else:
             self._flow.jump(self._pose, frame.pose)
-        is_known = self._state is not LocalisationState.LOST and self.is_confirmed
+        is_known = self.is_confirmed and not self._state.is_lost
         if is_known and self._flow.pending is None:
             self._keep(scan, frame)
         return self.estimate(frame, share)
@@ -194,8 +189,7 @@ class Localiser:
         self._chain.restart()
         self._begin_again()
         self._unmatched = (math.inf, math.inf)
-        self._since_m = 0.0
-        self._enter(LocalisationState.DEAD_RECKONING, self._odometry[1])
+        self._state.place(self._odometry[1])
 
     def fuse(self, fix: PositionFix, alike: float = 1.0) -> bool:
         """Fuse an absolute position, one of `alike` fixes whose errors are the same; returns
@@ -207,7 +201,7 @@ class Localiser:
         What contradicts is told by the error of a single fix, however many share it. A lost robot
         is placed by fixes with a heading alone.
         """
-        is_lost = self._state is LocalisationState.LOST
+        is_lost = self._state.is_lost
         motion = self._recent_odometry.since(fix.stamp_ns)
         if self._filter is None or motion is None or (is_lost and fix.yaw_rad is None):
             return False
@@ -250,7 +244,7 @@ class Localiser:
         """Correct the estimate to a pose, and begin to track again from there."""
         shift_m = self._pose.distance_to(there.x_m, there.y_m)
         self.place_correction = PlaceCorrection(source=source, shift_m=shift_m)
-        if self._state is LocalisationState.LOST:
+        if self._state.is_lost:
             self._place(there, spread)
             return
         self._require_filter().place(there, spread)
@@ -265,7 +259,7 @@ class Localiser:
         self._refused_matches.clear()
         self._displacement.clear()
         self._continues = True
-        self._doubt_s = self._doubt_m = 0.0
+        self._state.forget_doubt()
 
     @property
     def _pose(self) -> Pose2:
@@ -280,7 +274,8 @@ class Localiser:
         """Follow odometry to a frame."""
         if self._filter is None:
             self._filter = PoseFilter(frame.pose, self._config.odometry)
-            self._odometry, self._since_ns = (frame.pose, frame.stamp_ns), frame.stamp_ns
+            self._odometry = (frame.pose, frame.stamp_ns)
+            self._state.since_ns = frame.stamp_ns
         before, stamp_ns = self._odometry
         step = OdometryStep.between(
             before,
@@ -292,7 +287,7 @@ class Localiser:
         self._recent_odometry.add(frame.pose, frame.stamp_ns)
         self._filter.predict(step)
         self._chain.advance(step)
-        self._since_m += step.distance_m
+        self._state.since_m += step.distance_m
         self.moved_m = step.distance_m + abs(step.turn_rad) / 2
         self._refused_matches.move(self.moved_m)
         moved_m, moved_rad = self._unmatched
@@ -306,7 +301,7 @@ class Localiser:
         if not len(self._saved):  # which tells the position better than any motion
             self._measure_motion(scan, stamp_ns)
         if len(scan) < least:
-            self._reckon(stamp_ns)
+            self._state.reckon(stamp_ns)
             return None
         continues = self._recent.are_continued(scan, self._odometry[0], step)
         if continues is None and not self._continues:
@@ -334,10 +329,9 @@ class Localiser:
                 is_possible = self._confirms(scan, result)
             if is_possible and fits and not is_excluded:
                 self._fuse(scan, result, absolute=absolute)
-                self._trust(step)
+                self._state.trust(step)
                 self._displacement.clear()
-                self._since_m = 0.0
-                self._enter(LocalisationState.LOCATED, stamp_ns)
+                self._state.locate(stamp_ns)
                 return result.share if absolute else result.share_of_near
             # Where little of the scan is near the map, the rest is new, and so may this be.
             is_mapped = 2 * result.near >= result.points
@@ -351,12 +345,12 @@ class Localiser:
         # Where only the robot's own map contradicts, that may have drifted; where there is no map,
         # the scan still continues the last ones.
         if contradicted or not self._continues:
-            self._doubt(step, stamp_ns)
+            self._state.doubt(step, stamp_ns)
             self._look_beside(scan, stamp_ns)
         else:
             if continues:
-                self._trust(step)
-            self._reckon(stamp_ns)
+                self._state.trust(step)
+            self._state.reckon(stamp_ns)
         return None if found is None else found.share_of_near
 
     def _measure_motion(self, scan: Scan, stamp_ns: int) -> None:
@@ -414,15 +408,10 @@ class Localiser:
         own = self._require_filter()
         return self._refused_matches.look(scan, self._saved, own, self._odometry[0])
 
-    def _trust(self, step: OdometryStep) -> None:
-        """Take back doubt: a frame fits."""
-        self._doubt_s = max(self._doubt_s - 2 * step.duration_s, 0.0)
-        self._doubt_m = max(self._doubt_m - 2 * step.distance_m, 0.0)
-
     def _look_beside(self, scan: Scan, stamp_ns: int) -> None:
         """Correct the estimate if scans that contradict it fit the saved map beside it."""
-        is_tracked = len(self._saved) and self._state is not LocalisationState.LOST
-        if not (is_tracked and self.is_confirmed and self._doubt_s >= _DOUBTED_S):
+        is_tracked = len(self._saved) and not self._state.is_lost
+        if not (is_tracked and self.is_confirmed and self._state.doubt_s >= _DOUBTED_S):
             return
         found = self._displacement.find(scan, self._saved, self._pose, self._odometry[0], stamp_ns)
         if found is not None:
@@ -446,29 +435,12 @@ class Localiser:
         spread = np.linalg.inv(information + np.linalg.inv(_DISPLACED)) + self._matcher.floor
         self._shift(found.pose, spread, None)
 
-    def _doubt(self, step: OdometryStep, stamp_ns: int) -> None:
-        """Count frames that contradict the map; after too many the robot is lost."""
-        rules = self._config.tracking
-        self._doubt_s += step.duration_s
-        self._doubt_m += step.distance_m
-        if self._doubt_s >= rules.lost_s or self._doubt_m >= rules.lost_m:
-            self._enter(LocalisationState.LOST, stamp_ns)
-        else:
-            self._reckon(stamp_ns)
-
-    def _reckon(self, stamp_ns: int) -> None:
-        self._enter(LocalisationState.DEAD_RECKONING, stamp_ns)
-
-    def _enter(self, state: LocalisationState, stamp_ns: int) -> None:
-        if state is not self._state:
-            self._state, self._since_ns = state, stamp_ns
-
     def _keep(self, scan: Scan, frame: Frame) -> None:
         """Make a keyframe of a scan from a new pose."""
         if len(scan) < self._config.match.min_points or not self._continues:
             return
         self._recent.add(scan, frame.pose)
-        if self._doubt_s == 0.0:
+        if self._state.doubt_s == 0.0:
             pose = self._flow.T_map_odom @ frame.pose
             behind = difference(self._pose, pose)
             covariance = self._require_filter().covariance_but_scale + np.outer(behind, behind)
@@ -480,7 +452,7 @@ class Localiser:
 
     def lose(self, stamp_ns: int) -> None:
         """Forget the pose: the robot is lost until it is placed."""
-        self._enter(LocalisationState.LOST, stamp_ns)
+        self._state.lose(stamp_ns)
 
     def estimate(self, frame: Frame, share: float | None = None) -> LocalisationEstimate:
         """Return the estimate for the newest frame, whose scan fits the map by a share."""
@@ -497,10 +469,10 @@ class Localiser:
             T_map_base=applied,
             covariance=self._require_filter().covariance + besides,
             covariance_by_motion=self._require_filter().covariance_by_motion + besides,
-            state=self._state,
+            state=self._state.state,
             match_share=share,
-            since_ns=self._since_ns,
-            since_m=self._since_m,
+            since_ns=self._state.since_ns,
+            since_m=self._state.since_m,
             offset=self._require_filter().offset,
             moved=self._require_filter().moved,
             place_correction=self.place_correction,
