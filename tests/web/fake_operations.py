@@ -5,16 +5,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import json
 import math
 import shutil
 import tempfile
 import threading
 import uuid
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,14 +24,7 @@ from app.console.beware.examples import LiveExamples
 from app.console.beware.recent_frames import RecentFrames
 from app.console.edit_history import AllEdits
 from app.console.mission.goals import Goals
-from app.console.mission.path_preview import (
-    Planner,
-    compare,
-    compare_lists,
-    grid_with,
-    pose_at,
-    with_zones,
-)
+from app.console.mission.path_preview import Planner, compare, compare_lists, grid_with, pose_at
 from app.console.mission.path_settings import PathSettings
 from app.console.mission.saved_missions import SavedMissions
 from app.console.mission.zone_editor import ZoneEditor
@@ -48,17 +39,14 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration, NotKnown, Refused
-from navcore.geometry.camera import Intrinsics
-from navcore.geometry.transform import STANDSTILL, Pose2, Twist, camera_mount
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.cell_mask import CellMask
-from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
+from navcore.grid.grid import BoolGrid, OccupancyGrid
 from navcore.grid.growth import growth_into, padded
-from navcore.localisation.estimate import LocalisationState
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone
-from navcore.mission.zone_cells import rasterise
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.planning.path import NoPath, Path
@@ -71,58 +59,28 @@ from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import Cause, StopReason
 from tests.navcore.perception.colour_network import ColourNetwork
 from tests.web.fake_insight import FakeInsight
+from tests.web.fake_place import FakePlace
 from tests.web.fake_sites import FakeSites
-from web.interface.beware import BewareVersion, ListPreview
+from tests.web.fake_world import (
+    INTRINSICS,
+    MARGIN_M,
+    RED_FLOOR,
+    SPEC,
+    T_BASE_CAMERA,
+    box,
+    camera_image,
+    depth_image,
+    inflated,
+    layered,
+    walls,
+)
+from tests.web.memory_store import MemoryStore
+from web.interface.beware import ListPreview
 from web.interface.drafts import PathPreview, Preview, PreviewDraft
-from web.interface.localisation import PlaceCheck, PlaceOut
 from web.interface.operations import MissionAction
 from web.interface.snapshots import Cloud, State, TickSnapshot
 
-SPEC = GridSpec.centred(size_m=(16.0, 12.0), resolution_m=0.1)
-INTRINSICS = Intrinsics(width=320, height=180, fx=200.0, fy=200.0, cx=160.0, cy=90.0)
-T_BASE_CAMERA = camera_mount(x_m=0.4, y_m=0.0, z_m=0.6, pitch_down_rad=0.3)
-MARGIN_M = 0.1
 STEP_M = 0.1
-RED_FLOOR = 1
-BOX_PIXELS = (slice(60, 90), slice(20, 70))
-"""Unlabelled box in the camera image."""
-
-
-class FakePlace:
-    """Implementation of `web.interface.localisation.PlaceEdits`: every pose left of x = 0 fits."""
-
-    def __init__(self, move_to: Callable[[Pose2], None], phase: Callable[[], Phase]) -> None:
-        self._move_to, self._phase = move_to, phase
-        self.now = PlaceOut(state=LocalisationState.LOCATED, text="Located.", match_share=0.9)
-
-    def status(self) -> PlaceOut:
-        """Implement the port."""
-        return self.now
-
-    def check(self, pose: Pose2) -> PlaceCheck:
-        """Implement the port."""
-        fits = pose.x_m < 0
-        return PlaceCheck(
-            pose=pose,
-            match_share=0.9 if fits else 0.2,
-            fits=fits,
-            text="fits" if fits else "does not fit",
-            scan=np.array([[pose.x_m + 1.0, pose.y_m]]),
-        )
-
-    def place(self, pose: Pose2, *, force: bool) -> PlaceCheck:
-        """Implement the port."""
-        if self._phase() is Phase.DRIVING:
-            raise Refused("the robot drives; pause the mission first")
-        found = self.check(pose)
-        if not found.fits and not force:
-            raise Refused(found.text)
-        self._move_to(found.pose)
-        return found
-
-    def search(self) -> None:
-        """Implement the port."""
-        self.now = dataclasses.replace(self.now, searching=True)
 
 
 class FakeOperations:
@@ -202,7 +160,7 @@ class FakeOperations:
         self.hands: list[Twist | None] = []
         self.segmenter_warning: str | None = None
         self.closed: tuple[Zone, ...] = ()
-        self._world = {0: _walls(), RED_FLOOR: _box(-1.5, 0.5, -1.0, 1.0)}
+        self._world = {0: walls(), RED_FLOOR: box(-1.5, 0.5, -1.0, 1.0)}
         self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
         self._seen[:, -30:] = False
         self._see()
@@ -380,7 +338,7 @@ class FakeOperations:
         """Implement the port."""
         with self._lock:
             present, drafted = (
-                _grid(self._world, listed, self.zones.stored)
+                layered(self._world, listed, self.zones.stored)
                 for listed in (self._intent.beware, beware)
             )
             return compare_lists(
@@ -487,13 +445,13 @@ class FakeOperations:
     def unsee(self, left: float, right: float, low: float, high: float) -> None:
         """Forget that a rectangle of floor was seen."""
         with self._lock:
-            self._seen &= ~_box(left, right, low, high)
+            self._seen &= ~box(left, right, low, high)
             self._see()
 
     def block_by_red(self) -> None:
         """Paint the floor red from wall to wall."""
         with self._lock:
-            self._world[RED_FLOOR] = _box(-1.5, 0.5, -5.9, 5.9)
+            self._world[RED_FLOOR] = box(-1.5, 0.5, -5.9, 5.9)
             self._see()
 
     def grow(self, x_m: float, y_m: float) -> None:
@@ -554,7 +512,7 @@ class FakeOperations:
     def _see(self) -> None:
         counts = self._counts
         counts["serial"] += 1
-        grid = _grid(self._world, self._intent.beware, self.zones.stored)
+        grid = layered(self._world, self._intent.beware, self.zones.stored)
         blocked = inflated(grid)
         old = self.view.picture
         if (
@@ -572,8 +530,8 @@ class FakeOperations:
             if isinstance(outcome, Path):
                 corners = taut_corners(outcome.cells, CellMask.of(~blocked).plane)
                 waypoints = SPEC.centres(corners[1:])
-        rgb, labels = _frame()
-        depth_m = _depth()
+        rgb, labels = camera_image()
+        depth_m = depth_image()
         frame = Frame(
             stamp_ns=counts["serial"] * 100_000_000,
             rgb=rgb,
@@ -617,94 +575,5 @@ class FakeView:
     picture: TickSnapshot | None = None
 
 
-class MemoryStore:
-    """Store in memory."""
-
-    def __init__(self) -> None:
-        self._kept: dict[tuple[str, str], str] = {}
-        self._lists: list[BewareVersion] = []
-
-    def change_zones(self, saved: Iterable[Zone], deleted: Iterable[str]) -> None:
-        """Do nothing: the editor keeps the zones."""
-
-    def beware(self) -> BewareList | None:
-        """Implement the store."""
-        return self._lists[-1].list if self._lists else None
-
-    def beware_versions(self, *, limit: int = 1000) -> tuple[BewareVersion, ...]:
-        """Implement the store."""
-        return tuple(self._lists[::-1][:limit])
-
-    def beware_version(self, version: int) -> BewareVersion | None:
-        """Implement the store."""
-        return next((one for one in self._lists[::-1] if one.list.version == version), None)
-
-    def save_beware(self, beware: BewareList, *, unix_s: float, by: str, what: str) -> None:
-        """Implement the store."""
-        self._lists.append(BewareVersion(list=beware, unix_s=unix_s, by=by, what=what))
-
-    def documents(self, kind: str) -> dict[str, Any]:
-        """Implement the store."""
-        return {
-            name: json.loads(value)
-            for (of, name), value in sorted(self._kept.items())
-            if of == kind
-        }
-
-    def save_document(self, kind: str, name: str, value: Any) -> None:
-        """Implement the store."""
-        self._kept[kind, name] = json.dumps(value)
-        if value is None:
-            del self._kept[kind, name]
-
-
 def _ids() -> Iterator[str]:
     return (f"z{number}" for number in itertools.count(1))
-
-
-def _box(left: float, right: float, low: float, high: float) -> BoolGrid:
-    return rasterise(((left, low), (right, low), (right, high), (left, high)), SPEC)
-
-
-def _walls() -> BoolGrid:
-    outer = _box(-7.9, 7.9, -5.9, 5.9) & ~_box(-7.7, 7.7, -5.7, 5.7)
-    return outer | _box(1.5, 2.0, -5.9, -2.0) | _box(3.5, 4.5, 2.0, 3.0)
-
-
-def _grid(
-    world: Mapping[int, BoolGrid], beware: BewareList, zones: Iterable[Zone]
-) -> OccupancyGrid:
-    nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
-    open_floor = OccupancyGrid(
-        spec=SPEC,
-        geometric=world[0],
-        beware={entry.class_id: world.get(entry.class_id, nothing) for entry in beware.enabled},
-        margins_m={entry.class_id: entry.margin_m for entry in beware.enabled},
-        zones=nothing,
-    )
-    return with_zones(open_floor, tuple(zones))
-
-
-def inflated(grid: OccupancyGrid) -> BoolGrid:
-    return inflate_layers(grid, vehicle_width_m=HUSKY.width_m, safety_margin_m=MARGIN_M)
-
-
-def _frame() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    rgb = np.full((INTRINSICS.height, INTRINSICS.width, 3), 120, dtype=np.uint8)
-    rgb[:90] = (170, 180, 190)
-    rgb[110:150, 120:220] = (200, 30, 30)
-    labels = np.zeros(rgb.shape[:2], dtype=np.uint8)
-    labels[110:150, 120:220] = RED_FLOOR
-    rgb[BOX_PIXELS] = (60, 110, 60)
-    return rgb, labels
-
-
-def _depth() -> npt.NDArray[np.float32]:
-    """Return the depth of an empty floor with a box."""
-    rows = np.arange(INTRINSICS.height)
-    down = (rows - INTRINSICS.cy) / INTRINSICS.fy
-    falls = math.cos(0.3) * down + math.sin(0.3)
-    floor = np.where(falls > 0.02, T_BASE_CAMERA[2, 3] / np.maximum(falls, 0.02), 0.0)
-    depth = np.repeat(floor[:, None], INTRINSICS.width, axis=1).astype(np.float32)
-    depth[BOX_PIXELS] = 1.9
-    return depth

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.web import fake_operations
-from tests.web.api.test_api import wrong, zone
+from tests.web.api.answers import wrong, zone
 from tests.web.fake_operations import FakeOperations
 
 BEWARE = "/api/v1/beware"
@@ -216,7 +216,9 @@ def test_a_click_refers_to_the_image_that_was_shown(
     shown = client.get("/api/v1/camera.jpg").headers["Frame"]
     rule = client.post(f"{BEWARE}/colour", json=RED).json()["rule"]
     blue = np.full((180, 320, 3), (20, 20, 220), dtype=np.uint8)
-    monkeypatch.setattr(fake_operations, "_frame", lambda: (blue, np.zeros_like(blue[..., 0])))
+    monkeypatch.setattr(
+        fake_operations, "camera_image", lambda: (blue, np.zeros_like(blue[..., 0]))
+    )
     operations.step()
     newest = client.get("/api/v1/camera.jpg").headers["Frame"]
     assert newest != shown

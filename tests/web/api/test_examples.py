@@ -6,7 +6,7 @@ import httpx
 import pytest
 
 from tests.navcore.perception.colour_network import ColourNetwork
-from tests.web.api.test_api import wrong
+from tests.web.api.answers import wrong
 from tests.web.fake_operations import FakeOperations
 
 BEWARE = "/api/v1/beware"

@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.web.api.test_api import SQUARE, wrong
+from tests.web.api.answers import SQUARE, wrong
 from tests.web.fake_operations import FakeOperations
 
 AREA = {"type": "Polygon", "coordinates": [SQUARE]}

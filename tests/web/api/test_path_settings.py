@@ -5,7 +5,7 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from tests.web.api.test_api import wrong
+from tests.web.api.answers import wrong
 from tests.web.fake_operations import FakeOperations
 
 SETTINGS = "/api/v1/path/settings"

@@ -16,8 +16,9 @@ from navcore.formats.keepout_mask import closed_cells, mask_spec
 from navcore.formats.map_image import encode
 from navcore.formats.nav2_map import map_from_cells, yaml_text
 from navcore.grid.grid import GridSpec
-from tests.web.api.test_api import SQUARE, wrong, zone
-from tests.web.fake_operations import SPEC, FakeOperations
+from tests.web.api.answers import SQUARE, wrong, zone
+from tests.web.fake_operations import FakeOperations
+from tests.web.fake_world import SPEC
 from web.gateway.request_body import MAX_BODY_BYTES
 
 

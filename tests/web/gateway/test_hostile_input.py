@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.web.api.test_api import wrong, zone
+from tests.web.api.answers import wrong, zone
 from tests.web.fake_operations import FakeOperations
 from web.gateway.request_body import MAX_BODY_BYTES
 from web.server import ConsoleServer

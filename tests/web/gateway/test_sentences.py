@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.web.api.test_api import wrong
+from tests.web.api.answers import wrong
 
 GEOMETRY = {"type": "Polygon", "coordinates": [[[0, 0], [1, 0], [1, 1]]]}
 

@@ -12,7 +12,8 @@ from navcore.costmap.costmap import Costmap
 from navcore.formats.nav2_map import Nav2Map, State, load
 from navcore.grid.grid import GridSpec, OccupancyGrid
 from navcore.mission.zone_cells import rasterise
-from tests.web.fake_operations import SPEC, FakeOperations
+from tests.web.fake_operations import FakeOperations
+from tests.web.fake_world import SPEC
 from web.images.encode import map_pgm, map_yaml
 from web.interface.snapshots import TickSnapshot
 

@@ -7,7 +7,8 @@ from playwright.sync_api import Page, Route, expect
 
 from navcore.mapping.points.erasing import Erased
 from navcore.mapping.points.point_table import POINT
-from tests.web.fake_operations import RED_FLOOR, FakeOperations
+from tests.web.fake_operations import FakeOperations
+from tests.web.fake_world import RED_FLOOR
 from tests.web.page.chromium import await_map, click_map
 from tests.web.page.test_map_touch import IN_SQUARE, add_zone, press_item, right_click
 
