@@ -16,8 +16,8 @@ from navcore.control.people.people_state import PeopleState
 from navcore.perception.people.track import Track
 from navcore.robot.laser_scan import ScannerMount
 from navcore.robot.profile import HUSKY
-from tests.navcore.control.test_local_planner import ORIGIN, decide, stands
-from tests.navcore.control.test_local_planner_people import stops_in_time, walking_on
+from tests.navcore.control.planning import ORIGIN, decide, stands
+from tests.navcore.control.walkers import stops_in_time, walking_on
 from tests.navcore.laws import law
 
 

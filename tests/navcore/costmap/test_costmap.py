@@ -17,7 +17,7 @@ from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
 from tests.navcore.laws import law
-from tests.navcore.mapping.test_point_map import ALL, FIRST, SECOND, SMALL, random_step
+from tests.navcore.mapping.small_maps import ALL, FIRST, SECOND, SMALL, random_step
 
 BODY = {"vehicle_width_m": 0.4, "safety_margin_m": 0.1}
 SQUARE = ((0.5, 0.5), (1.5, 0.5), (1.5, 1.5), (0.5, 1.5))

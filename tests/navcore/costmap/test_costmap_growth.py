@@ -17,8 +17,8 @@ from navcore.mapping.point_map import PointMap
 from navcore.mission.zone import Zone, ZoneKind
 from tests.navcore.grid.test_free_space import assert_same_space
 from tests.navcore.laws import law
+from tests.navcore.mapping.small_maps import ALL
 from tests.navcore.mapping.test_map_growth import WIDE, WIDER, growth, step
-from tests.navcore.mapping.test_point_map import ALL
 
 
 def live(cloud: PointMap) -> LiveCostmap:

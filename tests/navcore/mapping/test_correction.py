@@ -23,7 +23,7 @@ from navcore.mapping.correction import prepare
 from navcore.mapping.explored.patch import PLANES
 from navcore.mapping.point_map import PointMap
 from tests.navcore.laws import law
-from tests.navcore.mapping.test_point_map import (
+from tests.navcore.mapping.small_maps import (
     ALL,
     SMALL,
     SURE,

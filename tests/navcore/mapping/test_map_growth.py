@@ -19,9 +19,9 @@ from navcore.mapping.views.extent import measured_bounds
 from navcore.mapping.views.observation import observe
 from navcore.mapping.views.voxels import frustum_box
 from tests.navcore.laws import law
+from tests.navcore.mapping.small_maps import ALL, random_frame
 from tests.navcore.mapping.storage.test_map_file import assert_same
 from tests.navcore.mapping.storage.test_map_state import assert_same_grids
-from tests.navcore.mapping.test_point_map import ALL, random_frame
 
 WIDE = GridSpec.centred(size_m=(14.0, 14.2), resolution_m=0.1)
 WIDER = WIDE.part(-256, -512, WIDE.rows + 256, WIDE.cols)

@@ -21,9 +21,9 @@ from navcore.planning.escape import escape_path, nearest_exit
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
 from navcore.robot.profile import HUSKY
-from tests.app.runtime.control.test_robot_controller import navigator, order
 from tests.navcore.laws import law
 from tests.navcore.scene import Paint, picture
+from tests.navcore.ticks import navigator, order
 
 
 def brute_force(closed: BoolGrid, inside: BoolGrid, start: tuple[int, int]) -> float:

@@ -16,7 +16,9 @@ from navcore.mission.mission import Mission
 from navcore.mission.zone import Zone, ZoneKind
 from tests.app.console.state import PlainHolder
 from tests.navcore.scene import SPEC
-from tests.web.fake_operations import FakeOperations, MemoryStore, inflated
+from tests.web.fake_operations import FakeOperations
+from tests.web.fake_world import inflated
+from tests.web.memory_store import MemoryStore
 
 SQUARE = ((1.0, -0.5), (2.0, -0.5), (2.0, 0.5), (1.0, 0.5))
 

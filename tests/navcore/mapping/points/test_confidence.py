@@ -20,7 +20,7 @@ from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from tests.navcore.laws import law
-from tests.navcore.mapping.test_point_map import ALL, assert_same, layers, rebuilt
+from tests.navcore.mapping.small_maps import ALL, assert_same, layers, rebuilt
 from tests.navcore.scene import SPEC, picture
 
 MAT = BewareClass(name="mat", class_id=7)

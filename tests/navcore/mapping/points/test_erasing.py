@@ -26,14 +26,7 @@ from navcore.mission.zone_cells import rasterise
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.frame import Frame
 from tests.navcore.laws import law
-from tests.navcore.mapping.test_point_map import (
-    ALL,
-    SMALL,
-    assert_same,
-    layers,
-    random_step,
-    rebuilt,
-)
+from tests.navcore.mapping.small_maps import ALL, SMALL, assert_same, layers, random_step, rebuilt
 from tests.navcore.scene import RED_ID, RED_LIST, SPEC, Box, Paint, picture
 
 BOX = Box(x=(1.8, 2.2), y=(-0.3, 0.3), z=(0.0, 0.5))

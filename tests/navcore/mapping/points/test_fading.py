@@ -24,7 +24,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from tests.navcore.laws import law
-from tests.navcore.mapping.test_point_map import assert_same, layers, rebuilt
+from tests.navcore.mapping.small_maps import assert_same, layers, rebuilt
 from tests.navcore.scene import GREY, RED_ID, RED_LIST, SPEC, Box, Paint, picture
 
 SPILL = Paint(x=(1.2, 1.7), y=(-0.3, 0.3))

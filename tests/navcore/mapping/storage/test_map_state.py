@@ -17,8 +17,8 @@ from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage.map_file import load, save
 from tests.navcore.laws import law
+from tests.navcore.mapping.small_maps import ALL, SMALL, SURE, random_step
 from tests.navcore.mapping.storage.test_map_file import assert_same
-from tests.navcore.mapping.test_point_map import ALL, SMALL, SURE, random_step
 
 
 def step(cloud: PointMap, seed: int) -> None:

@@ -1,0 +1,190 @@
+"""What is asked of the map and of the place between two ticks: corrections, edits, another map."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from app.runtime.control.background import InlineBackground
+from app.runtime.control.map_requests import MapRequests
+from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.robot_controller import RobotController
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Pose2
+from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.erasing import Erasable
+from navcore.mission.mission import Mission
+from navcore.robot.profile import HUSKY
+from navcore.safety.gate import Cause
+from tests.app.runtime.control.controlled import causes, command, controller, think
+from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
+from tests.navcore.ticks import OPEN, SECOND, navigator
+
+
+def test_a_corrected_pose_moves_its_points_at_the_next_tick_and_an_unknown_one_is_refused() -> None:
+    driver = controller()
+    wall = picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND)
+    think(driver, wall)
+    before = driver.navigator.map.points
+    with pytest.raises(BadConfiguration, match="pose ID 5 is not on the map, which has 1"):
+        driver.correct_poses(
+            {0: Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0), 5: Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)}
+        )
+    driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
+    # A frame from elsewhere, so that the old pose's points are not replaced.
+    think(driver, picture(stamp_ns=2 * SECOND, pose=Pose2(x_m=-4.0, y_m=0.0, yaw_rad=math.pi)))
+    after = driver.navigator.map.points
+    moved = after.pose_ids == 0
+    assert moved.sum() == len(before.points_map) > 0
+    np.testing.assert_allclose(
+        np.sort(after.points_map[moved, 1]),
+        np.sort(before.points_map[:, 1] + np.float32(0.5)),
+        atol=1e-5,
+    )
+
+
+def test_a_pose_of_a_loaded_map_is_refused() -> None:
+    driver = controller()
+    think(driver, picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND))
+    driver.navigator.map.restore(driver.navigator.map.state())
+    with pytest.raises(BadConfiguration, match="pose ID 0 belongs to the loaded map"):
+        driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
+
+
+def test_poses_that_were_taken_back_meanwhile_keep_nothing_else_from_being_done() -> None:
+    driver, shown = controller(), Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.0)
+    think(driver, picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND))
+    driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
+    driver.navigator.map.restore(driver.navigator.map.state())
+    driver.place_robot(shown, np.eye(3))
+    think(driver, picture(stamp_ns=2 * SECOND))
+    assert driver.place.T_map_base.distance_to(shown.x_m, shown.y_m) < 0.01
+
+
+JUMPED = Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)
+NOWHERE = Pose2(x_m=math.nan, y_m=0.0, yaw_rad=0.0)
+
+
+@pytest.mark.parametrize("refused", [JUMPED, NOWHERE], ids=["jumped", "not a number"])
+def test_a_place_that_is_shown_waits_for_a_frame_that_is_believed(refused: Pose2) -> None:
+    driver, shown = controller(), Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.5)
+    times = [SECOND + 100_000_000 * k for k in range(8)]
+    driver.think(picture(stamp_ns=times[0]), clock=lambda: times[0])
+    driver.place_robot(shown, 0.01 * np.eye(3))
+    bad = dataclasses.replace(picture(stamp_ns=times[1]), pose=refused)
+    assert driver.think(bad, clock=lambda: times[1]) is None
+    assert driver.place.T_map_base.distance_to(0.0, 0.0) < 0.01
+    for k, now in enumerate(times[2:]):  # until odometry is believed again
+        seen = picture(stamp_ns=now)  # with the noise of a camera that works
+        rgb, depth_m = seen.rgb + np.uint8(k + 1), seen.depth_m * np.float32(1 + 1e-4 * (k + 1))
+        driver.think(dataclasses.replace(seen, rgb=rgb, depth_m=depth_m), clock=lambda: SECOND)
+    there = driver.place.T_map_base
+    assert there.distance_to(shown.x_m, shown.y_m) < 0.01
+    assert there.yaw_rad == pytest.approx(shown.yaw_rad)
+
+
+def test_a_jump_of_odometry_that_is_accepted_leaves_the_place_as_uncertain() -> None:
+    driver = controller()
+    driver.think(OPEN, clock=lambda: SECOND)
+    there = Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.5)
+    driver.think(picture(stamp_ns=SECOND + 100_000_000, pose=there), clock=lambda: SECOND)
+    assert driver.pose_in_doubt
+    driver.trust_pose()
+    driver.think(picture(stamp_ns=SECOND + 200_000_000, pose=there), clock=lambda: SECOND)
+    assert driver.place.T_map_base.distance_to(there.x_m, there.y_m) < 0.01
+    assert driver.place.sigma_along_m(1.0, 0.0) == pytest.approx(3.0, rel=0.05)
+    assert math.sqrt(driver.place.covariance[2, 2]) == pytest.approx(0.5, rel=0.1)
+
+
+def test_an_edit_of_the_map_is_done_before_the_next_tick_also_when_its_frame_is_refused() -> None:
+    driver = controller()
+    think(driver, picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND))
+    erased: list[int] = []
+
+    def erase(point_map: PointMap) -> None:
+        everywhere = np.arange(point_map.spec.rows * point_map.spec.cols)
+        erased.append(point_map.edits.erase(everywhere, Erasable.BOTH.class_ids).cells)
+
+    driver.edit_map(erase)
+    driver.edit_map(erase)
+    assert not erased
+    think(driver, picture(stamp_ns=SECOND))  # shows nothing new
+    assert erased[0] > 0 and erased[1:] == [0]
+    assert len(driver.navigator.map.points.points_map) == 0
+    think(driver, picture(stamp_ns=2 * SECOND))
+    assert len(erased) == 2
+
+
+def test_a_robot_that_stands_for_a_correction_of_its_place_says_so() -> None:
+    driver = controller((3.0, 0.0))
+    think(driver)
+    assert Cause.POSE_UNKNOWN not in causes(command(driver))
+    driver._tick_state = dataclasses.replace(driver.tick_state, waits_for_correction=True)
+    (said,) = [reason for reason in command(driver).reasons if reason.cause is Cause.POSE_UNKNOWN]
+    assert "can be corrected" in said.text
+
+
+def test_of_a_place_and_a_search_that_wait_the_newer_counts() -> None:
+    shown = (Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0), np.eye(3))
+    placed, searched = MapRequests(place=shown), MapRequests(search=True)
+    assert placed.before(searched) == searched
+    after = searched.before(placed)
+    assert after.place == shown and not after.search
+    kept = MapRequests(trust_pose=True).before(MapRequests())
+    assert kept.trust_pose and placed.before(MapRequests()).place == shown
+
+
+@pytest.mark.parametrize("accepted", [True, False])
+def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_start(
+    accepted: bool,
+) -> None:
+    driver = controller((3.0, 0.0))
+    driver.think(OPEN, clock=lambda: SECOND)
+    there = Pose2(x_m=-5.0, y_m=-5.0, yaw_rad=0.0)
+    for late_ns in (100_000_000, 200_000_000):
+        elsewhere = picture(
+            Paint(x=(5, 6), y=(0, late_ns / 1e9)), stamp_ns=SECOND + late_ns, pose=there
+        )
+        driver.think(elsewhere, clock=lambda: SECOND)
+    assert driver.pose_in_doubt
+    if accepted:
+        driver.trust_pose()
+    else:
+        driver._mapped = driver._watched = type(
+            driver._mapped
+        )()  # the control: trusted, but not reset to this pose
+    driver.think(picture(stamp_ns=SECOND + 300_000_000, pose=there), clock=lambda: SECOND)
+    known = driver.navigator.map.explored.known(SPEC)
+    row, col = SPEC.cell(there.x_m - 0.8, there.y_m)
+    assert known[row, col] == accepted
+
+
+@pytest.mark.parametrize("enters", [True, False])
+def test_what_was_computed_or_shown_on_a_map_is_not_taken_for_the_next_one(
+    enters: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class OnOldMap:
+        def run(self, is_cancelled: Callable[[], bool]) -> str:
+            return "places on the old map"
+
+    background, taken = InlineBackground(), list[object]()
+    shown = Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.0)
+    driver = RobotController(
+        navigator=navigator(),
+        profile=HUSKY,
+        intent=OperatorState(mission=Mission(), beware=RED_LIST),
+        background=background,
+    )
+    think(driver)
+    monkeypatch.setattr(driver.navigator, "take", taken.append)
+    monkeypatch.setattr(driver.navigator, "place_robot", lambda *place: taken.append(place[0]))
+    background.submit(OnOldMap())
+    driver.place_robot(shown, np.eye(3))
+    if enters:
+        driver.enter_site(lambda intent: intent, lambda: None)
+    think(driver)
+    assert taken == ([] if enters else ["places on the old map", shown])
