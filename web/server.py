@@ -37,6 +37,7 @@ from web.auth.presence import PresenceMonitor, Unattended
 from web.gateway import problems
 from web.gateway.guard import Guard
 from web.gateway.problems import JsonResponse
+from web.gateway.site_check import SiteCheck
 from web.gateway.undo_number import UndoNumber
 from web.interface.operations import RobotService
 from web.interface.wire import build_schemas
@@ -112,6 +113,7 @@ def create_app(
         app.router.routes.extend(router.routes)
     problems.install(app)
     app.add_middleware(UndoNumber)
+    app.add_middleware(SiteCheck, present=lambda: operations.sites.chosen_id)
     app.add_middleware(
         Guard,
         allowed_hosts=allowed_hosts,

@@ -355,6 +355,7 @@ def _controller_of(
     )
     intent = OperatorState(
         site=site.name,
+        site_id=site.id,
         mission=mission_of(site),
         beware=beware_of(site, back_end.beware),
         zones=site.zones(),

@@ -15,6 +15,7 @@ from typing import Generic, Protocol, TypeVar
 from navcore.errors import Refused
 from web.interface.drafts import EditHistory
 from web.interface.own_edits import note_edit
+from web.interface.sites import at_another_site
 
 Step = TypeVar("Step")
 """What an editor has to know of an edit to undo and repeat it."""
@@ -69,7 +70,7 @@ class EditStack(Generic[Step]):
         """Hold off other edits; raises `Refused` when the editor is retired."""
         with self._lock:
             if self._is_retired:
-                raise Refused("the site has been changed meanwhile; load the page again")
+                raise at_another_site()
             yield
 
     @property

@@ -183,6 +183,7 @@ class LiveOperations:
             spec=lambda: controller.navigator.map.spec,
             inflate=controller.navigator.inflate_draft,
             saved=SavedMissions(site),
+            site_id=site.id,
         )
         self.zones = ZoneEditor(controller, store=site, watcher=self._recorder, number=self._number)
         self.beware = BewareEditor(
@@ -303,6 +304,7 @@ class LiveOperations:
             stamp_s=now_ns / 1e9,
             scenario=self._recorder.scenario,
             site=self.sites.chosen,
+            site_id=self.sites.chosen_id,
             robot=self.profile.name,
             phase=intent.mission.phase,
             moving=moving,

@@ -7,7 +7,7 @@ import sqlite3
 
 from navcore.errors import StorageFailed
 
-VERSION = 4
+VERSION = 5
 FIRST_SITE = "default"
 """Name of the first site; what a file of version 1 holds becomes this site."""
 PER_SITE = {
@@ -26,9 +26,9 @@ PER_SITE = {
 TABLES = (
     # `world` is the world in which the site was made; `chosen` is larger than that of every site
     # that was chosen before, 0 for never; `renamed_from` is the name of the folder of the site
-    # until that has the new one.
+    # until that has the new one; `id` stays under another name, and no other site ever has it.
     "sites (name TEXT PRIMARY KEY COLLATE NOCASE, world TEXT, chosen REAL NOT NULL, "
-    "renamed_from TEXT)",
+    "renamed_from TEXT, id TEXT NOT NULL DEFAULT '')",
     *(f"{table} ({columns})" for table, columns in PER_SITE.items()),
     # The time series of a report are most of it; the list of all runs is read without them.
     "runs (id TEXT PRIMARY KEY, summary TEXT NOT NULL, series TEXT)",
@@ -63,14 +63,8 @@ def create_schema(database: sqlite3.Connection) -> None:
         if version == VERSION:  # another process was faster
             database.execute("COMMIT")
             return
-        if version in (1, 2, 3):
-            if version == 1:
-                _add_sites(database)
-            else:
-                database.execute("ALTER TABLE sites RENAME COLUMN chosen_unix_s TO chosen")
-            if version < 3:
-                database.execute("ALTER TABLE users ADD COLUMN language TEXT")
-            _split_runs(database)
+        if 1 <= version < VERSION:
+            _bring_up(database, version)
         else:
             _require_new(database)
             for table in TABLES:
@@ -82,6 +76,21 @@ def create_schema(database: sqlite3.Connection) -> None:
     except BaseException:
         database.execute("ROLLBACK")
         raise
+
+
+def _bring_up(database: sqlite3.Connection, version: int) -> None:
+    """Bring the tables of an earlier version up to date."""
+    if version == 1:
+        _add_sites(database)
+    elif version < 4:
+        database.execute("ALTER TABLE sites RENAME COLUMN chosen_unix_s TO chosen")
+    if version < 3:
+        database.execute("ALTER TABLE users ADD COLUMN language TEXT")
+    if version < 4:
+        _split_runs(database)
+    if version > 1:
+        database.execute("ALTER TABLE sites ADD COLUMN id TEXT NOT NULL DEFAULT ''")
+    database.execute("UPDATE sites SET id = lower(hex(randomblob(16)))")
 
 
 def _split_runs(database: sqlite3.Connection) -> None:
@@ -102,7 +111,7 @@ def _split_runs(database: sqlite3.Connection) -> None:
 def _add_sites(database: sqlite3.Connection) -> None:
     """Make everything that a file of version 1 holds the content of the first site."""
     database.execute(f"CREATE TABLE {TABLES[0]} STRICT")
-    database.execute("INSERT INTO sites VALUES (?, NULL, 1, NULL)", (FIRST_SITE,))
+    database.execute("INSERT INTO sites (name, chosen) VALUES (?, 1)", (FIRST_SITE,))
     for table, columns in _BEFORE_SITES.items():
         database.execute(f"ALTER TABLE {table} RENAME TO before_sites")
         database.execute(f"CREATE TABLE {table} ({PER_SITE[table]}) STRICT")

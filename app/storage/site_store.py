@@ -27,8 +27,10 @@ class SiteStore:
     it belongs.
     """
 
-    def __init__(self, database: Database, name: str, folder: Path) -> None:
+    def __init__(self, database: Database, name: str, folder: Path, site_id: str) -> None:
         self._database = database
+        self.id = site_id
+        """What the site is called by in requests, whatever its name."""
         self.name = name
         """Name of the site."""
         self.folder = folder

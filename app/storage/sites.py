@@ -47,6 +47,8 @@ class SiteRow:
     """Number that is larger than that of each site that was chosen before; 0 for never."""
     folder: str
     """Name of its folder; not yet that of the site where a renaming is to be finished."""
+    id: str
+    """What it is called by in requests; it stays under another name, and no other site has it."""
 
 
 def checked_name(name: str) -> str:
@@ -76,11 +78,17 @@ class SiteTable:
 
     def all(self) -> tuple[SiteRow, ...]:
         """Return all sites by name."""
-        rows = self._database.rows("SELECT name, world, chosen, renamed_from FROM sites")
+        rows = self._database.rows("SELECT name, world, chosen, renamed_from, id FROM sites")
         names = {row[0].lower() for row in rows}
         return tuple(
-            SiteRow(name=name, world=world, chosen=chosen, folder=self._folder(name, before, names))
-            for name, world, chosen, before in sorted(rows, key=lambda row: row[0].lower())
+            SiteRow(
+                name=name,
+                world=world,
+                chosen=chosen,
+                folder=self._folder(name, before, names),
+                id=site_id,
+            )
+            for name, world, chosen, before, site_id in sorted(rows, key=lambda row: row[0].lower())
         )
 
     def _folder(self, name: str, before: str | None, names: Collection[str]) -> str:
@@ -99,7 +107,7 @@ class SiteTable:
     def open(self, name: str) -> SiteStore:
         """Return the contents of a site; raises `NotKnown`."""
         row = self._row(name)
-        return SiteStore(self._database, row.name, self._root / row.folder)
+        return SiteStore(self._database, row.name, self._root / row.folder, row.id)
 
     def last_of(self, world: str) -> str:
         """Return the site that was last chosen in a world, or a free name for its first one."""
@@ -132,9 +140,9 @@ class SiteTable:
         """Make a site with a map file, the rest of which the block stores: all or nothing."""
         checked_name(name)
         with self._draft(map_data) as draft, self._database.writing() as connection:
-            self._insert(connection.execute, name)
+            site_id = self._insert(connection.execute, name)
             self._delete_folder(name)  # of a site whose deletion was interrupted
-            site = SiteStore(self._database, name, self._root / name)
+            site = SiteStore(self._database, name, self._root / name, site_id)
             yield site
             if draft is not None:
                 _rename(draft, site.folder)
@@ -197,7 +205,7 @@ class SiteTable:
                     f"UPDATE {table} SET site = ? WHERE site = ?", (new_name, before.name)
                 )
         folder = self._move_folder(dataclasses.replace(before, name=new_name))
-        return SiteStore(self._database, new_name, folder)
+        return SiteStore(self._database, new_name, folder, before.id)
 
     def delete(self, name: str) -> None:
         """Delete a site with everything in it; raises `NotKnown`."""
@@ -209,11 +217,14 @@ class SiteTable:
         with suppress(StorageFailed):  # then the next site of its name deletes it
             self._delete_folder(site.folder)
 
-    def _insert(self, execute: Execute, name: str) -> None:
+    def _insert(self, execute: Execute, name: str) -> str:
+        """Add a row and return the id of the site."""
         self._require_free(execute, name)
         if execute("SELECT count(*) FROM sites").fetchone()[0] >= MAX_SITES:
             raise Refused(f"at most {MAX_SITES} sites are kept; delete one first")
-        execute("INSERT INTO sites VALUES (?, NULL, 0, NULL)", (name,))
+        site_id = uuid.uuid4().hex
+        execute("INSERT INTO sites (name, chosen, id) VALUES (?, 0, ?)", (name, site_id))
+        return site_id
 
     @staticmethod
     def _require_free(execute: Execute, name: str, *, besides: str = "") -> None:

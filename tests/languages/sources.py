@@ -131,6 +131,7 @@ MORE = (
     "is",
     "margin",
     "redo",
+    "the robot is at another site now; nothing was changed",
     "Loading the program",
     "Something",
     "undo",

@@ -205,6 +205,7 @@ class FakeOperations:
                 stamp_s=0.1 * self._counts["serial"],
                 scenario="fake hall",
                 site=self.sites.chosen,
+                site_id=self.sites.chosen_id,
                 robot=HUSKY.name,
                 phase=self._intent.mission.phase,
                 moving=moving or self.hand is not None,

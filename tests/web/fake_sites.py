@@ -36,7 +36,7 @@ class FakeSites:
         self._chosen = "default"
         self._sites: dict[str, Site] = {}
         self._areas: tuple[AreaOut, ...] | None = None
-        self._listing = 0
+        self._listing = self._made = 0
         self.archives: list[bytes] = []
         self.placed: Pose2 | None = None
         self.make("default")
@@ -45,6 +45,11 @@ class FakeSites:
     def chosen(self) -> str:
         """Implement the port."""
         return self._chosen
+
+    @property
+    def chosen_id(self) -> str:
+        """Implement the port."""
+        return self._sites[self._chosen].id
 
     def all(self) -> tuple[Site, ...]:
         """Implement the port."""
@@ -57,7 +62,9 @@ class FakeSites:
         """Implement the port."""
         if name in self._sites:
             raise Refused(f"a site is called {name!r} already")
+        self._made += 1
         self._sites[name] = Site(
+            id=f"id {self._made}",
             name=name,
             chosen=False,
             world=None,
@@ -81,7 +88,8 @@ class FakeSites:
     def rename(self, name: str, new_name: str) -> Site:
         """Implement the port."""
         site = self._named(name)
-        self.make(new_name)
+        if new_name in self._sites:
+            raise Refused(f"a site is called {new_name!r} already")
         self._sites[new_name] = dataclasses.replace(site, name=new_name)
         del self._sites[name]
         self._chosen = new_name if self._chosen == name else self._chosen

@@ -11,6 +11,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol
 
+from navcore.errors import Refused
 from navcore.geometry.transform import Pose2
 from navcore.mapping.changes import ChangeKind
 from navcore.toml_config import ranged
@@ -67,6 +68,8 @@ class SeenTag:
 class Site:
     """One site in the list."""
 
+    id: str
+    """What the site is called by in the header `Site-Id`; it stays under another name."""
     name: str
     """Name of the site."""
     chosen: bool
@@ -133,12 +136,21 @@ PointPair = tuple[tuple[float, float], tuple[float, float]]
 """Two points (x, y) in metres."""
 
 
+def at_another_site() -> Refused:
+    """Return the refusal of an edit that was meant for the site of before."""
+    return Refused("the robot is at another site now; nothing was changed")
+
+
 class Sites(Protocol):
     """Sites of the data folder. Unlike the other ports, its methods read and write files."""
 
     @property
     def chosen(self) -> str:
         """Name of the site in use."""
+
+    @property
+    def chosen_id(self) -> str:
+        """Its id."""
 
     def all(self) -> tuple[Site, ...]:
         """Return all sites by name."""

@@ -55,6 +55,8 @@ class State:
     """Name of the world, or of a real robot."""
     site: str = "default"
     """Name of the site in use."""
+    site_id: str = ""
+    """Its id: requests that are meant for its map name it in the header `Site-Id`."""
     robot: str
     """Name of the platform."""
     phase: Phase

@@ -10,7 +10,7 @@ from typing import Protocol
 import shapely
 
 from app.console.mission.saved_missions import SavedMissions
-from app.runtime.control.operator_state import StateHolder
+from app.runtime.control.operator_state import OperatorState, StateHolder
 from navcore.costmap.cell_description import IN_ZONE, blocked_goal, check_goal_free
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadGeometry
@@ -19,6 +19,7 @@ from navcore.mission.mission import Goal, Mission
 from navcore.mission.zone import Zone, zone_masks
 from navcore.mission.zone_growth import distance_m
 from web.interface.drafts import GoalChanges, SavedMission
+from web.interface.sites import at_another_site
 from web.interface.snapshots import TickSnapshot
 
 
@@ -41,9 +42,11 @@ class Goals:
         spec: Callable[[], GridSpec],
         inflate: Callable[[OccupancyGrid], Costmap],
         saved: SavedMissions,
+        site_id: str = "",
     ) -> None:
         """`spec` returns the present grid of the map, which grows to the goals; `inflate` makes a
-        costmap of a grid."""
+        costmap of a grid; `site_id` is that of the site of the goals."""
+        self._site_id = site_id
         self._holder, self._view, self._spec, self._saved = holder, view, spec, saved
         self._inflate = inflate
 
@@ -98,9 +101,12 @@ class Goals:
         self._saved.delete(name)
 
     def _change(self, edit: Callable[[Mission], Mission]) -> Mission:
-        return self._holder.change(
-            lambda state: dataclasses.replace(state, mission=edit(state.mission))
-        ).mission
+        def changed(state: OperatorState) -> OperatorState:
+            if state.site_id != self._site_id:
+                raise at_another_site()
+            return dataclasses.replace(state, mission=edit(state.mission))
+
+        return self._holder.change(changed).mission
 
     def _check_free(self, x_m: float, y_m: float) -> None:
         goal = (x_m, y_m)

@@ -36,6 +36,7 @@ def describe(site: SiteStore, row: SiteRow, *, chosen: bool) -> Site:
         kept = None
     kind, name = ACCEPTED
     return Site(
+        id=row.id,
         name=row.name,
         chosen=chosen,
         world=row.world,

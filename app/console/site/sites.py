@@ -118,6 +118,11 @@ class LiveSites:
         """Name of the site in use."""
         return self._store.site.name
 
+    @property
+    def chosen_id(self) -> str:
+        """Id of the site whose goals, zones and list are in force."""
+        return self._controller.intent.site_id
+
     def all(self) -> tuple[Site, ...]:
         """Return all sites by name."""
         return site_files.listed(self._store.sites, self.chosen)
@@ -298,6 +303,7 @@ class LiveSites:
             return dataclasses.replace(
                 intent,
                 site=site.name,
+                site_id=site.id,
                 mission=dataclasses.replace(mission, runs=intent.mission.runs + 1),
                 zones=zones,
                 beware=listed,

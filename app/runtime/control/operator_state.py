@@ -25,6 +25,8 @@ class OperatorState:
     """Beware list in force."""
     site: str = ""
     """Name of the site whose goals, zones and list these are, as at the last change of site."""
+    site_id: str = ""
+    """What that site is called by in requests."""
     zones: tuple[Zone, ...] = ()
     """Zones in force, in the order in which they were first stored."""
     stopped_by: str | None = None

@@ -107,6 +107,14 @@ def test_a_renamed_site_keeps_its_contents_and_its_old_name_is_free(store: Store
     assert store.sites.make("default").zones() == ()
 
 
+def test_a_site_is_called_by_one_id_under_every_name_and_no_other_site_is(store: Store) -> None:
+    ids = [store.site.id, store.sites.copy("default", "Day 2").id, store.sites.make("hall").id]
+    assert store.sites.rename("hall", "nave").id == ids[2] == store.sites.open("nave").id
+    store.sites.delete("nave")
+    ids.append(store.sites.make("nave").id)
+    assert len(set(ids)) == 4 and all(ids)
+
+
 def test_a_deleted_site_is_gone_with_its_map(store: Store) -> None:
     store.sites.make("hall")
     fill(store, "hall")
@@ -224,7 +232,7 @@ def test_of_two_folders_of_a_renamed_site_the_newer_map_is_kept(tmp_path: Path, 
     fill(store, "default")
     store.sites.rename("default", "hall")
     for name in ("default", "hall"):
-        site = SiteStore(store._database, name, tmp_path / "sites" / name)
+        site = SiteStore(store._database, name, tmp_path / "sites" / name, "id")
         write_map(site, name.encode(), at_s=2e9 if name == newer else 1e9)
     store._database.write("UPDATE sites SET renamed_from = 'default' WHERE name = 'hall'")
     store.close()
@@ -328,6 +336,7 @@ def test_the_users_of_a_data_folder_of_before_gain_a_language(tmp_path: Path) ->
         fill(before, FIRST_SITE)
         before.users.add(VERA)
         before._database.write("ALTER TABLE users DROP COLUMN language")
+        before._database.write("ALTER TABLE sites DROP COLUMN id")
         before._database.write("ALTER TABLE sites RENAME COLUMN chosen TO chosen_unix_s")
         before._database.write("DROP TABLE runs")
         before._database.write("CREATE TABLE runs (id TEXT PRIMARY KEY, report TEXT NOT NULL)")
@@ -335,5 +344,18 @@ def test_the_users_of_a_data_folder_of_before_gain_a_language(tmp_path: Path) ->
     with closing(Store(tmp_path)) as now:
         assert now.users.all() == (VERA,) and now.site.zones() == (zone("wet"),)
         assert now.users.change("vera", language="de").language == "de"
+        site_id = now.site.id
+        assert site_id
     with closing(Store(tmp_path)) as again:
-        assert again.users.all()[0].language == "de"
+        assert again.users.all()[0].language == "de" and again.site.id == site_id
+
+
+def test_the_sites_of_a_data_folder_of_before_gain_ids(tmp_path: Path) -> None:
+    with closing(Store(tmp_path)) as before:
+        before.sites.make("hall")
+        fill(before, FIRST_SITE)
+        before._database.write("ALTER TABLE sites DROP COLUMN id")
+        before._database.write("PRAGMA user_version = 4")
+    with closing(Store(tmp_path)) as now:
+        ids = {row.id for row in now.sites.all()}
+        assert len(ids) == 2 and all(ids) and now.site.zones() == (zone("wet"),)

@@ -39,6 +39,24 @@ def test_a_site_is_made_chosen_renamed_copied_and_deleted(client: httpx.Client) 
     assert names(client) == ["Ward 4", "default"]
 
 
+def test_what_is_meant_for_the_map_of_another_site_changes_nothing(client: httpx.Client) -> None:
+    there = {"Site-Id": client.get("/api/v1/state").json()["site_id"]}
+    corners = [[0, 0], [1, 0], [1, 1], [0, 0]]
+    zone = {"name": "wet", "geometry": {"type": "Polygon", "coordinates": [corners]}}
+    goal = {"x_m": -4.0, "y_m": 3.0}
+    client.post("/api/v1/sites", json={"name": "hall"})
+    client.post("/api/v1/sites/hall/choose")
+    for path, body in (("goals", goal), ("zones", zone)):
+        refused = client.post(f"/api/v1/{path}", json=body, headers=there)
+        assert (refused.status_code, refused.json()["error"]["code"]) == (409, "other_site")
+    state = client.get("/api/v1/state").json()
+    assert state["queue"] == [] and client.get("/api/v1/zones").json()["features"] == []
+    here = {"Site-Id": state["site_id"]}
+    client.patch("/api/v1/sites/hall", json={"name": "nave"}, headers=here)
+    assert client.post("/api/v1/goals", json=goal, headers=here).status_code == 201
+    assert client.post("/api/v1/zones", json=zone, headers=here).status_code == 201
+
+
 def test_the_site_stays_while_a_mission_drives(client: httpx.Client) -> None:
     client.post("/api/v1/sites", json={"name": "hall"})
     client.post("/api/v1/goals", json={"x_m": -4.0, "y_m": 3.0})

@@ -17,6 +17,7 @@ from tests.web.page.chromium import (
     IS_TOPMOST,
     IS_WITHIN_VIEWPORT,
     await_map,
+    click_map,
     eventually,
     map_view,
     middle_of,
@@ -188,6 +189,21 @@ def test_what_was_begun_at_a_site_ends_with_it(panel: Locator, operations: FakeO
     operations.sites.choose("Ward 3")
     for part in begun:
         expect(part).to_be_hidden()
+
+
+def test_another_name_of_the_site_ends_nothing_that_was_begun(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    named = list[str | None]()
+    page.on("request", lambda sent: named.append(sent.headers.get("site-id")))
+    press(page.get_by_test_id("mode-goal"))
+    operations.sites.rename("default", "hall")
+    expect(page.get_by_test_id("sites-button")).to_have_text("Site hall ▾")
+    expect(page.get_by_test_id("mode-goal")).to_be_checked()
+    click_map(page, -4.0, 3.0)
+    eventually(page, lambda: len(operations.state().queue) == 1)
+    assert operations.sites.chosen_id in named
 
 
 def test_a_list_of_changes_that_is_read_again_keeps_its_items(panel: Locator) -> None:

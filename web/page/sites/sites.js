@@ -1,7 +1,7 @@
 // The panel of the sites: the list with what one does with each, new sites, and the changes of the
 // map. It lies below the header, so that the stop stays within reach while it is open.
 
-import { abortableFetch, get, post, request } from "../core/link/api.js";
+import { abortableFetch, get, post, request, setSite } from "../core/link/api.js";
 import { clearSent, download, element, make, reconcile, setText } from "../core/dom.js";
 import { formatMoment } from "../core/text/format.js";
 import { number, sentence, t, tn } from "../core/text/language.js";
@@ -22,6 +22,7 @@ const only = make(
 );
 const newName = nameField(t("Name of a new site"), "site-name");
 let chosen = null;
+let chosenId = null;
 
 function nameField(label, testId) {
   return make("input", {
@@ -36,15 +37,16 @@ function nameField(label, testId) {
 }
 
 // Called with every state; returns whether the site has changed since the last one.
-export function update({ site }) {
-  if (site === chosen) return false;
-  const isFirst = chosen === null;
-  chosen = site;
+export function update({ site, site_id }) {
+  if (site === chosen && site_id === chosenId) return false;
+  const isOther = chosenId !== null && site_id !== chosenId; // and not the same under another name
+  [chosen, chosenId] = [site, site_id];
+  setSite(site_id);
   setText(opener, t("Site {site} ▾", { site }));
-  if (!isFirst) changes.forget();
+  if (isOther) changes.forget();
   if (panel.open) refresh();
   else attempt(() => load(site));
-  return !isFirst;
+  return isOther;
 }
 
 async function refresh() {

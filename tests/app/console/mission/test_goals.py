@@ -10,7 +10,7 @@ from app.console.mission.goals import Goals, MapView
 from app.console.mission.saved_missions import SavedMissions
 from app.runtime.control.operator_state import OperatorState
 from navcore.costmap.costmap import Costmap
-from navcore.errors import BlockedGoal
+from navcore.errors import BlockedGoal, Refused
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Mission
 from navcore.mission.zone import Zone, ZoneKind
@@ -67,6 +67,16 @@ def test_a_goal_where_a_new_zone_forbids_to_stand_is_refused(zone: Zone, x_m: fl
     with pytest.raises(BlockedGoal, match="inside a beware zone"):
         goals.change(moved.id, {"x_m": x_m})
     assert holder.intent.mission.queue == (moved,)
+
+
+def test_a_goal_that_was_meant_for_the_site_of_before_is_refused() -> None:
+    holder = holder_of()
+    goals = goals_of(holder)
+    goals.add(-3.0, 0.0)
+    holder.change(lambda state: dataclasses.replace(state, site_id="another", mission=Mission()))
+    with pytest.raises(Refused, match="another site now"):
+        goals.add(-2.0, 0.0)
+    assert holder.intent.mission == Mission()
 
 
 @pytest.mark.parametrize(

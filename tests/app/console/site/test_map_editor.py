@@ -288,6 +288,6 @@ def test_edits_of_a_site_that_was_left_are_refused(editor: MapEditor, holder: Ho
         lambda: editor.erase(AREA, Erasable.BOTH, by="Ana"),
         lambda: editor.undo(by="Ana"),
     ):
-        with pytest.raises(Refused, match="site has been changed"):
+        with pytest.raises(Refused, match="another site now"):
             edit()
     assert len(holder.posted) == 1

@@ -15,6 +15,12 @@ class Refusal extends Error {
 const TIMEOUT_MS = 60_000;
 const WAITING = t("the console");
 const pending = new Set();
+let siteId = null;
+
+// The site that the page shows: what it asks for is meant for the map of that one.
+export const setSite = (id) => {
+  siteId = id;
+};
 
 // Every request of the page but the stop. A browser opens few connections to one host and the stop
 // must not wait for one, so the stop aborts all of these.
@@ -41,6 +47,7 @@ export const request = async (...given) => (await edit(...given)).value;
 // A request that is an edit: the value of its answer, and the number by which it alone can be undone.
 export async function edit(method, path, body, headers = {}) {
   const options = { method, headers: { Accept: "application/json", ...headers } };
+  if (siteId !== null && method !== "GET") options.headers["Site-Id"] = siteId;
   if (body !== undefined) {
     options.headers["Content-Type"] = "application/json";
     options.body = JSON.stringify(body);
