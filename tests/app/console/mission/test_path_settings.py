@@ -58,6 +58,6 @@ def test_settings_of_a_site_that_was_left_change_nothing(tmp_path: Path) -> None
         settings = PathSettings(holder, store=store.site, configured=1.0)
         with settings.retired():
             pass
-        with pytest.raises(Refused, match="changed meanwhile"):
+        with pytest.raises(Refused, match="another site now"):
             settings.set_unknown_price(5.0)
         assert (settings.unknown_price, stored_unknown_price(store.site)) == (1.0, None)
