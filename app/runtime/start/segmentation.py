@@ -339,20 +339,25 @@ def _measured(
     """Open the engine that was asked for, or the best one by measurement."""
     if choice.smaller:
         file = file.smaller() or file
-    engine, trials = open_inference(
-        file, choice.engine, threads=choice.threads, config=inference, watch=watch
+    opened = functools.partial(
+        open_inference,
+        engine=choice.engine,
+        threads=choice.threads,
+        config=inference,
+        watch=watch,
+        measured=choice.measured,
     )
+    engine, trials = opened(file)
     fastest_ms = min((trial.p50_ms for trial in trials if trial.is_accurate), default=0.0)
-    if choice.live and fastest_ms > SLOW_MS and (smaller := file.smaller()) is not None:
+    is_free = choice.live and choice.engine == "auto"
+    if is_free and fastest_ms > SLOW_MS and (smaller := file.smaller()) is not None:
         log.warning(
             "segmentation: too slow here for images of %s, using %s",
             _by(file.size),
             _by(smaller.size),
         )
         file, choice = smaller, dataclasses.replace(choice, smaller=True)
-        engine, trials = open_inference(
-            file, choice.engine, threads=choice.threads, config=inference, watch=watch
-        )
+        engine, trials = opened(file)
     return choice, file, engine, trials
 
 

@@ -24,6 +24,9 @@ class SegmenterChoice:
     engine: str = "auto"
     """Inference engine; `auto` measures the installed ones. f32 unless a precision is given, e.g.
     `openvino bf16`."""
+    measured: bool = False
+    """Whether an engine that is named is measured as all are with `auto`, and refused where it
+    decides otherwise than torch in f32."""
     live: bool = False
     """Whether it must keep up with real time: smaller images if no engine is fast enough."""
     smaller: bool = False

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.runtime.start.live_perception import LivePerception
-from app.runtime.start.segmentation import Perception
+from app.runtime.start.segmentation import SLOW_MS, SLOWER, Perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.networks.versions import (
     MODEL_NAME,
@@ -86,6 +86,7 @@ class LiveNetworks:
         self._live, self._choice, self._compose, self._try = live, choice, compose, try_out
         self._used = [name for name in versions.used() if used != START] or [START]
         self._before: Perception | None = None
+        self._start_ms = live.now.image_ms
         self._exchange: str | None = None
         self._trouble: str | None = None
         self._lock, self._checking = threading.Lock(), threading.Lock()
@@ -231,6 +232,8 @@ class LiveNetworks:
     ) -> None:
         try:
             perception = self._composed(choice)
+            if used is None:  # the way back is to what this robot has driven with
+                self._require_fast(perception)
             self._try(perception)
             with self._lock:
                 before = self._live.now
@@ -247,18 +250,34 @@ class LiveNetworks:
             self._exchange = None
 
     def _composed(self, choice: SegmenterChoice) -> Perception:
-        """Compose with the engine in use, which needs no measurement; with the best one where that
-        one cannot run this network."""
+        """Compose with the engine in use, measured with this network alone; with the best one where
+        that one fails, or decides otherwise than torch in f32."""
         now = self._live.now.choice
         if choice.kind == "colour" or now.kind != "network":
             return self._compose(choice)
         try:
             return self._compose(
-                dataclasses.replace(choice, engine=now.engine, smaller=now.smaller)
+                dataclasses.replace(choice, engine=now.engine, smaller=now.smaller, measured=True)
             )
         except BadConfiguration as error:
             log.info("%s cannot run the network: %s", now.engine, error)
             return self._compose(choice)
+
+    def _require_fast(self, perception: Perception) -> None:
+        """Raise `BadConfiguration` for a network that is slow, and much slower than that of the
+        start, by which the images of the camera were chosen.
+
+        Its median counts: the robot goes on beside the measurement, which makes single images slow.
+        """
+        if self._start_ms is None:
+            return
+        most_ms = max(SLOW_MS, SLOWER * self._start_ms)
+        for trial in perception.trials:
+            if trial.name == perception.choice.engine and trial.p50_ms > most_ms:
+                raise BadConfiguration(
+                    f"{trial.name} takes {trial.p50_ms:.0f} ms for an image with this network, "
+                    f"at most {most_ms:.0f} ms are left: use a smaller network"
+                )
 
     def _take(self, perception: Perception, used: list[str]) -> None:
         """Use a perception from the next frame on: first on disk, so that a restart keeps it."""

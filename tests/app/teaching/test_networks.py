@@ -16,10 +16,11 @@ from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import Perception, colour_perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.networks import live_networks
-from app.teaching.networks.live_networks import LiveNetworks, composed_at_start
+from app.teaching.networks.live_networks import Compose, LiveNetworks, composed_at_start
 from app.teaching.networks.versions import MODEL_NAME, START, VersionStore, write_version
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
+from navcore.perception.esanet.inference.selection import EngineBenchmark
 from navcore.perception.labels import Labels, LabelSource, with_full_confidence
 from navcore.robot.frame import Frame
 from tests.app.teaching.scenes import frame_at
@@ -74,14 +75,19 @@ def store_of(folder: Path, *numbers: int, not_found: tuple[str, ...] = ()) -> Ve
     return VersionStore(folder)
 
 
-def networks_of(versions: VersionStore, live: LivePerception, used: str = START) -> LiveNetworks:
+def networks_of(
+    versions: VersionStore,
+    live: LivePerception,
+    used: str = START,
+    compose: Compose = perception_of,
+) -> LiveNetworks:
     """Return the networks of a console that started with the version `used`."""
     return LiveNetworks(
         versions,
         live,
         choice=SegmenterChoice(kind="network"),
         used=used,
-        compose=perception_of,
+        compose=compose,
         try_out=lambda one: None,
     )
 
@@ -130,6 +136,49 @@ def test_a_network_that_cannot_run_changes_nothing(tmp_path: Path) -> None:
     assert (networks.used, label_of(live)) == (START, 1)
     versions.note_used([START, "taught 13"])
     assert composed_at_start(versions, SegmenterChoice(), perception_of).used == START
+
+
+def test_an_exchange_measures_the_engine_in_use_and_tries_the_others_where_it_is_wrong(
+    tmp_path: Path,
+) -> None:
+    asked = []
+
+    def compose(choice: SegmenterChoice) -> Perception:
+        asked.append((choice.engine, choice.measured))
+        if choice.engine == "openvino int8":
+            raise BadConfiguration("openvino int8: agrees in 50.00% of the pixels")
+        return perception_of(choice)
+
+    start = perception_of(SegmenterChoice(engine="openvino int8"))
+    networks = networks_of(store_of(tmp_path, 2), LivePerception(start), compose=compose)
+    networks.use("taught 2")
+    eventually(lambda: networks.exchange is None)
+    assert (networks.used, networks.trouble) == ("taught 2", None)
+    assert asked == [("openvino int8", True), ("auto", False)]
+
+
+@pytest.mark.parametrize(("start_ms", "refused"), [(40.0, True), (150.0, False), (None, False)])
+def test_a_network_much_slower_than_that_of_the_start_is_not_used(
+    tmp_path: Path, start_ms: float | None, refused: bool
+) -> None:
+    def compose(choice: SegmenterChoice) -> Perception:
+        trial = EngineBenchmark(name="torch f32", p50_ms=250.0, agreement=1.0, is_accurate=True)
+        slow = perception_of(choice)
+        choice = dataclasses.replace(slow.choice, engine=trial.name)
+        return dataclasses.replace(slow, choice=choice, trials=(trial,))
+
+    start = dataclasses.replace(perception_of(SegmenterChoice()), image_ms=start_ms)
+    live = LivePerception(start)
+    networks = networks_of(store_of(tmp_path, 2), live, compose=compose)
+    networks.use("taught 2")
+    eventually(lambda: networks.exchange is None)
+    if not refused:
+        assert (networks.used, networks.trouble, label_of(live)) == ("taught 2", None, 2)
+        return
+    assert networks.trouble is not None
+    assert "torch f32 takes 250 ms for an image" in networks.trouble
+    assert "at most 100 ms" in networks.trouble
+    assert (networks.used, label_of(live)) == (START, 1)
 
 
 def test_other_weights_and_the_colour_rules_are_not_replaced_at_a_start(tmp_path: Path) -> None:

@@ -100,20 +100,24 @@ def open_inference(
     config: InferenceConfig = DEFAULT_CONFIG,
     watch: Callable[[TrialStep], None] = _unwatched,
     compiled: Path | None = None,
+    measured: bool = False,
 ) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
     """Open an engine by name, or with `auto` the best one here; return it with its measurements.
 
     `watch` is told of each step of the trials. `compiled` is the folder in which an engine that is
-    opened by name keeps what it compiled.
+    opened by name keeps what it compiled. With `measured` such an engine is measured, too.
 
     Names are `torch`, `onnxruntime` or `openvino`, in f32 unless followed by `bf16` or `int8`.
-    Raises `BadConfiguration` when the engine is not installed or cannot run the network.
+    Raises `BadConfiguration` when the engine is not installed or cannot run the network, and when
+    it was measured and is not accurate.
     """
     if engine == "auto":
         return choose(file, threads=threads, config=config, watch=watch)
     name = engine.replace("-", " ")
     for candidate in candidates(file, threads, config, compiled):
         if candidate.name == (name if " " in name else f"{name} f32"):
+            if measured:
+                return _accurate(file, candidate, threads=threads, config=config, watch=watch)
             return candidate.build(), ()
     if file.network is None and engine.startswith("torch"):
         raise BadConfiguration("torch does not run ONNX files; choose onnxruntime or openvino")
@@ -159,14 +163,36 @@ def choose(
     return chosen, tuple(trials)
 
 
+def _accurate(
+    file: NetworkFile,
+    candidate: Candidate,
+    *,
+    threads: int,
+    config: InferenceConfig,
+    watch: Callable[[TrialStep], None],
+) -> tuple[Inference, tuple[EngineBenchmark, ...]]:
+    """Return an engine with its measurement; raises `BadConfiguration` where it fails, or decides
+    otherwise than the reference."""
+    ((engine, trial),) = benchmark_engines(
+        file, threads=threads, config=config, watch=watch, only=candidate.name
+    )
+    if engine is None:
+        raise BadConfiguration(trial.text())
+    if not trial.is_accurate:
+        least = f"it has to in {candidate.min_agreement:.1%}"
+        raise BadConfiguration(f"{trial.text()}, {least}")
+    return engine, (trial,)
+
+
 def benchmark_engines(
     file: NetworkFile,
     *,
     threads: int = THREADS,
     config: InferenceConfig = DEFAULT_CONFIG,
     watch: Callable[[TrialStep], None] = _unwatched,
+    only: str | None = None,
 ) -> Iterator[tuple[Inference | None, EngineBenchmark]]:
-    """Yield each engine with its measurement; None for an engine that failed.
+    """Yield each engine, or the `only` one, with its measurement; None for an engine that failed.
 
     The reference is the last exact engine that runs: torch, where it can run the file.
     """
@@ -174,6 +200,7 @@ def benchmark_engines(
     found = candidates(file, threads, config)
     classes = len(file.class_names)
     reference = _reference(found, images, classes)
+    found = [candidate for candidate in found if only in (None, candidate.name)]
     for done, candidate in enumerate(found):
         watch(TrialStep(done=done, all=len(found), is_timed=False))
         try:

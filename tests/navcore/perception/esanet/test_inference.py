@@ -369,7 +369,7 @@ def installed(
         )
         for name, ms, wrong in engines
     ]
-    monkeypatch.setattr(choice, "candidates", lambda file, threads, config: made)
+    monkeypatch.setattr(choice, "candidates", lambda file, threads, config, compiled=None: made)
     return made
 
 
@@ -507,6 +507,18 @@ def test_an_engine_that_fails_is_passed_over_and_told(monkeypatch: pytest.Monkey
         }
         assert choose(network_file())[0].name == "torch f32"
     assert "it has no licence" in trials[1].text()
+
+
+def test_an_engine_that_is_named_is_measured_on_request_and_refused_where_it_is_wrong(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    installed(monkeypatch, ("good f32", 5, 0), ("wild bf16", 5, 0.5), ("torch f32", 90, 0))
+    engine, (trial,) = open_inference(network_file(), "good", measured=True)
+    assert (engine.name, trial.name, trial.agreement) == ("good f32", "good f32", 1.0)
+    assert trial.p50_ms == pytest.approx(5)
+    assert open_inference(network_file(), "wild bf16")[0].name == "wild bf16"
+    with pytest.raises(BadConfiguration, match=r"wild bf16.*agrees in 50.*has to in 99\.9%"):
+        open_inference(network_file(), "wild bf16", measured=True)
 
 
 def test_an_engine_that_is_not_there_is_refused_with_the_remedy(
