@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import httpx
@@ -16,9 +17,10 @@ from tests.web.api.test_teaching import look
 from tests.web.conftest import PASSWORD
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, eventually
-from web.interface.teaching import ClassFigures, NetworkVersion
+from web.interface.teaching import Annotation, ClassFigures, NetworkVersion
 from web.server import ConsoleServer
 
+EXPORT = "/api/v1/teach/frames.zip"
 ON_BLOCK = (30, 37)
 """Column and row of a pixel of the block."""
 
@@ -342,6 +344,38 @@ def test_a_stop_without_a_log_in_says_so_and_leads_to_it(
     page.get_by_test_id("stop").click()
     expect(toasts).to_contain_text("The robot is stopped")
     assert operations.stops == ["operator (console button)"]
+
+
+def test_the_export_says_what_it_holds_and_is_not_offered_to_viewers(
+    new_context: Callable[..., BrowserContext], locked: ConsoleServer, operations: FakeOperations
+) -> None:
+    def seen_by(name: str) -> Page:
+        page = opened(new_context, locked, 1440, 900)
+        page.get_by_test_id("login-name").fill(name)
+        page.get_by_test_id("login-password").fill(PASSWORD)
+        page.get_by_test_id("log-in").click()
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        page.goto(f"{locked.url}/teach")
+        return page
+
+    page, watched = seen_by("operator"), seen_by("viewer")
+    export = page.get_by_test_id("frames-export")
+    expect(export).to_have_attribute("title", "No image yet")
+    expect(export).not_to_have_attribute("href", EXPORT)
+    look(operations)
+    captured = operations.teaching.frames.capture()
+    assert captured is not None
+    expect(export).to_have_attribute("href", EXPORT)
+    expect(export).to_have_attribute("title", "All images, with no class: nothing is marked yet")
+    labels = np.zeros((HEIGHT, WIDTH), dtype=np.uint8)
+    labels[ON_BLOCK[1], ON_BLOCK[0]] = 1
+    operations.teaching.frames.annotate(
+        captured.id, Annotation(class_names=("book",), labels=labels)
+    )
+    expect(export).to_have_attribute("title", re.compile("marked in them: book$"))
+    of_viewer = watched.get_by_test_id("frames-export")
+    expect(of_viewer).to_have_attribute("title", "Viewers cannot export the images")
+    expect(of_viewer).not_to_have_attribute("href", EXPORT)
 
 
 def test_the_beware_list_leads_to_the_page(page: Page) -> None:

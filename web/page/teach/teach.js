@@ -9,6 +9,7 @@ import { attempt, notify } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
 import { chooseClass, loadClasses } from "./classes.js";
 import { chooseTool, forget, redo, show, shownFrame, undo, whenSaved } from "./drawing.js";
+import { loadRole, refreshExport } from "./export.js";
 import { refreshNetworks, upload } from "./networks.js";
 import { refreshTraining } from "./training.js";
 
@@ -24,6 +25,7 @@ async function refreshFrames() {
   set(element("capturing"), { checked: folder.capturing });
   setText(element("note"), folder.trouble ? sentence(folder.trouble) : "");
   element("no-frames").hidden = frames.length > 0;
+  refreshExport(frames);
   reconcile(element("frames"), frames, (frame) => frame.id, createFrame, refreshFrame);
   const shown = shownFrame();
   if (shown && !frames.some(({ id }) => id === shown.id)) {
@@ -138,4 +140,5 @@ async function forever() {
 
 await show(null);
 await attempt(() => loadClasses());
+await attempt(loadRole);
 forever();
