@@ -15,6 +15,8 @@ The guard is plain ASGI and wraps the whole app, so that no route can omit it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
+from typing import BinaryIO
 
 from fastapi import WebSocketDisconnect
 from starlette.datastructures import Headers
@@ -71,7 +73,7 @@ class Guard:
         send = with_headers(
             send, scope, self._client_cookie(scope, headers) if answer is None else {}
         )
-        body: bytes | Response = b""
+        body: bytes | BinaryIO | Response = b""
         if answer is None:
             visitor = self._authenticator.authenticate(headers, _cookie(scope, headers))
             is_login = self._login is not None and (scope["method"], scope["path"]) == (
@@ -84,15 +86,17 @@ class Guard:
                 if isinstance(body, Response):
                     answer = body
                 elif is_login and self._login is not None:
+                    assert isinstance(body, bytes)
                     answer = await self._login.attempt(scope, body, _cookie_name(scope))
                 else:
-                    receive = replayed(body, receive)
+                    receive = replayed(body, scope, receive)
                     answer = self._claimed(scope, headers, visitor)
             if visitor is not None and not is_login:
                 send = self._auditor.watching(
                     send, scope, visitor, body if isinstance(body, bytes) else b""
                 )
-        await (answer or self._app)(scope, receive, send)
+        with nullcontext() if isinstance(body, bytes | Response) else body:
+            await (answer or self._app)(scope, receive, send)
 
     def _refusal(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
         """Return the refusal of an unknown visitor or of a role without the right, or None."""

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import re
+import tempfile
+from typing import BinaryIO, cast
 
 from starlette.datastructures import Headers
+from starlette.requests import Request
 from starlette.responses import Response
 from starlette.types import Message, Receive, Scope
 
@@ -32,37 +36,72 @@ LARGE_BODIES = {
 }
 """Path → largest body in bytes and its time limit in seconds, where these differ; `labels` are all
 annotations, each of whose numbers has ten characters at most."""
+SPOOLED = frozenset({"/api/v1/teach/frames.zip"})
+"""Paths whose bodies are written to a temporary file as they arrive, in the system's folder for
+such files (`TMPDIR`), since the computer of a robot may lack the memory."""
+_FILE = "bewarenav.body"
+"""Key of a body's file in the scope of its request."""
 _LABELS = re.compile("/api/v1/teach/frames/[0-9]{1,12}/labels")
 
 
-async def bounded_body(scope: Scope, receive: Receive) -> bytes | Response:
-    """Return the whole body, or the refusal of one that is too large, too slow or cut off."""
+async def bounded_body(scope: Scope, receive: Receive) -> bytes | BinaryIO | Response:
+    """Return the whole body, as an open temporary file where it is `SPOOLED`, or the refusal of one
+    that is too large, too slow or cut off."""
     if scope["method"] in ("GET", "HEAD", "OPTIONS"):
         return b""
     path = "labels" if _LABELS.fullmatch(scope["path"]) else scope["path"]
     at_most, limit_s = LARGE_BODIES.get(path, (MAX_BODY_BYTES, BODY_TIMEOUT_S))
-    too_large = problem(413, "too_large", f"a body may have at most {at_most} bytes", "body")
     length = Headers(scope=scope).get("content-length", "0")
     if not length.isdigit() or len(length) > 12 or int(length) > at_most:
-        return too_large
-    body = bytearray()
+        return _too_large(at_most)
     try:
+        body = _spool() if path in SPOOLED else io.BytesIO()
         async with asyncio.timeout(limit_s):
-            while True:
-                message = await receive()
-                body += message.get("body", b"")
-                if len(body) > at_most:
-                    return too_large
-                if message["type"] != "http.request":
-                    return problem(400, "cut_off", "the connection ended before the body", "body")
-                if not message.get("more_body"):
-                    return bytes(body)
+            refusal = await _receive(body, receive, at_most)
+        body.seek(0)
     except TimeoutError:
-        return problem(408, "too_slow", f"the body did not arrive within {limit_s:g} s", "body")
+        refusal = problem(408, "too_slow", f"the body did not arrive within {limit_s:g} s", "body")
+    except OSError as error:
+        said = f"the body cannot be stored: {error.strerror or error}"
+        return problem(503, "storage_failed", said, "body")
+    if refusal is None:
+        return body.read() if isinstance(body, io.BytesIO) else body
+    body.close()
+    return refusal
 
 
-def replayed(body: bytes, receive: Receive) -> Receive:
-    """Return a `receive` that gives a body that was read already."""
+async def _receive(body: BinaryIO, receive: Receive, at_most: int) -> Response | None:
+    """Write a body as it arrives; returns the refusal of one that is too large or cut off."""
+    size = 0
+    while True:
+        message = await receive()
+        part = message.get("body", b"")
+        size += len(part)
+        if size > at_most:
+            return _too_large(at_most)
+        if message["type"] != "http.request":
+            return problem(400, "cut_off", "the connection ended before the body", "body")
+        if isinstance(body, io.BytesIO):
+            body.write(part)
+        else:
+            await asyncio.to_thread(body.write, part)  # no disk delays the event loop
+        if not message.get("more_body"):
+            return None
+
+
+def _spool() -> BinaryIO:
+    """Return a temporary file, which is gone when it is closed."""
+    return cast(BinaryIO, tempfile.TemporaryFile())
+
+
+def _too_large(at_most: int) -> Response:
+    return problem(413, "too_large", f"a body may have at most {at_most} bytes", "body")
+
+
+def replayed(body: bytes | BinaryIO, scope: Scope, receive: Receive) -> Receive:
+    """Return a `receive` that gives a body that was read already; a file is in `body_file`."""
+    if not isinstance(body, bytes):
+        scope[_FILE], body = body, b""
     waiting = [body]
 
     async def replay() -> Message:
@@ -71,3 +110,8 @@ def replayed(body: bytes, receive: Receive) -> Receive:
         return await receive()
 
     return replay
+
+
+def body_file(request: Request) -> BinaryIO:
+    """Return the file of a `SPOOLED` body, open at its beginning until the request is answered."""
+    return cast(BinaryIO, request.scope[_FILE])

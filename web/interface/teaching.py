@@ -120,7 +120,7 @@ class FrameFolder(Protocol):
         """Return a file with all frames as a zip archive of a data set, which the caller closes;
         raises `Refused` without a frame, and until the file of the last export is closed."""
 
-    def add_archive(self, data: bytes) -> int:
+    def add_archive(self, file: BinaryIO) -> int:
         """Add the frames of such an archive and return their number; all or none. Raises
         `BadConfiguration` with what is damaged."""
 

@@ -6,7 +6,6 @@ anything is unpacked, and every image is read before the first is stored.
 
 from __future__ import annotations
 
-import io
 import shutil
 import tempfile
 import zipfile
@@ -71,14 +70,14 @@ def _linked(source: Path, folder: Path) -> list[str]:
     return files
 
 
-def add_archive(store: FrameStore, data: bytes) -> int:
-    """Add the frames of an archive and return their number; all or none.
+def add_archive(store: FrameStore, file: BinaryIO) -> int:
+    """Add the frames of an archive, an open file, and return their number; all or none.
 
     Raises `BadConfiguration` with what is damaged, `Refused` when they do not fit into the folder.
     """
     with tempfile.TemporaryDirectory(prefix="frames-") as name:
         folder = Path(name)
-        _unpack(data, folder)
+        _unpack(file, folder)
         try:
             return _add_all(store, load_dataset(folder))
         except BadConfiguration as error:
@@ -109,18 +108,18 @@ def _add_all(store: FrameStore, dataset: Dataset) -> int:
     return len(added)
 
 
-def _unpack(data: bytes, folder: Path) -> None:
+def _unpack(packed: BinaryIO, folder: Path) -> None:
     """Write the entries of an archive below a folder."""
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        with zipfile.ZipFile(packed) as archive:
             entries = [entry for entry in archive.infolist() if not entry.is_dir()]
             if sum(entry.file_size for entry in entries) > MAX_FRAMES_BYTES:
                 raise BadConfiguration(f"the archive unpacks to more than {MAX_FRAMES_BYTES} bytes")
             for entry in entries:
                 target = folder / _inside(entry.filename)
                 target.parent.mkdir(parents=True, exist_ok=True)
-                with archive.open(entry) as file:
-                    target.write_bytes(file.read(entry.file_size + 1))
+                with archive.open(entry) as file, target.open("wb") as out:
+                    shutil.copyfileobj(file, out)
     except BadConfiguration:
         raise
     except _FAILURES as error:

@@ -164,9 +164,9 @@ class LiveFrames:
             self._exported = weakref.ref(file)
             return file
 
-    def add_archive(self, data: bytes) -> int:
+    def add_archive(self, file: BinaryIO) -> int:
         """Add the frames of an archive."""
-        return frame_archive.add_archive(self.store, data)
+        return frame_archive.add_archive(self.store, file)
 
     def _has_moved(self, pose: Pose2) -> bool:
         """Return whether the robot has moved enough for another look to be worth comparing."""

@@ -221,9 +221,9 @@ def test_a_frame_without_depth_ends_no_capture_and_is_left_out_of_an_archive(
         earlier.setattr(DepthSums, "statistics", lambda *_, units_per_m: NYUV2_DEPTH)
         store.add_images(*without_depth(), block_of("shoe"))
         store.add_frame(frame_at(1.0, brightness=40), "drive")
-        with exported(store) as file:
-            archive = file.read()
-    assert add_archive(FrameStore(tmp_path / "other"), archive) == 1
+        archive = exported(store)
+    with archive:
+        assert add_archive(FrameStore(tmp_path / "other"), archive) == 1
 
 
 @pytest.mark.parametrize(
@@ -250,7 +250,7 @@ def test_an_archive_goes_out_and_in(store: FrameStore, tmp_path: Path) -> None:
     store.annotate("000001", block_of("shoe"))
     other = FrameStore(tmp_path / "other")
     with exported(store) as file:
-        assert add_archive(other, file.read()) == 1
+        assert add_archive(other, file) == 1
     (shown,) = FrameStore(other.folder).all()
     assert shown.source == "upload" and shown.class_names == ("shoe",)
 
@@ -281,12 +281,12 @@ def test_a_damaged_archive_is_refused_whole(
     other = FrameStore(tmp_path / "other")
     for data in (content.getvalue(), content.getvalue()[:-500], b"no archive"):
         with pytest.raises(BadConfiguration) as refused:
-            add_archive(other, data)
+            add_archive(other, io.BytesIO(data))
         assert str(tmp_path) not in str(refused.value)
         said_all = str(refused.value)
     assert "archive" in said_all
     with pytest.raises(BadConfiguration, match=said):
-        add_archive(other, content.getvalue())
+        add_archive(other, content)
     assert other.all() == []
 
 
@@ -316,7 +316,7 @@ def test_an_archive_cannot_leave_its_folder(store: FrameStore) -> None:
     with zipfile.ZipFile(content, "w") as archive:
         archive.writestr("train/rgb/../../../x.png", b"")
     with pytest.raises(BadConfiguration, match="expected the files of a data set"):
-        add_archive(store, content.getvalue())
+        add_archive(store, content)
 
 
 def test_frames_are_captured_while_the_robot_moves_and_only_then(tmp_path: Path) -> None:

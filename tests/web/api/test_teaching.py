@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import json
+import socket
+import tempfile
+import time
+from typing import BinaryIO, cast
 
 import httpx
+import pytest
 
+from app.teaching.frames import frame_archive
+from app.teaching.frames.frame_store import FrameStore
 from navcore.geometry.transform import Pose2
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH, frame_at
 from tests.web.fake_operations import FakeOperations
+from web.api.teach import frames as frames_routes
+from web.server import ConsoleServer
 
 
 def runs_of_block(label: int = 1) -> list[int]:
@@ -49,6 +58,35 @@ def test_a_frame_is_captured_annotated_and_taken_along(
     assert listed["folder"]["annotated"] == 2 and listed["folder"]["dropped"] == 1
     assert client.delete(url).status_code == 204
     assert client.get(f"{url}/labels").status_code == 404
+
+
+def test_a_client_that_stops_reading_does_not_hold_the_export(
+    operations: FakeOperations,
+    server: ConsoleServer,
+    client: httpx.Client,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def large(store: FrameStore) -> BinaryIO:
+        file = cast(BinaryIO, tempfile.TemporaryFile())  # noqa: SIM115 - the answer closes it
+        file.truncate(50_000_000)
+        return file
+
+    def export() -> int:
+        with client.stream("GET", "/api/v1/teach/frames.zip") as answer:
+            return answer.status_code
+
+    monkeypatch.setattr(frame_archive, "exported", large)
+    monkeypatch.setattr(frames_routes, "STALL_S", 2.0)
+    host, port = server.url.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port)), timeout=60) as stalled:
+        request = f"GET /api/v1/teach/frames.zip HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n"
+        stalled.sendall(request.encode())
+        assert stalled.recv(12) == b"HTTP/1.1 200"
+        assert export() == 409
+        deadline = time.monotonic() + 60
+        while export() != 200:
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
 
 
 def test_an_annotation_of_very_many_runs_is_no_too_large_request(

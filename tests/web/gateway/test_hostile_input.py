@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
 import time
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, BinaryIO
 
 import httpx
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from tests.web.api.answers import wrong, zone
 from tests.web.fake_operations import FakeOperations
+from web.gateway import request_body
 from web.gateway.request_body import MAX_BODY_BYTES
 from web.server import ConsoleServer
 
@@ -241,6 +243,35 @@ def test_a_body_that_is_too_large_is_refused_whether_or_not_it_says_so(
         == "too_large"
     )
     assert client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0}).status_code == 201
+
+
+def test_a_large_archive_lies_on_the_disk_while_it_arrives_and_is_bounded_there_too(
+    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, size = "/api/v1/teach/frames.zip", 5_000_000
+    came: list[BinaryIO] = []
+
+    def note(file: BinaryIO) -> int:
+        came.append(file)
+        return os.fstat(file.fileno()).st_size + len(file.read())
+
+    def chunks(length: int) -> Iterator[bytes]:
+        for _ in range(0, length, 50_000):
+            yield bytes(50_000)
+
+    monkeypatch.setattr(operations.teaching.frames, "add_archive", note)
+    assert client.post(url, content=chunks(size)).json() == {"added": 2 * size}
+    monkeypatch.setitem(request_body.LARGE_BODIES, url, (size, 60.0))
+    assert wrong(client.post(url, content=chunks(size + 1)), 413)["code"] == "too_large"
+
+    def full() -> BinaryIO:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(request_body.tempfile, "TemporaryFile", full)
+    refused = wrong(client.post(url, content=bytes(10)), 503)
+    assert refused["message"] == "the body cannot be stored: No space left on device"
+    (file,) = came
+    assert file.closed
 
 
 def test_a_request_that_is_cut_off_changes_nothing(server: ConsoleServer) -> None:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Iterator
 from typing import Annotated, BinaryIO
 
 import numpy as np
 from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
+from starlette.types import Message, Send
 
 from navcore.errors import NotKnown
 from web.api.router import api_router
 from web.gateway.problems import refusals
+from web.gateway.request_body import body_file
 from web.interface.operations import RobotService
 from web.interface.teaching import Annotation, CapturedFrame
 from web.schemas.teaching import (
@@ -31,8 +32,35 @@ _REFUSALS = refusals(409, 422, 503)
 _OF_ONE = refusals(404, 409, 422, 503)
 PART_BYTES = 1 << 20
 """Size of the parts in which an archive is sent."""
+STALL_S = 30.0
+"""Longest time in which a client takes no part, seconds."""
 REGION = "region"
 """Class name of the pixels of a grown region."""
+
+
+class _Archive(StreamingResponse):
+    """A file that is sent in parts and closed at the end, also where the client takes none for
+    `STALL_S`: a connection whose other end is gone may stay open for hours."""
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        headers = {
+            "Content-Disposition": f'attachment; filename="{name}"',
+            "Content-Length": str(file.seek(0, os.SEEK_END)),
+        }
+        file.seek(0)
+        self._file = file
+        parts = iter(lambda: file.read(PART_BYTES), b"")
+        super().__init__(parts, media_type="application/zip", headers=headers)
+
+    async def stream_response(self, send: Send) -> None:
+        """Send the parts; ends with `TimeoutError` where one is not taken in time."""
+
+        async def send_in_time(message: Message) -> None:
+            async with asyncio.timeout(STALL_S):
+                await send(message)
+
+        with self._file:
+            await super().stream_response(send_in_time)
 
 
 def teach_frames_router(operations: RobotService) -> APIRouter:
@@ -66,19 +94,12 @@ def teach_frames_router(operations: RobotService) -> APIRouter:
     def export_frames() -> Response:
         """Return all frames as a zip archive of a data set, with the annotated classes alone and
         everything in the split `train`. Operators only, one at a time."""
-        file = operations.teaching.frames.export()
-        headers = {
-            "Content-Disposition": 'attachment; filename="frames.zip"',
-            "Content-Length": str(file.seek(0, os.SEEK_END)),
-        }
-        file.seek(0)
-        return StreamingResponse(_parts_of(file), media_type="application/zip", headers=headers)
+        return _Archive(operations.teaching.frames.export(), "frames.zip")
 
     @router.post("/teach/frames.zip", response_model=AddedOut, responses=_REFUSALS)
-    async def add_frames(request: Request) -> AddedOut:
+    def add_frames(request: Request) -> AddedOut:
         """Add the frames of such an archive, the body of the request: all or none."""
-        data = await request.body()
-        return AddedOut(added=await asyncio.to_thread(operations.teaching.frames.add_archive, data))
+        return AddedOut(added=operations.teaching.frames.add_archive(body_file(request)))
 
     @router.get("/teach/frames/{frame_id}.png", response_class=Response, responses=_OF_ONE)
     def get_picture(frame_id: FrameId) -> Response:
@@ -113,10 +134,3 @@ def teach_frames_router(operations: RobotService) -> APIRouter:
         return AnnotationOut.of(Annotation(class_names=(REGION,), labels=found.astype(np.uint8)))
 
     return router
-
-
-def _parts_of(file: BinaryIO) -> Iterator[bytes]:
-    """Yield the content of a file, then close it."""
-    with file:
-        while part := file.read(PART_BYTES):
-            yield part
