@@ -12,7 +12,7 @@ from app.storage.records import zone_of, zone_record
 from navcore.mission.beware_list import BewareClass, BewareList, as_table
 from navcore.mission.zone import Zone
 from navcore.toml_config import from_table
-from web.interface.beware import BewareVersion
+from web.interface.beware import BewareVersion, BewareVersionSummary
 
 MAX_LISTS = 1000
 """Largest number of beware lists that are kept of a site."""
@@ -102,6 +102,21 @@ class SiteStore:
             (self.name, limit),
         )
         return tuple(_beware_version(json.loads(row[0])) for row in rows)
+
+    def beware_summaries(self) -> tuple[BewareVersionSummary, ...]:
+        """Return the kept lists by what is said of them, newest first; no list is parsed here."""
+        rows = self._database.rows(
+            "SELECT version, json_extract(list, '$.unix_s'), json_extract(list, '$.by'), "
+            "json_extract(list, '$.what'), json_array_length(list, '$.classes') "
+            "FROM beware_lists WHERE site = ? ORDER BY position DESC LIMIT ?",
+            (self.name, MAX_LISTS),
+        )
+        return tuple(
+            BewareVersionSummary(
+                version=version, unix_s=unix_s, by=by or "", what=what or "", classes=classes
+            )
+            for version, unix_s, by, what, classes in rows
+        )
 
     def beware_version(self, version: int) -> BewareVersion | None:
         """Return the newest list of a version; None where it is not kept."""

@@ -8,7 +8,8 @@ from typing import Any
 
 from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import Zone
-from web.interface.beware import BewareVersion
+from tests.app.console.state import summary_of
+from web.interface.beware import BewareVersion, BewareVersionSummary
 
 
 class MemoryStore:
@@ -28,6 +29,10 @@ class MemoryStore:
     def beware_versions(self, *, limit: int = 1000) -> tuple[BewareVersion, ...]:
         """Implement the store."""
         return tuple(self._lists[::-1][:limit])
+
+    def beware_summaries(self) -> tuple[BewareVersionSummary, ...]:
+        """Implement the store."""
+        return tuple(map(summary_of, self._lists[::-1]))
 
     def beware_version(self, version: int) -> BewareVersion | None:
         """Implement the store."""

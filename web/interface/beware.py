@@ -13,6 +13,7 @@ from navcore.mission.beware_list import BewareClass, BewareList, ColourRule
 from navcore.mission.prototype import Prototype
 from navcore.perception.labels import LabelSource
 from web.interface.drafts import EditHistory, PathPreview
+from web.interface.wire import served
 
 OPERATOR = "The operator"
 """Who makes an edit on a console without users."""
@@ -30,6 +31,23 @@ class BewareVersion:
     """Who made the edit; empty where that is not known."""
     what: str = ""
     """Description of the edit; empty where that is not known."""
+
+
+@served
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BewareVersionSummary:
+    """Stored version of the list, without it."""
+
+    version: int
+    """Number of the version."""
+    unix_s: float | None
+    """When it was stored, seconds since 1970; null where that is not known."""
+    by: str
+    """Who made the edit; empty where that is not known."""
+    what: str
+    """Description of the edit; empty where that is not known."""
+    classes: int
+    """Number of classes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,7 +225,7 @@ class BewareEdits(Protocol):
         """Replace the list by a ready-made one, as the next version: `default` is that of a new
         site, others are those of `navcore.mission.beware_sets`. Raises `NotKnown`."""
 
-    def versions(self) -> tuple[BewareVersion, ...]:
+    def versions(self) -> tuple[BewareVersionSummary, ...]:
         """Return the stored versions, newest first."""
 
     def version(self, version: int) -> BewareVersion:

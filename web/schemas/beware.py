@@ -19,7 +19,7 @@ from navcore.mission.beware_list import (
 )
 from navcore.mission.prototype import Prototype
 from web.images import palette
-from web.interface.beware import BewareDraft, BewareEdits, ListPreview
+from web.interface.beware import BewareDraft, BewareEdits, BewareVersionSummary, ListPreview
 from web.interface.wire import DOCUMENTED, Points, Position, rounded, served, values_of
 from web.schemas.drafts import PathPreviewOut, PixelIn, difference
 from web.schemas.fields import Body, Changes, Closed, Entry, Limits, body_model
@@ -288,29 +288,12 @@ class LooksOut(BaseModel):
     """Looks, newest first."""
 
 
-class VersionOut(BaseModel):
-    """Stored version of the list."""
-
-    model_config = DOCUMENTED
-
-    version: int
-    """Number of the version."""
-    unix_s: float | None
-    """When it was stored, seconds since 1970; null where that is not known."""
-    by: str
-    """Who made the edit; empty where that is not known."""
-    what: str
-    """Description of the edit; empty where that is not known."""
-    classes: int
-    """Number of classes."""
-
-
 class VersionsOut(BaseModel):
     """Stored versions of the list."""
 
     model_config = DOCUMENTED
 
-    versions: list[VersionOut]
+    versions: tuple[BewareVersionSummary, ...]
     """Versions, newest first."""
 
 

@@ -24,7 +24,14 @@ from navcore.mission.beware_list import (
 )
 from navcore.mission.beware_sets import ready_made
 from navcore.perception.labels import LabelSource, Segmenter
-from web.interface.beware import OPERATOR, BewareDraft, BewareVersion, ColourRules, Examples
+from web.interface.beware import (
+    OPERATOR,
+    BewareDraft,
+    BewareVersion,
+    BewareVersionSummary,
+    ColourRules,
+    Examples,
+)
 from web.interface.drafts import EditHistory
 
 Removed = list[Erased]
@@ -41,6 +48,9 @@ class BewareStore(Protocol):
 
     def beware_versions(self, *, limit: int = ...) -> tuple[BewareVersion, ...]:
         """Return the lists saved last, newest first."""
+
+    def beware_summaries(self) -> tuple[BewareVersionSummary, ...]:
+        """Return all stored versions without their lists, newest first."""
 
     def beware_version(self, version: int) -> BewareVersion | None:
         """Return the newest list of a version; None where it is not kept."""
@@ -202,9 +212,9 @@ class BewareEditor:
         with self._edits.editing():
             return self._step(self._ready_made(name), by, what="ready-made list")
 
-    def versions(self) -> tuple[BewareVersion, ...]:
+    def versions(self) -> tuple[BewareVersionSummary, ...]:
         """Return the stored versions, newest first."""
-        return self._store.beware_versions()
+        return self._store.beware_summaries()
 
     def version(self, version: int) -> BewareVersion:
         """Return a stored version; raises `NotKnown`."""

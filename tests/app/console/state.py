@@ -18,6 +18,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.fused_segmenter import FusedSegmenter
 from tests.navcore.perception.colour_network import ColourNetwork
 from tests.navcore.scene import SPEC
+from web.interface.beware import BewareVersion, BewareVersionSummary
 
 
 class PlainHolder:
@@ -76,4 +77,15 @@ def beware_editor(
         follower=follower,
         examples=examples,
         defaults=defaults,
+    )
+
+
+def summary_of(one: BewareVersion) -> BewareVersionSummary:
+    """Return what is said of a stored list."""
+    return BewareVersionSummary(
+        version=one.list.version,
+        unix_s=one.unix_s,
+        by=one.by,
+        what=one.what,
+        classes=len(one.list.classes),
     )

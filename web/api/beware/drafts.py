@@ -16,7 +16,7 @@ from web.auth.roles import CurrentVisitor
 from web.gateway.etag import etag
 from web.gateway.problems import refusals
 from web.images.camera import camera_jpg, mask_png, narrowed
-from web.interface.beware import BewareVersion, RecentLook
+from web.interface.beware import RecentLook
 from web.interface.operations import RobotService
 from web.schemas.beware import (
     MAX_VERSION,
@@ -33,7 +33,6 @@ from web.schemas.beware import (
     LooksOut,
     Rule,
     RuleOut,
-    VersionOut,
     VersionsOut,
 )
 
@@ -103,7 +102,7 @@ def beware_drafts_router(operations: RobotService) -> APIRouter:
     @router.get("/beware/versions", response_model=VersionsOut)
     def list_versions() -> VersionsOut:
         """Return the stored versions of the list: when, who and what."""
-        return VersionsOut(versions=[_version_of(one) for one in operations.beware.versions()])
+        return VersionsOut(versions=operations.beware.versions())
 
     @router.get("/beware/versions/{version}", response_model=ComparisonOut, responses=refusals(404))
     def get_version(version: Version) -> ComparisonOut:
@@ -129,16 +128,6 @@ def beware_drafts_router(operations: RobotService) -> APIRouter:
         return BewareOut.of(beware, operations.beware)
 
     return router
-
-
-def _version_of(stored: BewareVersion) -> VersionOut:
-    return VersionOut(
-        version=stored.list.version,
-        unix_s=stored.unix_s,
-        by=stored.by,
-        what=stored.what,
-        classes=len(stored.list.classes),
-    )
 
 
 def _look_of(look: RecentLook, *, is_newest: bool) -> LookOut:

@@ -68,7 +68,7 @@ def test_every_version_says_who_and_what_and_comes_back(tmp_path: Path) -> None:
     newest, removed, added, first = editor.versions()
     assert (added.by, added.what) == ("ana", "“blue tape” added")
     assert (removed.by, removed.what) == ("ben", "“book” removed")
-    assert newest.what == "order changed" and first.list.classes == SHIPPED.classes
+    assert newest.what == "order changed" and first.classes == len(SHIPPED.classes)
     before = editor.list
     editor.restore(0, by="ana")
     assert editor.list.classes == SHIPPED.classes and editor.list.version == 4
@@ -189,7 +189,9 @@ def test_the_newest_lists_are_kept_and_a_version_is_found_alone(
     editor = editor_of(store)
     for number in range(8):
         editor.edit("cup", {"margin_m": number / 10})
-    kept = [one.list.version for one in editor.versions()]
+    with monkeypatch.context() as unread:
+        unread.delattr(site_store, "from_table")  # listing parses no list
+        kept = [one.version for one in editor.versions()]
     assert kept == [editor.list.version - back for back in range(5)]
     assert editor.version(kept[-1]).list.named("cup").margin_m == 0.3
     with pytest.raises(NotKnown, match="no version 0"):

@@ -38,10 +38,10 @@ from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.profile import HUSKY
-from tests.app.console.state import PlainHolder, beware_editor
+from tests.app.console.state import PlainHolder, beware_editor, summary_of
 from tests.navcore.laws import law
 from tests.navcore.scene import SPEC, Box, Paint, Span, picture
-from web.interface.beware import BewareDraft, BewareVersion
+from web.interface.beware import BewareDraft, BewareVersion, BewareVersionSummary
 
 RED = ColourRule(hue_deg=(345.0, 15.0), max_height_m=0.05)
 WARM = ColourRule(hue_deg=(330.0, 70.0), max_height_m=0.2)
@@ -94,6 +94,10 @@ class MemoryLists:
     def beware_versions(self, *, limit: int = 1000) -> tuple[BewareVersion, ...]:
         """Return the newest lists, newest first."""
         return tuple(self.versions[::-1][:limit])
+
+    def beware_summaries(self) -> tuple[BewareVersionSummary, ...]:
+        """Return what is said of the lists, newest first."""
+        return tuple(map(summary_of, self.versions[::-1]))
 
     def beware_version(self, version: int) -> BewareVersion | None:
         """Return a list."""
