@@ -17,7 +17,7 @@ from app.console.site.site_map import ACCEPTED, cells_of, save_accepted
 from app.storage.site_store import SiteStore
 from app.storage.sites import SiteRow, SiteTable
 from navcore.config.mapping import MappingConfig
-from navcore.errors import NotKnown
+from navcore.errors import BadConfiguration, NotKnown
 from navcore.formats.alignment import align, placed
 from navcore.formats.keepout_mask import closed_cells, mask_spec
 from navcore.formats.map_image import encode
@@ -26,6 +26,9 @@ from navcore.grid.grid import GridSpec
 from navcore.grid.growth import growth_over
 from navcore.mapping.changes import CellMap
 from web.interface.sites import PointPair, Site
+
+RESOLUTION_M = 0.05
+"""Side of a cell of the worlds that name none, metres."""
 
 
 def describe(site: SiteStore, row: SiteRow, *, chosen: bool) -> Site:
@@ -100,16 +103,31 @@ def add_nav2(
 ) -> None:
     """Make a site whose accepted map is a Nav2 map, see `web.interface.sites.Sites.add_nav2`.
 
-    `first_grid`: grid with which a map of this world begins, if it is known; raises
-    `BadConfiguration` where it cannot grow to the Nav2 map.
+    `first_grid`: grid with which a map of this world begins; where it is not known, the origin of
+    the map frame, around which a world lies. Raises `BadConfiguration` where it cannot grow to the
+    Nav2 map.
     """
     if pairs is not None:
         nav2_map = placed(nav2_map, align(*pairs))
     if first_grid is not None:
         growth_over(first_grid, nav2_map.spec)
+    else:
+        _require_near_origin(nav2_map.spec)
     cells = _cells_of(nav2_map)
     with sites.making(name) as site:
         save_accepted(site, cells)
+
+
+def _require_near_origin(spec: GridSpec) -> None:
+    """Raise `BadConfiguration` for a grid that no map covers together with the origin."""
+    at_origin = GridSpec.centred(size_m=(1.0, 1.0), resolution_m=RESOLUTION_M)
+    try:
+        growth_over(at_origin, spec)
+    except BadConfiguration:
+        raise BadConfiguration(
+            f"the map covers {spec.extent()}, too far from the origin of the map frame for one map "
+            "of both; check its origin, or place it by two points"
+        ) from None
 
 
 def _cells_of(nav2_map: Nav2Map) -> CellMap:

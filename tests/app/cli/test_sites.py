@@ -85,6 +85,21 @@ def test_a_nav2_map_is_placed_by_two_points(tmp_path: Path) -> None:
         site(data, "import-nav2", "bad", file, "--point", "0,0=0,0", "--point", "3,0=4,0")
     with pytest.raises(BadConfiguration, match="expected two"):
         site(data, "import-nav2", "bad", file, "--point", "0,0=0,0")
+    far = (tmp_path / "hall.yaml").read_text().replace("[0.0, 0.0", "[5.0e5, 0.0")
+    (tmp_path / "far.yaml").write_text(far)
+    with pytest.raises(BadConfiguration, match="too far from the origin"):
+        site(data, "import-nav2", "far", str(tmp_path / "far.yaml"))
+    site(
+        data,
+        "import-nav2",
+        "near",
+        str(tmp_path / "far.yaml"),
+        "--point",
+        "5e5,0=0,0",
+        "--point",
+        "500003,0=3,0",
+    )
+    assert names(data) == ["moved", "near", "plain"]
     out = tmp_path / "nav2.zip"
     site(data, "export-nav2", "moved", str(out))
     assert out.read_bytes().startswith(b"PK")

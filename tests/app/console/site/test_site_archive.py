@@ -190,9 +190,11 @@ def test_a_nav2_map_to_which_the_map_cannot_grow_is_refused_with_both_extents(
     extents = r"the map covers x 25000 to 25006 m.*begins with x -3 to 3 m"
     with pytest.raises(BadConfiguration, match=extents):
         add_nav2(store.sites, "hall", source, pairs=None, first_grid=SPEC)
+    # The command line does not know the world, but around the origin it lies.
+    with pytest.raises(BadConfiguration, match="too far from the origin"):
+        add_nav2(store.sites, "hall", source, pairs=None)
     assert [row.name for row in store.sites.all()] == ["default"]
-    # The command line does not know the world: it is told at the start there.
-    add_nav2(store.sites, "hall", source, pairs=None)
+    save_accepted(store.sites.make("hall"), dataclasses.replace(cells, spec=far))
     with pytest.raises(BadConfiguration, match=extents):
         map_of(store.sites.open("hall"), PointMap(SPEC, MappingConfig()).state())
 
