@@ -217,6 +217,7 @@ def console(
         )
         stack.callback(recorder.close)
         recorder.watch_zones(controller.intent.zones)
+        latch = StopLatch(options.data / STOP_FILE, controller)
         operations = LiveOperations(
             robot=robot,
             controller=controller,
@@ -233,8 +234,8 @@ def console(
             choice=options.choice,
             network=composed.used,
             compose=composing,
+            stop_warning=lambda: latch.warning,
         )
-        latch = StopLatch(options.data / STOP_FILE, controller)
         stack.callback(operations.close)
         stack.callback(operations.sites.keep_session)
         stack.callback(latch.keep)

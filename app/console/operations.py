@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from typing import Any
@@ -91,13 +91,14 @@ class LiveOperations:
         choice: SegmenterChoice = DEFAULT_CHOICE,
         network: str = START,
         compose: Compose = compose,
+        stop_warning: Callable[[], str | None] = lambda: None,
     ) -> None:
         """`data`: folder of what operators correct and teach.
 
         `keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
         `new_beware`: beware list of a new site, by default the shipped one.
         `choice`: options of the segmenter; `network`: version of it that is in use; `compose` makes
-        another perception."""
+        another perception. `stop_warning`: why the stop would not hold over a restart."""
         self._robot, self._controller, self._store, self._recorder = (
             robot,
             controller,
@@ -105,6 +106,7 @@ class LiveOperations:
             recorder,
         )
         self._urdf, self._perception = robot_urdf, perception
+        self._stop_warning = stop_warning
         self._verdict = GateDecision(twist=STANDSTILL, reasons=())
         self.keeper = keeper or MapKeeper(store.site.map_file, {})
         """Keeps the map on disk."""
@@ -312,6 +314,7 @@ class LiveOperations:
             summary=status_message(intent, decision, reasons, moving=moving, by_hand=by_hand),
             stop_latched=intent.stopped_by is not None or self._controller.pose_in_doubt,
             stop_pressed=intent.stopped_by is not None,
+            stop_warning=self._stop_warning(),
             reasons=reasons,
             pose=self._recorder.pose,
             place=self.place.status(),

@@ -20,25 +20,38 @@ class StopLatch:
 
     def __init__(self, file: Path, holder: StateHolder) -> None:
         self._file, self._holder = file, holder
-        self._kept, self._has_failed = read_latch(file), False
+        self._kept = read_latch(file)
+        self._warning: str | None = None
+
+    @property
+    def warning(self) -> str | None:
+        """Why the stop, or its reset, would not hold over a restart, for the operator; None while
+        it would."""
+        return self._warning
 
     def keep(self) -> None:
         """Write the file if the stop was latched or reset; tried again the next time if it cannot
         be written."""
         stopped_by = self._holder.intent.stopped_by
         if stopped_by == self._kept:
+            self._warning = None
             return
         try:
             if stopped_by is None:
                 self._file.unlink(missing_ok=True)
             else:
                 write_whole(self._file, stopped_by.encode())
-        except (OSError, StorageFailed):
-            if not self._has_failed:
-                log.exception("the emergency stop cannot be stored; a restart would release it")
-            self._has_failed = True
+        except (OSError, StorageFailed) as error:
+            warning = (
+                f"the emergency stop cannot be stored, a restart would release it: {error}"
+                if stopped_by is not None
+                else f"the reset cannot be stored, after a restart the robot stands again: {error}"
+            )
+            if warning != self._warning:
+                log.error("%s", warning)
+            self._warning = warning
             return
-        self._kept, self._has_failed = stopped_by, False
+        self._kept, self._warning = stopped_by, None
 
 
 def read_latch(file: Path) -> str | None:

@@ -40,6 +40,7 @@ SENTENCES = (
     "app/console/site/map_editor.py",
     "app/console/operations.py",
     "app/console/status_message.py",
+    "app/console/stop_latch.py",
     "app/console/mission/path_preview.py",
     "app/console/mission/previews.py",
     "app/console/mission/path_settings.py",

@@ -69,6 +69,8 @@ class State:
     """Whether an emergency stop holds, or odometry has jumped; both hold until they are reset."""
     stop_pressed: bool = False
     """Whether an emergency stop holds."""
+    stop_warning: str | None = None
+    """Why the stop, or its reset, would not hold over a restart; null while it would."""
     reasons: tuple[Annotated[StopReason, PlainSerializer(_reason_out, return_type=ReasonOut)], ...]
     """Reasons why the robot stands during a mission, the worst first; empty when nothing holds
     it."""

@@ -48,10 +48,32 @@ def test_a_stop_that_cannot_be_stored_is_tried_again(
     latch = StopLatch(folder / "stopped", holder)
     stopped_by(holder, "key")
     latch.keep()
-    assert "cannot be stored" in caplog.text
+    latch.keep()
+    assert caplog.text.count("cannot be stored") == 1
+    assert latch.warning is not None and "No such file or directory" in latch.warning
     folder.mkdir()
     latch.keep()
-    assert read_latch(folder / "stopped") == "key"
+    assert read_latch(folder / "stopped") == "key" and latch.warning is None
+
+
+def test_a_reset_that_cannot_be_stored_says_what_a_restart_does(
+    holder: PlainHolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    latch = StopLatch(tmp_path / "stopped", holder)
+    stopped_by(holder, "key")
+    latch.keep()
+    stopped_by(holder, None)
+    with monkeypatch.context() as read_only:
+        read_only.setattr(
+            Path,
+            "unlink",
+            lambda *_, **__: (_ for _ in ()).throw(OSError(30, "Read-only file system")),
+        )
+        latch.keep()
+    assert latch.warning is not None and "after a restart the robot stands again" in latch.warning
+    stopped_by(holder, "key")  # what is stored holds
+    latch.keep()
+    assert latch.warning is None
 
 
 def test_a_file_that_cannot_be_read_counts_as_a_stop(tmp_path: Path) -> None:

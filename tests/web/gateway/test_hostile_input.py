@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+import tempfile
 import time
 from collections.abc import Iterator
 from typing import Any, BinaryIO
@@ -267,7 +268,7 @@ def test_a_large_archive_lies_on_the_disk_while_it_arrives_and_is_bounded_there_
     def full() -> BinaryIO:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(request_body.tempfile, "TemporaryFile", full)
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
     refused = wrong(client.post(url, content=bytes(10)), 503)
     assert refused["message"] == "the body cannot be stored: No space left on device"
     (file,) = came

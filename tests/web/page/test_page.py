@@ -258,6 +258,20 @@ def test_a_network_that_does_not_run_is_reported_on_the_page(
     expect(page.get_by_test_id("segmenter")).to_contain_text("weights are damaged")
 
 
+def test_a_stop_that_cannot_be_stored_is_told_until_it_is(
+    page: Page, operations: FakeOperations
+) -> None:
+    toasts = page.locator("#toasts")
+    operations.stop_warning = "the emergency stop cannot be stored: No space left on device"
+    for _ in range(2):
+        operations.step()
+    expect(toasts.locator(".toast")).to_have_count(1)
+    expect(toasts).to_contain_text("The emergency stop cannot be stored: No space left on device")
+    operations.stop_warning = None
+    operations.step()
+    expect(toasts.locator(".toast")).to_have_count(0)
+
+
 def test_a_lost_connection_is_reported_and_the_page_reconnects(
     browser: Browser, operations: FakeOperations
 ) -> None:

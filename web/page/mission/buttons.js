@@ -3,8 +3,8 @@
 import { post } from "../core/link/api.js";
 import { onStale } from "../core/link/connection.js";
 import { element, set } from "../core/dom.js";
-import { t } from "../core/text/language.js";
-import { attempt } from "../core/toasts.js";
+import { sentence, t } from "../core/text/language.js";
+import { attempt, notify } from "../core/toasts.js";
 
 const TITLES = { leave: t("Drive out of the zone by the shortest path") };
 
@@ -23,7 +23,17 @@ function refusalsOf(state) {
   };
 }
 
+// The message that a stop would not hold over a restart, which stays while that is so.
+let unstored = { text: null, toast: null };
+
+function warnOfStop(text) {
+  if (text === unstored.text) return;
+  unstored.toast?.remove();
+  unstored = { text, toast: text && notify(sentence(text), { stays: true }) };
+}
+
 export function enableButtons(state) {
+  warnOfStop(state.stop_warning);
   const isViewer = document.body.dataset.role === "viewer";
   const refusals = refusalsOf(state);
   for (const button of document.querySelectorAll("[data-mission]")) {
