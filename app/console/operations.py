@@ -18,6 +18,7 @@ from app.console.beware.examples import LiveExamples
 from app.console.beware.recent_frames import RecentFrames
 from app.console.edit_history import AllEdits
 from app.console.mission.anchored_items import AnchoredItems
+from app.console.mission.expiry_dates import ExpiryDates
 from app.console.mission.goals import Goals
 from app.console.mission.path_settings import PathSettings
 from app.console.mission.previews import Previews
@@ -112,6 +113,7 @@ class LiveOperations:
         """Keeps the map on disk."""
         self._edits_before, self._new_beware = 0, new_beware
         self._number, self._recent = itertools.count(1).__next__, RecentFrames()
+        self._dates = ExpiryDates()
         self._config = config
         self._examples = LiveExamples(
             self._recent,
@@ -187,7 +189,13 @@ class LiveOperations:
             saved=SavedMissions(site),
             site_id=site.id,
         )
-        self.zones = ZoneEditor(controller, store=site, watcher=self._recorder, number=self._number)
+        self.zones = ZoneEditor(
+            controller,
+            store=site,
+            watcher=self._recorder,
+            dates=self._dates,
+            number=self._number,
+        )
         self.beware = BewareEditor(
             controller,
             store=site,

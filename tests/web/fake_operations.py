@@ -23,6 +23,7 @@ from app.console.beware.colour_rules import LiveColourRules
 from app.console.beware.examples import LiveExamples
 from app.console.beware.recent_frames import RecentFrames
 from app.console.edit_history import AllEdits
+from app.console.mission.expiry_dates import ExpiryDates
 from app.console.mission.goals import Goals
 from app.console.mission.path_preview import Planner, compare, compare_lists, grid_with, pose_at
 from app.console.mission.path_settings import PathSettings
@@ -106,8 +107,7 @@ class FakeOperations:
         self.zones = ZoneEditor(
             self,
             store=store,
-            calendar_s=lambda: self.calendar_s,
-            steady_s=lambda: self.calendar_s,
+            dates=ExpiryDates(lambda: self.calendar_s, lambda: self.calendar_s),
             new_id=_ids().__next__,
             number=number,
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -12,6 +11,7 @@ from itertools import zip_longest
 from typing import NamedTuple, Protocol
 
 from app.console.edit_history import Edit, EditStack
+from app.console.mission.expiry_dates import ExpiryDates
 from app.console.mission.saved_missions import DocumentStore
 from app.runtime.control.operator_state import StateHolder
 from app.storage.records import zone_of, zone_record
@@ -65,17 +65,14 @@ class ZoneEditor:
         *,
         store: ZoneStore,
         watcher: ZoneWatcher | None = None,
-        calendar_s: Callable[[], float] = time.time,
-        steady_s: Callable[[], float] = time.monotonic,
+        dates: ExpiryDates | None = None,
         new_id: Callable[[], str] = lambda: uuid.uuid4().hex[:12],
         number: Callable[[], int] | None = None,
     ) -> None:
-        """`calendar_s`: calendar clock of the robot, seconds since 1970; zones expire by it, but
-        for those that were drawn for some time: as long as the console runs these expire by
-        `steady_s`, a clock that is never set. `number` counts the edits of all kinds."""
+        """`dates`: when zones expire; one for the editors of all sites, so that a zone that was
+        drawn for some time keeps it. `number` counts the edits of all kinds."""
         self._holder, self._store, self._watcher = holder, store, watcher
-        self._calendar_s, self._steady_s, self._new_id = calendar_s, steady_s, new_id
-        self._due_s = dict[float, float]()  # date of an expiry → its time by the steady clock
+        self._dates, self._new_id = dates or ExpiryDates(), new_id
         self._edits = EditStack[_Zones](number=number)
         saved = (zone for zones in self.sets().values() for zone in zones)
         self._versions = {zone.id: zone.version for zone in (*self.stored, *saved)}
@@ -124,7 +121,7 @@ class ZoneEditor:
 
     def add_all(self, drafts: Sequence[ZoneDraft], existing: Existing = "keep") -> tuple[Zone, ...]:
         """Store many zones as one step; an expired zone is stored switched off."""
-        now_s = self._calendar_s()
+        now_s = self._dates.calendar_s()
         with self._edits.editing():
             drafts = [_expired_off(now_s, draft) for draft in drafts]
             for draft in drafts:  # a wrong zone is refused before the operator is asked
@@ -248,24 +245,21 @@ class ZoneEditor:
         return edit.step
 
     def expire(self) -> None:
-        """Switch off expired zones, and store those that moved while the store refused; when it
-        refuses, the next call tries again."""
+        """Switch off expired zones, store those that moved while the store refused, and give the
+        others their dates by the calendar clock, which holds over a restart, where that was set.
+        When the store refuses, the next call tries again."""
         has_waiting = bool(self._unstored) or self.has_unmoved_sets
-        if not has_waiting and not any(self._is_expired(zone) for zone in self.stored):
+        if not has_waiting and all(self._aged(zone) is zone for zone in self.stored):
             return
         with self._edits.editing():
             self._move_sets()
-            expired = [zone for zone in self.stored if self._is_expired(zone)]
+            aged = [(zone, self._aged(zone)) for zone in self.stored]
             try:
-                self._apply(
-                    {
-                        zone.id: dataclasses.replace(zone, enabled=False, expires_at_s=None)
-                        for zone in expired
-                    }
-                )
+                self._apply({zone.id: now for zone, now in aged if now is not zone})
             except StorageFailed:
                 log.exception("expired or moved zones cannot be stored; they stay in force")
                 return
+        expired = [zone for zone, now in aged if zone.enabled and not now.enabled]
         for zone in expired:
             log.warning("zone %r has expired and is switched off", zone.name)
 
@@ -288,7 +282,7 @@ class ZoneEditor:
             lasting = [
                 zone
                 if zone.expires_at_s is None
-                else dataclasses.replace(zone, expires_at_s=self._left_s(zone.expires_at_s))
+                else dataclasses.replace(zone, expires_at_s=self._dates.left_s(zone.expires_at_s))
                 for zone in self.stored
             ]
             self._store.save_document(SETS, name, [zone_record(zone) for zone in lasting])
@@ -317,35 +311,28 @@ class ZoneEditor:
         """Return a zone of a set with its expiry counted from now."""
         if zone.expires_at_s is None:
             return zone
-        return dataclasses.replace(zone, expires_at_s=self._date_in(zone.expires_at_s))
-
-    def _date_in(self, left_s: float) -> float:
-        """Return the date of an expiry after some time, which is kept though the calendar clock is
-        set meanwhile."""
-        at_s, now_s = self._calendar_s() + left_s, self._steady_s()
-        for past in [date for date, due_s in self._due_s.items() if due_s <= now_s]:
-            del self._due_s[past]  # what is kept are the times of zones drawn lately
-        self._due_s[at_s] = now_s + left_s
-        return at_s
-
-    def _left_s(self, at_s: float) -> float:
-        """Return the time until the date of an expiry, seconds."""
-        due_s = self._due_s.get(at_s)
-        return at_s - self._calendar_s() if due_s is None else due_s - self._steady_s()
+        return dataclasses.replace(zone, expires_at_s=self._dates.after(zone.expires_at_s))
 
     def _expiry(self, draft: ZoneDraft) -> float | None:
         at_s = draft.expires_at_s
         if draft.expires_in_s is not None:
-            at_s = self._date_in(draft.expires_in_s)
-        if at_s is not None and not 0.0 < self._left_s(at_s) < MAX_LIFETIME_S:
+            at_s = self._dates.after(draft.expires_in_s)
+        if at_s is not None and not 0.0 < self._dates.left_s(at_s) < MAX_LIFETIME_S:
             raise BadGeometry(
                 f"zone {draft.name!r}: its expiry has to be within the next year; "
                 "give another one, or none"
             )
         return at_s
 
-    def _is_expired(self, zone: Zone) -> bool:
-        return zone.expires_at_s is not None and self._left_s(zone.expires_at_s) <= 0.0
+    def _aged(self, zone: Zone) -> Zone:
+        """Return a zone as it is now: switched off if it has expired, else with its date by the
+        calendar clock; the same object where nothing has changed."""
+        if zone.expires_at_s is None:
+            return zone
+        if self._dates.left_s(zone.expires_at_s) <= 0.0:
+            return dataclasses.replace(zone, enabled=False, expires_at_s=None)
+        at_s = self._dates.by_calendar(zone.expires_at_s)
+        return zone if at_s == zone.expires_at_s else dataclasses.replace(zone, expires_at_s=at_s)
 
     def _expected(self, zone_id: str, version: int | None) -> Zone:
         for zone in self.stored:

@@ -13,16 +13,34 @@ import pytest
 
 from app.console.beware.recent_frames import RecentFrames
 from app.console.mission.anchored_items import AnchoredItems
+from app.console.mission.expiry_dates import ExpiryDates
 from app.console.operations import LiveOperations
+from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.recorder import Recorder
 from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import colour_perception
 from app.storage import Store
 from app.storage.site_store import SiteStore
 from navcore.config.navigator import NavigatorConfig
+from navcore.robot.frame import Frame
 from tests.reliability.fault_runs import BenchRobot, first_frame, standing_controller
+from web.interface.drafts import ZoneDraft
 
 SECOND = 1_000_000_000
+
+
+def operations_of(controller: RobotController, scene: Frame, store: Store) -> LiveOperations:
+    """Return the operations of a console whose robot stands."""
+    return LiveOperations(
+        robot=BenchRobot(scene=scene, controller=controller),
+        controller=controller,
+        store=store,
+        recorder=Recorder(controller=controller, store=store, referee=None, scenario="bench"),
+        robot_urdf=None,
+        perception=LivePerception(colour_perception()),
+        data=store.path.parent,
+        config=NavigatorConfig(),
+    )
 
 
 def test_a_tick_that_ends_after_a_change_of_site_leaves_nothing_of_its_map(
@@ -43,16 +61,7 @@ def test_a_tick_that_ends_after_a_change_of_site_leaves_nothing_of_its_map(
     monkeypatch.setattr("app.console.operations.AnchoredItems", Recorded)
     controller, scene = standing_controller(), first_frame()
     with closing(Store(tmp_path)) as store:
-        operations = LiveOperations(
-            robot=BenchRobot(scene=scene, controller=controller),
-            controller=controller,
-            store=store,
-            recorder=Recorder(controller=controller, store=store, referee=None, scenario="bench"),
-            robot_urdf=None,
-            perception=LivePerception(colour_perception()),
-            data=tmp_path,
-            config=NavigatorConfig(),
-        )
+        operations = operations_of(controller, scene, store)
         stamps, ended, entering = itertools.count(1), threading.Event(), threading.Lock()
 
         def tick() -> None:
@@ -89,3 +98,24 @@ def test_a_tick_that_ends_after_a_change_of_site_leaves_nothing_of_its_map(
         tick()
         assert old.frame not in [one.frame for one in recent.all]
         assert "forgotten" in noted
+
+
+def test_a_zone_drawn_for_an_hour_lasts_an_hour_also_after_a_visit_to_another_site(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s, set_by_s = [1e9], [0.0]
+    dates = ExpiryDates(lambda: now_s[0] + set_by_s[0], lambda: now_s[0])
+    monkeypatch.setattr("app.console.operations.ExpiryDates", lambda: dates)
+    controller, scene = standing_controller(), first_frame()
+    with closing(Store(tmp_path)) as store:
+        operations = operations_of(controller, scene, store)
+        home = store.site
+        square = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0))
+        operations.zones.add(ZoneDraft(name="wet", polygon=square, expires_in_s=3600.0))
+        set_by_s[0] = 1e8
+        operations.enter_site(store.sites.make("hall"))
+        operations.enter_site(home)
+        for past_s, is_on in ((3599.0, True), (3601.0, False)):
+            now_s[0] = 1e9 + past_s
+            operations.zones.expire()
+            assert home.zones()[0].enabled is is_on

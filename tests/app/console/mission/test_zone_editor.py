@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.console.mission import expiry_dates
+from app.console.mission.expiry_dates import ExpiryDates
 from app.console.mission.path_preview import compare
 from app.console.mission.zone_editor import ZoneEditor
 from app.runtime.control.operator_state import OperatorState
@@ -47,12 +49,10 @@ class Desk(PlainHolder):
         super().__init__(
             OperatorState(mission=Mission(), beware=default_beware_list(), zones=zones)
         )
-        self.editor = ZoneEditor(
-            self,
-            store=self.store.site,
-            calendar_s=lambda: self.now_s + self.set_by_s,
-            steady_s=lambda: self.now_s,
+        self.dates = ExpiryDates(
+            calendar_s=lambda: self.now_s + self.set_by_s, steady_s=lambda: self.now_s
         )
+        self.editor = ZoneEditor(self, store=self.store.site, dates=self.dates)
 
     @property
     def bound(self) -> tuple[Zone, ...]:
@@ -240,6 +240,39 @@ def test_a_zone_for_some_time_holds_that_long_though_the_calendar_clock_is_set(
     desk.now_s += 61.0
     desk.editor.expire()
     assert not desk.bound[0].enabled
+
+
+def test_a_zone_for_some_time_keeps_it_at_another_site_and_over_a_restart(
+    desk: Desk, tmp_path: Path
+) -> None:
+    wet = ZoneDraft(name="wet", polygon=SQUARE, expires_in_s=60.0)
+    (zone,) = desk.editor.add_all([wet])
+    assert zone.expires_at_s is not None
+    for set_by_s in (1e8, -1e8):
+        desk.set_by_s = set_by_s
+        # The robot comes back to the site, and the next session begins with what is stored.
+        desk.editor = ZoneEditor(desk, store=desk.store.site, dates=desk.dates)
+        desk.editor.expire()
+        (stored,) = desk.store.site.zones()
+        assert stored.enabled
+        assert stored.expires_at_s == pytest.approx(zone.expires_at_s + set_by_s)
+    desk.store.close()
+    again = Desk(tmp_path)
+    again.set_by_s = desk.set_by_s
+    for past_s, is_on in ((59.0, True), (61.0, False)):
+        again.now_s = desk.now_s + past_s
+        again.editor.expire()
+        assert again.bound[0].enabled is is_on
+    again.store.close()
+
+
+def test_as_many_dates_are_known_as_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(expiry_dates, "MAX_DATES", 3)
+    now_s = [0.0]
+    dates = ExpiryDates(calendar_s=lambda: 1e9 + 5 * now_s[0], steady_s=lambda: now_s[0])
+    made = [dates.after(left_s) for left_s in (10.0, 40.0, 30.0, 20.0)]
+    now_s[0] = 1.0
+    assert [dates.left_s(at_s) for at_s in made] == [5.0, 39.0, 29.0, 19.0]
 
 
 def test_a_zone_until_a_date_ends_by_the_calendar_clock(desk: Desk) -> None:
