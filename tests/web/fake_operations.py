@@ -405,8 +405,12 @@ class FakeOperations:
         edit(self.point_map)
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
-        """Return one past mission."""
-        return ({"id": "run-1", "scenario": "fake hall", "success": True, "spl": math.nan},)
+        """Return a past mission, and one that was cut off."""
+        cut_off = {"id": "run-0", "unfinished": True, "goals": [[1.0, 0.0]], "goal_count": 5003}
+        return (
+            {"id": "run-1", "scenario": "fake hall", "success": True, "spl": math.nan},
+            {**cut_off, "goals_reached": 5000},
+        )
 
     def run(self, run_id: str) -> Mapping[str, object]:
         """Return that mission."""

@@ -11,10 +11,12 @@ from typing import Any, Protocol
 from app.runtime.record.time_series import TimeSeries
 from app.storage import Store
 from navcore.errors import StorageFailed
-from navcore.mission.mission import Goal, Mission, Phase
+from navcore.mission.mission import MAX_GOALS, Goal, Mission, Phase
 from navcore.mission.zone import Zone
 
 log = logging.getLogger(__name__)
+MAX_REPORTED = MAX_GOALS
+"""Largest number of goals in a report, the newest: a patrol goes on for days."""
 MAX_ROWS = 7200
 """Largest number of rows of a run's time series; a longer run has a longer period."""
 
@@ -83,14 +85,14 @@ class RunReporter:
             run = self._run
             if run is not None and run.progress != self._kept:
                 self._kept = run.progress
-                self._save(self._report_of(run))
+                self._save(self._report_of(run, unfinished=True))
 
     def close(self, mission: Mission) -> None:
         """Store the report of an unfinished run; call when nothing else uses this any more."""
         if self._run is not None:
             if mission.runs == self._run.number:
                 self._run.note_mission(mission)
-            self._end()
+            self._end(unfinished=True)
 
     def _begin(self, run: _Run) -> None:
         if self._referee is not None:
@@ -98,15 +100,20 @@ class RunReporter:
             self._stop_noted = None  # a new judgement has to be told again
         self._run = run
 
-    def _end(self) -> None:
+    def _end(self, *, unfinished: bool = False) -> None:
         assert self._run is not None
         judged = self._referee.referee_report() if self._referee is not None else {}
         with self._saving:
             run, self._run = self._run, None
-            self._save({**self._report_of(run), **judged})
+            self._save({**self._report_of(run, unfinished=unfinished), **judged})
 
-    def _report_of(self, run: _Run) -> dict[str, Any]:
-        return {"scenario": self._scenario, "robot": self._robot, **run.report()}
+    def _report_of(self, run: _Run, *, unfinished: bool) -> dict[str, Any]:
+        return {
+            "scenario": self._scenario,
+            "robot": self._robot,
+            "unfinished": unfinished,
+            **run.report(),
+        }
 
     def _save(self, report: dict[str, Any]) -> None:
         try:
@@ -125,6 +132,7 @@ class _Run:
         self._id, self.number = uuid.uuid4().hex[:12], mission.runs
         """Number of the mission's run."""
         self._goals: dict[int, Goal] = {goal.id: goal for goal in mission.queue}
+        self._goal_count = len(self._goals)
         self._reached_before, self._reached_count = mission.reached_count, mission.reached_count
 
     def note_tick(
@@ -141,13 +149,19 @@ class _Run:
 
     def note_mission(self, mission: Mission) -> None:
         """Follow the goals: those that are added, moved or reached."""
-        self._goals.update({goal.id: goal for goal in mission.queue})
+        present = {goal.id: goal for goal in mission.queue}
+        self._goal_count += len(present.keys() - self._goals.keys())
+        self._goals.update(present)
+        too_many = len(self._goals) - MAX_REPORTED
+        if too_many > 0:
+            for oldest in [goal_id for goal_id in self._goals if goal_id not in present][:too_many]:
+                del self._goals[oldest]
         self._reached_count = mission.reached_count
 
     @property
     def progress(self) -> tuple[object, ...]:
         """What changes as the robot gets on."""
-        return self._id, round(self._distance_m, 1), self._reached_count, len(self._goals)
+        return self._id, round(self._distance_m, 1), self._reached_count, self._goal_count
 
     @property
     def _duration_s(self) -> float:
@@ -162,6 +176,7 @@ class _Run:
         return {
             "id": self._id,
             "goals": [[goal.x_m, goal.y_m] for goal in tuple(self._goals.values())],
+            "goal_count": self._goal_count,
             "goals_reached": self._reached_count - self._reached_before,
             "series": self._series.after(),
             "distance_m": round(self._distance_m, 3),

@@ -233,8 +233,10 @@ def test_curves_ages_and_the_page_of_runs_are_shown(
     for name in ("speed_mps", "distance_m", "explored_m2", "explored_m3", "tick_ms"):
         expect(page.get_by_test_id(f"chart-{name}").locator(".curve")).to_have_count(1)
     page.goto(f"{server.url}/runs")
-    expect(page.get_by_test_id("run")).to_have_count(1)
+    expect(page.get_by_test_id("run")).to_have_count(2)
     expect(page.get_by_test_id("report")).to_contain_text("fake hall")
+    cut_off = page.get_by_test_id("run").filter(has_text="run-0")
+    expect(cut_off).to_contain_text("5000 of 5003, not ended")
 
 
 CONTRAST = """([part, property, ground]) => {

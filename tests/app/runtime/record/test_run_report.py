@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import pytest
 
+from app.runtime.record import run_report
 from app.runtime.record.run_report import RunReporter
 from app.runtime.record.time_series import COLUMNS
 from navcore.grid.grid import GridSpec
@@ -35,6 +37,11 @@ class Runs:
         measured = dict.fromkeys(COLUMNS[1:], 0.0)
         self.reporter.note_tick(self.ticks * 10**9, mission, 0.5 * self.ticks, lambda: measured)
         return mission
+
+    @property
+    def unfinished(self) -> list[bool]:
+        """Whether each run was cut off, or goes on."""
+        return [run["unfinished"] for run in self.stored.values()]
 
     @property
     def figures(self) -> list[tuple[int, list[list[float]]]]:
@@ -91,8 +98,10 @@ def test_a_run_is_kept_while_it_goes_on_and_replaced_by_its_end(runs: Runs) -> N
     mission = runs.tick(mission.arrive())
     runs.reporter.keep()
     assert [reached for reached, _ in runs.figures] == [1]
+    assert runs.unfinished == [True]
     runs.tick(mission.arrive())
     assert [reached for reached, _ in runs.figures] == [2]
+    assert runs.unfinished == [False]
     runs.reporter.keep()
     assert [reached for reached, _ in runs.figures] == [2], "nothing goes on any more"
 
@@ -101,3 +110,17 @@ def test_the_console_ends_an_unfinished_run(runs: Runs) -> None:
     mission = runs.tick(to(1.0, 2.0).start())
     runs.reporter.close(mission.arrive())
     assert [reached for reached, _ in runs.figures] == [1]
+    assert runs.unfinished == [True]
+
+
+def test_a_long_patrol_reports_its_newest_goals_and_the_number_of_all(
+    runs: Runs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_report, "MAX_REPORTED", 4)
+    mission = runs.tick(dataclasses.replace(to(1.0, 2.0, 3.0), loop=True).start())
+    for _ in range(7):
+        mission = runs.tick(mission.arrive())
+    runs.reporter.close(mission)
+    (report,) = runs.stored.values()
+    assert report["goals"] == [[1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [1.0, 0.0]]
+    assert (report["goal_count"], report["goals_reached"]) == (10, 7)

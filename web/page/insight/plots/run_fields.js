@@ -7,6 +7,8 @@ const NAMES = {
   scenario: t("scenario"),
   robot: t("robot"),
   goals: t("goals"),
+  goal_count: t("number of goals"),
+  unfinished: t("not ended"),
   goals_reached: t("goals reached"),
   success: t("success"),
   sim_time_s: t("time, s"),

@@ -13,8 +13,10 @@ const fixed = (value, digits) => (typeof value === "number" ? number(value, digi
 // Field → text of a run.
 const LIST = {
   scenario: (run) => run.scenario ?? "–",
-  goals: (run) =>
-    t("{reached} of {all}", { reached: run.goals_reached ?? "–", all: run.goals?.length ?? "–" }),
+  goals: (run) => {
+    const numbers = { reached: run.goals_reached ?? "–", all: run.goal_count ?? run.goals?.length ?? "–" };
+    return run.unfinished ? t("{reached} of {all}, not ended", numbers) : t("{reached} of {all}", numbers);
+  },
   sim_time_s: (run) => fixed(run.sim_time_s, 1),
   distance_m: (run) => fixed(run.distance_m, 1),
   spl: (run) => fixed(run.spl, 2),
