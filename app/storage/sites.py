@@ -188,24 +188,34 @@ class SiteTable:
     def rename(self, name: str, new_name: str) -> SiteStore:
         """Rename a site, then its folder; raises `Refused` for a name that is taken. Where the
         folder cannot be renamed the site goes on with it, and the next start tries again."""
+        with self.renaming(name, new_name) as site:
+            return site
+
+    @contextmanager
+    def renaming(self, name: str, new_name: str) -> Iterator[SiteStore]:
+        """Rename a site, of which the block stores more: all or nothing. Its folder follows at the
+        end, as with `rename`; with the name that it has, only the block is done."""
         before = self._row(name)
         checked_name(new_name)
-        if new_name == before.name:
-            return self.open(name)
+        site = SiteStore(self._database, new_name, self._root / before.folder, before.id)
         with self._database.writing() as connection:
-            self._require_free(connection.execute, new_name, besides=before.name)
-            if new_name.lower() != before.folder.lower():
-                self._delete_folder(new_name)  # of a site whose deletion was interrupted
-            connection.execute(
-                "UPDATE sites SET name = ?, renamed_from = ? WHERE name = ?",
-                (new_name, before.folder, before.name),
-            )
-            for table in PER_SITE:
-                connection.execute(
-                    f"UPDATE {table} SET site = ? WHERE site = ?", (new_name, before.name)
-                )
-        folder = self._move_folder(dataclasses.replace(before, name=new_name))
-        return SiteStore(self._database, new_name, folder, before.id)
+            if new_name != before.name:
+                self._give_name(connection.execute, before, new_name)
+            yield site
+        if new_name != before.name:
+            site.folder = self._move_folder(dataclasses.replace(before, name=new_name))
+
+    def _give_name(self, execute: Execute, before: SiteRow, new_name: str) -> None:
+        """Give a site and its contents another name, within a transaction."""
+        self._require_free(execute, new_name, besides=before.name)
+        if new_name.lower() != before.folder.lower():
+            self._delete_folder(new_name)  # of a site whose deletion was interrupted
+        execute(
+            "UPDATE sites SET name = ?, renamed_from = ? WHERE name = ?",
+            (new_name, before.folder, before.name),
+        )
+        for table in PER_SITE:
+            execute(f"UPDATE {table} SET site = ? WHERE site = ?", (new_name, before.name))
 
     def delete(self, name: str) -> None:
         """Delete a site with everything in it; raises `NotKnown`."""

@@ -12,7 +12,16 @@ from navcore.formats.alignment import align
 from navcore.formats.nav2_map import read
 from navcore.geometry.transform import Pose2
 from navcore.mapping.changes import ChangeKind
-from web.interface.sites import AreaOut, MapChanges, Nav2Files, PointPair, SeenTag, Site, Tag
+from web.interface.sites import (
+    AreaOut,
+    MapChanges,
+    Nav2Files,
+    PointPair,
+    SeenTag,
+    Site,
+    SiteChanges,
+    Tag,
+)
 
 AREAS = tuple(
     AreaOut(
@@ -85,34 +94,33 @@ class FakeSites:
         self._chosen = self._named(name).name
         return self._named(name)
 
-    def rename(self, name: str, new_name: str) -> Site:
+    def change(self, name: str, changes: SiteChanges) -> Site:
         """Implement the port."""
         site = self._named(name)
-        if new_name in self._sites:
-            raise Refused(f"a site is called {new_name!r} already")
-        self._sites[new_name] = dataclasses.replace(site, name=new_name)
-        del self._sites[name]
-        self._chosen = new_name if self._chosen == name else self._chosen
+        new_name = changes.name or name
+        if new_name != name:
+            if new_name in self._sites:
+                raise Refused(f"a site is called {new_name!r} already")
+            del self._sites[name]
+            self._chosen = new_name if self._chosen == name else self._chosen
+        self._sites[new_name] = dataclasses.replace(
+            site,
+            name=new_name,
+            dock=None if changes.without_dock else changes.dock or site.dock,
+            tags=site.tags if changes.tags is None else changes.tags,
+        )
         return self._sites[new_name]
-
-    def set_dock(self, name: str, dock: Pose2 | None) -> Site:
-        """Implement the port."""
-        self._sites[name] = dataclasses.replace(self._named(name), dock=dock)
-        return self._sites[name]
-
-    def set_tags(self, name: str, tags: tuple[Tag, ...]) -> Site:
-        """Implement the port."""
-        self._sites[name] = dataclasses.replace(self._named(name), tags=tags)
-        return self._sites[name]
 
     def put_tag(self, name: str, tag: Tag) -> Site:
         """Implement the port."""
         others = (one for one in self._named(name).tags if one.id != tag.id)
-        return self.set_tags(name, tuple(sorted((*others, tag), key=lambda one: one.id)))
+        tags = tuple(sorted((*others, tag), key=lambda one: one.id))
+        return self.change(name, SiteChanges(tags=tags))
 
     def remove_tag(self, name: str, number: int) -> Site:
         """Implement the port."""
-        return self.set_tags(name, tuple(t for t in self._named(name).tags if t.id != number))
+        tags = tuple(tag for tag in self._named(name).tags if tag.id != number)
+        return self.change(name, SiteChanges(tags=tags))
 
     def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
         """Implement the port: a tag of number 12 straight ahead."""

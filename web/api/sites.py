@@ -9,7 +9,6 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Request, Response
 
 from navcore.errors import BadConfiguration, NotKnown
-from navcore.geometry.transform import Pose2
 from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.interface.operations import RobotService
@@ -65,16 +64,8 @@ def sites_router(operations: RobotService) -> APIRouter:
 
     @router.patch("/sites/{name}", response_model=Site, responses=_EDITS)
     def change_site(name: SiteName, changes: SiteChangesIn) -> Site:
-        """Rename a site, or set its dock and its tags."""
-        site, given = find(name), changes.model_fields_set
-        if changes.name is not None:  # first, since it may be refused
-            site = operations.sites.rename(name, changes.name)
-        if "dock" in given:
-            dock = None if changes.dock is None else Pose2(**changes.dock.model_dump())
-            site = operations.sites.set_dock(site.name, dock)
-        if "tags" in given:
-            site = operations.sites.set_tags(site.name, tuple(changes.tags or ()))
-        return site
+        """Rename a site, or set its dock and its tags: all or nothing."""
+        return operations.sites.change(find(name).name, changes.changes())
 
     @router.post("/sites/{name}/tags", response_model=Site, responses=_EDITS)
     def put_tag(name: SiteName, tag: TagIn) -> Site:

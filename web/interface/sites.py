@@ -92,6 +92,20 @@ class Site:
     """Fiducial markers."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiteChanges:
+    """Changed fields of a site; what is None stays."""
+
+    name: str | None = None
+    """New name."""
+    dock: Pose2 | None = None
+    """Pose of the robot in its dock, map frame."""
+    without_dock: bool = False
+    """Whether the dock is removed."""
+    tags: tuple[Tag, ...] | None = None
+    """All fiducial markers."""
+
+
 @served
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AreaOut:
@@ -162,14 +176,8 @@ class Sites(Protocol):
         """Use another site: its map, zones, sets, missions and beware list. Refused unless the
         robot stands and no mission drives."""
 
-    def rename(self, name: str, new_name: str) -> Site:
-        """Rename a site."""
-
-    def set_dock(self, name: str, dock: Pose2 | None) -> Site:
-        """Set the pose of the robot in the dock of a site; None removes it."""
-
-    def set_tags(self, name: str, tags: tuple[Tag, ...]) -> Site:
-        """Set all tags of a site."""
+    def change(self, name: str, changes: SiteChanges) -> Site:
+        """Rename a site, and set its dock and its tags: all or nothing."""
 
     def put_tag(self, name: str, tag: Tag) -> Site:
         """Add a tag to a site, or replace the one of its number."""

@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, StrictBool, StrictStr
 
+from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import LARGEST_CLASS_ID, MAX_RETIRED
 from navcore.mission.mission import MAX_GOALS
-from web.interface.sites import MAX_TAGS, SITE_NAME, PointPair, Site, Tag
+from web.interface.sites import MAX_TAGS, SITE_NAME, PointPair, Site, SiteChanges, Tag
 from web.interface.wire import DOCUMENTED
 from web.schemas.beware import BewareEntry
 from web.schemas.fields import Body, Closed, Corner, Metres, Name, Radians, UnknownPrice
@@ -49,6 +50,16 @@ class SiteChangesIn(Closed):
     """Pose of the robot in its dock; null removes it."""
     tags: Tags | None = None
     """Fiducial markers of the site; null removes them."""
+
+    def changes(self) -> SiteChanges:
+        """Return the changes."""
+        given = self.model_fields_set
+        return SiteChanges(
+            name=self.name,
+            dock=None if self.dock is None else Pose2(**self.dock.model_dump()),
+            without_dock="dock" in given and self.dock is None,
+            tags=tuple(self.tags or ()) if "tags" in given else None,
+        )
 
 
 class AlignmentIn(Closed):

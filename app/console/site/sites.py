@@ -8,11 +8,12 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager
+from pathlib import Path as FilePath
 from typing import Any, Protocol
 
 from app.console.mission.path_settings import stored_unknown_price
 from app.console.site import dock_and_tags, site_files
-from app.console.site.dock_and_tags import Dock, Tags
+from app.console.site.dock_and_tags import Tags
 from app.console.site.site_map import accepted_map, beware_of, cells_on, map_of, save_accepted
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
@@ -31,7 +32,16 @@ from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
-from web.interface.sites import AreaOut, MapChanges, Nav2Files, PointPair, SeenTag, Site, Tag
+from web.interface.sites import (
+    AreaOut,
+    MapChanges,
+    Nav2Files,
+    PointPair,
+    SeenTag,
+    Site,
+    SiteChanges,
+    Tag,
+)
 from web.interface.snapshots import TickSnapshot
 
 MISSION = ("mission in progress", "mission")
@@ -139,52 +149,59 @@ class LiveSites:
                 self._enter(site)
             return self._site(site.name)
 
-    def rename(self, name: str, new_name: str) -> Site:
-        """Rename a site; the one in use goes on under its new name."""
+    def change(self, name: str, changes: SiteChanges) -> Site:
+        """Rename a site, and set its dock and its tags; the one in use goes on under its new
+        name."""
         with self._lock:
-            before = self._store.sites.open(name)
-            if before.name != self.chosen:
-                renamed = self._store.sites.rename(name, new_name)
-                if (left := self._left.pop(before.name, None)) is not None:
-                    self._left[renamed.name] = left
-                return self._site(new_name)
-            if not self._has_entered:
-                raise Refused(
-                    f"the map of site {self.chosen!r} is being opened; try again in a moment"
-                )
-            with self._user.holding_edits():
-                if self._has_own_map:
-                    self._keeper.move(lambda: self._renamed(new_name).map_file)
-                else:
-                    self._renamed(new_name)
-            return self._site(self.chosen)
+            before = self._store.sites.open(name).name
+            if changes.name in (None, before) or before != self.chosen:
+                changed = self._changed(before, changes).name
+                if (left := self._left.pop(before, None)) is not None:
+                    self._left[changed] = left
+            else:
+                self._change_chosen(changes)
+            self._use_tags()
+            return self._site(changes.name or before)
 
-    def set_dock(self, name: str, dock: Pose2 | None) -> Site:
-        """Set the pose of the robot in the dock of a site; None removes it."""
-        return self._furnish(name, lambda _, tags: (dock, tags))
+    def _change_chosen(self, changes: SiteChanges) -> None:
+        """Change the site in use, which gets another name; its editors, with all that can be
+        undone, go on."""
+        if not self._has_entered:
+            raise Refused(f"the map of site {self.chosen!r} is being opened; try again in a moment")
+        site = self._store.site
 
-    def set_tags(self, name: str, tags: tuple[Tag, ...]) -> Site:
-        """Set all tags of a site."""
-        return self._furnish(name, lambda dock, _: (dock, tags))
+        def change() -> FilePath:
+            site.follow(self._changed(site.name, changes))
+            return site.map_file
+
+        with self._user.holding_edits():
+            if self._has_own_map:
+                self._keeper.move(change)
+            else:
+                change()
+
+    def _changed(self, name: str, changes: SiteChanges) -> SiteStore:
+        """Store the changes of a site, all or nothing, and return it under its name of now."""
+        with self._store.sites.renaming(name, changes.name or name) as site:
+            if changes.dock is not None or changes.without_dock or changes.tags is not None:
+                dock = None if changes.without_dock else changes.dock or dock_and_tags.dock_of(site)
+                tags = dock_and_tags.stored_tags(site) if changes.tags is None else changes.tags
+                dock_and_tags.furnish(site, dock, tags)
+        return site
 
     def put_tag(self, name: str, tag: Tag) -> Site:
         """Add a tag to a site, or replace the one of its number."""
-        return self._furnish(name, lambda dock, tags: (dock, dock_and_tags.with_tag(tags, tag)))
+        return self._retag(name, lambda tags: dock_and_tags.with_tag(tags, tag))
 
     def remove_tag(self, name: str, number: int) -> Site:
         """Remove the tag of a number from a site."""
-        return self._furnish(
-            name, lambda dock, tags: (dock, dock_and_tags.without_tag(tags, number))
-        )
+        return self._retag(name, lambda tags: dock_and_tags.without_tag(tags, number))
 
-    def _furnish(self, name: str, change: Callable[[Dock, Tags], tuple[Dock, Tags]]) -> Site:
-        """Change dock and tags of a site as they are stored now: others change them, too."""
+    def _retag(self, name: str, change: Callable[[Tags], Tags]) -> Site:
+        """Change the tags of a site as they are stored now: others change them, too."""
         with self._lock:
-            site = self._store.sites.open(name)
-            before = dock_and_tags.dock_of(site), dock_and_tags.stored_tags(site)
-            dock_and_tags.furnish(site, *change(*before))
-            self._use_tags()
-            return self._site(site.name)
+            tags = dock_and_tags.stored_tags(self._store.sites.open(name))
+            return self.change(name, SiteChanges(tags=change(tags)))
 
     def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
         """Return the tags in the newest image, placed by where the robot is."""
@@ -352,12 +369,6 @@ class LiveSites:
         """Tell the robot of the tags of the present site, else of those of the world."""
         tags = dock_and_tags.tags_of(self._store.site)
         self._controller.navigator.localisation.tags = tags if tags.tags else self._world_tags
-
-    def _renamed(self, new_name: str) -> SiteStore:
-        """Rename the site in use; its editors, with all that can be undone, go on."""
-        site = self._store.site
-        site.follow(self._store.sites.rename(site.name, new_name))
-        return site
 
     def _require_own_map(self) -> None:
         if not self._has_own_map:

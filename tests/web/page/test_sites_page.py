@@ -24,7 +24,7 @@ from tests.web.page.chromium import (
     on_page,
 )
 from tests.web.page.test_overlays import press
-from web.interface.sites import Site
+from web.interface.sites import Site, SiteChanges
 
 UNNAMED = """() => [...document.querySelectorAll('#sites :is(button, input, canvas)')]
   .filter((node) => !(node.labels?.length || node.getAttribute('aria-label') || node.title ||
@@ -198,7 +198,7 @@ def test_another_name_of_the_site_ends_nothing_that_was_begun(
     named = list[str | None]()
     page.on("request", lambda sent: named.append(sent.headers.get("site-id")))
     press(page.get_by_test_id("mode-goal"))
-    operations.sites.rename("default", "hall")
+    operations.sites.change("default", SiteChanges(name="hall"))
     expect(page.get_by_test_id("sites-button")).to_have_text("Site hall ▾")
     expect(page.get_by_test_id("mode-goal")).to_be_checked()
     click_map(page, -4.0, 3.0)

@@ -34,7 +34,7 @@ from navcore.robot.profile import HUSKY
 from tests.app.console.state import beware_editor
 from tests.navcore.scene import RED_LIST, SPEC, Paint, picture
 from web.interface.drafts import ZoneDraft
-from web.interface.sites import Tag
+from web.interface.sites import SiteChanges, Tag
 from web.interface.snapshots import TickSnapshot
 
 SECOND = 1_000_000_000
@@ -193,7 +193,7 @@ def test_a_mission_that_starts_in_the_meantime_is_not_moved_to_another_site(
     desk.zones.add(SQUARE)  # edits go on
     assert max(desk.store.sites.all(), key=lambda row: row.chosen).name == "default"
     with desk.ticking():
-        desk.sites.rename("default", "Ward 3")
+        desk.sites.change("default", SiteChanges(name="Ward 3"))
     desk.zones.add(SQUARE)
     assert len(desk.store.sites.open("Ward 3").zones()) == 3
 
@@ -241,13 +241,34 @@ def test_a_map_in_a_file_of_its_own_holds_the_robot_at_its_site(tmp_path: Path) 
 def test_the_site_in_use_is_renamed_with_its_map(desk: Desk) -> None:
     with desk.ticking():
         desk.sites.export("default")
-        desk.sites.rename("default", "Ward 3")
+        desk.sites.change("default", SiteChanges(name="Ward 3"))
         desk.sites.export("Ward 3")
     assert desk.sites.chosen == "Ward 3"
     assert not (desk.store.site.folder.parent / "default").exists()
     assert points_in(desk.store.site) > 10
     desk.zones.add(SQUARE)
     assert len(desk.store.sites.open("Ward 3").zones()) == 1
+
+
+@pytest.mark.parametrize("name", ["default", "hall"])
+def test_a_name_and_a_dock_are_stored_together_or_not_at_all(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise StorageFailed("the disk is full")
+
+    desk.store.sites.open(name).folder.mkdir(parents=True, exist_ok=True)
+    changes = SiteChanges(name="Ward 3", dock=Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0))
+    with monkeypatch.context() as broken:
+        broken.setattr(SiteStore, "save_document", fail)
+        with pytest.raises(StorageFailed, match="disk is full"):
+            desk.sites.change(name, changes)
+    assert sorted(site.name for site in desk.sites.all()) == ["default", "hall"]
+    assert desk.sites.chosen == "default"
+    assert desk.store.sites.open(name).folder.name == name
+    changed = desk.sites.change(name, changes)
+    assert (changed.name, changed.dock) == ("Ward 3", changes.dock)
+    assert desk.store.sites.open("Ward 3").folder.name == "Ward 3"
 
 
 def test_what_can_be_undone_and_what_is_not_stored_yet_survive_a_new_name(
@@ -261,7 +282,7 @@ def test_what_can_be_undone_and_what_is_not_stored_yet_survive_a_new_name(
         broken.setattr(desk.store.site, "change_zones", fail)
         desk.zones.move(lambda zone: dataclasses.replace(zone, margin_m=0.5))
     with desk.ticking():
-        desk.sites.rename("default", "Ward 3")
+        desk.sites.change("default", SiteChanges(name="Ward 3"))
     desk.zones.add(dataclasses.replace(SQUARE, name="dry"))
     stored = desk.store.sites.open("Ward 3").zones()
     assert [(one.name, one.margin_m) for one in stored] == [("wet", 0.5), ("dry", 0.0)]
@@ -280,7 +301,7 @@ def test_a_site_in_use_whose_folder_cannot_be_renamed_goes_on_under_its_new_name
         desk.sites.export("default")
         with monkeypatch.context() as broken:
             broken.setattr(Path, "rename", fail)
-            assert desk.sites.rename("default", "Ward 3").name == "Ward 3"
+            assert desk.sites.change("default", SiteChanges(name="Ward 3")).name == "Ward 3"
         desk.zones.add(SQUARE)
         desk.store.site.map_file.unlink()
         desk.sites.export("Ward 3")
@@ -433,7 +454,7 @@ def test_the_place_at_a_site_is_not_taken_for_that_at_another_one_of_its_name(
     if again == "deleted":
         desk.sites.delete("default")
     else:
-        desk.sites.rename("default", "ward")
+        desk.sites.change("default", SiteChanges(name="ward"))
     desk.sites.make("default")
     desk.choose("default")
     assert kept == [None, None], "of the other site of this name nothing is known"
