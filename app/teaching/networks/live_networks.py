@@ -86,7 +86,6 @@ class LiveNetworks:
         self._live, self._choice, self._compose, self._try = live, choice, compose, try_out
         self._used = [name for name in versions.used() if used != START] or [START]
         self._before: Perception | None = None
-        self._start_ms = live.now.image_ms
         self._exchange: str | None = None
         self._trouble: str | None = None
         self._lock, self._checking = threading.Lock(), threading.Lock()
@@ -264,20 +263,17 @@ class LiveNetworks:
             return self._compose(choice)
 
     def _require_fast(self, perception: Perception) -> None:
-        """Raise `BadConfiguration` for a network that is slow, and much slower than that of the
-        start, by which the images of the camera were chosen.
-
-        Its median counts: the robot goes on beside the measurement, which makes single images slow.
-        """
-        if self._start_ms is None:
+        """Raise `BadConfiguration` for a network that is slow, and much slower than the one in use
+        is now: the robot goes on beside the measurement, which makes every network slower."""
+        now, image_ms = self._live.now.choice, _median_ms(perception)
+        if now.kind != "network" or image_ms <= SLOW_MS:
             return
-        most_ms = max(SLOW_MS, SLOWER * self._start_ms)
-        for trial in perception.trials:
-            if trial.name == perception.choice.engine and trial.p50_ms > most_ms:
-                raise BadConfiguration(
-                    f"{trial.name} takes {trial.p50_ms:.0f} ms for an image with this network, "
-                    f"at most {most_ms:.0f} ms are left: use a smaller network"
-                )
+        used_ms = _median_ms(self._compose(dataclasses.replace(now, measured=True)))
+        if image_ms > SLOWER * used_ms:
+            raise BadConfiguration(
+                f"{perception.choice.engine} takes {image_ms:.0f} ms for an image with this "
+                f"network, {now.engine} {used_ms:.0f} ms with the one in use: use a smaller network"
+            )
 
     def _take(self, perception: Perception, used: list[str]) -> None:
         """Use a perception from the next frame on: first on disk, so that a restart keeps it."""
@@ -294,6 +290,13 @@ class LiveNetworks:
 
     def _weights_of(self, name: str) -> Path:
         return self._choice.weights or SHIPPED if name == START else self.versions.weights_of(name)
+
+
+def _median_ms(perception: Perception) -> float:
+    """Return the median time per image of its engine, milliseconds; of one that is remembered the
+    time with which it was chosen, 0 where it was never measured."""
+    times_ms = {trial.name: trial.p50_ms for trial in perception.trials}
+    return times_ms.get(perception.choice.engine, perception.image_ms or 0.0)
 
 
 def _check(path: Path) -> None:
