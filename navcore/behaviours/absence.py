@@ -62,8 +62,13 @@ class Absence:
         ]
         if in_view:
             return now._seen(in_view, pose, stamp_ns, config, waits=waits)
-        can_cross = now.stays_s(config) - now.gone_s >= (config.cross_s if waits else 0.0)
-        return replace(now, crosses=can_cross and (waits or now.crosses))
+        left_s = now.stays_s(config) - now.gone_s
+        if waits:
+            return replace(now, crosses=left_s >= config.cross_s)
+        # To a robot that has set off they are on their way back from the end of that time on, and
+        # not since they left: else they could be anywhere all at once, and it would stop there.
+        are_followed = any(person.id in now.who for person in people)
+        return replace(now, crosses=now.crosses and (left_s >= 0.0 or are_followed))
 
     def _seen(
         self,

@@ -344,6 +344,11 @@ class PeopleTrackerConfig:
     """Time in seconds after which a walking person is given up where the camera does not look."""
     standing_unseen_s: float = ranged(0.0, 600.0, default=20.0)
     """Time in seconds after which a standing person is given up where the camera does not look."""
+    turning_radps: float = ranged(0.0, 10.0, default=0.3)
+    """Yaw rate in radians per second from which, while the robot hardly drives, no person is given
+    up for having been out of sight for too long: it may be turning to look for them."""
+    turning_mps: float = ranged(0.0, 10.0, default=0.1)
+    """Speed in metres per second up to which it hardly drives."""
     object_unseen_s: float = ranged(0.0, 60.0, default=0.25)
     """Time in seconds after which an object that is no person is given up."""
     return_m: float = ranged(0.0, 5.0, default=1.0)

@@ -5,7 +5,8 @@ would be at a pose, no person may be near it or about to reach it, whether the p
 turns back now; a person who has only stopped may do either, or step aside. So the robot passes
 behind a person, and only when it will have passed before the person is back; until then it waits
 beside the line of the person. The second predicts nothing: the robot must be able to stop before
-any person could reach it, in whatever direction they turn. While a person is out of sight, the disc
+any person could reach it, in whatever direction they turn; before they could reach its leading edge
+if it drives straight on and they were lost behind it. While a person is out of sight, the disc
 that the person may be in grows at walking speed about the position where they were lost, until they
 have been gone for long. A robot that stood all that time would set off blindly at its end, so it
 looks after them: a turn in place, for which they are taken to have walked on.
@@ -25,6 +26,9 @@ from navcore.geometry.arrays import Bools, Floats
 from navcore.geometry.transform import Twist
 from navcore.robot.profile import RobotProfile
 
+_STRAIGHT = 0.35
+"""Share of the speed along the heading below which a turn moves no point of the body, for the robot
+to count as driving straight on."""
 _ROUNDING_M = 1e-6
 """Distance in metres far above the rounding error of a gap."""
 
@@ -142,10 +146,23 @@ def speed_limit_near_people(
                 limit,
                 _stopping_speed(gap_m - config.stopped_gap_m, speed, approaches(x), rules),
             )
+    ahead = math.copysign(1.0, twist.v_mps)
+    straight = abs(twist.w_radps) * profile.circumscribed_radius_m < _STRAIGHT * abs(twist.v_mps)
     for x, y, speed, radius in people.reachable_discs.tolist():
-        gap_m = profile.gap_m(x, y) - radius - config.stopped_gap_m
+        away_m = profile.gap_m(x, y)
+        if straight and ahead * x < 0.0:
+            away_m = _to_leading_edge_m(ahead * x, y, profile)
+        gap_m = away_m - radius - config.stopped_gap_m
         limit = min(limit, _stopping_speed(gap_m, speed, approaches(x), rules))
     return 0.0 if limit < config.min_speed_mps else limit
+
+
+def _to_leading_edge_m(x: float, y: float, profile: RobotProfile) -> float:
+    """Return the distance in metres from a point to the edge of the body that leads, where x is
+    negative behind the robot: a robot that drives straight on drives into no one who has not
+    walked past it."""
+    beside = max(abs(y) - profile.width_m / 2, 0.0)
+    return math.hypot(profile.length_m / 2 - x, beside)
 
 
 def _stopping_speed(gap_m: float, walker_mps: float, ahead: bool, rules: PeopleConfig) -> float:

@@ -189,7 +189,14 @@ class PeopleTracker:
         one.past_s = one.past_s + step_s if is_past else 0.0
         if one.missed_s >= config.unseen_s or one.past_s >= config.past_s:
             return True
-        return unseen_s >= (config.walking_unseen_s if one.walks else config.standing_unseen_s)
+        longest_s = config.walking_unseen_s if one.walks else config.standing_unseen_s
+        return unseen_s >= longest_s and not self._turns_round(frame)
+
+    def _turns_round(self, frame: Frame) -> bool:
+        """Return whether the robot turns in place, and the next frame may show who is out of sight:
+        it may be looking for them."""
+        turns = abs(frame.twist.w_radps) >= self._config.turning_radps
+        return turns and abs(frame.twist.v_mps) < self._config.turning_mps
 
     def _person_pixels(self, labels: Labels, beware: BewareList) -> Bools:
         """Return the (H, W) pixels that are a person's with enough confidence, whether that class

@@ -82,6 +82,16 @@ def test_after_an_absence_the_robot_crosses_as_soon_as_the_person_has_gone() -> 
     assert not again.go(2.0, motion=DRIVES).crosses
 
 
+def test_a_robot_on_its_way_does_not_stop_when_they_may_be_on_their_way_back() -> None:
+    watch = Watch()
+    watch.passes(6.0, 6.0)
+    lost = person(1.5, unseen_s=1.0)
+    assert watch.go(0.5, lost).crosses
+    assert watch.go(7.0, lost, motion=DRIVES, pose=Pose2(x_m=4.0, y_m=0.0, yaw_rad=0.0)).crosses
+    assert not watch.go(0.1, lost).crosses, "it waits again, and does not know when they are back"
+    assert not watch.go(0.1, motion=DRIVES).crosses
+
+
 def test_a_robot_that_still_waits_when_little_time_is_left_waits_until_they_are_back() -> None:
     watch = Watch()
     watch.passes(10.0, 12.0)

@@ -14,9 +14,10 @@ from navcore.control.motion import ControllerState
 from navcore.control.people.people_state import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
 from navcore.control.people.social import speed_limit_near_people
 from navcore.geometry.transform import Twist
+from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY
-from tests.navcore.control.planning import decide, stands
-from tests.navcore.control.walkers import BEHIND, closest, crossing
+from tests.navcore.control.planning import ORIGIN, decide, stands
+from tests.navcore.control.walkers import BEHIND, closest, crossing, walking_on
 from tests.navcore.laws import law
 
 CROSSINGS = [
@@ -107,3 +108,19 @@ def test_no_person_beside_a_turning_robot_is_reached_by_its_rim_before_it_stands
         + rim**2 / (2 * PEOPLE_CONFIG.braking_mps2)
     )
     assert rim == 0.0 or gap >= needs
+
+
+def limit_of(lost: Track, twist: Twist) -> float:
+    """The speed limit for a motion beside a person who is out of sight."""
+    return speed_limit_near_people(PeopleState.of((lost,), ORIGIN), twist, HUSKY, PEOPLE_CONFIG)
+
+
+def test_a_robot_that_drives_away_from_a_lost_person_does_not_stop_for_them_behind_it() -> None:
+    away, turning = Twist(v_mps=1.0, w_radps=-0.1), Twist(v_mps=0.3, w_radps=0.9)
+    lost = walking_on(-4.7, 0.5, 0.8, 2.8, unseen_s=5.0)  # by now they may stand beside it
+    assert limit_of(lost, away) > 1.0
+    assert limit_of(lost, turning) == 0.0, "its corners go round it"
+    assert limit_of(lost, Twist(v_mps=-0.3, w_radps=0.0)) == 0.0
+    assert 0.0 < limit_of(walking_on(-4.7, 0.5, 0.8, 2.8, unseen_s=5.3), away) < 0.9
+    assert limit_of(walking_on(-4.7, 0.5, 0.8, 2.8, unseen_s=6.5), away) == 0.0, "before it, too"
+    assert limit_of(walking_on(0.2, 1.5, 0.8, 0.0, unseen_s=1.5), away) == 0.0

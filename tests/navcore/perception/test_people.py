@@ -13,7 +13,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception.perception import PeopleTrackerConfig, PerceptionConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.camera import pixel_rays
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareClass, BewareList
 from navcore.mission.order import NavigationRequest
@@ -297,6 +297,19 @@ def test_a_walking_person_out_of_sight_is_predicted_with_a_growing_disc_until_gi
     for k in range(22, 100):
         tracks = follow(tracker, picture(pose=away, stamp_ns=k * TENTH_NS))
     assert tracks == ()
+
+
+@pytest.mark.parametrize("w_radps", [0.0, 0.9])
+def test_no_person_out_of_sight_is_given_up_while_the_robot_turns_to_look_for_them(
+    w_radps: float,
+) -> None:
+    tracker, away = PeopleTracker(), Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi)
+    walk(tracker, (2.0, -0.8), (0.0, 1.0), 12)
+    for k in range(12, 100):
+        turns = Twist(v_mps=0.0, w_radps=w_radps if k > 85 else 0.0)
+        tracks = follow(tracker, picture(pose=away, stamp_ns=k * TENTH_NS, twist=turns))
+    assert (tracks != ()) is (w_radps > 0.0)
+    assert follow(tracker, picture(pose=away, stamp_ns=100 * TENTH_NS)) == ()
 
 
 def out_of_sight(
