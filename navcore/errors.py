@@ -60,6 +60,10 @@ class Outdated(Refused):
     """The edit was made against an older version than the stored one; nothing was changed."""
 
 
+class OtherSite(Refused):
+    """The robot is at another site than the one that was meant."""
+
+
 class NeedsForce(Refused):
     """The action is asked for again before it is done; nothing was changed."""
 

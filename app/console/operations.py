@@ -314,7 +314,7 @@ class LiveOperations:
             stamp_s=now_ns / 1e9,
             scenario=self._recorder.scenario,
             site=self.sites.chosen,
-            site_id=self.sites.chosen_id,
+            site_id=intent.site_id,
             robot=self.profile.name,
             phase=intent.mission.phase,
             moving=moving,

@@ -20,7 +20,8 @@ class StopLatch:
 
     def __init__(self, file: Path, holder: StateHolder) -> None:
         self._file, self._holder = file, holder
-        self._kept = read_latch(file)
+        self._kept: str | None = read_latch(file)
+        self._is_known = True  # whether the file holds that, and not perhaps what could not be kept
         self._warning: str | None = None
 
     @property
@@ -33,7 +34,7 @@ class StopLatch:
         """Write the file if the stop was latched or reset; tried again the next time if it cannot
         be written."""
         stopped_by = self._holder.intent.stopped_by
-        if stopped_by == self._kept:
+        if self._is_known and stopped_by == self._kept:
             self._warning = None
             return
         try:
@@ -49,9 +50,9 @@ class StopLatch:
             )
             if warning != self._warning:
                 log.error("%s", warning)
-            self._warning = warning
+            self._warning, self._is_known = warning, False
             return
-        self._kept, self._warning = stopped_by, None
+        self._kept, self._warning, self._is_known = stopped_by, None, True
 
 
 def read_latch(file: Path) -> str | None:

@@ -29,6 +29,7 @@ from navcore.errors import (
     CrossedOutline,
     NeedsForce,
     NotKnown,
+    OtherSite,
     Outdated,
     Refused,
     StorageFailed,
@@ -53,6 +54,7 @@ _STATUS: tuple[tuple[type[BewareNavError], int, str], ...] = (
     (Outdated, HTTPStatus.CONFLICT, "outdated"),
     (AlreadyThere, HTTPStatus.CONFLICT, "already_there"),
     (NeedsForce, HTTPStatus.CONFLICT, "needs_force"),
+    (OtherSite, HTTPStatus.CONFLICT, "other_site"),
     (Refused, HTTPStatus.CONFLICT, "refused"),
     (StorageFailed, HTTPStatus.SERVICE_UNAVAILABLE, "storage_failed"),
 )

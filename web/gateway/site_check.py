@@ -3,15 +3,19 @@ one by now, a zone or a goal would be somewhere else."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from web.auth.permissions import SAFE
 from web.gateway.problems import problem
 from web.interface.sites import at_another_site
 
 HEADER = "Site-Id"
+_ANYWHERE = re.compile(r"/api/v1/(stop(/.*)?|mission/(pause|cancel)|control/.*|me/.*)")
+"""What holds wherever the robot is, most of all its stop."""
 
 
 class SiteCheck:
@@ -22,8 +26,11 @@ class SiteCheck:
         self._app, self._present = app, present
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request; with 409 if it names another site."""
-        named = Headers(scope=scope).get(HEADER) if scope["type"] == "http" else None
+        """Answer a request; with 409 if it would change something and names another site."""
+        is_edit = scope["type"] == "http" and scope["method"] not in SAFE
+        named = Headers(scope=scope).get(HEADER) if is_edit else None
+        if named is not None and _ANYWHERE.fullmatch(scope["path"]):
+            named = None
         answer = (
             self._app
             if named is None or named == self._present()

@@ -11,7 +11,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol
 
-from navcore.errors import Refused
+from navcore.errors import OtherSite
 from navcore.geometry.transform import Pose2
 from navcore.mapping.changes import ChangeKind
 from navcore.toml_config import ranged
@@ -150,9 +150,9 @@ PointPair = tuple[tuple[float, float], tuple[float, float]]
 """Two points (x, y) in metres."""
 
 
-def at_another_site() -> Refused:
+def at_another_site() -> OtherSite:
     """Return the refusal of an edit that was meant for the site of before."""
-    return Refused("the robot is at another site now; nothing was changed")
+    return OtherSite("the robot is at another site now; nothing was changed")
 
 
 class Sites(Protocol):

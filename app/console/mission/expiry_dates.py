@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 
@@ -11,6 +12,14 @@ SET_S = 10.0
 """Difference from which a date is that of another calendar, seconds."""
 
 
+def steady_s() -> float:
+    """Return the time of a clock that is never set and goes on while the computer sleeps, seconds;
+    where the system has none, of one that stops then."""
+    if sys.platform == "linux":
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.monotonic()
+
+
 class ExpiryDates:
     """The calendar clock, and the dates that were counted from some moment of this session: these
     are kept by a clock that is never set. One for all sites of a console."""
@@ -18,7 +27,7 @@ class ExpiryDates:
     def __init__(
         self,
         calendar_s: Callable[[], float] = time.time,
-        steady_s: Callable[[], float] = time.monotonic,
+        steady_s: Callable[[], float] = steady_s,
     ) -> None:
         """`calendar_s`: calendar clock, seconds since 1970. `steady_s`: clock that is never set."""
         self.calendar_s, self._steady_s = calendar_s, steady_s

@@ -63,14 +63,15 @@ class PlaceEditor:
     def place(self, pose: Pose2, *, force: bool) -> PlaceCheck:
         """Set the robot's pose to where the newest scan fits best near a pose."""
         self._controller.require_standing("show its place")
-        scan = self._scan()
+        site_id, scan = self._controller.intent.site_id, self._scan()
         found = self._checked(scan, pose)
         answer = _answer(scan, found)
         if found.is_accepted:
-            self._controller.place_robot(found.fit.T_map_base, found.fit.covariance)
+            pose, covariance = found.fit.T_map_base, found.fit.covariance
+            self._controller.place_robot(pose, covariance, site_id=site_id)
         elif force:
             answer = replace(answer, pose=pose, scan=pose.to_parent(scan.points_base))
-            self._controller.place_robot(pose, UNCHECKED)
+            self._controller.place_robot(pose, UNCHECKED, site_id=site_id)
         else:
             raise Refused(answer.text)
         return answer

@@ -49,6 +49,7 @@ from navcore.safety.gate import (
 )
 from navcore.safety.keep_out_monitor import KeepOuts
 from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
+from web.interface.sites import at_another_site
 
 COMMAND_PERIOD_S = 0.05
 """Time between two commands, seconds."""
@@ -158,9 +159,15 @@ class RobotController:
         with self._lock:
             self._ask(edits=(*self._requests.edits, edit))
 
-    def place_robot(self, T_map_base: Pose2, covariance: Matrix) -> None:
-        """Set the pose of the robot, with its (3, 3) covariance, before the next tick."""
+    def place_robot(
+        self, T_map_base: Pose2, covariance: Matrix, *, site_id: str | None = None
+    ) -> None:
+        """Set the pose of the robot, with its (3, 3) covariance, before the next tick. `site_id`:
+        that of the site for whose map it is meant, if it may have changed; then raises
+        `OtherSite`."""
         with self._lock:
+            if site_id not in (None, self._intent.site_id):
+                raise at_another_site()
             self._ask(place=(T_map_base, covariance), search=False)
 
     def enter_site(

@@ -9,6 +9,7 @@ import pytest
 
 from app.console.stop_latch import StopLatch, read_latch
 from app.runtime.control.operator_state import OperatorState
+from navcore.errors import StorageFailed
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission
 from tests.app.console.state import PlainHolder
@@ -54,6 +55,23 @@ def test_a_stop_that_cannot_be_stored_is_tried_again(
     folder.mkdir()
     latch.keep()
     assert read_latch(folder / "stopped") == "key" and latch.warning is None
+
+
+def test_what_may_lie_in_the_file_after_a_failure_is_removed_with_the_reset(
+    holder: PlainHolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    latch = StopLatch(tmp_path / "stopped", holder)
+
+    def written_but_not_synced(file: Path, data: bytes) -> None:
+        file.write_bytes(data)
+        raise StorageFailed("the folder cannot be synchronised")
+
+    monkeypatch.setattr("app.console.stop_latch.write_whole", written_but_not_synced)
+    stopped_by(holder, "key")
+    latch.keep()
+    stopped_by(holder, None)
+    latch.keep()
+    assert latch.warning is None and read_latch(tmp_path / "stopped") is None
 
 
 def test_a_reset_that_cannot_be_stored_says_what_a_restart_does(

@@ -49,7 +49,9 @@ def test_what_is_meant_for_the_map_of_another_site_changes_nothing(client: httpx
     for path, body in (("goals", goal), ("zones", zone)):
         refused = client.post(f"/api/v1/{path}", json=body, headers=there)
         assert (refused.status_code, refused.json()["error"]["code"]) == (409, "other_site")
-    state = client.get("/api/v1/state").json()
+    assert client.post("/api/v1/stop", headers=there).is_success, "wherever the robot is"
+    assert client.post("/api/v1/stop/reset", headers=there).is_success
+    state = client.get("/api/v1/state", headers=there).json()
     assert state["queue"] == [] and client.get("/api/v1/zones").json()["features"] == []
     here = {"Site-Id": state["site_id"]}
     client.patch("/api/v1/sites/hall", json={"name": "nave"}, headers=here)

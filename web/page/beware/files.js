@@ -1,6 +1,6 @@
 // The beware list as a TOML file: written, and read with what is wrong in it named by line.
 
-import { abortableFetch, refusalOf } from "../core/link/api.js";
+import { abortableFetch, refusalOf, siteHeader } from "../core/link/api.js";
 import { download, element } from "../core/dom.js";
 import { t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
@@ -15,7 +15,7 @@ export function build(onNewList) {
 }
 
 async function importText(text, query) {
-  const headers = { "Content-Type": "application/toml" };
+  const headers = { "Content-Type": "application/toml", ...siteHeader() };
   const response = await abortableFetch(PATH + query, { method: "PUT", headers, body: text });
   if (!response.ok) throw await refusalOf(response);
   notify(t("The list of the file is in force."), { good: true });

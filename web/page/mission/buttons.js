@@ -23,7 +23,7 @@ function refusalsOf(state) {
   };
 }
 
-// The message that a stop would not hold over a restart, which stays while that is so.
+// The message that a stop would not hold over a restart; it stays until it would, or is dismissed.
 let unstored = { text: null, toast: null };
 
 function warnOfStop(text) {

@@ -1,6 +1,6 @@
 // The classes that can be marked: those of the beware list, and what is none of them.
 
-import { get, post } from "../core/link/api.js";
+import { get, post, setSite } from "../core/link/api.js";
 import { clearSent, element, make } from "../core/dom.js";
 import { t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
@@ -35,7 +35,8 @@ export function colourOf(name, index = names.indexOf(name)) {
 
 // Read the beware list; a class that was chosen stays chosen.
 export async function loadClasses(chosen = select.value) {
-  const { classes } = await get("/beware");
+  const [{ classes }, { site_id }] = await Promise.all([get("/beware"), get("/state")]);
+  setSite(site_id);
   const listed = classes.map((entry) => entry.network_class ?? entry.name);
   listed.forEach(labelOf);
   const options = [...listed, NOTHING].map((name) =>

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from app.console.site.place_editor import PlaceEditor, require_known
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
-from navcore.errors import BadGeometry, Refused
+from navcore.errors import BadGeometry, OtherSite, Refused
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.mission.beware_list import BewareList
@@ -140,3 +141,18 @@ def test_a_mission_is_refused_with_a_word_of_patience_while_the_first_looks_are_
         with pytest.raises(Refused, match=words):
             require_known(LocalisationEstimate(state=state))
     require_known(LocalisationEstimate(state=LocalisationState.DEAD_RECKONING))
+
+
+def test_a_place_that_was_checked_on_the_map_of_another_site_is_not_taken(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checked = desk.editor._checked
+
+    def enters_meanwhile(*given: Any) -> Any:
+        desk.controller.change(lambda intent: dataclasses.replace(intent, site_id="another"))
+        return checked(*given)
+
+    monkeypatch.setattr(desk.editor, "_checked", enters_meanwhile)
+    with pytest.raises(OtherSite):
+        desk.editor.place(HERE, force=True)
+    assert desk.controller._requests.place is None

@@ -21,6 +21,7 @@ let siteId = null;
 export const setSite = (id) => {
   siteId = id;
 };
+export const siteHeader = () => (siteId === null ? {} : { "Site-Id": siteId });
 
 // Every request of the page but the stop. A browser opens few connections to one host and the stop
 // must not wait for one, so the stop aborts all of these.
@@ -47,7 +48,7 @@ export const request = async (...given) => (await edit(...given)).value;
 // A request that is an edit: the value of its answer, and the number by which it alone can be undone.
 export async function edit(method, path, body, headers = {}) {
   const options = { method, headers: { Accept: "application/json", ...headers } };
-  if (siteId !== null && method !== "GET") options.headers["Site-Id"] = siteId;
+  if (method !== "GET") Object.assign(options.headers, siteHeader());
   if (body !== undefined) {
     options.headers["Content-Type"] = "application/json";
     options.body = JSON.stringify(body);
