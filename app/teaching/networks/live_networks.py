@@ -252,7 +252,7 @@ class LiveNetworks:
         """Compose with the engine in use, measured with this network alone; with the best one where
         that one fails, or decides otherwise than torch in f32."""
         now = self._live.now.choice
-        if choice.kind == "colour" or now.kind != "network":
+        if now.kind != "network":
             return self._compose(choice)
         try:
             return self._compose(
@@ -282,11 +282,9 @@ class LiveNetworks:
         self._used = used
 
     def _choice_of(self, name: str) -> SegmenterChoice:
-        if name == START:
-            return self._choice
-        return dataclasses.replace(
-            self._choice, kind="network", weights=self.versions.weights_of(name)
-        )
+        """Return the options of a version: the network or a failure, never the colour rules."""
+        weights = self._choice.weights if name == START else self.versions.weights_of(name)
+        return dataclasses.replace(self._choice, kind="network", weights=weights)
 
     def _weights_of(self, name: str) -> Path:
         return self._choice.weights or SHIPPED if name == START else self.versions.weights_of(name)

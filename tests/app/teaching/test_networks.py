@@ -26,6 +26,8 @@ from navcore.robot.frame import Frame
 from tests.app.teaching.scenes import frame_at
 from web.interface.teaching import NetworkVersion
 
+NETWORK = SegmenterChoice(kind="network")
+
 
 class Constant:
     """Segmenter that calls every pixel one class."""
@@ -80,12 +82,13 @@ def networks_of(
     live: LivePerception,
     used: str = START,
     compose: Compose = perception_of,
+    choice: SegmenterChoice = NETWORK,
 ) -> LiveNetworks:
     """Return the networks of a console that started with the version `used`."""
     return LiveNetworks(
         versions,
         live,
-        choice=SegmenterChoice(kind="network"),
+        choice=choice,
         used=used,
         compose=compose,
         try_out=lambda one: None,
@@ -155,6 +158,38 @@ def test_an_exchange_measures_the_engine_in_use_and_tries_the_others_where_it_is
     eventually(lambda: networks.exchange is None)
     assert (networks.used, networks.trouble) == ("taught 2", None)
     assert asked == [("openvino int8", True), ("auto", False)]
+
+
+@pytest.mark.parametrize("broken", [{"openvino int8"}, {"openvino int8", "auto"}])
+def test_the_way_back_to_the_shipped_network_never_ends_at_the_colour_rules(
+    tmp_path: Path, broken: set[str]
+) -> None:
+    asked = []
+
+    def compose(choice: SegmenterChoice) -> Perception:
+        """Compose as a start does: no network is a warning alone, unless one is asked for."""
+        asked.append((choice.engine, choice.measured))
+        if choice.engine not in broken:
+            return perception_of(choice)
+        if choice.kind == "network" or choice.weights is not None:
+            raise BadConfiguration(f"{choice.engine}: agrees in 50.00% of the pixels")
+        return colour_perception("The network does not run")
+
+    versions = store_of(tmp_path, 2)
+    versions.note_used([START, "taught 2"])
+    taught = SegmenterChoice(weights=versions.weights_of("taught 2"), engine="openvino int8")
+    live = LivePerception(perception_of(taught))
+    networks = networks_of(
+        versions, live, used="taught 2", compose=compose, choice=SegmenterChoice(kind="auto")
+    )
+    assert networks.roll_back() == START
+    eventually(lambda: networks.exchange is None)
+    assert asked == [("openvino int8", True), ("auto", False)]
+    if "auto" in broken:
+        assert networks.trouble == "auto: agrees in 50.00% of the pixels"
+        assert (networks.used, label_of(live)) == ("taught 2", 2)
+    else:
+        assert (networks.used, networks.trouble, label_of(live)) == (START, None, 1)
 
 
 @pytest.mark.parametrize(
