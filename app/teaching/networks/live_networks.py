@@ -249,8 +249,8 @@ class LiveNetworks:
             self._exchange = None
 
     def _composed(self, choice: SegmenterChoice) -> Perception:
-        """Compose with the engine in use, measured with this network alone; with the best one where
-        that one fails, or decides otherwise than torch in f32."""
+        """Compose with the engine in use, measured with this network alone; with the best one, also
+        in place of a named one, where that fails, or decides otherwise than torch in f32."""
         now = self._live.now.choice
         if now.kind != "network":
             return self._compose(choice)
@@ -260,7 +260,7 @@ class LiveNetworks:
             )
         except BadConfiguration as error:
             log.info("%s cannot run the network: %s", now.engine, error)
-            return self._compose(choice)
+            return self._compose(dataclasses.replace(choice, engine="auto", smaller=False))
 
     def _require_fast(self, perception: Perception) -> None:
         """Raise `BadConfiguration` for a network that is slow, and much slower than the one in use

@@ -141,19 +141,25 @@ def test_a_network_that_cannot_run_changes_nothing(tmp_path: Path) -> None:
     assert composed_at_start(versions, SegmenterChoice(), perception_of).used == START
 
 
+@pytest.mark.parametrize("engine", ["auto", "openvino int8"])
 def test_an_exchange_measures_the_engine_in_use_and_tries_the_others_where_it_is_wrong(
-    tmp_path: Path,
+    tmp_path: Path, engine: str
 ) -> None:
     asked = []
 
     def compose(choice: SegmenterChoice) -> Perception:
         asked.append((choice.engine, choice.measured))
-        if choice.engine == "openvino int8":
+        if choice.measured:
             raise BadConfiguration("openvino int8: agrees in 50.00% of the pixels")
         return perception_of(choice)
 
     start = perception_of(SegmenterChoice(engine="openvino int8"))
-    networks = networks_of(store_of(tmp_path, 2), LivePerception(start), compose=compose)
+    networks = networks_of(
+        store_of(tmp_path, 2),
+        LivePerception(start),
+        compose=compose,
+        choice=dataclasses.replace(NETWORK, engine=engine),
+    )
     networks.use("taught 2")
     eventually(lambda: networks.exchange is None)
     assert (networks.used, networks.trouble) == ("taught 2", None)
