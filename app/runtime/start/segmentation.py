@@ -109,10 +109,10 @@ def compose(
     """Compose the chosen segmenter.
 
     With `memory` the engine that it remembers for this network and machine is taken unmeasured, as
-    long as it is not too slow; a measured one is remembered. `inference` asks to measure in any
-    case, in its way. With `apart` a network is read, exported and its engines are measured in a
-    process of its own: what torch and the engines that were tried took ends with it. `watch` is
-    told of each step of the trials.
+    long as it is not too slow; one that was chosen by measuring is remembered. `inference` asks to
+    measure in any case, in its way. With `apart` a network is read, exported and its engines are
+    measured in a process of its own: what torch and the engines that were tried took ends with it.
+    `watch` is told of each step of the trials.
 
     Raises `BadConfiguration` when a network was chosen explicitly and cannot run; with `auto` and
     the shipped weights this gives a warning, and the colour rules are used.
@@ -282,7 +282,7 @@ def _prepared(
         return known
     chosen, file, engine, trials = _measured(choice, file, inference or InferenceConfig(), watch)
     taken = next((trial for trial in trials if trial.name == engine.name), None)
-    if memory is not None and taken is not None:
+    if memory is not None and choice.engine == "auto" and taken is not None:
         memory.remember(
             key,
             ChosenEngine(

@@ -271,6 +271,17 @@ def test_the_chosen_engine_is_remembered_and_measured_again_only_on_request_or_w
 
 
 @pytest.mark.usefixtures("torch_alone")
+def test_a_named_engine_that_is_measured_replaces_none_that_was_chosen(tmp_path: Path) -> None:
+    memory = EngineMemory(tmp_path / "engines.json")
+    choice = SegmenterChoice(weights=weights(tmp_path), threads=1)
+    assert compose(choice, memory=memory).trials
+    chosen = (tmp_path / "engines.json").read_text()
+    named = dataclasses.replace(choice, engine="torch f32", measured=True)
+    assert compose(named, memory=memory).trials
+    assert (tmp_path / "engines.json").read_text() == chosen
+
+
+@pytest.mark.usefixtures("torch_alone")
 def test_smaller_images_are_remembered_and_an_engine_that_is_gone_is_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
