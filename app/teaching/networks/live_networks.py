@@ -264,11 +264,16 @@ class LiveNetworks:
 
     def _require_fast(self, perception: Perception) -> None:
         """Raise `BadConfiguration` for a network that is slow, and much slower than the one in use
-        is now: the robot goes on beside the measurement, which makes every network slower."""
+        is now: the robot goes on beside the measurement, which makes every network slower. Where
+        the one in use cannot be measured there is nothing to compare with."""
         now, image_ms = self._live.now.choice, _median_ms(perception)
         if now.kind != "network" or image_ms <= SLOW_MS:
             return
-        used_ms = _median_ms(self._compose(dataclasses.replace(now, measured=True)))
+        try:
+            used_ms = _median_ms(self._compose(dataclasses.replace(now, measured=True)))
+        except BadConfiguration as error:
+            log.warning("the network in use cannot be measured: %s", error)
+            return
         if image_ms > SLOWER * used_ms:
             raise BadConfiguration(
                 f"{perception.choice.engine} takes {image_ms:.0f} ms for an image with this "

@@ -200,15 +200,19 @@ def test_the_way_back_to_the_shipped_network_never_ends_at_the_colour_rules(
 
 @pytest.mark.parametrize(
     ("used_ms", "new_ms", "refused"),
-    [(60.0, 250.0, True), (130.0, 250.0, False), (20.0, 90.0, False)],
+    [(60.0, 250.0, True), (130.0, 250.0, False), (20.0, 90.0, False), (None, 250.0, False)],
 )
 def test_a_network_much_slower_than_the_one_in_use_is_not_used(
-    tmp_path: Path, used_ms: float, new_ms: float, refused: bool
+    tmp_path: Path, used_ms: float | None, new_ms: float, refused: bool
 ) -> None:
     def compose(choice: SegmenterChoice) -> Perception:
         """Compose a network whose engine is measured while the robot drives."""
         p50_ms = used_ms if choice.weights is None else new_ms
-        trial = EngineBenchmark(name="torch f32", p50_ms=p50_ms, agreement=1.0, is_accurate=True)
+        if p50_ms is None and choice.measured:
+            raise BadConfiguration("the weights of the network in use are gone")
+        trial = EngineBenchmark(
+            name="torch f32", p50_ms=p50_ms or 0.0, agreement=1.0, is_accurate=True
+        )
         made = perception_of(dataclasses.replace(choice, engine=trial.name))
         return dataclasses.replace(made, trials=(trial,) if choice.measured else ())
 
