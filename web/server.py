@@ -120,6 +120,7 @@ def create_app(
         authenticator=access.authenticator,
         control=access.control,
         auditor=auditor,
+        spools={"/api/v1/teach/frames.zip": lambda: operations.teaching.frames.import_file()},
     )
     return app
 

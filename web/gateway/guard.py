@@ -32,7 +32,7 @@ from web.auth.roles import SCOPE_KEY, Visitor
 from web.gateway.login import LOGIN_PATH, Login, cookie_header
 from web.gateway.origin_check import check_origin
 from web.gateway.problems import problem
-from web.gateway.request_body import bounded_body, replayed
+from web.gateway.request_body import Spools, bounded_body, replayed
 from web.gateway.security_headers import with_headers
 from web.gateway.websockets import POLICY_VIOLATION
 
@@ -48,8 +48,9 @@ class Guard:
         authenticator: Authenticator,
         control: ControlLeases,
         auditor: Auditor,
+        spools: Spools,
     ) -> None:
-        self._app = app
+        self._app, self._spools = app, spools
         self._hosts = frozenset(host.lower() for host in allowed_hosts)
         self._authenticator, self._control, self._auditor = authenticator, control, auditor
         self._login = (
@@ -82,7 +83,7 @@ class Guard:
             )
             answer = None if is_login else self._refusal(scope, headers, visitor)
             if answer is None:
-                body = await bounded_body(scope, receive)
+                body = await bounded_body(scope, receive, self._spools)
                 if isinstance(body, Response):
                     answer = body
                 elif is_login and self._login is not None:

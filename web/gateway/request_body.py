@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import io
 import re
-import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import BinaryIO, cast
 
 from starlette.datastructures import Headers
@@ -13,7 +14,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.types import Message, Receive, Scope
 
-from web.gateway.problems import problem
+from navcore.errors import BewareNavError
+from web.gateway.problems import problem, refusal
 from web.interface.sites import MAX_ARCHIVE_BYTES
 from web.interface.teaching import MAX_FRAMES_BYTES, MAX_UPLOAD_BYTES
 from web.schemas.map.poses import MAX_POSES_BYTES
@@ -36,17 +38,19 @@ LARGE_BODIES = {
 }
 """Path → largest body in bytes and its time limit in seconds, where these differ; `labels` are all
 annotations, each of whose numbers has ten characters at most."""
-SPOOLED = frozenset({"/api/v1/teach/frames.zip"})
-"""Paths whose bodies are written to a temporary file as they arrive, in the system's folder for
-such files (`TMPDIR`), since the computer of a robot may lack the memory."""
+Spools = Mapping[str, Callable[[], BinaryIO]]
+"""Path → what opens an empty file to which its body is written as it arrives, since the computer of
+a robot may lack the memory; may raise `BewareNavError`."""
 _FILE = "bewarenav.body"
 """Key of a body's file in the scope of its request."""
 _LABELS = re.compile("/api/v1/teach/frames/[0-9]{1,12}/labels")
 
 
-async def bounded_body(scope: Scope, receive: Receive) -> bytes | BinaryIO | Response:
-    """Return the whole body, as an open temporary file where it is `SPOOLED`, or the refusal of one
-    that is too large, too slow or cut off."""
+async def bounded_body(
+    scope: Scope, receive: Receive, spools: Spools
+) -> bytes | BinaryIO | Response:
+    """Return the whole body, as an open file where `spools` opens one, or the refusal of one that
+    is too large, too slow or cut off."""
     if scope["method"] in ("GET", "HEAD", "OPTIONS"):
         return b""
     path = "labels" if _LABELS.fullmatch(scope["path"]) else scope["path"]
@@ -55,19 +59,23 @@ async def bounded_body(scope: Scope, receive: Receive) -> bytes | BinaryIO | Res
     if not length.isdigit() or len(length) > 12 or int(length) > at_most:
         return _too_large(at_most)
     try:
-        body = _spool() if path in SPOOLED else io.BytesIO()
+        body = spools.get(path, io.BytesIO)()
+    except BewareNavError as error:
+        return refusal(error)
+    try:
         async with asyncio.timeout(limit_s):
-            refusal = await _receive(body, receive, at_most)
+            refused = await _receive(body, receive, at_most)
         body.seek(0)
     except TimeoutError:
-        refusal = problem(408, "too_slow", f"the body did not arrive within {limit_s:g} s", "body")
+        refused = problem(408, "too_slow", f"the body did not arrive within {limit_s:g} s", "body")
     except OSError as error:
         said = f"the body cannot be stored: {error.strerror or error}"
-        return problem(503, "storage_failed", said, "body")
-    if refusal is None:
+        refused = problem(503, "storage_failed", said, "body")
+    if refused is None:
         return body.read() if isinstance(body, io.BytesIO) else body
-    body.close()
-    return refusal
+    with suppress(OSError):  # on a full disk, of what is written at the close
+        body.close()
+    return refused
 
 
 async def _receive(body: BinaryIO, receive: Receive, at_most: int) -> Response | None:
@@ -89,11 +97,6 @@ async def _receive(body: BinaryIO, receive: Receive, at_most: int) -> Response |
             return None
 
 
-def _spool() -> BinaryIO:
-    """Return a temporary file, which is gone when it is closed."""
-    return cast(BinaryIO, tempfile.TemporaryFile())
-
-
 def _too_large(at_most: int) -> Response:
     return problem(413, "too_large", f"a body may have at most {at_most} bytes", "body")
 
@@ -113,5 +116,6 @@ def replayed(body: bytes | BinaryIO, scope: Scope, receive: Receive) -> Receive:
 
 
 def body_file(request: Request) -> BinaryIO:
-    """Return the file of a `SPOOLED` body, open at its beginning until the request is answered."""
+    """Return the file of a body that `Spools` name, open at its beginning until the request is
+    answered."""
     return cast(BinaryIO, request.scope[_FILE])

@@ -120,6 +120,11 @@ class FrameFolder(Protocol):
         """Return a file with all frames as a zip archive of a data set, which the caller closes;
         raises `Refused` without a frame, and until the file of the last export is closed."""
 
+    def import_file(self) -> BinaryIO:
+        """Return an empty file on the disk of the frames, for an archive that arrives, which the
+        caller closes; raises `Refused` until the file of the last import is closed,
+        `StorageFailed`."""
+
     def add_archive(self, file: BinaryIO) -> int:
         """Add the frames of such an archive and return their number; all or none. Raises
         `BadConfiguration` with what is damaged."""

@@ -22,7 +22,7 @@ from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS
 from navcore.learning.data.dataset import Dataset, load_dataset
 from web.interface.teaching import MAX_FRAMES_BYTES, Annotation
 
-_LINKS = ".export-"
+_LINKS, _UNPACKED = ".export-", ".import-"
 _LISTS = {f"{split}_{kind}.txt" for split in SPLITS for kind in KINDS}
 _FAILURES = (
     zipfile.BadZipFile,
@@ -43,20 +43,35 @@ def exported(store: FrameStore) -> BinaryIO:
     """
     if not store.all():
         raise Refused("there is no captured frame to export")
-    for left in store.folder.glob(f"{_LINKS}*"):  # by a console that was killed
-        shutil.rmtree(left, ignore_errors=True)
     try:
-        with tempfile.TemporaryDirectory(prefix=_LINKS, dir=store.folder) as name:
+        with _folder_in(store, _LINKS) as name:
+            folder = Path(name)
             with store.held():
-                files = _linked(store.folder, Path(name))
-            content = tempfile.TemporaryFile(dir=store.folder)  # noqa: SIM115 - the caller closes it
+                files = _linked(store.folder, folder)
+            content = empty_file(store)
             with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
                 for path in files:
-                    archive.write(Path(name) / path, path)
+                    archive.write(folder / path, path)
     except OSError as error:
         raise StorageFailed(f"the frames cannot be exported: {error.strerror or error}") from error
     content.seek(0)
-    return cast(BinaryIO, content)
+    return content
+
+
+def empty_file(store: FrameStore) -> BinaryIO:
+    """Return a temporary file on the disk of the frames, since the system's folder for such files
+    may be memory; it is gone when it is closed. Raises `OSError`."""
+    store.folder.mkdir(parents=True, exist_ok=True)
+    return cast(BinaryIO, tempfile.TemporaryFile(dir=store.folder))
+
+
+def _folder_in(store: FrameStore, prefix: str) -> tempfile.TemporaryDirectory[str]:
+    """Make a temporary folder in that of the frames; what a console that was killed has left there
+    goes."""
+    store.folder.mkdir(parents=True, exist_ok=True)
+    for left in store.folder.glob(f"{prefix}*"):
+        shutil.rmtree(left, ignore_errors=True)
+    return tempfile.TemporaryDirectory(prefix=prefix, dir=store.folder)
 
 
 def _linked(source: Path, folder: Path) -> list[str]:
@@ -74,8 +89,13 @@ def add_archive(store: FrameStore, file: BinaryIO) -> int:
     """Add the frames of an archive, an open file, and return their number; all or none.
 
     Raises `BadConfiguration` with what is damaged, `Refused` when they do not fit into the folder.
+    It is unpacked there; one archive at a time can be added.
     """
-    with tempfile.TemporaryDirectory(prefix="frames-") as name:
+    try:
+        unpacked = _folder_in(store, _UNPACKED)
+    except OSError as error:
+        raise StorageFailed(f"the archive cannot be unpacked: {error.strerror or error}") from error
+    with unpacked as name:
         folder = Path(name)
         _unpack(file, folder)
         try:

@@ -18,7 +18,7 @@ from app.teaching.frames import frame_archive
 from app.teaching.frames.frame_record import UNITS_PER_M
 from app.teaching.frames.frame_store import FrameStore, NoDepth
 from app.teaching.frames.rules import CaptureRules, RegionRules
-from navcore.errors import BadConfiguration, BewareNavError, Refused
+from navcore.errors import BadConfiguration, BewareNavError, Refused, StorageFailed
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.perception.region_growing import alike_at
 from navcore.robot.frame import Frame
@@ -63,8 +63,9 @@ class LiveFrames:
         self._guard = threading.Lock()
         self._noted: Pose2 | None = None
         self._exporting = threading.Lock()
-        # Weak: the file of an answer that was never read is closed with it.
+        # Weak: the file of an answer that was never read, or of a request, is closed with it.
         self._exported: Callable[[], BinaryIO | None] = lambda: None
+        self._imported: Callable[[], BinaryIO | None] = lambda: None
 
     def state(self) -> FrameFolderState:
         """Return what the folder holds."""
@@ -162,6 +163,20 @@ class LiveFrames:
                 raise Refused("the images are being exported already; wait until that has ended")
             file = frame_archive.exported(self.store)
             self._exported = weakref.ref(file)
+            return file
+
+    def import_file(self) -> BinaryIO:
+        """Return an empty file for an archive that arrives."""
+        with self._guard:
+            last = self._imported()
+            if last is not None and not last.closed:
+                raise Refused("images are being imported already; wait until that has ended")
+            try:
+                file = frame_archive.empty_file(self.store)
+            except OSError as error:
+                said = f"the archive cannot be stored: {error.strerror or error}"
+                raise StorageFailed(said) from error
+            self._imported = weakref.ref(file)
             return file
 
     def add_archive(self, file: BinaryIO) -> int:

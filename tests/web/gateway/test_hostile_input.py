@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import socket
 import tempfile
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import httpx
@@ -247,7 +249,10 @@ def test_a_body_that_is_too_large_is_refused_whether_or_not_it_says_so(
 
 
 def test_a_large_archive_lies_on_the_disk_while_it_arrives_and_is_bounded_there_too(
-    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
     url, size = "/api/v1/teach/frames.zip", 5_000_000
     came: list[BinaryIO] = []
@@ -265,14 +270,31 @@ def test_a_large_archive_lies_on_the_disk_while_it_arrives_and_is_bounded_there_
     monkeypatch.setitem(request_body.LARGE_BODIES, url, (size, 60.0))
     assert wrong(client.post(url, content=chunks(size + 1)), 413)["code"] == "too_large"
 
-    def full() -> BinaryIO:
-        raise OSError(28, "No space left on device")
+    class Full(io.FileIO):
+        """A file on a full disk."""
 
-    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+        def write(self, part: object) -> int:
+            raise OSError(28, "No space left on device")
+
+    def full() -> BinaryIO:
+        came.append(io.BufferedRandom(Full(tmp_path / "full", "w+")))
+        return came[-1]
+
+    monkeypatch.setattr(operations.teaching.frames, "import_file", full)
     refused = wrong(client.post(url, content=bytes(10)), 503)
     assert refused["message"] == "the body cannot be stored: No space left on device"
-    (file,) = came
-    assert file.closed
+    assert all(file.closed for file in came) and len(came) == 2
+
+
+def test_an_archive_lies_below_the_data_folder_and_one_is_imported_at_a_time(
+    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, frames = "/api/v1/teach/frames.zip", operations.teaching.frames
+    monkeypatch.setattr(tempfile, "tempdir", "/no/such/folder")  # memory on many machines
+    with frames.import_file():
+        refused = wrong(client.post(url, content=b"PK"), 409)
+        assert refused["message"].startswith("images are being imported already")
+    assert "archive is damaged" in wrong(client.post(url, content=b"PK"), 422)["message"]
 
 
 def test_a_request_that_is_cut_off_changes_nothing(server: ConsoleServer) -> None:
