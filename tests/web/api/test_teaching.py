@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import io
 import json
 import socket
 import tempfile
@@ -10,6 +12,7 @@ from typing import BinaryIO, cast
 
 import httpx
 import pytest
+from starlette.types import Message
 
 from app.teaching.frames import frame_archive
 from app.teaching.frames.frame_store import FrameStore
@@ -87,6 +90,27 @@ def test_a_client_that_stops_reading_does_not_hold_the_export(
         while export() != 200:
             assert time.monotonic() < deadline
             time.sleep(0.1)
+
+
+@pytest.mark.parametrize(("bytes_per_s", "taken"), [(2e6, 1_000_000), (1e3, 0)])
+def test_an_export_goes_on_for_a_slow_client_and_ends_with_one_line_for_one_that_stalls(
+    bytes_per_s: float,
+    taken: int,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    file, came = io.BytesIO(bytes(1_000_000)), [0]
+
+    async def send(message: Message) -> None:
+        size = len(message.get("body", b""))
+        await asyncio.sleep(size / bytes_per_s)
+        came[0] += size
+
+    monkeypatch.setattr(frames_routes, "STALL_S", 0.3)
+    asyncio.run(frames_routes._Archive(file, "frames.zip").stream_response(send))
+    assert file.closed and came == [taken]
+    lines = [] if taken else ["an export ends: its client has taken no part within 0.3 s"]
+    assert caplog.messages == lines
 
 
 def test_an_annotation_of_very_many_runs_is_no_too_large_request(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 from typing import Annotated, BinaryIO
 
@@ -30,12 +31,13 @@ from web.schemas.teaching import (
 FrameId = Annotated[str, Path(pattern=r"^[0-9]{1,12}$")]
 _REFUSALS = refusals(409, 422, 503)
 _OF_ONE = refusals(404, 409, 422, 503)
-PART_BYTES = 1 << 20
-"""Size of the parts in which an archive is sent."""
+PART_BYTES = 1 << 16
+"""Size of the parts in which an archive is sent, so small that a slow client takes one in time."""
 STALL_S = 30.0
 """Longest time in which a client takes no part, seconds."""
 REGION = "region"
 """Class name of the pixels of a grown region."""
+log = logging.getLogger(__name__)
 
 
 class _Archive(StreamingResponse):
@@ -53,14 +55,18 @@ class _Archive(StreamingResponse):
         super().__init__(parts, media_type="application/zip", headers=headers)
 
     async def stream_response(self, send: Send) -> None:
-        """Send the parts; ends with `TimeoutError` where one is not taken in time."""
+        """Send the parts; ends where one is not taken in time, and the server cuts the answer
+        off."""
 
         async def send_in_time(message: Message) -> None:
             async with asyncio.timeout(STALL_S):
                 await send(message)
 
         with self._file:
-            await super().stream_response(send_in_time)
+            try:
+                await super().stream_response(send_in_time)
+            except TimeoutError:
+                log.warning("an export ends: its client has taken no part within %g s", STALL_S)
 
 
 def teach_frames_router(operations: RobotService) -> APIRouter:
