@@ -10,12 +10,11 @@ import numpy as np
 from app.replay.floor_plane import find_floor
 from app.replay.recording import open_recording
 from app.replay.robot import ReplayRobot, map_around
-from app.replay.run import RESOLUTION_M
 from app.runtime.control.loop import LiveRobot
 from app.runtime.record.run_report import Referee
 from app.runtime.simulator_process import SimulatorProcess
 from navcore.config.navigator import NavigatorConfig
-from navcore.grid.grid import GridSpec
+from navcore.grid.grid import DEFAULT_RESOLUTION_M, GridSpec
 from navcore.localisation.fixes import TagMap
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.robot.profile import RobotProfile
@@ -79,7 +78,7 @@ def recorded(folder: Path, *, config: NavigatorConfig, level: bool = False) -> B
     recording = open_recording(folder)
     T_map_world = np.eye(4) if level else find_floor(recording)
     spec = map_around(
-        recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=RESOLUTION_M
+        recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=DEFAULT_RESOLUTION_M
     )
     robot = ReplayRobot(recording, T_map_world, back_and_forth=True)
     return BackEnd(robot=robot, spec=spec, name=f"recording {folder.resolve().name}")

@@ -18,15 +18,13 @@ from app.replay.robot import base_below, frames_of, map_around
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadGeometry
 from navcore.geometry.transform import Matrix
+from navcore.grid.grid import DEFAULT_RESOLUTION_M
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator, TickResult
 from navcore.perception.labels import Segmenter
 from navcore.planning.path import NoPath, Path
 from navcore.robot.profile import RobotProfile
-
-RESOLUTION_M = 0.05
-"""Cell size of the map."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,7 +62,7 @@ def replay(
     outside the map.
     """
     spec = map_around(
-        recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=RESOLUTION_M
+        recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=DEFAULT_RESOLUTION_M
     )
     start = base_below(T_map_world @ recording.T_world_camera[0])
     goal = goal or (start.x_m, start.y_m)

@@ -20,6 +20,8 @@ Cell = tuple[int, int]
 """(row, col) of a cell."""
 Box = tuple[int, int, int, int]
 """(top, left, bottom, right) rows top … bottom−1 and columns left … right−1 of a grid."""
+DEFAULT_RESOLUTION_M = 0.05
+"""Side of a cell of worlds and recordings that name none, metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

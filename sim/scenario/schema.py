@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from navcore.geometry.transform import Pose2
-from navcore.grid.grid import GridSpec
+from navcore.grid.grid import DEFAULT_RESOLUTION_M, GridSpec
 from navcore.toml_config import ranged
 from sim.models.floor_paint import PATTERN_COLOURS, PaintPattern
 from sim.models.furniture import FURNITURE_COLOURS, FURNITURE_SIZES, furniture_solids
@@ -90,7 +90,7 @@ class MapExtent:
 
     size_m: tuple[float, float] = ranged(1.0, 2 * FARTHEST_M)
     """Sides along x and y."""
-    resolution_m: float = ranged(0.01, 1.0, default=0.05)
+    resolution_m: float = ranged(0.01, 1.0, default=DEFAULT_RESOLUTION_M)
     """Side of a cell of the grid."""
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,13 +23,10 @@ from navcore.formats.alignment import align, placed
 from navcore.formats.keepout_mask import closed_cells, mask_spec
 from navcore.formats.map_image import encode
 from navcore.formats.nav2_map import Nav2Map, State, map_from_cells, yaml_text
-from navcore.grid.grid import GridSpec
+from navcore.grid.grid import DEFAULT_RESOLUTION_M, GridSpec
 from navcore.grid.growth import growth_over
 from navcore.mapping.changes import CellMap
 from web.interface.sites import PointPair, Site
-
-RESOLUTION_M = 0.05
-"""Side of a cell of the worlds that name none, metres."""
 
 
 def describe(site: SiteStore, row: SiteRow, *, chosen: bool) -> Site:
@@ -119,15 +117,27 @@ def add_nav2(
 
 
 def _require_near_origin(spec: GridSpec) -> None:
-    """Raise `BadConfiguration` for a grid that no map covers together with the origin."""
-    at_origin = GridSpec.centred(size_m=(1.0, 1.0), resolution_m=RESOLUTION_M)
-    try:
-        growth_over(at_origin, spec)
-    except BadConfiguration:
+    """Raise `BadConfiguration` for a grid that no map covers, or none together with the origin. The
+    cells of the map are not known: those of most worlds, or as large as those of the grid."""
+    resolution_m = max(DEFAULT_RESOLUTION_M, spec.resolution_m)
+    at_origin = GridSpec.centred(size_m=(1.0, 1.0), resolution_m=resolution_m)
+    inside = replace(at_origin, origin_x_m=spec.origin_x_m, origin_y_m=spec.origin_y_m)
+    if not _can_cover(inside, spec):
+        raise BadConfiguration(f"the map covers {spec.extent()}, too large for one map")
+    if not _can_cover(at_origin, spec):
         raise BadConfiguration(
             f"the map covers {spec.extent()}, too far from the origin of the map frame for one map "
             "of both; check its origin, or place it by two points"
-        ) from None
+        )
+
+
+def _can_cover(first: GridSpec, spec: GridSpec) -> bool:
+    """Return whether a map that begins with one grid can grow to another."""
+    try:
+        growth_over(first, spec)
+    except BadConfiguration:
+        return False
+    return True
 
 
 def _cells_of(nav2_map: Nav2Map) -> CellMap:

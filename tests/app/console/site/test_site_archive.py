@@ -23,7 +23,7 @@ from app.storage import Store
 from app.storage.site_store import MAP_FILE
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration, BadGeometry, NotKnown
-from navcore.formats.nav2_map import State, map_from_cells, read
+from navcore.formats.nav2_map import Nav2Map, State, map_from_cells, read
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mapping.changes import CellMap
@@ -197,6 +197,19 @@ def test_a_nav2_map_to_which_the_map_cannot_grow_is_refused_with_both_extents(
     save_accepted(store.sites.make("hall"), dataclasses.replace(cells, spec=far))
     with pytest.raises(BadConfiguration, match=extents):
         map_of(store.sites.open("hall"), PointMap(SPEC, MappingConfig()).state())
+
+
+def test_a_nav2_map_of_coarse_cells_is_as_large_as_a_map_of_such_cells(store: Store) -> None:
+    def row(cols: int) -> Nav2Map:
+        """Return a map of 10 rows of cells of 0.1 m around the origin."""
+        cells = np.zeros((10, cols), dtype=np.bool_)
+        spec = GridSpec.centred(size_m=(cols / 10, 1.0), resolution_m=0.1)
+        return map_from_cells(occupied=cells, known=~cells, spec=spec)
+
+    add_nav2(store.sites, "long", row(40_000), pairs=None)  # 80 000 cells of 0.05 m are too many
+    with pytest.raises(BadConfiguration, match=r"covers x -3500 to 3500 m.*too large for one map"):
+        add_nav2(store.sites, "longer", row(70_000), pairs=None)
+    assert [one.name for one in store.sites.all()] == ["default", "long"]
 
 
 def test_a_site_whose_classes_were_often_renamed_comes_back(store: Store) -> None:
