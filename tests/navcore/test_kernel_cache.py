@@ -59,7 +59,7 @@ def edited(top: Path, file: str) -> None:
         ),
         # Imported by what it imports, and by no kernel itself.
         ("mission/zone_shapes.py", ("planning/escape.py",), ("grid/bitplane.py",)),
-        ("toml_config.py", ("perception/ground.py",), ("control/footprint_distance.py",)),
+        ("toml_config.py", ("perception/ground.py",), ("control/collision/footprint_distance.py",)),
     ],
 )
 def test_a_change_compiles_again_what_it_reaches_and_nothing_else(

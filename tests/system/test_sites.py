@@ -62,14 +62,15 @@ def test_another_site_has_its_own_map_zones_goals_and_list_and_the_first_comes_b
         program.post("zones", json=square(2.0, -3.0)).raise_for_status()
         for goal in ({"x_m": -2.5, "y_m": 2.0}, {"x_m": 2.0, "y_m": 2.0}):
             program.post("goals", json=goal).raise_for_status()
+        standing = _when(program, lambda state: state["explored_m2"] > 0)
         program.post("mission/start").raise_for_status()
-        _when(program, lambda state: state["moving"])
+        _when(program, lambda state: state["explored_m2"] > standing["explored_m2"] + 1.0)
         program.post("sites", json={"name": "hall"}).raise_for_status()
         refused = program.post("sites/hall/choose")
         assert refused.status_code == 409 and "pause or cancel" in refused.text
         assert zone_names(program) == ["wet floor"]
         program.post("mission/pause").raise_for_status()
-        before = _when(program, lambda state: state["explored_m2"] > 0)
+        before = program.get("state").json()
         program.patch("beware/cup", json={"margin_m": 0.4}).raise_for_status()
         version = program.get("beware").json()["version"]
 

@@ -73,9 +73,12 @@ def walking_on(x: float, y: float, speed: float, heading: float, unseen_s: float
 
 def stops_in_time(twist: Twist, x: float, y: float, *, walked_m: float, speed_mps: float) -> bool:
     """Whether a robot stands before a person reaches it, who has walked so far towards it from
-    (x, y) and goes on."""
-    fastest = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
-    gap = math.hypot(max(abs(x) - 0.5, 0), max(abs(y) - 0.35, 0)) - 0.3 - walked_m
+    (x, y) and goes on; of one that drives straight on, its leading edge counts for those behind."""
+    rim_mps = abs(twist.w_radps) * HUSKY.circumscribed_radius_m
+    fastest, along = abs(twist.v_mps) + rim_mps, math.copysign(x, x * twist.v_mps)
+    is_behind = along < 0.0 and rim_mps < 0.35 * abs(twist.v_mps)
+    beyond = 0.5 - along if is_behind else max(abs(x) - 0.5, 0)
+    gap = math.hypot(beyond, max(abs(y) - 0.35, 0)) - 0.3 - walked_m
     return fastest == 0.0 or gap > speed_mps * (
         PEOPLE_CONFIG.reaction_s + fastest / HUSKY.max_accel_mps2
     )
