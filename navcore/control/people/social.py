@@ -131,7 +131,8 @@ def speed_limit_near_people(
     """Return the speed limit in m/s of any point of the body in a motion, for the people near it; 0
     to stand, infinite without people."""
     limit = math.inf
-    turns = abs(twist.w_radps) * profile.circumscribed_radius_m > abs(twist.v_mps)
+    along_mps, rim_mps = abs(twist.v_mps), abs(twist.w_radps) * profile.circumscribed_radius_m
+    turns, is_straight = rim_mps > along_mps, rim_mps < _STRAIGHT * along_mps
 
     def approaches(x: float) -> bool:
         """Whether the body may come nearer to x: when it turns, its corners do all round."""
@@ -146,12 +147,10 @@ def speed_limit_near_people(
                 limit,
                 _stopping_speed(gap_m - config.stopped_gap_m, speed, approaches(x), rules),
             )
-    ahead = math.copysign(1.0, twist.v_mps)
-    straight = abs(twist.w_radps) * profile.circumscribed_radius_m < _STRAIGHT * abs(twist.v_mps)
     for x, y, speed, radius in people.reachable_discs.tolist():
-        away_m = profile.gap_m(x, y)
-        if straight and ahead * x < 0.0:
-            away_m = _to_leading_edge_m(ahead * x, y, profile)
+        along = math.copysign(1.0, twist.v_mps) * x
+        is_left_behind = is_straight and along < 0.0
+        away_m = _to_leading_edge_m(along, y, profile) if is_left_behind else profile.gap_m(x, y)
         gap_m = away_m - radius - config.stopped_gap_m
         limit = min(limit, _stopping_speed(gap_m, speed, approaches(x), rules))
     return 0.0 if limit < config.min_speed_mps else limit
