@@ -71,7 +71,7 @@ def merge_shards(
         dataclasses.replace(cards[0], shard=None, planned=planned).write(out)
     except OSError as error:
         raise BadConfiguration(f"{out} cannot be written: {error}") from None
-    return _concluded(cards[0], [report for _, report in ordered], out)
+    return conclude_campaign(cards[0], [report for _, report in ordered], out)
 
 
 def _lines(folder: Path, card: CampaignCard) -> Lines:
@@ -135,7 +135,9 @@ def _listed(keys: Sequence[int]) -> str:
     )
 
 
-def _concluded(card: CampaignCard, reports: list[Report], out: Path) -> dict[str, Any]:
+def conclude_campaign(card: CampaignCard, reports: list[Report], out: Path) -> dict[str, Any]:
+    """Write `summary.json` of the episodes of a campaign that drives into `out`; print and return
+    it."""
     if card.suite == crossings.SUITE:
         return crossings.conclude_crossings(reports, out)
     if card.suite == doors.SUITE:

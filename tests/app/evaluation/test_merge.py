@@ -15,24 +15,17 @@ from app.fleet.campaign_files import EPISODES, read_card, recorded
 from app.fleet.shard import Shard
 from app.runtime.record.provenance import command_line
 from navcore.errors import BadConfiguration
-from navcore.mission.beware_list import default_beware_list
-from tests.app.evaluation.test_scenario import task
 
 SEEDS = range(3000, 3005)
 
 
-@pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Report of a short episode that was driven."""
-    from app.evaluation.driving.scenario import evaluate_scenario
-
-    out = tmp_path_factory.mktemp("one")
-    short = task(max_time_s=1.0)
-    evaluate_scenario(short, seeds=[3000], out=out, beware=default_beware_list(), draw_first=0)
-    return dict(json.loads((out / EPISODES).read_text()))
-
-
-def driven(report: dict[str, Any], out: Path, shard: Shard | None = None, **changes: Any) -> Path:
+def driven(
+    report: dict[str, Any],
+    out: Path,
+    shard: Shard | None = None,
+    seeds: range = SEEDS,
+    **changes: Any,
+) -> Path:
     """Write the folder of a campaign whose episodes differ by seed."""
 
     def drive(seed: int) -> dict[str, Any]:
@@ -46,7 +39,7 @@ def driven(report: dict[str, Any], out: Path, shard: Shard | None = None, **chan
         drive=drive,
         drive_alone=drive,
     )
-    reports = campaign.run(SEEDS, fleet=Fleet(shard=shard), out=out)
+    reports = campaign.run(seeds, fleet=Fleet(shard=shard), out=out)
     conclude_scenario("random", read_card(out).command, reports, out)
     return out
 
