@@ -72,6 +72,9 @@ const isStop = (event) => event.code === "Space" && !matches(event.target, BLANK
 // was meant for a field.
 const takesLetters = (node) => !matches(node, "button, summary, a, input") || matches(node, "[data-drive]");
 const isControl = (event) => matches(event.target, "button, summary, a, input");
+// What the arrow keys move or scroll itself: there they neither drive nor move a draft.
+const takesArrows = (node) =>
+  Boolean(node?.closest?.("input[type=range], [role=separator], .handle, [popover], dialog"));
 let switchView = () => {};
 
 // Set the function that switches between map and 3D view.
@@ -90,7 +93,7 @@ function redoAny() {
 }
 
 function moveBy(dx, dy, event) {
-  if (isControl(event)) return;
+  if (isControl(event) || takesArrows(event.target)) return;
   const step = MOVE_M * (event.shiftKey ? SHIFT_FACTOR : 1);
   snapshot();
   moveAll(dx * step, dy * step);
@@ -160,7 +163,7 @@ export function onKeyDown(event) {
     return;
   }
   if (event.ctrlKey || event.metaKey || event.altKey) return;
-  if (driveByKey(event, true)) {
+  if (!takesArrows(event.target) && driveByKey(event, true)) {
     event.preventDefault();
     return;
   }

@@ -160,6 +160,28 @@ def test_after_a_typed_zone_the_keyboard_goes_on_at_the_map(page: Page) -> None:
     expect(page.get_by_test_id("draft")).to_be_visible()
 
 
+def test_an_arrow_key_on_a_slider_a_handle_or_the_splitter_does_not_drive(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.keyboard.press("b")
+    expect(page.get_by_test_id("teleop")).to_have_attribute("open", "")
+    splitter, handle = page.get_by_test_id("splitter"), page.get_by_test_id("beware-handle").first
+    page.get_by_test_id("tab-log").click()
+    height = splitter.get_attribute("aria-valuenow")
+    splitter.press("ArrowUp")
+    assert splitter.get_attribute("aria-valuenow") != height
+    handle.press("ArrowDown")
+    page.get_by_test_id("path-settings").click()
+    page.get_by_test_id("path-price").press("ArrowRight")
+    expect(page.get_by_test_id("path-price-shown")).not_to_have_text("× 1")
+    page.keyboard.press("Escape")
+    page.wait_for_timeout(300)
+    assert operations.hands == []
+    page.get_by_test_id("map-canvas").press("ArrowUp")  # the control
+    eventually(page, lambda: operations.hands != [])
+
+
 def test_by_hand_no_goal_is_driven_to(page: Page, operations: FakeOperations) -> None:
     operations.goals.add(3.0, 1.0)
     status = page.get_by_test_id("goal").locator(".status")
