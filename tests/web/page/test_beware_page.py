@@ -156,6 +156,10 @@ def test_a_click_on_the_image_makes_a_rule_only_while_a_colour_is_picked(
     expect(page.get_by_test_id("draft")).to_be_hidden()
     page.get_by_test_id("entry-first-saturation-from").fill("99")
     expect(page.get_by_test_id("entry-share")).to_contain_text("0.0 %")
+    click_image(page, 0.53, 0.72)  # one click too many
+    page.wait_for_timeout(300)
+    expect(page.get_by_test_id("draft")).to_be_hidden()
+    page.get_by_test_id("entry-margin").fill("0.07")
     page.get_by_test_id("entry-apply").click()
     expect(row(page, "tape")).to_be_visible()
     expect(page.get_by_test_id("camera-mask")).to_be_hidden()

@@ -175,6 +175,44 @@ def test_the_preview_of_a_draft_names_the_zone_that_cuts_the_goal_off(
     assert operations.zones.stored == ()
 
 
+def test_a_zone_whose_corners_cannot_be_read_is_not_stored(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.keyboard.press("z")
+    corners = page.get_by_test_id("zone-corners")
+    corners.fill("1, 1\n2, 1\n2, 2")
+    corners.fill("1, 1\n2, 1\n2, 2 m\n1, 2")
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("draft-note")).to_contain_text("“2, 2 m” is no corner")
+    expect(corners).to_be_focused()
+    page.get_by_test_id("map-canvas").press("Enter")
+    expect(corners).to_be_focused()
+    assert operations.zones.stored == ()
+    corners.fill("1, 1\n2, 1\n2, 2\n1, 2")  # the control
+    page.get_by_test_id("zone-margin").fill("0.07")
+    page.get_by_test_id("zone-finish").click()
+    expect(page.get_by_test_id("zone")).to_have_count(1)
+    assert operations.zones.stored[0].margin_m == 0.07
+
+
+def test_a_drawing_begun_by_mouse_before_a_slow_answer_is_left_alone(
+    page: Page, operations: FakeOperations
+) -> None:
+    held: list[Route] = []
+    await_map(page)
+    page.route("**/api/v1/zones", lambda route: held.append(route))
+    page.keyboard.press("z")
+    page.get_by_test_id("zone-corners").fill("1, 1\n2, 1\n2, 2")
+    page.get_by_test_id("zone-finish").click()
+    eventually(page, lambda: bool(held))
+    page.get_by_test_id("mode-draw").click()
+    click_map(page, -3.0, -3.0)
+    held.pop().continue_()
+    expect(page.get_by_test_id("toasts")).to_contain_text("is in force")
+    expect(page.get_by_test_id("draft-note")).to_contain_text("1 corner")
+
+
 def test_a_click_on_finish_counts_though_the_message_above_it_gets_shorter(
     page: Page, operations: FakeOperations
 ) -> None:

@@ -32,7 +32,7 @@ export function build(onNewList) {
   refresh = onNewList;
 }
 
-export const openName = () => (form.hidden ? null : (stored?.name ?? ""));
+export const isOpen = () => !form.hidden;
 
 // Edit an entry, or a new one for null.
 export function open(entry, listVersion, limits) {

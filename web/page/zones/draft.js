@@ -44,6 +44,7 @@ const HINTS = {
 
 export const draft = {
   mode: "navigate",
+  number: 0, // another one for each draft that is begun
   tool: "polygon",
   id: null,
   version: null,
@@ -54,6 +55,7 @@ export const draft = {
   preview: [],
   present: [],
   verdict: "",
+  crossing: null,
 };
 export const isDrawing = () => draft.mode === "draw" || draft.mode === "edit";
 const tool = () => (draft.tool === "free" ? "polygon" : draft.tool);
@@ -75,6 +77,7 @@ export const numberZonesBy = (count) => {
 export function setMode(mode, zone = null) {
   Object.assign(draft, {
     mode,
+    number: draft.number + 1,
     id: zone?.id ?? null,
     version: zone?.properties.version ?? null,
     selected: -1,
@@ -218,7 +221,7 @@ export function changed() {
   const hints = { ...HINTS, point: [draft.asked, CANCELS] };
   const [act, keys] = hints[draft.mode === "draw" ? draft.tool : draft.mode];
   element("hint").replaceChildren(...(act ? [act, make("span", { class: "keys" }, ` ${keys}`)] : []));
-  Object.assign(draft, { preview: [], present: [], verdict: "" });
+  Object.assign(draft, { preview: [], present: [], verdict: "", crossing: null });
   notifyListeners();
   askPreview(
     isDrawing() && isComplete() ? { zone: asZone(), replaces: draft.id } : null,

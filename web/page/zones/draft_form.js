@@ -39,7 +39,9 @@ export function clearForm() {
 }
 
 export function showKind() {
-  element("draft-limit-field").hidden = field("kind").value !== "speed-limit";
+  const isLimit = field("kind").value === "speed-limit";
+  element("draft-limit-field").hidden = !isLimit;
+  field("limit").disabled = !isLimit; // what is hidden keeps nothing from being finished
 }
 
 // The properties of the zone as the API takes them.
@@ -103,8 +105,21 @@ export function note(text, bad = false) {
   field("note").classList.toggle("bad", bad);
 }
 
-export function parseCorners(text) {
-  const pairs = text
+// Whether all that is typed can be read; the field that cannot be has the focus and says so.
+export function isReadable() {
+  try {
+    typedCorners();
+  } catch (error) {
+    field("corners").focus();
+    note(error.message, true);
+    return false;
+  }
+  return form.reportValidity();
+}
+
+export function typedCorners() {
+  const pairs = field("corners")
+    .value
     .split(/[;\n]/)
     .map((pair) => pair.trim())
     .filter(Boolean);

@@ -3,7 +3,7 @@
 import { element } from "../core/dom.js";
 import { askWhatToErase } from "../map/pointer/map_menu.js";
 import { asZone, changed, draft, redo, setMode, setTool, snapshot, undo } from "./draft.js";
-import { field, note, parseCorners, showKind } from "./draft_form.js";
+import { field, note, showKind, typedCorners } from "./draft_form.js";
 import { finish } from "./store_draft.js";
 
 const DEFAULT_RADIUS_M = 0.5;
@@ -15,7 +15,7 @@ for (const kind of ["input", "change"])
 
 function takeCorners(isEnd) {
   try {
-    const corners = parseCorners(field("corners").value);
+    const corners = typedCorners();
     if (draft.tool === "circle" && corners.length) {
       const [x, y] = corners[0];
       draft.corners = [

@@ -1,5 +1,6 @@
 // A click on an object in the camera image drafts a zone under it.
 
+import { isOpen as isClassOpen } from "../beware/entry.js";
 import { post } from "../core/link/api.js";
 import { element } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
@@ -12,6 +13,7 @@ const outline = element("camera-outline");
 let timer = 0;
 
 image.addEventListener("click", (event) => {
+  if (isClassOpen()) return; // a zone would end the class that is being edited
   const pixel = positionIn(image, event);
   attempt(async () => {
     const region = await post("/camera/region", pixel);

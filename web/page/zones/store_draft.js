@@ -4,16 +4,16 @@ import { post, request } from "../core/link/api.js";
 import { capitalised, t } from "../core/text/language.js";
 import { notify } from "../core/toasts.js";
 import { asZone, draft, isComplete, isDrawing, setMode } from "./draft.js";
-import { missingOf, note } from "./draft_form.js";
+import { isReadable, missingOf, note } from "./draft_form.js";
 
 let pending = null;
 
-// The request that is on its way, or null. Until its answer the draft stands, and what the operator
-// begins meanwhile has to wait: the answer would end it.
+// The request that is on its way, or null. Until its answer the draft stands, and what a key begins
+// meanwhile has to wait. What the pointer begins is another draft, which the answer leaves alone.
 export const pendingStore = () => pending;
 
 export function finish() {
-  if (!isDrawing() || pending) return;
+  if (!isDrawing() || pending || !isReadable()) return;
   if (!isComplete()) {
     note(t("The zone is not complete: {missing}.", { missing: missingOf(draft) }), true);
     return;
@@ -25,6 +25,8 @@ export function finish() {
 
 async function store() {
   const zone = asZone();
+  const { number } = draft;
+  const isShown = () => draft.number === number;
   try {
     if (draft.mode === "draw") await post("/zones", zone);
     else
@@ -36,8 +38,10 @@ async function store() {
       ? t("Zone “{name}” is in force.", { name })
       : t("Zone “{name}” is stored; switch it on to put it in force.", { name });
     notify(done, { good: true });
-    if (isDrawing()) setMode("navigate");
+    if (isShown()) setMode("navigate");
   } catch (error) {
+    notify(error.message);
+    if (!isShown()) return;
     if (error.body?.error?.code === "outdated") {
       draft.version = error.body.stored_version;
       note(
@@ -47,6 +51,5 @@ async function store() {
     } else {
       note(capitalised(error.message), true);
     }
-    notify(error.message);
   }
 }
