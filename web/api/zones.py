@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+from fastapi import APIRouter, Path, Query, Response
 
 from navcore.errors import NotKnown, Outdated
 from navcore.mission.zone import Zone
@@ -114,9 +114,13 @@ def zones_router(operations: RobotService) -> APIRouter:
         status_code=204,
         responses=refusals(409, 422, 503),
     )
-    def save_set(name: SetName) -> Response:
-        """Save the present zones under a name."""
-        operations.zones.save_set(name)
+    def save_set(
+        name: SetName,
+        replace: Annotated[bool, Query(description="Replace a set of that name.")] = False,
+    ) -> Response:
+        """Save the present zones under a name; refused with 409 where a set has it, unless
+        `replace` is true."""
+        operations.zones.save_set(name, replace=replace)
         return Response(status_code=204)
 
     @router.post(

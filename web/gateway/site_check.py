@@ -14,8 +14,8 @@ from web.gateway.problems import problem
 from web.interface.sites import at_another_site
 
 HEADER = "Site-Id"
-_ANYWHERE = re.compile(r"/api/v1/(stop(/.*)?|mission/(pause|cancel)|control/.*|me/.*)")
-"""What holds wherever the robot is, most of all its stop."""
+_ANYWHERE = re.compile(r"/api/v1/(stop(/.*)?|mission/(pause|cancel)|control/.*|me/.*|teach/.*)")
+"""What holds wherever the robot is, most of all its stop; nothing that is taught lies on a map."""
 
 
 class SiteCheck:

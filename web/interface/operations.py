@@ -110,8 +110,9 @@ class ZoneEdits(Protocol):
     def sets(self) -> Mapping[str, tuple[Zone, ...]]:
         """Return the named sets of zones."""
 
-    def save_set(self, name: str) -> None:
-        """Save the present zones under a name."""
+    def save_set(self, name: str, *, replace: bool = True) -> None:
+        """Save the present zones under a name; `AlreadyThere` for the name of a set unless it is to
+        be replaced."""
 
     def use_set(self, name: str) -> None:
         """Replace the present zones by those of a set, as one edit."""

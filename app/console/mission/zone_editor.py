@@ -270,13 +270,21 @@ class ZoneEditor:
         documents = self._store.documents(SETS)
         return {name: tuple(map(zone_of, records)) for name, records in documents.items()}
 
-    def save_set(self, name: str) -> None:
-        """Save the present zones under a name, replacing an earlier set.
+    def save_set(self, name: str, *, replace: bool = True) -> None:
+        """Save the present zones under a name; `AlreadyThere` for the name of a set unless it is to
+        be replaced.
 
         A set stores the remaining time of a zone in `expires_at_s`, not the date of its expiry.
         """
         with self._edits.editing():
             saved = self._store.documents(SETS)
+            if name in saved and not replace:
+                zones = len(saved[name])
+                raise AlreadyThere(
+                    f"a set of zones is called “{name}” already, with {zones} "
+                    f"{'zone' if zones == 1 else 'zones'}; replace it, or give another name",
+                    (name,),
+                )
             if name not in saved and len(saved) >= MAX_SETS:
                 raise Refused(f"at most {MAX_SETS} sets are kept; delete one first")
             lasting = [

@@ -132,11 +132,13 @@ class LiveFrames:
         return self.store.annotation(frame_id)
 
     def annotate(self, frame_id: str, annotation: Annotation) -> CapturedFrame:
-        """Replace the annotation of a frame."""
+        """Replace the annotation of a frame; refused where a class that is marked in it is neither
+        on the beware list nor in the folder."""
         known = {name.casefold() for name in (NOTHING_NAME, *self._class_names())}
         stored = {name.casefold() for name in self.store.annotation(frame_id).class_names}
-        for name in annotation.class_names:
-            if name.casefold() not in known | stored:
+        marked = set(np.unique(annotation.labels).tolist())
+        for label, name in enumerate(annotation.class_names, 1):
+            if label in marked and name.casefold() not in known | stored:
                 raise BadConfiguration(
                     f"{name!r:.60} is not on the beware list; add the class there first"
                 )

@@ -334,6 +334,8 @@ def test_frames_are_captured_while_the_robot_moves_and_only_then(tmp_path: Path)
     with pytest.raises(BadConfiguration, match="beware list"):
         frames.annotate("000001", block_of("dragon"))
     assert frames.annotate("000001", block_of("Shoe")).annotated
+    known_once = dataclasses.replace(block_of("shoe"), class_names=("shoe", "dragon"))
+    assert frames.annotate("000001", known_once).class_names == ("Shoe",), "no pixel is a dragon"
 
 
 def test_a_capture_that_fails_says_so_and_ends_and_can_begin_again(

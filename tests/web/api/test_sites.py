@@ -51,6 +51,8 @@ def test_what_is_meant_for_the_map_of_another_site_changes_nothing(client: httpx
         assert (refused.status_code, refused.json()["error"]["code"]) == (409, "other_site")
     assert client.post("/api/v1/stop", headers=there).is_success, "wherever the robot is"
     assert client.post("/api/v1/stop/reset", headers=there).is_success
+    taught = client.put("/api/v1/teach/capturing", json={"on": True}, headers=there)
+    assert taught.is_success, "what is taught lies on no map"
     state = client.get("/api/v1/state", headers=there).json()
     assert state["queue"] == [] and client.get("/api/v1/zones").json()["features"] == []
     here = {"Site-Id": state["site_id"]}

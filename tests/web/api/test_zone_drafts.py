@@ -104,6 +104,11 @@ def test_edits_are_taken_back_and_done_again(client: httpx.Client) -> None:
 def test_sets_are_kept_used_and_forgotten(client: httpx.Client) -> None:
     client.post("/api/v1/zones", json=zone("guests only"))
     assert client.put("/api/v1/zone-sets/night shift").status_code == 204
+    client.post("/api/v1/zones", json=zone("second"))
+    taken = wrong(client.put("/api/v1/zone-sets/night shift"), 409)
+    assert taken["message"].startswith("a set of zones is called “night shift” already, with 1 zone;")
+    client.delete("/api/v1/zones/z2")
+    assert client.put("/api/v1/zone-sets/night shift?replace=true").status_code == 204
     client.delete("/api/v1/zones/z1")
     assert client.get("/api/v1/zone-sets").json() == [{"name": "night shift", "zones": 1}]
     assert names(client.post("/api/v1/zone-sets/night shift/use")) == ["guests only"]

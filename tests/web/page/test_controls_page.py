@@ -194,6 +194,25 @@ def test_by_hand_no_goal_is_driven_to(page: Page, operations: FakeOperations) ->
     expect(status).to_have_text("driving here")
 
 
+def test_a_request_with_a_file_may_take_longer_and_one_that_takes_too_long_says_so(
+    page: Page,
+) -> None:
+    page.route("**/api/v1/zones/import*", lambda route: None)
+    page.evaluate("""() => {
+      window.limits = [];
+      const set = window.setTimeout;
+      window.setTimeout = (act, ms, ...rest) => {
+        if (ms >= 60_000) window.limits.push(ms);
+        return set(act, ms === 600_000 ? 100 : ms, ...rest);
+      };
+    }""")
+    page.get_by_test_id("zones-file").set_input_files(
+        {"name": "a.json", "mimeType": "application/json", "buffer": b"{}"}
+    )
+    expect(page.get_by_test_id("toasts")).to_contain_text("has not answered within 600 s")
+    assert page.evaluate("window.limits").count(600_000) == 1
+
+
 def test_the_screen_stays_on_while_the_robot_is_driven_by_hand(page: Page) -> None:
     await_map(page)
     page.evaluate("""() => {

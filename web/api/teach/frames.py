@@ -126,8 +126,8 @@ def teach_frames_router(operations: RobotService) -> APIRouter:
 
     @router.put("/teach/frames/{frame_id}/labels", response_model=CapturedFrame, responses=_OF_ONE)
     def put_labels(frame_id: FrameId, body: AnnotationIn) -> CapturedFrame:
-        """Replace the annotation of a frame. Its classes must be on the beware list, or
-        `background`: what is none of them."""
+        """Replace the annotation of a frame. The classes that are marked must be on the beware
+        list, or `background`: what is none of them."""
         frame = find(frame_id)
         annotation = body.annotation(frame.height, frame.width)
         return operations.teaching.frames.annotate(frame_id, annotation)

@@ -79,7 +79,7 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
     } catch (error) {
       if (!error.body?.there) throw error;
       const replace = () => attempt(() => save(typed, `${address}?replace=true`));
-      notify(error.message, { action: { label: t("Replace"), run: replace } });
+      notify(error.message, { action: { label: t("Replace"), run: replace }, stays: true });
       return;
     }
     notify(t("“{name}” is saved.", { name: typed.trim() }), { good: true });

@@ -1,6 +1,6 @@
 // A Nav2 map becomes a site: two points are clicked on its image, and the same two on the map.
 
-import { post } from "../core/link/api.js";
+import { FILE_S, post } from "../core/link/api.js";
 import { make, setText } from "../core/dom.js";
 import { roundedPoint } from "../core/geometry.js";
 import { t, typedNumbers } from "../core/text/language.js";
@@ -88,7 +88,7 @@ export function buildPlacing({ hide, show, onMade }) {
   form.onsubmit = (event) => {
     event.preventDefault();
     attempt(async () => {
-      await post("/sites/import-nav2", { ...map.files, alignment: alignmentOf(fields) });
+      await post("/sites/import-nav2", { ...map.files, alignment: alignmentOf(fields) }, FILE_S);
       form.hidden = true;
       notify(t("Site {name} is made.", map.files), { good: true });
       onMade(map.files.name);

@@ -1,7 +1,7 @@
 // The panel of the sites: the list with what one does with each, new sites, and the changes of the
 // map. It lies below the header, so that the stop stays within reach while it is open.
 
-import { abortableFetch, get, post, request, setSite } from "../core/link/api.js";
+import { abortableFetch, FILE_S, get, post, request, setSite } from "../core/link/api.js";
 import { clearSent, download, element, make, reconcile, setText } from "../core/dom.js";
 import { formatMoment } from "../core/text/format.js";
 import { number, sentence, t, tn } from "../core/text/language.js";
@@ -157,7 +157,7 @@ async function save(name, kind, ending) {
 }
 
 async function answered(path, options) {
-  const response = await abortableFetch(`/api/v1${path}`, options);
+  const response = await abortableFetch(`/api/v1${path}`, options, FILE_S);
   if (response.ok) return response;
   throw new Error(sentence((await response.json()).error?.message) ?? t("the console refuses the file"));
 }

@@ -56,7 +56,12 @@ element("new-class").onsubmit = (event) => {
   const name = input.value.trim();
   if (!name) return;
   attempt(async () => {
-    await post("/beware", { name });
+    try {
+      await post("/beware", { name });
+    } catch (error) {
+      if (error.code === "other_site") await loadClasses(); // the list is that of the new site
+      throw error;
+    }
     clearSent(input, input.value);
     await loadClasses(name);
   });

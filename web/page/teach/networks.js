@@ -1,6 +1,6 @@
 // The networks: what each is, how it compares with the one it came from, use and roll back.
 
-import { abortableFetch, get, post, request } from "../core/link/api.js";
+import { abortableFetch, FILE_S, get, post, request } from "../core/link/api.js";
 import { element, make, set, setText } from "../core/dom.js";
 import { number, sentence, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
@@ -82,7 +82,7 @@ element("network-file").onchange = ({ target }) => {
 
 // Send a file as the body of a request.
 export async function upload(path, file) {
-  const answer = await abortableFetch(`/api/v1${path}`, { method: "POST", body: file });
+  const answer = await abortableFetch(`/api/v1${path}`, { method: "POST", body: file }, FILE_S);
   const value = await answer.json();
   if (!answer.ok) throw new Error(sentence(value.error.message));
   return value;

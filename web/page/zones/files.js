@@ -1,6 +1,6 @@
 // Zones read from and written to files: GeoJSON, and keep-out masks of Nav2.
 
-import { abortableFetch, post, refusalOf } from "../core/link/api.js";
+import { abortableFetch, FILE_S, post, refusalOf } from "../core/link/api.js";
 import { download, element } from "../core/dom.js";
 import { t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
@@ -29,12 +29,13 @@ async function importFiles(files) {
 // Zones of the file that are there already are the operator's choice.
 async function send(path, body, existing = "ask") {
   try {
-    await post(`${path}?existing=${existing}`, body);
+    await post(`${path}?existing=${existing}`, body, FILE_S);
   } catch (error) {
     if (!error.body?.there) throw error;
     const choose = (label, value) => ({ label, run: () => attempt(() => send(path, body, value)) });
     notify(`${error.message}.`, {
       actions: [choose(t("Replace"), "replace"), choose(t("Keep both"), "keep"), choose(t("Skip"), "skip")],
+      stays: true,
     });
     return;
   }
@@ -56,7 +57,7 @@ function parsed(text, name) {
 }
 
 async function fetched(route) {
-  const response = await abortableFetch(`/api/v1/${route}`);
+  const response = await abortableFetch(`/api/v1/${route}`, {}, FILE_S);
   if (!response.ok) throw await refusalOf(response);
   return { bytes: await response.arrayBuffer(), grid: response.headers.get("Grid") };
 }

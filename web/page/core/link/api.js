@@ -12,7 +12,10 @@ class Refusal extends Error {
   }
 }
 
-const TIMEOUT_MS = 60_000;
+// Longest times of a request, and of one with a file: the console waits up to five minutes for its
+// arrival, and then works on it.
+const TIMEOUT_S = 60;
+export const FILE_S = 600;
 const WAITING = t("the console");
 const pending = new Set();
 let siteId = null;
@@ -25,9 +28,10 @@ export const siteHeader = () => (siteId === null ? {} : { "Site-Id": siteId });
 
 // Every request of the page but the stop. A browser opens few connections to one host and the stop
 // must not wait for one, so the stop aborts all of these.
-export async function abortableFetch(address, options = {}) {
+export async function abortableFetch(address, options = {}, limitS = TIMEOUT_S) {
   const abort = new AbortController();
-  const timer = setTimeout(() => abort.abort(), TIMEOUT_MS);
+  const late = () => t("the console has not answered within {seconds} s", { seconds: limitS });
+  const timer = setTimeout(() => abort.abort(failure(late())), 1000 * limitS);
   pending.add(abort);
   try {
     const answer = await fetch(address, { ...options, signal: abort.signal });
@@ -37,30 +41,29 @@ export async function abortableFetch(address, options = {}) {
       status: answer.status,
       headers: answer.headers,
     });
+  } catch {
+    if (abort.signal.aborted) throw abort.signal.reason;
+    throw failure(t("the console does not answer; as far as this page knows, nothing was changed"));
   } finally {
     clearTimeout(timer);
     pending.delete(abort);
   }
 }
 
+// The error of a request without an answer.
+const failure = (message) => new Refusal(0, { error: { message } });
+
 export const request = async (...given) => (await edit(...given)).value;
 
 // A request that is an edit: the value of its answer, and the number by which it alone can be undone.
-export async function edit(method, path, body, headers = {}) {
+export async function edit(method, path, body, headers = {}, limitS = TIMEOUT_S) {
   const options = { method, headers: { Accept: "application/json", ...headers } };
   if (method !== "GET") Object.assign(options.headers, siteHeader());
   if (body !== undefined) {
     options.headers["Content-Type"] = "application/json";
     options.body = JSON.stringify(body);
   }
-  let answer;
-  try {
-    answer = await showProgress(abortableFetch(`/api/v1${path}`, options), WAITING);
-  } catch (error) {
-    if (error instanceof Refusal) throw error;
-    const message = t("the console does not answer; as far as this page knows, nothing was changed");
-    throw new Refusal(0, { error: { message } });
-  }
+  const answer = await showProgress(abortableFetch(`/api/v1${path}`, options, limitS), WAITING);
   if (!answer.ok) throw await refusalOf(answer);
   const value = parsed(await answer.text());
   return { value, undoNumber: answer.headers.get("Undo-Number") };
@@ -78,11 +81,11 @@ function parsed(text) {
 }
 
 export const get = (path) => request("GET", path);
-export const post = (path, body) => request("POST", path, body);
+export const post = (path, body, limitS) => request("POST", path, body, {}, limitS);
 
 // Abort every request that waits, with a message for those who asked.
 export function abortAll(message) {
-  for (const abort of pending) abort.abort(new Refusal(0, { error: { message } }));
+  for (const abort of pending) abort.abort(failure(message));
 }
 
 const RECONNECT_MS = 500;
