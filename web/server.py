@@ -39,6 +39,7 @@ from web.gateway.guard import Guard
 from web.gateway.problems import JsonResponse
 from web.gateway.site_check import SiteCheck
 from web.gateway.undo_number import UndoNumber
+from web.images.shown_ticks import ShownTicks
 from web.interface.operations import RobotService
 from web.interface.wire import build_schemas
 from web.pages import pages_router
@@ -74,6 +75,7 @@ def create_app(
     build_schemas()
     access = access or Access()
     auditor = Auditor(access.audit_log)
+    shown = ShownTicks()
     app = FastAPI(
         title="Operator console",
         version="1",
@@ -86,10 +88,10 @@ def create_app(
         pages_router(),  # first: most requests ask for their files, and routes are tried in order
         mission_router(operations),
         zones_router(operations),
-        drawing_router(operations),
+        drawing_router(operations, shown),
         beware_drafts_router(operations),
         beware_router(operations),
-        maps_router(operations),
+        maps_router(operations, shown),
         poses_router(operations),
         map_edits_router(operations),
         path_settings_router(operations),

@@ -22,13 +22,14 @@ from web.api.nav2_files import OfGrid, on_grid
 from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.images.camera import beware_mask
+from web.images.shown_ticks import ShownTicks
 from web.interface.drafts import Preview, ZoneDraft
 from web.interface.operations import Existing, RobotService
 from web.interface.snapshots import TickSnapshot
 from web.interface.wire import polyline
 from web.schemas.drafts import (
+    ClickIn,
     PathPreviewOut,
-    PixelIn,
     PreviewIn,
     PreviewOut,
     RegionOut,
@@ -46,8 +47,8 @@ ExistingQuery = Annotated[
 ]
 
 
-def drawing_router(operations: RobotService) -> APIRouter:
-    """Return the routes below `/api/v1`."""
+def drawing_router(operations: RobotService, shown: ShownTicks) -> APIRouter:
+    """Return the routes below `/api/v1`; `shown` are the images that a click may be made on."""
     router = api_router("zones")
 
     def newest() -> TickSnapshot:
@@ -138,21 +139,23 @@ def drawing_router(operations: RobotService) -> APIRouter:
         headers, text = on_grid(spec, grid), yaml_text(description_of(spec), "zones.pgm")
         return Response(text, media_type="application/yaml", headers=headers)
 
-    @router.post("/camera/region", response_model=RegionOut, responses=refusals(404, 422))
-    def region(pixel: PixelIn) -> RegionOut:
-        """Return the object at a position in the camera image with its outline on the floor, which
-        can become a zone.
+    @router.post("/camera/region", response_model=RegionOut, responses=refusals(404, 409, 422))
+    def region(click: ClickIn) -> RegionOut:
+        """Return the object at a click into the camera image with its outline on the floor, which
+        can become a zone. A click that names its image is refused once that one is older than some
+        seconds.
 
         A labelled object is found by its pixels, any other by its connected region in the depth
         image.
         """
-        tick, beware = newest(), operations.beware.list
+        tick = newest() if click.frame is None else shown.named(click.frame)
+        beware = operations.beware.list
         if tick.depth_m is None:
             raise HTTPException(404, "this picture has no distances")
         height, width = tick.labels.shape
         found = region_at(
-            min(int(pixel.down * height), height - 1),
-            min(int(pixel.right * width), width - 1),
+            min(int(click.down * height), height - 1),
+            min(int(click.right * width), width - 1),
             class_ids=np.where(beware_mask(tick, beware), tick.labels, np.uint8(0)),
             depth_m=tick.depth_m,
             intrinsics=tick.intrinsics,

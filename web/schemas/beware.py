@@ -21,7 +21,7 @@ from navcore.mission.prototype import Prototype
 from web.images import palette
 from web.interface.beware import BewareDraft, BewareEdits, BewareVersionSummary, ListPreview
 from web.interface.wire import DOCUMENTED, Points, Position, rounded, served, values_of
-from web.schemas.drafts import PathPreviewOut, PixelIn, difference
+from web.schemas.drafts import PathPreviewOut, difference
 from web.schemas.fields import Body, Changes, Closed, Entry, Limits, body_model
 
 BewareEntry = Annotated[BewareClass, Body(ignored=("display", "found_by"))]
@@ -237,13 +237,6 @@ class LookOut(BaseModel):
 
 
 Keys = Annotated[list[Annotated[str, Field(max_length=64)]], Field(max_length=MAX_CLICKS)]
-
-
-class ClickIn(PixelIn):
-    """Click into the camera image."""
-
-    frame: Annotated[str, Field(max_length=32)] | None = None
-    """Name of the image, from its header `Frame` or from a look; null for the newest one."""
 
 
 class ClickOut(BaseModel):

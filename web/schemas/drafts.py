@@ -15,13 +15,15 @@ from web.schemas.mission.mission import GoalIn
 from web.schemas.zones import ZoneIn
 
 
-class PixelIn(Closed):
-    """Position in the camera image."""
+class ClickIn(Closed):
+    """Click into the camera image."""
 
     right: Share
     """Distance from the left edge as a share of the width, 0 to 1."""
     down: Share
     """Distance from the upper edge as a share of the height, 0 to 1."""
+    frame: Annotated[StrictStr, Field(max_length=32)] | None = None
+    """Name of the image, from its header `Frame` or from a look; null for the newest one."""
 
 
 class PlaceIn(Closed):

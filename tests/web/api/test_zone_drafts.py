@@ -106,7 +106,9 @@ def test_sets_are_kept_used_and_forgotten(client: httpx.Client) -> None:
     assert client.put("/api/v1/zone-sets/night shift").status_code == 204
     client.post("/api/v1/zones", json=zone("second"))
     taken = wrong(client.put("/api/v1/zone-sets/night shift"), 409)
-    assert taken["message"].startswith("a set of zones is called “night shift” already, with 1 zone;")
+    assert taken["message"].startswith(
+        "a set of zones is called “night shift” already, with 1 zone;"
+    )
     client.delete("/api/v1/zones/z2")
     assert client.put("/api/v1/zone-sets/night shift?replace=true").status_code == 204
     client.delete("/api/v1/zones/z1")
@@ -283,7 +285,9 @@ def test_a_preview_compares_and_names_what_cuts_the_goal_off(client: httpx.Clien
     assert names(client.get("/api/v1/zones")) == ["wall"]
 
 
-def test_a_click_in_the_picture_finds_what_is_seen_there(client: httpx.Client) -> None:
+def test_a_click_in_the_picture_finds_what_is_seen_there(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
     red = client.post("/api/v1/camera/region", json={"right": 0.5, "down": 0.7}).json()
     assert red["name"] == "red floor" and Polygon(red["footprint"]).area > 0.05
     box = client.post("/api/v1/camera/region", json={"right": 0.12, "down": 0.42}).json()
@@ -296,6 +300,12 @@ def test_a_click_in_the_picture_finds_what_is_seen_there(client: httpx.Client) -
         ]
     )
     wrong(client.post("/api/v1/camera/region", json={"right": 1.5, "down": 0.9}), 422)
+    named = {"right": 0.5, "down": 0.7, "frame": client.get("/api/v1/camera.jpg").headers["Frame"]}
+    operations.step()
+    assert client.get("/api/v1/camera.jpg").headers["Frame"] != named["frame"]
+    assert client.post("/api/v1/camera/region", json=named).json() == red
+    gone = wrong(client.post("/api/v1/camera/region", json={**named, "frame": "0"}), 409)
+    assert "click again" in gone["message"]
     drawn = {"name": "red", "geometry": geometry("Polygon", [red["footprint"]])}
     assert client.post("/api/v1/zones", json=drawn).status_code == 201
 

@@ -22,7 +22,6 @@ from web.schemas.beware import (
     MAX_VERSION,
     BewareDraftIn,
     BewareOut,
-    ClickIn,
     ClickOut,
     ComparisonOut,
     Example,
@@ -35,6 +34,7 @@ from web.schemas.beware import (
     RuleOut,
     VersionsOut,
 )
+from web.schemas.drafts import ClickIn
 
 MAX_LOOKS = 7
 """Number of images on which a colour rule is shown, the newest among them."""

@@ -4,7 +4,7 @@ import { isOpen as isClassOpen } from "../beware/entry.js";
 import { post } from "../core/link/api.js";
 import { element } from "../core/dom.js";
 import { attempt } from "../core/toasts.js";
-import { positionIn } from "../insight/camera.js";
+import { clickIn } from "../insight/camera.js";
 import { propose } from "./draft.js";
 
 const SHOWN_MS = 4000;
@@ -14,9 +14,9 @@ let timer = 0;
 
 image.addEventListener("click", (event) => {
   if (isClassOpen()) return; // a zone would end the class that is being edited
-  const pixel = positionIn(image, event);
+  const click = clickIn(event);
   attempt(async () => {
-    const region = await post("/camera/region", pixel);
+    const region = await post("/camera/region", click);
     showOutline(region.outline);
     propose(
       region.footprint,
