@@ -18,6 +18,7 @@ LOGOUT = "/logout"
 _BY_ANYONE = {
     ("POST", STOP),
     ("POST", f"{_API}/preview"),
+    ("POST", f"{_API}/explain"),
     ("POST", LOGOUT),
     ("PUT", f"{_API}/me/language"),
     ("PUT", f"{_API}/me/password"),

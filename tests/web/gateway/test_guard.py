@@ -54,6 +54,7 @@ ACTS = ("POST", "PUT", "PATCH", "DELETE")
 MAY_BE_ASKED_BY_VIEWERS = {
     ("POST", "/api/v1/stop"),
     ("POST", "/api/v1/preview"),
+    ("POST", "/api/v1/explain"),
     ("PUT", "/api/v1/me/language"),
     ("PUT", "/api/v1/me/password"),
 }

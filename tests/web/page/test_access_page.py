@@ -50,6 +50,15 @@ def test_a_viewer_watches_and_stops_and_does_nothing_else(
     expect(viewer.get_by_test_id("control-take")).to_be_hidden()
     with pytest.raises(Error, match="Timeout"):
         viewer.get_by_test_id("pause").click(timeout=500)
+    expect(viewer.get_by_test_id("beware-this")).to_be_hidden()
+    viewer.keyboard.press("z")
+    viewer.mouse.click(*middle_of(viewer.get_by_test_id("camera")))
+    viewer.mouse.move(*middle_of(viewer.get_by_test_id("beware")))
+    viewer.mouse.wheel(0, 60)
+    eventually(
+        viewer, lambda: viewer.get_by_test_id("beware").evaluate("(list) => list.scrollTop") > 0
+    )
+    expect(viewer.get_by_test_id("draft")).to_be_hidden()
     viewer.get_by_test_id("stop").click()
     expect(operator.get_by_test_id("state-text")).to_contain_text("viewer (console button)")
     expect(viewer.get_by_test_id("reset")).to_be_disabled()

@@ -38,6 +38,7 @@ export function build(pane, context, button) {
     "button",
     {
       "data-testid": "missed-open",
+      "data-edits": "",
       title: t("Label an object that the robot did not detect"),
       onclick: open,
     },
@@ -76,12 +77,17 @@ function show({ seen, sightings, labelling }) {
   );
   showInBewareList(seen);
   // A card that says the same stays, and so does an open choice.
-  reconcile(cards, sightings, keyOf, cardOf, (card, { looks, age_s: age }) =>
+  reconcile(cards, sightings, keyOf, cardOf, (card, { id, place, confidence, looks, age_s: age }) => {
+    // With a better view both are others.
+    const view = `/api/v1/sightings/${id}/picture.jpg?view=${[confidence, ...place].join()}`;
+    const image = card.querySelector("img");
+    if (image.getAttribute("src") !== view) image.src = view;
+    setText(card.querySelector(".sure"), `${Math.round(100 * confidence)} %`);
     setText(
       card.querySelector(".soft"),
       tn("{n} view · {age} ago", "{n} views · {age} ago", looks, { age: formatAge(age ?? 0) }),
-    ),
-  );
+    );
+  });
   const { pictures, max_pictures: most, folder } = labelling;
   const size = number(labelling.bytes_used / 1e6, 1);
   const text = t(
@@ -91,8 +97,9 @@ function show({ seen, sightings, labelling }) {
   setText(collected, text);
 }
 
-// Numbers begin again with another start of the console.
-const keyOf = ({ id, class_name: name, place, verdict }) => [id, name, placeText(place), verdict].join();
+// Numbers begin again with another start of the console; the choice is one of the classes of the list.
+const keyOf = ({ id, class_name: name, place, verdict }) =>
+  [id, name, placeText(place), verdict, ...shared.beware.classes.map((entry) => entry.name)].join();
 
 function showCounts(seen, sightings) {
   const total = Object.values(seen).reduce((sum, count) => sum + count, 0);
@@ -140,6 +147,7 @@ function showRejected(places) {
           {
             title: t("Take it seriously there again"),
             "data-testid": "rejected-forget",
+            "data-edits": "",
             onclick: () => takeBack(id),
           },
           t("Take back"),
@@ -167,11 +175,9 @@ function showInBewareList(seen) {
 function cardOf(detection) {
   const { id, class_name: name, place, verdict } = detection;
   const image = make("img", {
-    src: `/api/v1/sightings/${id}/picture.jpg`,
     alt: t("{name}, as the camera saw it", { name }),
     loading: "lazy",
   });
-  const confidence = make("span", {}, `${Math.round(100 * detection.confidence)} %`);
   return make(
     "li",
     { class: verdict ?? "", "data-testid": "detection", "data-class": name },
@@ -181,13 +187,13 @@ function cardOf(detection) {
       { class: "name" },
       swatchOf(entryOf(detection.class_id)),
       make("b", {}, name),
-      confidence,
+      make("span", { class: "sure" }),
     ),
     make("span", { class: "soft" }),
     placeButton(place),
     verdict
       ? make("span", { class: "verdict" }, VERDICTS[verdict])
-      : make("span", { class: "corrections" }, ...rejectButtons(id, name), correctionChoice(id, name)),
+      : make("span", { class: "corrections", "data-edits": "" }, ...rejectButtons(id, name), correctionChoice(id, name)),
   );
 }
 

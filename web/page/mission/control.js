@@ -9,7 +9,10 @@ import { sentence, t } from "../core/text/language.js";
 import { addStopChannel } from "../core/stop.js";
 import { attempt, notify, showRefusal } from "../core/toasts.js";
 
-const EDITORS = ".left, [aria-label='Mode'], #beware, #beware-tools";
+// Controls that a viewer may not use. The lists themselves can be scrolled by viewers, too.
+const EDITORS =
+  ".left .row, .left details, .left .list > li, [aria-label='Mode'], #beware > li, #beware-tools";
+const REST_S = 3; // the console asks twice a second, also a hidden page
 const ACTIONS = ["take", "ask", "give"];
 let previous = null;
 let releaseKeys = () => {};
@@ -30,6 +33,7 @@ const link = connect("/control/live", {
     show(message);
   },
   onClose: checkSession,
+  restS: REST_S,
 });
 
 addStopChannel((source) => link.send({ type: "stop", by: source }));

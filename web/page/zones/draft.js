@@ -42,6 +42,8 @@ const HINTS = {
   ],
 };
 
+const WATCHED = new Set(["navigate", "measure"]); // what viewers can do on the map, too
+
 export const draft = {
   mode: "navigate",
   number: 0, // another one for each draft that is begun
@@ -74,7 +76,9 @@ export const numberZonesBy = (count) => {
   nextNumber = count;
 };
 
-export function setMode(mode, zone = null) {
+export function setMode(wanted, zone = null) {
+  const isViewer = document.body.dataset.role === "viewer";
+  const mode = isViewer && !WATCHED.has(wanted) ? "navigate" : wanted;
   Object.assign(draft, {
     mode,
     number: draft.number + 1,
