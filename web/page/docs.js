@@ -59,8 +59,14 @@ function curlOf(path, method, body) {
 function copyButton(text) {
   const button = plain("button", "Copy", { type: "button" });
   button.onclick = async () => {
-    await navigator.clipboard?.writeText(text);
-    button.textContent = "Copied";
+    // Over plain HTTP a browser copies nothing for a page.
+    try {
+      await navigator.clipboard.writeText(text);
+      button.textContent = "Copied";
+    } catch {
+      getSelection().selectAllChildren(button.previousElementSibling);
+      button.textContent = "Selected: press Ctrl C";
+    }
   };
   return button;
 }

@@ -255,6 +255,22 @@ def test_goals_get_headings_by_drag_names_order_and_the_nearest_free_position_wh
     assert operations.goals.missions()["rounds"].loop and operations.state().loop
 
 
+def test_a_click_near_the_position_that_is_offered_takes_it(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.keyboard.press("g")
+    click_map(page, 4.0, 2.5)
+    # The message would lie over the place that it offers.
+    page.locator(".toast", has=page.get_by_test_id("toast-action")).get_by_label("Dismiss").click()
+    offered = page.evaluate("async () => (await import('/page/mission/goals.js')).offer.position")
+    right, down = on_page(page, *offered)
+    page.mouse.click(right + 5, down + 5)
+    expect(page.get_by_test_id("goal")).to_have_count(1)
+    goal = operations.state().queue[0]
+    assert [goal.x_m, goal.y_m] == offered
+
+
 @pytest.mark.parametrize("key", ["Escape", "z"])
 def test_a_position_that_was_offered_goes_when_the_operator_goes_on(page: Page, key: str) -> None:
     offered = """async () => (await import("/page/mission/goals.js")).offer.position"""

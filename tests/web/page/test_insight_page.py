@@ -74,6 +74,23 @@ def test_repeats_are_one_row_with_a_count_and_the_log_is_searched(
     expect(rows.filter(has_text="Zone 2")).to_contain_text("× 2 in")
 
 
+def test_of_more_new_entries_than_one_page_none_is_missing_in_the_log(
+    page: Page, operations: FakeOperations
+) -> None:
+    log = operations.insight.event_log
+    log.note(0.0, "seen", "first")
+    page.get_by_test_id("tab-log").click()
+    entries = page.get_by_test_id("log-entry")
+    expect(entries).to_have_count(1)
+    for number in range(320):
+        log.note(float(number), "seen", "between" if number < 20 else "repeated")
+    expect(entries.first).to_contain_text("× 300")
+    page.get_by_test_id("log-older").click()
+    expect(entries).to_have_count(3)
+    expect(entries.nth(1)).to_contain_text("between")
+    expect(entries.last).to_contain_text("first")
+
+
 def test_the_log_goes_back_to_earlier_starts_and_marks_where_they_end(
     page: Page,
     operations: FakeOperations,

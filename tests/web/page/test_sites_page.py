@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from navcore.errors import Refused
+from navcore.localisation.estimate import LocalisationState
 from tests.web.api.test_sites import YAML
 from tests.web.fake_operations import FakeOperations
 from tests.web.fake_sites import AREAS
@@ -304,6 +306,11 @@ def test_dock_and_tags_are_set_by_the_robots_place_the_map_and_the_camera(
     here, pose = site().dock, operations.state().pose
     assert here is not None and pose.x_m is not None
     assert (here.x_m, here.y_m) == pytest.approx((pose.x_m, pose.y_m), abs=0.01)
+    lost = dataclasses.replace(operations.place.now, state=LocalisationState.LOST)
+    operations.place.now, known = lost, operations.place.now
+    expect(panel.get_by_test_id("dock-here")).to_be_disabled()
+    operations.place.now = known
+    expect(panel.get_by_test_id("dock-here")).to_be_enabled()
     hint = page.get_by_test_id("hint")
     press(panel.get_by_test_id("dock-set"))
     expect(hint).to_contain_text("Click the middle of the robot in its dock")

@@ -57,7 +57,8 @@ export function suggestNames(known) {
 
 export const refresh = () => load();
 
-function load(before) {
+async function load(before) {
+  older.disabled = true; // a second click would append the same page once more
   const query = new URLSearchParams({ count: PAGE_SIZE });
   if (before) query.set("before", before);
   if (user.value.trim()) query.set("who", user.value.trim());
@@ -67,13 +68,14 @@ function load(before) {
   ]) {
     if (field.value) query.set(key, new Date(field.value).toISOString());
   }
-  return attempt(async () => {
+  await attempt(async () => {
     const entries = await get(`/audit?${query}`);
     if (!before) list.replaceChildren();
     list.append(...entries.map(itemOf));
     older.hidden = entries.length < PAGE_SIZE;
     empty.hidden = list.children.length > 0;
   });
+  older.disabled = false;
 }
 
 function itemOf(entry) {

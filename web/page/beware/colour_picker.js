@@ -162,8 +162,10 @@ function look() {
   const asked = newest;
   timer = setTimeout(async () => {
     try {
-      const { looks } = await post("/beware/colour/looks", rule);
-      if (asked === newest) show(looks);
+      if (!document.hidden) {
+        const { looks } = await post("/beware/colour/looks", rule);
+        if (asked === newest) show(looks);
+      }
     } catch (error) {
       if (asked === newest) setText(share, error.message);
     }

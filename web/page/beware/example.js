@@ -98,8 +98,10 @@ async function learn() {
 // Ask again what it takes, while the form is open.
 async function look(asked) {
   try {
-    const { looks } = await post("/beware/example/looks", prototype);
-    if (asked === newest) show(looks);
+    if (!document.hidden) {
+      const { looks } = await post("/beware/example/looks", prototype);
+      if (asked === newest) show(looks);
+    }
   } catch (error) {
     if (asked === newest) setText(note, error.message);
   }

@@ -37,7 +37,7 @@ for (const popover of document.querySelectorAll("[popover]")) {
   });
   popover.addEventListener("toggle", (event) => {
     if (event.newState === "closed" && document.activeElement === document.body)
-      (buttonOf(popover) ?? element("map")).focus();
+      (buttonOf(popover) ?? element("map-canvas")).focus();
   });
 }
 for (const change of ["resize", "scroll"]) {

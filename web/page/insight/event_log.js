@@ -88,11 +88,7 @@ function filterButton([kind, title]) {
   button.onclick = () => {
     if (!chosenKinds.delete(kind)) chosenKinds.add(kind);
     button.setAttribute("aria-pressed", String(chosenKinds.has(kind)));
-    inTurn(() => {
-      [newestId, oldestId, maxShown] = [0, null, MAX_NEW];
-      list.replaceChildren();
-      return loadNewest(true);
-    });
+    inTurn(() => beginAgain(true));
   };
   return button;
 }
@@ -130,11 +126,22 @@ async function inTurn(load) {
   await running;
 }
 
+function beginAgain(isOpen) {
+  [newestId, oldestId, maxShown] = [0, null, MAX_NEW];
+  list.replaceChildren();
+  return loadNewest(isOpen);
+}
+
 async function loadNewest(isOpen) {
   try {
     const page = await get(`/journal?since=${newestId}&limit=${MAX_NEW}${kindQuery()}`);
-    // Another data folder counts from one again.
-    if (page.newest < newestId) list.replaceChildren();
+    // Another data folder counts from one again; of more new entries than asked for, those between
+    // would be missing in the list.
+    const hasGap = newestId > 0 && page.entries.length === MAX_NEW;
+    if (page.newest < newestId || hasGap) {
+      await beginAgain(isOpen);
+      return;
+    }
     if (newestId === 0) set(olderButton, { hidden: page.entries.length < MAX_NEW });
     newestId = page.newest;
     const matters = (entry) => entry.start === page.start && levelOf(entry) !== "detail";

@@ -8,11 +8,14 @@ import { sentence, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
 const UNKNOWN = new Set(["ambiguous", "lost"]);
+const UNSURE = new Set([...UNKNOWN, "checking"]);
 // The place that is proposed: the pose that was asked for and the answer of the console.
 export const proposal = { asked: null, checked: null };
 const listeners = [];
 
 export const onProposal = (listener) => listeners.push(listener);
+
+export const isPlaceKnown = ({ pose, place }) => pose.x_m !== null && !UNSURE.has(place.state);
 
 // Reason why the robot may not look round now, or "" where it may.
 function refusalOf(phase, isStopped) {

@@ -104,7 +104,6 @@ export function zoom(factor, px = size.width / 2, py = size.height / 2) {
   const [nextX, nextY] = toWorld(px, py);
   view.x += x - nextX;
   view.y += y - nextY;
-  view.whole = false;
   changed();
 }
 

@@ -18,10 +18,10 @@ export const onOffer = (listener) => listeners.push(listener);
 let ids = [];
 
 // Returns whether the goal was accepted.
-export async function addGoal([x, y], yaw = null, name = "") {
+export async function addGoal([x, y], yaw = null) {
   setOffer(null);
   try {
-    await post("/goals", { x_m: rounded(x), y_m: rounded(y), yaw_rad: yaw, name });
+    await post("/goals", { x_m: rounded(x), y_m: rounded(y), yaw_rad: yaw });
     return true;
   } catch (error) {
     const nearest = error.body?.nearest;

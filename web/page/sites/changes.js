@@ -23,6 +23,7 @@ let listed = { areas: [], listing: null };
 let panel = { hide: () => {}, show: () => {} };
 let looked = null; // the area that is looked at on the map
 let retry = 0;
+let asks = 0;
 
 // `hide` and `show` put the panel, which covers the map, away and back.
 export function buildChanges({ hide: hidePanel, show: showPanel }) {
@@ -40,9 +41,14 @@ export function buildChanges({ hide: hidePanel, show: showPanel }) {
 export async function refresh() {
   clearTimeout(retry);
   set(shown, { hidden: true });
+  asks += 1;
+  const own = asks;
+  const isLate = () => own !== asks; // the panel has been closed meanwhile
   try {
-    show(await get("/map/changes"));
+    const changes = await get("/map/changes");
+    if (!isLate()) show(changes);
   } catch (error) {
+    if (isLate()) return;
     show({ areas: [], listing: null, accepted: true });
     setText(note, capitalised(error.message));
     // At a site that was just entered the map is there with the next image.
@@ -53,6 +59,7 @@ export async function refresh() {
 // The panel is closed. Returns whether a change is looked at on the map, which stays drawn then.
 export function hide() {
   clearTimeout(retry);
+  asks += 1;
   if (!shown.hidden) return true;
   listed = { areas: [], listing: null };
   redraw();

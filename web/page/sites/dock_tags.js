@@ -2,12 +2,12 @@
 // sees; shown on the map.
 
 import { get, request } from "../core/link/api.js";
-import { clearSent, make, reconcile, setText } from "../core/dom.js";
+import { clearSent, make, reconcile, set, setText } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
 import { number, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { typedPose } from "../core/text/typed_pose.js";
-import { propose } from "../localisation/place.js";
+import { isPlaceKnown, propose } from "../localisation/place.js";
 import { overlays, redraw } from "../map/map.js";
 import { askPose } from "../map/pointer/pick.js";
 import { world } from "../map/world.js";
@@ -52,6 +52,19 @@ const setDock = (dock) => send("PATCH", "", { dock });
 const putTag = (tag) => send("POST", "/tags", tag);
 const removeTag = (number) => send("DELETE", `/tags/${number}`);
 
+const dockHere = make("button", { type: "button", "data-testid": "dock-here" }, t("The robot stands in it now"));
+dockHere.onclick = () => {
+  const { x_m, y_m, yaw_rad } = world.state.pose;
+  attempt(() => setDock({ x_m: rounded(x_m), y_m: rounded(y_m), yaw_rad: rounded(yaw_rad) }));
+};
+
+// Where the robot does not know its place, its pose would be a dock somewhere else.
+export function follow(state) {
+  const isKnown = isPlaceKnown(state);
+  const title = isKnown ? dockHere.textContent : t("The robot does not know its place");
+  set(dockHere, { disabled: !isKnown, title });
+}
+
 // `hide` and `show` close and open the panel, which covers the map.
 export function buildDockAndTags({ hide, show }) {
   // The pose that is typed in a form counts; without one, a click on the map gives the position, and
@@ -91,10 +104,6 @@ export function buildDockAndTags({ hide, show }) {
   };
 
   const dockText = make("p", { role: "status", "data-testid": "dock-text" });
-  const dockHere = button("dock-here", t("The robot stands in it now"), () => {
-    const { x_m, y_m, yaw_rad } = world.state.pose;
-    attempt(() => setDock({ x_m: rounded(x_m), y_m: rounded(y_m), yaw_rad: rounded(yaw_rad) }));
-  });
   const dockPlace = poseField("dock-place", t("Dock x, y in metres, heading in °"));
   const dockForm = make(
     "form",

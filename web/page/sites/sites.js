@@ -3,12 +3,13 @@
 
 import { abortableFetch, FILE_S, get, post, request, setSite } from "../core/link/api.js";
 import { clearSent, download, element, make, reconcile, setText } from "../core/dom.js";
+import { oneAtATime } from "../core/link/updates.js";
 import { formatMoment } from "../core/text/format.js";
 import { number, sentence, t, tn } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
 import * as changes from "./changes.js";
-import { buildDockAndTags, load } from "./dock_tags.js";
+import { buildDockAndTags, follow, load } from "./dock_tags.js";
 import { buildPlacing } from "./placing.js";
 
 const NAME_RULE = "[A-Za-z0-9]([A-Za-z0-9 _\\-]{0,38}[A-Za-z0-9_\\-])?";
@@ -22,6 +23,7 @@ const only = make(
 );
 const newName = nameField(t("Name of a new site"), "site-name");
 let chosen = null;
+const loadChosen = oneAtATime(() => load(chosen));
 let chosenId = null;
 
 function nameField(label, testId) {
@@ -37,7 +39,9 @@ function nameField(label, testId) {
 }
 
 // Called with every state; returns whether the site has changed since the last one.
-export function update({ site, site_id }) {
+export function update(state) {
+  const { site, site_id } = state;
+  follow(state);
   if (site === chosen && site_id === chosenId) return false;
   const isOther = chosenId !== null && site_id !== chosenId; // and not the same under another name
   [chosen, chosenId] = [site, site_id];
@@ -45,7 +49,7 @@ export function update({ site, site_id }) {
   setText(opener, t("Site {site} ▾", { site }));
   if (isOther) changes.forget();
   if (panel.open) refresh();
-  else attempt(() => load(site));
+  else loadChosen();
   return isOther;
 }
 
@@ -54,7 +58,7 @@ async function refresh() {
   reconcile(list, sites, (site) => site.name, itemOf, fill);
   only.hidden = sites.length > 1;
   await load(chosen);
-  await changes.refresh();
+  if (panel.open) await changes.refresh();
 }
 
 const pathOf = (name) => `/sites/${encodeURIComponent(name)}`;

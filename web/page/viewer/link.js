@@ -1,7 +1,7 @@
 // What the page and the 3D view tell each other: clicks, the draft, the display, marks.
 
 import { connect } from "../core/link/api.js";
-import { clicked, draft, isDrawing, moveCorner, onDraft, outline } from "../zones/draft.js";
+import { clicked, draft, grabCorner, isDrawing, moveCorner, onDraft, outline } from "../zones/draft.js";
 import { finish } from "../zones/store_draft.js";
 import { address, drawViewerNow, setConnected } from "./viewer.js";
 import { goalMark, sketch } from "../map/world.js";
@@ -40,7 +40,10 @@ const link = connect(address, {
     if (message.type === "click") {
       // A click of a goal comes from the pointer, with its heading.
       if (draft.mode !== "goal" && clicked(message.x_m, message.y_m)) finish();
-    } else if (message.type === "drag") moveCorner(message.index, [message.x_m, message.y_m]);
+    } else if (message.type === "drag") {
+      if (message.phase === "start") grabCorner(message.index);
+      moveCorner(message.index, [message.x_m, message.y_m]);
+    }
     else if (message.type === "pointer") onPointer(message.phase, message.place);
     else if (message.type === "viewer") setConnected(message.connected);
   },

@@ -43,6 +43,8 @@ const isNear = (point, event) => {
   return Math.hypot(x - event.offsetX, y - event.offsetY) <= GRAB_PX;
 };
 
+const isOnOffer = (event) => offer.position && isNear(offer.position, event);
+
 // What a drag from here moves: `what` is a key of `MOVES`.
 function targetOf(event) {
   if (event.button !== 0) return { what: "map" };
@@ -185,7 +187,8 @@ canvas.addEventListener("pointerup", (event) => {
     if (moved) setFreehand(stroke);
   } else if (what === "goal") {
     cancelPress();
-    click(at, heading);
+    if (!moved && isOnOffer(event)) acceptOffer();
+    else click(at, heading);
   } else if (what === "middle") {
     insertCorner(index, toWorld(event.offsetX, event.offsetY));
   } else if (what === "pick") {
@@ -195,7 +198,7 @@ canvas.addEventListener("pointerup", (event) => {
     cancelPress();
     moveGoal(goal, roundedPoint(to));
   } else if (!moved && button === 0) {
-    if (offer.position && isNear(offer.position, event)) acceptOffer();
+    if (isOnOffer(event)) acceptOffer();
     else if (draft.mode === "navigate") select(targetAt([event.offsetX, event.offsetY]));
     else if (what !== "corner" || draft.mode === "draw") click(at);
   } else if (!moved && button === 2) {

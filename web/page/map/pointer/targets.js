@@ -31,7 +31,7 @@ function isOnFlag(goal, [px, py]) {
   return px >= x + left && px <= x + right && py >= y + top && py <= y + bottom;
 }
 
-function nearest(items, placeOf, radiusOf, [px, py]) {
+function firstNear(items, placeOf, radiusOf, [px, py]) {
   const at = toWorld(px, py);
   return items.find((item) => {
     const [x, y] = placeOf(item);
@@ -67,8 +67,8 @@ export function targetAt(pixel) {
     .sort((one, other) => areaOf(ringOf(one)) - areaOf(ringOf(other)));
   return (
     made("goal", goals.find((goal) => isOnFlag(goal, pixel))) ??
-    made("person", nearest(world.people, (one) => [one.x_m, one.y_m], (one) => one.radius_m, pixel)) ??
-    made("sighting", nearest(world.sightings, (one) => one.place, () => SIGHTING_M, pixel)) ??
+    made("person", firstNear(world.people, (one) => [one.x_m, one.y_m], (one) => one.radius_m, pixel)) ??
+    made("sighting", firstNear(world.sightings, (one) => one.place, () => SIGHTING_M, pixel)) ??
     made("zone", zones[0])
   );
 }
