@@ -110,6 +110,7 @@ SENTENCES = (
     "web/gateway/problems.py",
     "web/gateway/request_body.py",
     "web/gateway/sentences.py",
+    "web/images/shown_ticks.py",
     "web/schemas/drafts.py",
     "web/schemas/fields.py",
     "web/api/teach/frames.py",

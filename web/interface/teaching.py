@@ -274,6 +274,10 @@ class Networks(Protocol):
         """Name of the version in use; None while the colour rules drive alone."""
 
     @property
+    def previous(self) -> str | None:
+        """Name of the version that was in use before; None without one."""
+
+    @property
     def exchange(self) -> str | None:
         """Name of the version that is being prepared; None while none is."""
 

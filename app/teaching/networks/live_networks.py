@@ -97,6 +97,11 @@ class LiveNetworks:
         return None if self._live.now.choice.kind == "colour" else self._used[-1]
 
     @property
+    def previous(self) -> str | None:
+        """Name of the version that was in use before; None without one."""
+        return self._used[-2] if len(self._used) > 1 else None
+
+    @property
     def exchange(self) -> str | None:
         """Name of the version that is being prepared."""
         return self._exchange
@@ -148,9 +153,9 @@ class LiveNetworks:
         with self._lock:
             if self._exchange is not None:
                 raise Refused(f"the network {self._exchange!r} is being prepared; wait for it")
-            if len(self._used) < 2:
+            name, before = self.previous, self._before
+            if name is None:
                 raise Refused("no other network was in use before")
-            name, before = self._used[-2], self._before
             if before is not None:
                 self._take(before, self._used[:-1])
                 self._before = None

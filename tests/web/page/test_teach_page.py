@@ -59,6 +59,8 @@ def test_an_object_is_marked_by_mouse_and_keys_and_every_edit_is_saved(
 ) -> None:
     page = opened(new_context, server, 1440, 900)
     look(operations)
+    expect(page.get_by_test_id("rollback")).to_be_disabled()
+    expect(page.get_by_test_id("train")).to_be_disabled()
     page.get_by_test_id("capture").click()
     expect(page.get_by_test_id("frame-000001")).to_contain_text("not marked")
     page.get_by_test_id("capture").click()

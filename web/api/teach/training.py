@@ -28,6 +28,7 @@ def teach_training_router(operations: RobotService) -> APIRouter:
         shown = operations.teaching.networks
         return NetworksOut(
             used=shown.used,
+            previous=shown.previous,
             exchange=shown.exchange,
             trouble=shown.trouble,
             versions=list(shown.all()),

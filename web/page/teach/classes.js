@@ -5,7 +5,7 @@ import { clearSent, element, make } from "../core/dom.js";
 import { t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 
-const NOTHING = "background";
+export const NOTHING = "background";
 const HUE_STEP = 137;
 const select = element("class");
 let names = [NOTHING];

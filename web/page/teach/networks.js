@@ -12,12 +12,15 @@ let complained = "";
 
 export async function refreshNetworks() {
   const answer = await get("/teach/networks");
-  const { used, exchange, trouble, versions } = answer;
+  const { used, previous, exchange, trouble, versions } = answer;
   setText(
     element("exchange"),
     exchange ? t("{name} is being prepared …", { name: exchange }) : used ? t("{name} is in use", { name: used }) : t("colour rules alone"),
   );
-  set(element("rollback"), { disabled: Boolean(exchange) });
+  set(element("rollback"), {
+    disabled: Boolean(exchange) || previous === null,
+    title: previous === null ? t("No other network was in use before") : t("Use {name}, which was in use before", { name: previous }),
+  });
   if (trouble && trouble !== complained) notify(sentence(trouble));
   complained = trouble;
   if (shown === JSON.stringify(answer)) return;

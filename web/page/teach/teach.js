@@ -11,7 +11,7 @@ import { chooseClass, loadClasses } from "./classes.js";
 import { chooseTool, forget, redo, show, shownFrame, undo, whenSaved } from "./drawing.js";
 import { loadRole, refreshExport } from "./export.js";
 import { refreshNetworks, upload } from "./networks.js";
-import { refreshTraining } from "./training.js";
+import { followFrames, refreshTraining } from "./training.js";
 
 const POLL_MS = 1500;
 const NUMBER = "input[type=number]";
@@ -26,6 +26,7 @@ async function refreshFrames() {
   setText(element("note"), folder.trouble ? sentence(folder.trouble) : "");
   element("no-frames").hidden = frames.length > 0;
   refreshExport(frames);
+  followFrames(frames);
   reconcile(element("frames"), frames, (frame) => frame.id, createFrame, refreshFrame);
   const shown = shownFrame();
   if (shown && !frames.some(({ id }) => id === shown.id)) {

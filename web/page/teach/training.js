@@ -4,6 +4,7 @@ import { get, post } from "../core/link/api.js";
 import { element, make, reconcile, set, setText } from "../core/dom.js";
 import { number, sentence, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
+import { NOTHING } from "./classes.js";
 import { flush } from "./drawing.js";
 import { missedText } from "./networks.js";
 
@@ -20,10 +21,20 @@ const PHASES = {
 const ENDED = ["done", "cancelled", "failed"];
 let last = null;
 
+// Whether a class is marked in any image: without one there is nothing to learn.
+let isMarked = false;
+
+export function followFrames(frames) {
+  isMarked = frames.some((frame) => frame.class_names.some((name) => name !== NOTHING));
+}
+
 export async function refreshTraining() {
   const { run } = await get("/teach/training");
   const running = run?.running ?? false;
-  set(element("train"), { disabled: running });
+  set(element("train"), {
+    disabled: running || !isMarked,
+    title: isMarked ? "" : t("Mark an object in the images first"),
+  });
   element("cancel").hidden = !running;
   element("resume").hidden = !run || running || run.phase === "done";
   element("progress").hidden = !run;
