@@ -193,7 +193,7 @@ def test_a_zone_whose_corners_cannot_be_read_is_not_stored(
     page.get_by_test_id("zone-margin").fill("0.07")
     page.get_by_test_id("zone-finish").click()
     expect(page.get_by_test_id("zone")).to_have_count(1)
-    assert operations.zones.stored[0].margin_m == 0.07
+    assert [one.margin_m for one in operations.zones.stored] == [0.07]
 
 
 def test_a_drawing_begun_by_mouse_before_a_slow_answer_is_left_alone(
