@@ -377,14 +377,13 @@ class LiveOperations:
                 )
             if action in ("start", "resume"):
                 require_known(self._controller.place)
-            # The next command of a robot that backs off would pause the mission again.
-            goes_on = action in ("start", "resume")
-            return dataclasses.replace(
-                intent,
-                mission=TRANSITIONS[action](intent.mission),
-                searching=False,
-                by_hand=None if goes_on else intent.by_hand,
-            )
+            mission = intent.mission
+            # A robot that looks for its place stands with it; its mission does not drive.
+            if action != "pause" or not intent.searching:
+                mission = TRANSITIONS[action](mission)
+            # Without its command, a robot that backs off ends that: its next one would pause the
+            # mission again.
+            return dataclasses.replace(intent, mission=mission, searching=False, by_hand=None)
 
         self._controller.change(edit)
 

@@ -71,7 +71,8 @@ def planner_stops(
     if tick_state.failure is not None:
         text = f"The navigation failed: {tick_state.failure}."
         found.append(StopReason(cause=Cause.PLANNER_FAILED, text=text))
-    if mission.phase is Phase.PAUSED:
+    # A robot that looks for its place turns, whatever its mission does.
+    if mission.phase is Phase.PAUSED and not intent.searching:
         text = "The mission is paused; resume it to drive on."
         if mission.restored:
             text = (

@@ -315,6 +315,8 @@ def test_a_robot_that_is_lost_says_so_and_looks_round_when_told(
     page.get_by_test_id("place-search").click()
     expect(page.get_by_test_id("place-search")).to_have_text("Looking round …")
     assert operations.place.now.searching
+    expect(page.get_by_test_id("status")).to_have_attribute("data-kind", "searching")
+    expect(page.locator("[data-mission=pause]")).to_be_enabled()
 
 
 def test_a_long_press_opens_the_menu_on_a_touch_screen(

@@ -16,7 +16,7 @@ function refusalsOf(state) {
   return {
     start:
       stopped || (phase !== "idle" && t("The mission has begun")) || (!queue.length && t("Add a goal first")) || "",
-    pause: isDriving || state.goes_on ? "" : t("Nothing drives"),
+    pause: isDriving || state.goes_on || state.place.searching ? "" : t("Nothing drives"),
     resume: phase === "paused" ? stopped : t("The mission is not paused"),
     cancel: queue.length > 0 || phase !== "idle" ? "" : t("There is no mission"),
     leave: stopped || (state.in_zone ? "" : t("The robot is in no zone")),

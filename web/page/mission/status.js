@@ -20,6 +20,7 @@ const BADGES = {
   driving: t("▶ DRIVING"),
   leaving: t("▶ LEAVING"),
   hand: t("◉ BY HAND"),
+  searching: t("▶ LOOKING ROUND"),
 };
 // Changes to and from these are shown at once.
 const URGENT = new Set(["stopped", "unknown"]);
@@ -33,7 +34,7 @@ let isSlowDismissed = false;
 export function showStatus(state) {
   const nowMs = performance.now();
   set(element("offline"), { hidden: true });
-  const isStopping = state.stop_latched || state.phase === "paused";
+  const isStopping = state.stop_latched || kindOf(state) === "paused";
   const isHeld = isHoldShown(state.reasons.length > 0 && !isStopping, nowMs);
   if (!state.reasons.length) freeText = sentence(state.summary);
   showLine(lineOf(state, isHeld), nowMs);
@@ -45,14 +46,17 @@ export function showStatus(state) {
   set(element("nothing-enabled"), { hidden: state.beware_enabled > 0 });
 }
 
+// A robot that looks for its place turns, though its mission is paused or there is none.
+const kindOf = (state) => (state.place.searching ? "searching" : state.phase);
+
 function lineOf(state, isHeld) {
   const reasons = state.reasons.map((reason) => sentence(reason.text)).join(" · ");
   // The stop is latched before the command thread names it as a reason.
   if (state.stop_latched) return { kind: "stopped", text: reasons || t("emergency stop") };
   if (state.by_hand && state.moving) return { kind: "hand", text: sentence(state.summary) };
-  if (state.phase === "paused") return { kind: "paused", text: sentence(state.summary) };
+  if (kindOf(state) === "paused") return { kind: "paused", text: sentence(state.summary) };
   if (isHeld) return { kind: "held", text: reasons || line.text };
-  return { kind: state.phase, text: state.reasons.length ? freeText : sentence(state.summary) };
+  return { kind: kindOf(state), text: state.reasons.length ? freeText : sentence(state.summary) };
 }
 
 function showLine(given, nowMs) {

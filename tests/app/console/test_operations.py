@@ -1,0 +1,62 @@
+"""What operators ask of a running robot."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from app.console.operations import LiveOperations
+from app.storage import Store
+from navcore.errors import Refused
+from navcore.geometry.transform import STANDSTILL
+from navcore.mission.mission import Goal, Mission, Phase
+from navcore.robot.driver import Command
+from navcore.safety.gate import Cause
+from tests.app.console.test_changing_site import operations_of
+from tests.reliability.fault_runs import first_frame, standing_controller
+from web.interface.operations import MissionAction
+
+PAUSED = Mission(phase=Phase.PAUSED, queue=(Goal(id=1, x_m=3.0, y_m=0.0),))
+
+
+@pytest.fixture
+def operations(tmp_path: Path) -> Iterator[LiveOperations]:
+    controller = standing_controller()
+    with closing(Store(tmp_path)) as store:
+        yield operations_of(controller, first_frame(), store)
+
+
+@pytest.mark.parametrize("mission", [Mission(), PAUSED])
+def test_a_robot_that_looks_round_can_be_paused_and_is_not_said_to_stand(
+    operations: LiveOperations, mission: Mission
+) -> None:
+    controller = operations._controller
+    controller.change_mission(lambda _: mission)
+    with pytest.raises(Refused, match="only a driving mission"):
+        operations.mission("pause")
+    controller.search_place()
+    turning = operations.state()
+    assert turning.place.searching
+    assert Cause.PAUSED not in [reason.cause for reason in turning.reasons]
+    operations.mission("pause")
+    state = operations.state()
+    assert not state.place.searching and state.phase is mission.phase
+    is_paused = Cause.PAUSED in [reason.cause for reason in state.reasons]
+    assert is_paused == (mission.phase is Phase.PAUSED)
+
+
+@pytest.mark.parametrize("action", ["pause", "cancel", "leave"])
+def test_every_action_on_the_mission_ends_driving_by_hand_and_so_backing_off(
+    operations: LiveOperations, action: MissionAction
+) -> None:
+    controller = operations._controller
+    command = Command(twist=STANDSTILL, stamp_ns=0)
+    mission = dataclasses.replace(PAUSED, goes_on=True)
+    controller.change(lambda now: dataclasses.replace(now, by_hand=command, mission=mission))
+    operations.mission(action)
+    assert controller.intent.by_hand is None
+    assert not controller.intent.mission.goes_on
