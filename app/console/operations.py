@@ -418,10 +418,14 @@ class LiveOperations:
         self._back_off.stop()
         self.teaching.close()
 
-    def stop(self, source: str) -> None:
-        """Latch the emergency stop and pause the mission in one step."""
+    def stop(self, source: str) -> bool:
+        """Latch the emergency stop and pause the mission in one step; return whether it was not
+        latched before."""
+        was_latched = False
 
         def edit(intent: OperatorState) -> OperatorState:
+            nonlocal was_latched
+            was_latched = intent.stopped_by is not None
             mission = intent.mission
             if mission.phase in MOVING or mission.goes_on:
                 mission = mission.pause()
@@ -436,6 +440,7 @@ class LiveOperations:
         self._controller.change(edit)
         # The command thread would send this within its period; the wheels need not wait for it.
         self._robot.send(STANDSTILL)
+        return not was_latched
 
     def reset_stop(self) -> None:
         """Release the emergency stop, and accept the pose if odometry has jumped; the mission stays

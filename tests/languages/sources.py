@@ -95,6 +95,7 @@ SENTENCES = (
     "web/api/beware/drafts.py",
     "web/api/map/edits.py",
     "web/api/map/maps.py",
+    "web/api/mission/control.py",
     "web/api/nav2_files.py",
     "web/api/sites.py",
     "web/api/users.py",

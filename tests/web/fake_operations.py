@@ -273,11 +273,13 @@ class FakeOperations:
         """Count the calls."""
         self.backed_off += 1
 
-    def stop(self, source: str) -> None:
+    def stop(self, source: str) -> bool:
         """Implement the port."""
         with self._lock:
             self.stops.append(source)
-            self._stopped_by = source
+            was_latched = self._stopped_by is not None
+            self._stopped_by = self._stopped_by or source
+            return not was_latched
 
     def drive(self, twist: Twist | None) -> None:
         """Record the velocity; it does not expire in this world."""

@@ -6,6 +6,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import datetime
 from typing import Any, Protocol
 
@@ -55,10 +56,12 @@ class AuditLog(Protocol):
 
 
 class Auditor:
-    """Writer of the audit log; it writes in a thread, so that no disk delays the event loop."""
+    """Writer of the audit log; it writes in a thread, so that no disk delays the event loop, in the
+    order in which it is asked."""
 
     def __init__(self, audit_log: AuditLog | None) -> None:
         self.audit_log = audit_log
+        self._thread = ThreadPoolExecutor(1, "audit log")
 
     def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
         """Return a `send` that logs the request before its answer, and the emergency stop right
@@ -77,11 +80,19 @@ class Auditor:
         return watched
 
     async def note(self, entry: Mapping[str, Any]) -> None:
-        """Log an entry; a failed disk is no reason to refuse the request."""
+        """Log an entry; return when it is stored. A failed disk is no reason to refuse the
+        request."""
+        await asyncio.wrap_future(self.note_later(entry))
+
+    def note_later(self, entry: Mapping[str, Any]) -> Future[None]:
+        """Log an entry; return at once."""
+        return self._thread.submit(self._add, entry)
+
+    def _add(self, entry: Mapping[str, Any]) -> None:
         if self.audit_log is None:
             return
         try:
-            await asyncio.to_thread(self.audit_log.add, entry)
+            self.audit_log.add(entry)
         except Exception:
             log.exception("the audit log misses an entry: %s", dict(entry))
 

@@ -257,8 +257,9 @@ class RobotService(Protocol):
         """Drive half a metre straight back, through the safety gate; a driving mission goes on
         afterwards."""
 
-    def stop(self, source: str) -> None:
-        """Latch the emergency stop; `source` names its origin, such as `console button`."""
+    def stop(self, source: str) -> bool:
+        """Latch the emergency stop; `source` names its origin, such as `console button`. Return
+        whether it was not latched before."""
 
     def reset_stop(self) -> None:
         """Release the emergency stop; the mission stays paused until it is started or resumed."""

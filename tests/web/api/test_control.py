@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,11 +15,12 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
+from navcore.errors import Refused
 from navcore.geometry.transform import Twist
 from navcore.mission.mission import Phase
 from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
-from web.api.mission.control import MAX_DELAY_S, TeleopSession
+from web.api.mission.control import MAX_DELAY_S, MAX_LATE, TeleopSession
 from web.auth.access import Access
 from web.auth.control_lease import PAGE_LEASE_S, ControlLeases
 from web.auth.presence import PresenceMonitor
@@ -175,6 +177,19 @@ def test_velocities_that_were_held_up_on_the_way_are_not_driven() -> None:
     assert operations.hands[-1] is None
 
 
+def test_an_operator_whose_velocities_all_come_too_late_is_told_so_once() -> None:
+    visitor = Visitor(name="anna", role=Role.OPERATOR, client_id="page anna")
+    hand, sent_s = TeleopSession(FakeOperations(), ControlLeases(), visitor), time.monotonic()
+    on_time = DriveMessage(**AHEAD, t_ms=sent_s * 1000)  # type: ignore[arg-type]
+    late = DriveMessage(**AHEAD, t_ms=(sent_s - MAX_DELAY_S - 0.1) * 1000)  # type: ignore[arg-type]
+    for _ in range(2):
+        assert hand.move(on_time)
+        assert not any(hand.move(late) for _ in range(MAX_LATE - 1))
+    with pytest.raises(Refused, match="connection is too slow"):
+        hand.move(late)
+    assert not any(hand.move(late) for _ in range(2 * MAX_LATE))
+
+
 @pytest.mark.parametrize(
     "message",
     [
@@ -222,9 +237,53 @@ def test_when_the_operator_goes_silent_the_mission_does_as_configured(
 def test_the_stop_is_heard_on_the_sign_of_life_too_once_and_from_everybody(
     who: str, locked: ConsoleServer, accounts: Accounts, operations: FakeOperations
 ) -> None:
+    def logged() -> int:
+        return sum(entry["path"].startswith("stop?") for entry in accounts.store.audit.newest())
+
     with live(locked, Authorization=f"Bearer {accounts.tokens[who]}") as page:
         for _ in range(2):
             page.send(json.dumps({"type": "stop", "by": "console key"}))
-        eventually(lambda: operations.state().stop_latched)
+        eventually(lambda: len(operations.stops) == 2 and logged())
+    assert set(operations.stops) == {f"{who} (console key)"} and logged() == 1
+
+
+@pytest.mark.parametrize("by", ["", "\n", 7, "x" * 500])
+def test_no_label_refuses_a_stop_on_the_sign_of_life(
+    server: ConsoleServer, operations: FakeOperations, by: object
+) -> None:
+    with live(server) as page:
+        page.send(json.dumps({"type": "stop", "by": by, "pressed": "twice"}))
+        eventually(lambda: operations.stops)
         news(page, type="control")
-    assert operations.stops == [f"{who} (console key)"]
+    assert operations.stops == ["x" * 80 if by == "x" * 500 else "console"]
+
+
+def test_a_stop_waits_neither_for_the_log_nor_for_the_state(
+    operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written, entries = threading.Event(), list[str]()
+
+    class SlowLog:
+        newest: Any = None
+
+        def add(self, entry: Mapping[str, Any]) -> int:
+            assert written.wait(60)
+            entries.append(entry["path"])
+            return len(entries)
+
+    access = Access(audit_log=SlowLog())
+    stopping = ConsoleServer(operations, port=0, access=access)
+    stopping.start()
+    try:
+        with live(stopping) as page:
+            monkeypatch.setattr(operations, "state", written.wait)
+            push(page, 0.0)
+            page.send(json.dumps({"type": "stop", "by": "console key"}))
+            eventually(lambda: operations.stops)
+            assert not entries
+            written.set()
+            eventually(lambda: len(entries) == 2)
+            assert entries == ["by hand: begins", "stop?by=console key"]
+    finally:
+        written.set()
+        stopping.stop()

@@ -11,12 +11,13 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from collections import deque
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, WebSocket
 from pydantic import Field, TypeAdapter, ValidationError
 
-from navcore.errors import BewareNavError
+from navcore.errors import BewareNavError, Refused
 from navcore.geometry.transform import Twist
 from web.api.router import api_router
 from web.auth.audit import Auditor
@@ -26,7 +27,12 @@ from web.gateway.problems import refusals
 from web.gateway.websockets import BAD_MESSAGE, until_one_ends
 from web.interface.operations import RobotService
 from web.schemas.access import ControlOut, VisitorOut
-from web.schemas.mission.teleop import DriveMessage, HeartbeatMessage, StopMessage
+from web.schemas.mission.teleop import (
+    DriveMessage,
+    HeartbeatMessage,
+    StopMessage,
+    stop_label,
+)
 
 Action = Literal["take", "ask", "give"]
 REPEAT_S, POLL_S = 0.5, 0.05
@@ -35,6 +41,9 @@ REPEAT_S, POLL_S = 0.5, 0.05
 MAX_DELAY_S = 0.25
 """Delay in seconds, beyond that of the fastest message, after which a velocity is dropped: the
 operator has released the key since."""
+MAX_LATE = 10
+"""Number of velocities in a row that were dropped after which the operator is told so: about a
+second of driving."""
 CLOCK_DRIFT = 1e-3
 """Largest drift between the clocks of page and console, seconds per second."""
 
@@ -64,7 +73,7 @@ def control_router(operations: RobotService, control: ControlLeases, auditor: Au
         session = TeleopSession(operations, control, visitor)
         try:
             await until_one_ends(
-                _send(socket, control, visitor), _receive(socket, control, session, auditor)
+                _send(socket, control, session), _receive(socket, control, session, auditor)
             )
         except ValidationError:
             await socket.close(BAD_MESSAGE)
@@ -81,16 +90,24 @@ class TeleopSession:
         self.operations, self.visitor = operations, visitor
         self._control = control
         self._least_delay_s: float | None = None
-        self._received_s = 0.0
+        self._received_s, self._late = 0.0, 0
         self.is_driving = False
+        self.refusals: deque[dict[str, str]] = deque(maxlen=1)
+        """What the page has to be told next. The messages of the page, a stop perhaps, do not wait
+        until it has taken that."""
 
     def move(self, message: DriveMessage) -> bool:
         """Pass a velocity on; return False when it came too late. Raises a refusal."""
         if message.v_mps == 0.0 and message.w_radps == 0.0:
+            self._late = 0
             self.release()
             return True
         if self._is_late(message.t_ms / 1000, time.monotonic()):
+            self._late += 1
+            if self._late == MAX_LATE:
+                raise Refused("the connection is too slow to drive the robot by hand")
             return False
+        self._late = 0
         self._control.claim(self.visitor)
         self.operations.drive(Twist(v_mps=message.v_mps, w_radps=message.w_radps))
         self.is_driving = True
@@ -119,13 +136,15 @@ def stop_source(visitor: Visitor, by: str) -> str:
     return f"{visitor.name} ({by})" if visitor.logged_in else by
 
 
-async def _send(socket: WebSocket, control: ControlLeases, visitor: Visitor) -> None:
+async def _send(socket: WebSocket, control: ControlLeases, session: TeleopSession) -> None:
     clock = asyncio.get_running_loop().time
     sent_at, sent = -REPEAT_S, -1
     while True:
+        if session.refusals:
+            await socket.send_text(json.dumps(session.refusals.popleft()))
         if control.now.serial != sent or clock() - sent_at >= REPEAT_S:
             sent_at, sent = clock(), control.now.serial
-            await socket.send_text(_control_of(control, visitor).model_dump_json())
+            await socket.send_text(_control_of(control, session.visitor).model_dump_json())
         await asyncio.sleep(POLL_S)
 
 
@@ -137,11 +156,12 @@ async def _receive(
         if message["type"] == "websocket.disconnect":
             return
         received = LiveMessage.validate_json(message.get("text") or "")
-        control.heartbeat(session.visitor)
-        if isinstance(received, StopMessage) and not session.operations.state().stop_pressed:
+        if isinstance(received, StopMessage):
+            by = stop_label(received.by, "console")
+            if session.operations.stop(stop_source(session.visitor, by)):
+                _note(auditor, session.visitor, f"stop?by={by}")
             session.release()
-            session.operations.stop(stop_source(session.visitor, received.by))
-            await _note(auditor, session.visitor, f"stop?by={received.by}")
+        control.heartbeat(session.visitor)
         if isinstance(received, DriveMessage) and session.visitor.role.may(Role.OPERATOR):
             was_driving = session.is_driving
             try:
@@ -149,15 +169,15 @@ async def _receive(
             except BewareNavError as refused:
                 session.release()
                 code = "not_in_control" if isinstance(refused, NotInControl) else "refused"
-                answer = {"type": "refused", "code": code, "message": str(refused)}
-                await socket.send_text(json.dumps(answer))
+                session.refusals.append({"type": "refused", "code": code, "message": str(refused)})
             if session.is_driving != was_driving:
                 change = "begins" if session.is_driving else "ends"
-                await _note(auditor, session.visitor, f"by hand: {change}")
+                _note(auditor, session.visitor, f"by hand: {change}")
 
 
-async def _note(auditor: Auditor, visitor: Visitor, what: str) -> None:
-    await auditor.note(
+def _note(auditor: Auditor, visitor: Visitor, what: str) -> None:
+    """Log what a page did; the next message, a stop perhaps, does not wait for the disk."""
+    auditor.note_later(
         {"who": visitor.name, "role": str(visitor.role), "method": "WS", "path": what}
     )
 

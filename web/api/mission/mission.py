@@ -18,7 +18,7 @@ from web.auth.roles import CurrentVisitor
 from web.gateway.problems import refusals
 from web.interface.operations import MissionAction, RobotService
 from web.interface.snapshots import State
-from web.schemas.fields import MAX_NAME, Name
+from web.schemas.fields import Name
 from web.schemas.mission.mission import (
     GoalIn,
     GoalOrderIn,
@@ -27,6 +27,7 @@ from web.schemas.mission.mission import (
     MissionOut,
     SavedMissionOut,
 )
+from web.schemas.mission.teleop import stop_label
 
 
 def mission_router(operations: RobotService) -> APIRouter:
@@ -136,9 +137,7 @@ def mission_router(operations: RobotService) -> APIRouter:
     async def stop(visitor: CurrentVisitor, by: Annotated[str, Query()] = "REST") -> State:
         """Stop the robot at once; allowed for every visitor. The stop holds until it is reset. `by`
         names the means for the operators, such as a button."""
-        # A stop is never refused for its label.
-        by = by[:MAX_NAME] if by.isprintable() and by.strip() else "REST"
-        operations.stop(stop_source(visitor, by))
+        operations.stop(stop_source(visitor, stop_label(by, "REST")))
         return operations.state()
 
     @router.post("/stop/reset", response_model=State, responses=refusals(409))

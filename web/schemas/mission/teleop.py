@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from web.schemas.fields import Closed, Name, number
+from pydantic import BaseModel, ConfigDict
+
+from web.interface.wire import DOCUMENTED
+from web.schemas.fields import MAX_NAME, Closed, number
 
 
 class HeartbeatMessage(Closed):
@@ -14,13 +17,16 @@ class HeartbeatMessage(Closed):
     """Kind of the message."""
 
 
-class StopMessage(Closed):
-    """Emergency stop on the open connection, because opening another one could take long."""
+class StopMessage(BaseModel):
+    """Emergency stop on the open connection, because opening another one could take long. It is
+    refused for nothing else that it says."""
+
+    model_config = DOCUMENTED | ConfigDict(frozen=True)
 
     type: Literal["stop"]
     """Kind of the message."""
-    by: Name = "console"
-    """Means by which the operator stopped the robot."""
+    by: Any = None
+    """Means by which the operator stopped the robot, see `stop_label`."""
 
 
 class DriveMessage(Closed):
@@ -34,3 +40,9 @@ class DriveMessage(Closed):
     """Turn rate in radians per second, counter-clockwise."""
     t_ms: Annotated[float, number(0.0, 1e15)]
     """Time of sending by a monotonic clock of the page, milliseconds."""
+
+
+def stop_label(by: object, otherwise: str) -> str:
+    """Return the means by which an operator stopped the robot as it is shown and logged: at most
+    `MAX_NAME` printable characters, `otherwise` without any. No label refuses a stop."""
+    return by[:MAX_NAME] if isinstance(by, str) and by.isprintable() and by.strip() else otherwise
