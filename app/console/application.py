@@ -6,7 +6,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import logging
-import secrets
 import signal
 import socket
 import threading
@@ -64,8 +63,7 @@ from sim.robot.odometry_grade import OdometryGrade
 from sim.sensors.gnss_settings import GnssKind
 from web.auth.access import Access
 from web.auth.presence import Unattended
-from web.auth.roles import Role
-from web.auth.users import new_user
+from web.auth.users import first_admin
 from web.port import reserve
 from web.server import ConsoleServer
 from web.starting import StartingPage
@@ -91,9 +89,9 @@ class RunningConsole:
     """URL of the console page."""
     operations: LiveOperations
     """The console's operations on the robot."""
-    password: str | None = None
-    """Password of the admin account that was just created; None when it existed. Only its hash is
-    stored."""
+    admin: tuple[str, str] | None = None
+    """Name and password of the admin account that was just created; None when there was one. Only
+    the hash of the password is stored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,7 +260,7 @@ def console(
         stack.callback(loop.stop)
         is_reached = bool(options.allowed_hosts) or options.proxy is not None
         locked = options.login or is_reached or options.host not in LOOPBACK
-        password = _first_admin(store) if locked else None
+        admin = first_admin(store.users) if locked else None
         access = (
             Access.by_login(store.users, store.audit) if locked else Access(audit_log=store.audit)
         )
@@ -282,17 +280,7 @@ def console(
         stack.callback(server.stop)
         lower_other_priorities()
         stack.callback(loop.stop)  # again, to be first: the robot stands before anything else ends
-        yield RunningConsole(url=server.url, operations=operations, password=password)
-
-
-def _first_admin(store: Store) -> str | None:
-    """Create an admin account if there is no user; returns its password, of which only the hash is
-    stored."""
-    if store.users.all():
-        return None
-    password = secrets.token_urlsafe(12)
-    store.users.add(new_user("admin", Role.ADMIN, password))
-    return password
+        yield RunningConsole(url=server.url, operations=operations, admin=admin)
 
 
 def _back_end(options: ConsoleOptions, config: NavigatorConfig, perception: Perception) -> BackEnd:
@@ -387,9 +375,9 @@ def run_console(
     with console(options, listener=listener, starting=starting) as running:
         started.set()
         print(f"The console is at {running.url} (stop it with Ctrl-C).", flush=True)
-        if running.password is not None:
+        if running.admin is not None:
             print(
-                f"Log in as admin with the password {running.password} - it is shown this once.",
+                "Log in as {} with the password {} - it is shown this once.".format(*running.admin),
                 flush=True,
             )
         # In turns: a signal that came to another thread does not wake this one, which handles it.

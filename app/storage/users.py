@@ -67,7 +67,7 @@ class UserTable:
             " token_hash = coalesce(?, token_hash), language = coalesce(?, language)"
             " WHERE name = ? AND password_hash = coalesce(?, password_hash)"
         )
-        with self._database.writing() as connection:
+        with self._keeping_an_admin() as connection:
             values = (
                 None if role is None else str(role),
                 password_hash,
@@ -85,7 +85,6 @@ class UserTable:
                 raise NotKnown(f"no user is called {name!r}")
             if changed.rowcount == 0:
                 raise Refused("the password has been changed meanwhile")
-            _need_an_admin(connection)
         return User(
             name=name,
             role=Role(row[0]),
@@ -96,15 +95,23 @@ class UserTable:
 
     def remove(self, name: str) -> None:
         """Remove a user; raises `NotKnown`, and `Refused` for the last admin."""
-        with self._database.writing() as connection:
+        with self._keeping_an_admin() as connection:
             if connection.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount == 0:
                 raise NotKnown(f"no user is called {name!r}")
-            _need_an_admin(connection)
+
+    @contextmanager
+    def _keeping_an_admin(self) -> Iterator[sqlite3.Connection]:
+        """One transaction, refused where it would take the role from the last admin."""
+        with self._database.writing() as connection:
+            had_admin = _has_admin(connection)
+            yield connection
+            if had_admin and not _has_admin(connection):
+                raise Refused("this is the last admin; make another one first")
 
 
-def _need_an_admin(connection: sqlite3.Connection) -> None:
-    if not connection.execute("SELECT 1 FROM users WHERE role = ?", (str(Role.ADMIN),)).fetchone():
-        raise Refused("this is the last admin; make another one first")
+def _has_admin(connection: sqlite3.Connection) -> bool:
+    query = "SELECT 1 FROM users WHERE role = ?"
+    return connection.execute(query, (str(Role.ADMIN),)).fetchone() is not None
 
 
 @contextmanager

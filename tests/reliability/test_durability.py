@@ -17,7 +17,7 @@ from tests.app.storage.test_store import zone
 from tests.reliability import storage
 from tests.reliability.storage import kills, refusing_disks
 from web.auth.roles import Role
-from web.auth.users import User
+from web.auth.users import User, first_admin
 
 
 def test_no_acknowledged_zone_is_lost_when_the_process_is_killed() -> None:
@@ -122,3 +122,20 @@ def test_there_is_always_an_admin(tmp_path: Path) -> None:
     with pytest.raises(NotKnown):
         store.users.remove("stranger")
     store.close()
+
+
+def test_without_an_admin_accounts_can_be_changed_and_the_console_makes_one(
+    tmp_path: Path,
+) -> None:
+    with closing(Store(tmp_path)) as store:
+        for name in ("admin", "bob"):
+            store.users.add(User(name=name, role=Role.VIEWER, password_hash="-"))
+        store.users.change("bob", password_hash="+")
+        store.users.remove("bob")
+        made = first_admin(store.users)
+        assert made is not None and made[0] == "admin-2"
+        assert first_admin(store.users) is None
+        assert {user.name: user.role for user in store.users.all()} == {
+            "admin": Role.VIEWER,
+            "admin-2": Role.ADMIN,
+        }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import hmac
+import itertools
 import re
 import secrets
 from dataclasses import dataclass, field
@@ -32,11 +33,11 @@ class User:
     """Rights of the user."""
     password_hash: str
     """Hash of the password by scrypt, with cost and salt."""
-    token_hash: str | None = None
-    """SHA-256 of a program's bearer token, which is long and random; None without a token."""
+    token_hash: str | None = field(default=None, compare=False)
+    """SHA-256 of a program's bearer token, which is long and random; None without a token. Not
+    compared: a session whose account has changed ends, and none begins by a token."""
     language: str | None = field(default=None, compare=False)
-    """Language of the pages, None until one is chosen. Not compared: a session whose account has
-    changed ends, and no right depends on the language."""
+    """Language of the pages, None until one is chosen. Not compared: no right depends on it."""
 
 
 class Users(Protocol):
@@ -73,6 +74,18 @@ def new_user(name: str, role: Role, password: str) -> User:
             f"user name {name!r:.60}: expected 1 to 40 letters, digits, dots, dashes, @ or _"
         )
     return User(name=name, role=role, password_hash=hash_password(password))
+
+
+def first_admin(users: Users) -> tuple[str, str] | None:
+    """Add an admin if there is none; return name and password, of which only the hash is stored."""
+    known = users.all()
+    if any(user.role is Role.ADMIN for user in known):
+        return None
+    taken, password = {user.name for user in known}, secrets.token_urlsafe(12)
+    names = itertools.chain(["admin"], (f"admin-{number}" for number in itertools.count(2)))
+    name = next(name for name in names if name not in taken)
+    users.add(new_user(name, Role.ADMIN, password))
+    return name, password
 
 
 def hash_password(password: str) -> str:

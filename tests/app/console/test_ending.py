@@ -54,7 +54,7 @@ def test_a_running_console_ends_in_order(tmp_path: Path, monkeypatch: pytest.Mon
     def running(*_: Any, **__: Any) -> Iterator[SimpleNamespace]:
         signalled = threading.Timer(0.1, signal.raise_signal, (signal.SIGTERM,))
         signalled.start()
-        yield SimpleNamespace(url="http://127.0.0.1", password=None)
+        yield SimpleNamespace(url="http://127.0.0.1", admin=None)
         signalled.join()
         signal.raise_signal(signal.SIGTERM)  # one more does not break off the end
         steps.append("ended in order")

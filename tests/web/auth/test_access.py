@@ -207,6 +207,8 @@ def test_admins_keep_the_users_and_a_change_ends_the_sessions_it_concerns(
             ).json()["name"]
             == "bob"
         )
+        # A browser stays logged in.
+        assert admin.post("/api/v1/users/admin/token").status_code == 201
         assert admin.delete("/api/v1/users/bob").status_code == 204
         assert (
             httpx.get(
