@@ -1,7 +1,7 @@
 """Guard in front of the app: conditions of every request and websocket before any handler runs.
 
-1. Host is an allowed name, so that a foreign name that resolves to this machine (DNS rebinding) is
-   refused.
+1. Host is an allowed name or the IP address that the connection came to, so that a foreign name
+   that resolves to this machine (DNS rebinding) is refused.
 2. Origin, if the browser names one, is the console itself.
 3. The visitor is authenticated: by session or bearer token, or anonymously on a console of this
    machine alone.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from ipaddress import IPv4Address, IPv6Address, ip_address
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
@@ -20,7 +21,8 @@ def check_origin(scope: Scope, headers: Headers, allowed_hosts: frozenset[str]) 
     would be checked for another path than the one that is served.
     """
     host = (single(headers.getlist("host")) or "").lower()
-    if not host or not (host in allowed_hosts or _without_port(host) in allowed_hosts):
+    names = {host, _without_port(host)}
+    if not host or not (names & allowed_hosts or _is_local_address(_without_port(host), scope)):
         return problem(
             421, "foreign_host", "this console does not answer under that name", "header Host"
         )
@@ -41,6 +43,21 @@ def single(values: Sequence[str]) -> str | None:
 def _without_port(host: str) -> str:
     name, colon, port = host.rpartition(":")
     return name if colon and port.isdigit() else host
+
+
+def _is_local_address(name: str, scope: Scope) -> bool:
+    """Return whether a name is the IP address that the connection came to, in figures. A network
+    may give the machine another address at any time, and DNS rebinding needs a name."""
+    local = _address((scope.get("server") or ("",))[0].partition("%")[0])
+    return local is not None and _address(name.removeprefix("[").removesuffix("]")) == local
+
+
+def _address(text: str) -> IPv4Address | IPv6Address | None:
+    try:
+        address = ip_address(text)
+    except ValueError:
+        return None
+    return getattr(address, "ipv4_mapped", None) or address
 
 
 def _is_own_origin(headers: Headers, host: str) -> bool:

@@ -6,10 +6,12 @@ from typing import Any
 
 import httpx
 import pytest
+from starlette.datastructures import Headers
 
 from tests.reliability.routes import FOREIGN_HEADERS, response_status, routes_of
 from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
+from web.gateway.origin_check import check_origin
 from web.server import create_app
 
 
@@ -138,3 +140,29 @@ def test_no_route_is_reached_by_a_path_that_only_a_router_takes_for_its_own(
         not in (403, 404)
     }
     assert reached == {}
+
+
+@pytest.mark.parametrize(
+    ("host", "local", "is_answered"),
+    [
+        ("192.168.7.5:8000", "192.168.7.5", True),
+        ("192.168.7.5", "::ffff:192.168.7.5", True),
+        ("[fe80::1]:8000", "fe80::1%wlan0", True),
+        ("192.168.7.6:8000", "192.168.7.5", False),
+        ("[fe80::1%eth0]:8000", "fe80::1%wlan0", False),
+        ("192.168.7.5.example.org:8000", "192.168.7.5", False),
+        ("evil.example", "192.168.7.5", False),
+        ("evil.example", "evil.example", False),
+        ("192.168.7.5:8000:8000", "192.168.7.5", False),
+        ("", "", False),
+    ],
+)
+def test_the_console_answers_to_the_address_that_the_connection_came_to_and_to_no_other(
+    host: str, local: str, is_answered: bool
+) -> None:
+    """A computer that starts before its Wi-Fi gets its address later."""
+    scope = {"type": "http", "method": "GET", "path": "/", "server": (local, 8000)}
+    refusal = check_origin(scope, Headers({"host": host}), frozenset({"console"}))
+    assert (refusal is None) == is_answered
+    other = Headers({"host": host, "origin": "http://192.168.7.5:9999"})
+    assert check_origin(scope, other, frozenset({"console"})) is not None
