@@ -310,10 +310,12 @@ class LiveSites:
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
         price = stored_unknown_price(site)
-        self._keeper.write_now()
         self.keep_session()
+        replaced = self._saved
 
         def edit(intent: OperatorState) -> OperatorState:
+            nonlocal replaced
+            replaced = intent.mission
             # A version that was in force names one list only, at whatever site.
             version = max(intent.beware.version + 1, beware.version)
             listed = dataclasses.replace(beware, version=version)
@@ -325,6 +327,7 @@ class LiveSites:
                 zones=zones,
                 beware=listed,
                 by_hand=None,
+                searching=False,
                 unknown_price=price,
             )
 
@@ -335,15 +338,16 @@ class LiveSites:
             self._has_entered, self._old_picture = True, self._view.picture
 
         with self._user.leaving_site():
+            self._keeper.write_now()  # with all that an operator was told is erased
             self._store.use(site.name, world=self._world)
             # Until the next tick the robot's place is that on the map of the site before.
             self._has_entered = False
             try:
                 self._controller.enter_site(edit, replace_map)
             except Refused:
-                self._store.use(before.name)
                 self._store.site = before  # that of the editors, which go on
                 self._has_entered = True
+                self._store.sites.choose(before.name, None)
                 raise
             self._user.enter_site(self._store.site)
         self._left.pop(site.name, None)
@@ -352,6 +356,8 @@ class LiveSites:
         self._placed = None
         self._use_tags()
         self._listings.clear()
+        if replaced is not None and replaced is not self._saved:  # by a goal of the last moment
+            before.save_document(*MISSION, _mission_record(replaced))
 
     def _expected_place(self, site: SiteStore) -> tuple[Pose2 | None, LocalisationEstimate | None]:
         """Return T_map_base at which to look for the robot, and the estimate of its place that

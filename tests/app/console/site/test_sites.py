@@ -198,6 +198,58 @@ def test_a_mission_that_starts_in_the_meantime_is_not_moved_to_another_site(
     assert len(desk.store.sites.open("Ward 3").zones()) == 3
 
 
+def test_what_an_operator_was_told_is_stored_in_the_last_moment_is_at_the_site_that_is_left(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    enter, written = desk.controller.enter_site, desk.keeper.write_now
+
+    def add_goal(*given: Any) -> None:
+        desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC))
+        enter(*given)
+
+    def write_while_edits_wait() -> None:
+        def edit() -> None:
+            with pytest.raises(Refused, match="another site"):
+                desk.zones.add(SQUARE)
+
+        late.append(threading.Thread(target=edit))
+        late[0].start()
+        written()
+        late[0].join(0.05)
+        assert late[0].is_alive()
+
+    late: list[threading.Thread] = []
+    monkeypatch.setattr(desk.controller, "enter_site", add_goal)
+    monkeypatch.setattr(desk.keeper, "write_now", write_while_edits_wait)
+    desk.choose("hall")
+    late[0].join(30.0)
+    assert not late[0].is_alive()
+    assert [goal.y_m for goal in mission_of(desk.store.sites.open("default")).queue] == [3.0]
+    assert desk.controller.intent.mission.queue == ()
+
+
+def test_a_disk_that_fails_on_the_way_back_leaves_the_robot_at_its_site(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise Refused("the robot moves")
+
+    def fail(*_: object) -> None:
+        raise StorageFailed("the disk is full")
+
+    choose = desk.store.sites.choose
+    monkeypatch.setattr(desk.controller, "enter_site", refuse)
+    monkeypatch.setattr(
+        desk.store.sites, "choose", lambda name, world: (choose if world else fail)(name, world)
+    )
+    with desk.ticking(), pytest.raises(StorageFailed):
+        desk.sites.choose("hall")
+    assert desk.sites.chosen == "default"
+    with desk.ticking():
+        desk.sites.change("default", SiteChanges(name="Ward 3"))
+    assert desk.sites.chosen == "Ward 3"
+
+
 def test_an_edit_that_comes_too_late_is_refused_and_stored_nowhere(desk: Desk) -> None:
     zones, beware = desk.zones, desk.beware
     desk.choose("hall")
