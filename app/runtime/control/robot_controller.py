@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from app.runtime.control.background import Background, InlineBackground
@@ -67,8 +68,22 @@ CONTACT_HELD_NS = HELD_NS + round(DEFAULT_SAFETY.collision.memory_s * 1e9)
 """The same before an obstacle, which the gate remembers for a while where nothing is any more."""
 HAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
 """Lifetime of a command of teleoperation, nanoseconds."""
+REASONS_NS = 2 * round(COMMAND_PERIOD_S * 1e9)
+"""Age from which the reasons of a decision are found again though nothing has changed,
+nanoseconds."""
 _HOLDING = {Cause.BEWARE_AHEAD, Cause.CONTACT_IMMINENT}
 """Reasons for which the gate keeps the robot from a motion, and may let it make another."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """Reasons, and the values that they were found for."""
+
+    now_ns: int
+    intent: OperatorState
+    tick_state: TickState
+    watched: SensorMonitor
+    reasons: tuple[StopReason, ...]
 
 
 class RobotController:
@@ -102,6 +117,7 @@ class RobotController:
         self._blocked_since_ns: int | None = None
         self._held_since_ns: int | None = None
         self._stopped_since_ns: int | None = None
+        self._found: _Found | None = None
         self._requests = MapRequests()
         self._search, self._was_located = SearchTurn(), False
 
@@ -416,11 +432,27 @@ class RobotController:
 
     def reasons(self, now_ns: int) -> tuple[StopReason, ...]:
         """Return why the robot stands although it was told to drive, the most severe reason
-        first."""
+        first. Those of the newest command, unless something has changed since: every page asks for
+        them many times a second."""
+        found = self._found
+        if (
+            found is not None
+            and 0 <= now_ns - found.now_ns < REASONS_NS
+            and found.intent is self._intent
+            and found.tick_state is self._tick_state
+            and found.watched is self._watched
+        ):
+            return found.reasons
         return self._verdict(now_ns, 0.0).reasons
 
     def _verdict(self, now_ns: int, period_s: float) -> GateDecision:
-        intent, tick_state, hand = self._intent, self._tick_state, self._limited(self.hand(now_ns))
+        intent, tick_state, watched, began_ns = (
+            self._intent,
+            self._tick_state,
+            self._watched,
+            now_ns,
+        )
+        hand = self._limited(self.hand(now_ns))
         # A command decided before the newest change of the operator's state is void; the next tick
         # decides for the new one.
         asked = intent.mission.phase in MOVING or intent.searching
@@ -445,7 +477,11 @@ class RobotController:
             else planner_stops(intent, tick_state, malformed=bool(self._watched.malformed))
         )
         twist = STANDSTILL if hand is not None and found else verdict.twist
-        return GateDecision(twist=twist, reasons=ranked([*verdict.reasons, *found]))
+        reasons = ranked([*verdict.reasons, *found])
+        self._found = _Found(
+            now_ns=began_ns, intent=intent, tick_state=tick_state, watched=watched, reasons=reasons
+        )
+        return GateDecision(twist=twist, reasons=reasons)
 
     def _keep_outs(self) -> KeepOuts:
         """Return what the gate keeps the robot out of, in a mission and by hand: the operator's

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from app.console.status_message import stands_in_zone
+from app.runtime.control.robot_controller import REASONS_NS
 from navcore.behaviours.supervisor import Behaviour
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
@@ -18,7 +19,7 @@ from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.navigator import Stages
-from navcore.safety.gate import Cause
+from navcore.safety.gate import Cause, GateDecision, GateInput, gate
 from tests.app.runtime.control.controlled import causes, command, controller, think
 from tests.navcore.scene import SPEC, Box, picture
 from tests.navcore.ticks import ACROSS, NAN, OPEN, SECOND
@@ -94,6 +95,29 @@ def test_pause_and_stop_mean_zero_with_their_reason_and_resume_drives_on() -> No
     assert command(driver).twist != STANDSTILL
     driver.change(lambda intent: dataclasses.replace(intent, stopped_by="ann"))
     assert (command(driver).twist, causes(command(driver))) == (STANDSTILL, [Cause.EMERGENCY_STOP])
+
+
+def test_the_pages_read_the_reasons_of_the_newest_command_until_something_changes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    decided = list[int]()
+
+    def counted(facts: GateInput, **given: Any) -> GateDecision:
+        decided.append(facts.now_ns)
+        return gate(facts, **given)
+
+    monkeypatch.setattr("app.runtime.control.robot_controller.gate", counted)
+    driver = controller((3.0, 0.0))
+    think(driver)
+    verdict = command(driver)
+    assert [driver.reasons(SECOND + k * 10_000_000) for k in range(10)] == 10 * [verdict.reasons]
+    assert len(decided) == 1
+    assert driver.reasons(SECOND + REASONS_NS) == () and len(decided) == 2
+    driver.change(lambda intent: dataclasses.replace(intent, stopped_by="test"))
+    (stopped,) = driver.reasons(SECOND + REASONS_NS)
+    assert stopped.cause is Cause.EMERGENCY_STOP
+    driver.note_failure(OPEN, RuntimeError("no weights"))
+    assert Cause.PLANNER_FAILED in [one.cause for one in driver.reasons(SECOND + REASONS_NS)]
 
 
 def test_a_stale_command_and_a_stale_frame_mean_zero() -> None:
