@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 
 from navcore.errors import BadConfiguration
@@ -14,7 +15,8 @@ class PortInUse(BadConfiguration):
 def reserve(host: str, port: int) -> socket.socket:
     """Return a bound and listening socket; close it, or use it as a context.
 
-    Raises `PortInUse`, which names the port and what to do.
+    Raises `PortInUse`, which names the port and what to do, and `BadConfiguration` for an address
+    or a port on which this program cannot listen.
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     # asyncio turns Nagle's algorithm off only where a socket says that it speaks TCP; with it a
@@ -26,9 +28,13 @@ def reserve(host: str, port: int) -> socket.socket:
         listener.listen(128)
     except OSError as error:
         listener.close()
-        raise PortInUse(
-            f"the console cannot listen on {host}:{port}: {error.strerror}; "
-            "end the program that uses the port, or choose another one with --port"
+        refusal = f"the console cannot listen on {host}:{port}: {error.strerror}"
+        if error.errno == errno.EADDRINUSE:
+            raise PortInUse(
+                f"{refusal}; end the program that uses the port, or choose another one with --port"
+            ) from None
+        raise BadConfiguration(
+            f"{refusal}; choose an address of this machine with --host, or another port with --port"
         ) from None
     listener.set_inheritable(False)
     return listener

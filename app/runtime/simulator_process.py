@@ -94,10 +94,19 @@ class SimulatorProcess:
         return self._frame
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
-        """Return the newest frame once it is another than `after`; None when none comes in time."""
+        """Return the newest frame once it is another than `after`; None when none comes in time.
+        Raises `SimulatorFailed` when none will come any more."""
         with self._news:
-            self._news.wait_for(lambda: self._frame is not after, timeout_s)
-            return self._frame if self._frame is not after else None
+            self._news.wait_for(lambda: self._frame is not after or self._ended, timeout_s)
+            if self._frame is not after:
+                return self._frame
+        if self._ended:
+            self._process.join(timeout=JOIN_S)
+            code = self._process.exitcode
+            raise SimulatorFailed(
+                f"the simulator has ended with exit code {code}; start the console again"
+            )
+        return None
 
     def send(self, twist: Twist) -> None:
         """Send a velocity, which expires in the robot's driver."""

@@ -135,6 +135,7 @@ MORE = (
     "margin",
     "redo",
     "the robot is at another site now; nothing was changed",
+    "the simulator has ended with exit code {code}; start the console again",
     "Loading the program",
     "Something",
     "undo",

@@ -25,6 +25,7 @@ from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
 from app.bench.console.viser_client import SUBPROTOCOL, camera, names_in
+from navcore.errors import BadConfiguration
 from tests.web.fake_operations import FakeOperations
 from web.port import PortInUse, reserve
 from web.server import ConsoleServer
@@ -63,6 +64,13 @@ def test_a_busy_port_is_refused_with_the_port_and_the_remedy(operations: FakeOpe
             ConsoleServer(operations, port=port).start()
         with pytest.raises(PortInUse):
             reserve("127.0.0.1", port)
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "no-such-host.invalid"])
+def test_an_address_of_another_machine_is_not_said_to_be_in_use(host: str) -> None:
+    with pytest.raises(BadConfiguration, match=r"--host") as refusal:
+        reserve(host, 0)
+    assert not isinstance(refusal.value, PortInUse)
 
 
 def test_a_reserved_port_is_the_one_that_is_served(operations: FakeOperations) -> None:

@@ -58,7 +58,8 @@ class LiveRobot(Robot, Protocol):
     """A robot in real time, whose frames can be waited for."""
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
-        """Return the newest frame once it is another than `after`; None when none comes in time."""
+        """Return the newest frame once it is another than `after`; None when none comes in time.
+        Raises a `BewareNavError` when none will come any more."""
 
 
 class ControlLoop:
@@ -98,7 +99,7 @@ class ControlLoop:
 
     def _think(self) -> None:
         frame: Frame | None = None
-        retry_s = FRAME_WAIT_S
+        retry_s, failure = FRAME_WAIT_S, None
         while not self._ended.is_set():
             try:
                 segmented = self._next(frame)
@@ -108,11 +109,14 @@ class ControlLoop:
                 decision = self._controller.think(frame, clock=self._robot.now_ns, ahead=segmented)
                 if decision is not None:
                     self._on_decision(decision)
-                retry_s = FRAME_WAIT_S
+                retry_s, failure = FRAME_WAIT_S, None
             except Exception as error:
                 # The loop survives any bug above it: the robot stands with this reason, and the
-                # next frame is tried.
-                log.exception("the tick failed")
+                # next frame is tried. What goes on failing, such as a robot that is gone, is logged
+                # once.
+                if str(error) != failure:
+                    log.exception("the tick failed")
+                failure = str(error)
                 self._controller.note_failure(frame, error)
                 self._ended.wait(retry_s)
                 retry_s = min(2 * retry_s, MAX_RETRY_S)

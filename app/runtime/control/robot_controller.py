@@ -24,7 +24,7 @@ from navcore.behaviours.assisted_teleop import stays_out
 from navcore.behaviours.search_turn import SearchTurn
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
-from navcore.errors import BadFrame, Refused
+from navcore.errors import BadFrame, BewareNavError, Refused
 from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
 from navcore.localisation.cell_margins import GrownCells
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
@@ -347,7 +347,9 @@ class RobotController:
         self._tick_state = dataclasses.replace(
             self._tick_state,
             frame_ns=self._tick_state.frame_ns if frame is None else frame.stamp_ns,
-            failure=f"{type(error).__name__}: {error}",
+            failure=str(error)
+            if isinstance(error, BewareNavError)
+            else f"{type(error).__name__}: {error}",
             command=None,
         )
 

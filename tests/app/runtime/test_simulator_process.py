@@ -74,6 +74,16 @@ def test_a_simulator_that_hangs_blocks_no_sender(robot: SimulatorProcess) -> Non
         time.sleep(0.05)
 
 
+def test_a_simulator_that_has_died_is_named_with_its_exit_code(robot: SimulatorProcess) -> None:
+    process = robot._process.pid
+    assert process is not None
+    os.kill(process, signal.SIGKILL)
+    deadline = time.monotonic() + 20.0
+    with pytest.raises(SimulatorFailed, match=r"ended with exit code -9; start the console again"):
+        while time.monotonic() < deadline:
+            robot.wait_frame(robot.newest_frame(), 0.2)
+
+
 def test_a_lag_that_is_made_up_puts_no_frames_closer_together_than_the_camera_took_them(
     robot: SimulatorProcess,
 ) -> None:
