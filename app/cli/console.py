@@ -167,6 +167,7 @@ def console(settings: ConsoleSettings) -> None:
 def _check(settings: ConsoleSettings) -> CameraStream | None:
     """Refuse wrong options and files before anything slow is loaded; return the camera's stream,
     None for what this machine can follow."""
+    from app.storage.sites import checked_name
     from navcore.config.navigator import load_config
     from navcore.formats import nav2_map
     from navcore.mission.beware_sets import beware_list_of
@@ -183,6 +184,8 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
             raise BadConfiguration(
                 f"--proxy: {settings.proxy!r} is no IP address, such as 127.0.0.1"
             ) from None
+    if settings.site is not None:
+        checked_name(settings.site)
     robot = robot_profile(settings.robot, scanner=settings.scanner)
     if settings.recording is None:
         load_scenario(settings.scenario)

@@ -315,6 +315,18 @@ def finite_point(text: str, option: str) -> tuple[float, float]:
     return x, y
 
 
+def check_data_folder(folder: Path, *, makes: bool = False) -> None:
+    """Refuse a folder that no console has used: its name was mistyped. A command that `makes` one
+    says so instead."""
+    from app.storage.database import FILE
+
+    if (folder / FILE).exists():
+        return
+    if not makes:
+        raise BadConfiguration(f"--data: {folder} is no data folder of a console, it has no {FILE}")
+    typer.echo(f"{folder} is a new data folder.", err=True)
+
+
 def prepare(folder: Path) -> None:
     """Create a folder and refuse one that cannot be written, before the work and not after it."""
     try:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.options import finite_point
+from app.cli.options import check_data_folder, finite_point
 from navcore.errors import BadConfiguration
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def list_sites(data: DataOption = Path("data")) -> None:
 @site_cli.command("new")
 def new(name: NameArgument, data: DataOption = Path("data")) -> None:
     """Make an empty site."""
-    with _sites(data) as sites:
+    with _sites(data, makes=True) as sites:
         sites.make(name)
     typer.echo(f"Site {name} is made; use it with `console --site`.")
 
@@ -106,7 +106,7 @@ def import_site(name: NameArgument, file: FileArgument, data: DataOption = Path(
     from web.interface.sites import MAX_ARCHIVE_BYTES
 
     archive = read_whole(file, at_most=MAX_ARCHIVE_BYTES)
-    with _sites(data) as sites:
+    with _sites(data, makes=True) as sites:
         add(sites, name, archive)
     typer.echo(f"Site {name} is made of {file}.")
 
@@ -202,7 +202,7 @@ def import_nav2(
     from navcore.formats import nav2_map
 
     loaded, pairs = nav2_map.load(map_file), _pairs(point or [])
-    with _sites(data) as sites:
+    with _sites(data, makes=True) as sites:
         add_nav2(sites, name, loaded, pairs=pairs)
     typer.echo(f"Site {name} is made of {map_file}.")
 
@@ -237,9 +237,11 @@ def _pairs(texts: list[str]) -> tuple[PointPair, PointPair] | None:
 
 
 @contextmanager
-def _sites(data: Path) -> Iterator[SiteTable]:
+def _sites(data: Path, *, makes: bool = False) -> Iterator[SiteTable]:
+    """Open the sites of a data folder; `makes`: also of a new one."""
     from app.storage.sites import site_table
 
+    check_data_folder(data, makes=makes)
     with site_table(data) as sites:
         yield sites
 
@@ -251,5 +253,6 @@ def _locked(data: Path) -> Iterator[SiteTable]:
 
     from app.storage import Store
 
+    check_data_folder(data)
     with closing(Store(data)) as store:
         yield store.sites

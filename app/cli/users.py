@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from navcore.errors import NotKnown
+from app.cli.options import check_data_folder
 
 if TYPE_CHECKING:
     from app.storage.users import UserTable
-    from web.auth.users import User
 
 users_cli = typer.Typer(help="Accounts that may log in to the console.", no_args_is_help=True)
 DataOption = Annotated[
@@ -38,8 +37,9 @@ def add(name: NameArgument, role: RoleOption = "operator", data: DataOption = Pa
     from web.auth.roles import Role
     from web.auth.users import new_user
 
-    with _users(data) as users:
-        users.add(new_user(name, Role(role), _password()))
+    user = new_user(name, Role(role), _password())
+    with _users(data, makes=True) as users:
+        users.add(user)
     typer.echo(f"{name} may log in as {role}.")
 
 
@@ -98,18 +98,13 @@ def make_token(name: NameArgument, data: DataOption = Path("data")) -> None:
 
 
 @contextmanager
-def _users(data: Path) -> Iterator[UserTable]:
+def _users(data: Path, *, makes: bool = False) -> Iterator[UserTable]:
+    """Open the users of a data folder; `makes`: also of a new one."""
     from app.storage.users import user_table
 
+    check_data_folder(data, makes=makes)
     with user_table(data) as users:
         yield users
-
-
-def _user(users: UserTable, name: str) -> User:
-    for user in users.all():
-        if user.name == name:
-            return user
-    raise NotKnown(f"no user is called {name!r}")
 
 
 def _password() -> str:

@@ -125,6 +125,7 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("drive", "--goal", "99,99", "--weights", "/no/such.onnx"), "outside the world"),
         (("drive", "--scenario", "moon", "--weights", "/no/such.onnx"), "forest, indoor, office"),
         ((*CONSOLE, "--scenario", "moon", "--weights", "/no/such.onnx"), "forest, indoor, office"),
+        ((*CONSOLE, "--site", "a/b", "--weights", "/no/such.onnx"), "site name 'a/b'"),
         (("evaluate", "office", "--robot", "unicycle", "--segmenter", "colour"), "unicycle"),
         (
             ("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"),

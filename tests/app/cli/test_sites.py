@@ -56,6 +56,16 @@ def test_a_site_is_made_copied_renamed_exported_imported_and_deleted(tmp_path: P
         site(data, "import", "other", str(tmp_path / "nothing.zip"))
 
 
+def test_only_a_new_site_makes_a_new_data_folder(tmp_path: Path) -> None:
+    mistyped = tmp_path / "dtaa"
+    for command in (["list"], ["copy", "a", "b"], ["delete", "a"]):
+        with pytest.raises(BadConfiguration, match="is no data folder of a console"):
+            site(mistyped, *command)
+    assert not mistyped.exists()
+    site(mistyped, "new", "hall")
+    assert names(mistyped) == ["hall"]
+
+
 def test_a_running_console_alone_renames_and_deletes(tmp_path: Path) -> None:
     with closing(Store(tmp_path)) as console:
         console.use("default")

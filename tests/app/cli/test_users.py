@@ -47,6 +47,16 @@ def test_users_are_stored_while_a_console_runs_with_only_the_hash_of_the_passwor
     console.close()
 
 
+def test_only_a_new_user_makes_a_new_data_folder(tmp_path: Path) -> None:
+    mistyped = tmp_path / "dtaa"
+    for command in (["list"], ["role", "anna", "admin"], ["remove", "anna"]):
+        with pytest.raises(BadConfiguration, match="is no data folder of a console"):
+            users(mistyped, *command)
+    assert not mistyped.exists()
+    users(mistyped, "add", "anna", "--role", "admin")
+    assert users(mistyped, "list").split() == ["anna", "admin"]
+
+
 def test_invalid_changes_are_refused_with_a_message(tmp_path: Path) -> None:
     users(tmp_path, "add", "anna", "--role", "admin")
     with pytest.raises(Refused, match="already"):
