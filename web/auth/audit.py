@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import datetime
 from typing import Any, Protocol
+from urllib.parse import quote
 
 from starlette.types import Message, Scope, Send
 
@@ -99,7 +100,8 @@ class Auditor:
 
 def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str, Any]:
     query = scope["query_string"].decode("latin-1")
-    path = f"{scope['path']}?{query}" if query else scope["path"]
+    # As in an address: names may have any character.
+    path = quote(scope["path"]) + (f"?{query}" if query else "")
     entry = {
         "who": visitor.name,
         "role": str(visitor.role),

@@ -27,7 +27,7 @@ _ADMINS = re.compile(rf"{_API}/users(/|$)")
 _OPERATORS = re.compile(rf"{_API}/(audit(/|$)|teach/frames\.zip$)")
 """Reads that tell of users, and those that are work for the computer of the robot."""
 _DRIVES = re.compile(
-    rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/(load|start|queue)|sites/.+/choose"
+    rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/load|sites/.+/choose"
     r"|localisation/search)/?"
 )
 _NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}

@@ -1,7 +1,8 @@
 """Port of the console to the robot. `app` implements it.
 
-Every method returns at once: it posts a request or reads an immutable snapshot, and may be called
-from any thread.
+Every method may be called from any thread. What moves or stops the robot posts a request, and what
+reads its state an immutable snapshot: both return at once. An edit returns when it is on the disk,
+a preview when it is planned, a change of site when the map that is left is on the disk.
 
 Refusals are exceptions of `navcore.errors`: `BadGeometry` (422), `BadConfiguration` (422),
 `NotKnown` (404), `Outdated` (409), `Refused` (409), `StorageFailed` (503). A refusal changes

@@ -97,7 +97,7 @@ class State:
     unknown_price: float = 1.0
     """Cost of a metre of path over floor that was not seen yet, in metres of seen floor."""
     explored_m2: float
-    """Area of the floor seen since the start, square metres."""
+    """Area of the floor on the map that was seen, also before the start, square metres."""
     replans: int
     """Number of paths planned since the start."""
     images: int = 0

@@ -136,11 +136,6 @@ class RobotController:
         """Velocity that was last sent to the wheels."""
         return self._sent
 
-    @property
-    def recent_obstacles(self) -> RecentObstacles:
-        """Obstacles near the robot, as the safety gate remembers them."""
-        return self._recent_obstacles
-
     def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
         """Replace the operator's state by `edit(state)` in one step; nothing changes when `edit`
         raises."""

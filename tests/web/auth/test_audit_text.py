@@ -7,9 +7,10 @@ import re
 import pytest
 
 from tests.web.fake_operations import FakeOperations
-from web.auth.audit import SILENT
+from web.auth.audit import SILENT, _entry
 from web.auth.audit_text import describe_entry
 from web.auth.permissions import SAFE
+from web.auth.roles import Role, Visitor
 from web.server import create_app
 
 
@@ -35,6 +36,17 @@ from web.server import create_app
 def test_an_entry_is_told_in_words(method: str, path: str, detail: object, text: str) -> None:
     entry = {"who": "vera", "method": method, "path": path, "status": 200, "detail": detail}
     assert describe_entry(entry) == text
+
+
+def test_a_name_is_logged_whole_whatever_its_characters() -> None:
+    name = "Ward #1? 50%25"
+    scope = {
+        "method": "DELETE",
+        "path": f"/api/v1/missions/{name}",
+        "query_string": b"force=true",
+    }
+    visitor = Visitor(name="vera", role=Role.ADMIN, client_id="page vera")
+    assert describe_entry(_entry(scope, visitor, b"", 204)) == f"deleted the mission “{name}”"
 
 
 def test_every_request_that_changes_something_has_words() -> None:

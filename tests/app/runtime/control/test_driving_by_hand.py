@@ -83,12 +83,12 @@ def test_teleoperation_stops_at_a_malformed_frame_and_recent_obstacles_are_kept(
         driver.command(lambda: SECOND, 0.05, newest=picture(corner, stamp_ns=SECOND)).twist.v_mps
         > 0
     )
-    near = driver.recent_obstacles
+    near = driver._recent_obstacles
     verdict = driver.command(
         lambda: SECOND + 1, 0.05, newest=malformed(picture(stamp_ns=SECOND + 1), what)
     )
     assert (verdict.twist, causes(verdict)) == (STANDSTILL, [Cause.BAD_FRAME])
-    assert driver.recent_obstacles is near and len(near.points)
+    assert driver._recent_obstacles is near and len(near.points)
     assert (
         driver.command(
             lambda: SECOND + 2, 0.05, newest=picture(corner, stamp_ns=SECOND + 2)
@@ -120,9 +120,9 @@ def test_a_reset_keeps_obstacles_out_of_view_unless_the_pose_had_jumped() -> Non
     driver = controller((3.0, 0.0))
     wall = picture(Box(x=(1.2, 1.4), y=(-1.0, 1.0), z=(0, 1)), stamp_ns=SECOND)
     driver.command(lambda: SECOND, 0.05, newest=wall)
-    before = len(driver.recent_obstacles.points)
+    before = len(driver._recent_obstacles.points)
     driver.trust_pose()
-    assert len(driver.recent_obstacles.points) == before > 0
+    assert len(driver._recent_obstacles.points) == before > 0
     away = Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)
     driver.command(lambda: 2 * SECOND, 0.05, newest=wall)
     driver.command(
@@ -130,7 +130,7 @@ def test_a_reset_keeps_obstacles_out_of_view_unless_the_pose_had_jumped() -> Non
     )
     assert driver.pose_in_doubt
     driver.trust_pose()
-    assert len(driver.recent_obstacles.points) == 0 and not driver.pose_in_doubt
+    assert len(driver._recent_obstacles.points) == 0 and not driver.pose_in_doubt
 
 
 NEAR = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
