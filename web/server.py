@@ -122,7 +122,10 @@ def create_app(
         authenticator=access.authenticator,
         control=access.control,
         auditor=auditor,
-        spools={"/api/v1/teach/frames.zip": lambda: operations.teaching.frames.import_file()},
+        spools={
+            "/api/v1/teach/frames.zip": lambda: operations.teaching.frames.import_file(),
+            "/api/v1/teach/networks": lambda: operations.teaching.networks.import_file(),
+        },
     )
     return app
 

@@ -297,7 +297,11 @@ class Networks(Protocol):
         """Use the version that was in use before and return its name; raises `Refused` without
         one."""
 
-    def add(self, name: str, data: bytes) -> NetworkVersion:
+    def import_file(self) -> BinaryIO:
+        """Return an empty file on the disk of the versions, for a weights file that arrives, which
+        the caller closes; raises `StorageFailed`."""
+
+    def add(self, name: str, file: BinaryIO) -> NetworkVersion:
         """Store an uploaded weights file as a version; raises `BadConfiguration` for a damaged
         one."""
 

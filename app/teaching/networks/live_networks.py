@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 import logging
+import os
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, cast
 
 from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import SLOW_MS, SLOWER, Perception
@@ -27,7 +29,7 @@ from app.teaching.networks.versions import (
     write_version,
 )
 from navcore.errors import BadConfiguration, BewareNavError, Refused, StorageFailed
-from navcore.files import write_whole
+from navcore.files import sync_folder
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from web.interface.teaching import NetworkVersion
 
@@ -37,6 +39,8 @@ MAX_HEADER_BYTES = 1 << 20
 JOIN_S = 30.0
 """Longest wait for an exchange at the end, seconds."""
 log = logging.getLogger(__name__)
+_DRAFT = ".weights-"
+"""Beginning of the name of the folder of an upload that is being checked."""
 Compose = Callable[[SegmenterChoice], Perception]
 Try = Callable[[Perception], None]
 
@@ -163,14 +167,41 @@ class LiveNetworks:
             self._begin(name, self._choice_of(name), self._used[:-1])
         return name
 
-    def add(self, name: str, data: bytes) -> NetworkVersion:
+    def import_file(self) -> BinaryIO:
+        """Return an empty file for a network that arrives."""
+        try:
+            self.versions.folder.mkdir(parents=True, exist_ok=True)
+            return cast(BinaryIO, tempfile.TemporaryFile(dir=self.versions.folder))
+        except OSError as error:
+            raise StorageFailed(
+                f"the network cannot be stored: {error.strerror or error}"
+            ) from error
+
+    def add(self, name: str, file: BinaryIO) -> NetworkVersion:
         """Check an uploaded file in a process of its own, which may read it, and store it."""
         check_version_name(name)
-        with self._checking, tempfile.TemporaryDirectory(prefix="weights-") as checked:
+        with self._checking:
             with self._lock:
                 self._refuse_version(name)
-            path = Path(checked) / MODEL_NAME
-            write_whole(path, data)
+            try:
+                return self._stored(name, file)
+            except OSError as error:
+                raise StorageFailed(
+                    f"the network cannot be stored: {error.strerror or error}"
+                ) from error
+
+    def _stored(self, name: str, file: BinaryIO) -> NetworkVersion:
+        """Store an uploaded file whole or not at all; raises `OSError`."""
+        self.versions.folder.mkdir(parents=True, exist_ok=True)
+        for left in self.versions.folder.glob(f"{_DRAFT}*"):  # by a console that was killed
+            shutil.rmtree(left, ignore_errors=True)
+        draft = Path(tempfile.mkdtemp(prefix=_DRAFT, dir=self.versions.folder))
+        try:
+            path = draft / MODEL_NAME
+            with path.open("wb") as copy:
+                shutil.copyfileobj(file, copy)
+                copy.flush()
+                os.fsync(copy.fileno())
             _check(path)
             version = NetworkVersion(
                 name=name,
@@ -179,19 +210,14 @@ class LiveNetworks:
                 class_names=_names(path),
                 created_unix_s=round(time.time(), 1),
             )
-        folder = self.versions.folder / name
-        with self._lock:
-            self._refuse_version(name)
-            try:
-                folder.mkdir(parents=True)
-            except OSError as error:
-                raise StorageFailed(f"{folder}: cannot be made: {error.strerror}") from error
-            try:
-                write_whole(folder / MODEL_NAME, data)
-                write_version(folder, version)
-            except StorageFailed:
-                shutil.rmtree(folder, ignore_errors=True)
-                raise
+            write_version(draft, version)
+            draft.chmod(0o755)
+            with self._lock:
+                self._refuse_version(name)
+                draft.rename(self.versions.folder / name)
+            sync_folder(self.versions.folder)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
         return version
 
     def delete(self, name: str) -> None:
@@ -321,7 +347,8 @@ def _check(path: Path) -> None:
 
 
 def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _names(path: Path) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import shutil
 import threading
 import time
@@ -265,9 +266,9 @@ def test_what_does_not_find_its_class_is_used_by_force_alone(tmp_path: Path) -> 
 def test_a_damaged_upload_is_refused_in_words(tmp_path: Path) -> None:
     networks = networks_of(VersionStore(tmp_path), LivePerception(perception_of(SegmenterChoice())))
     with pytest.raises(BadConfiguration, match="not a safetensors file"):
-        networks.add("mine", b"no network")
+        networks.add("mine", io.BytesIO(b"no network"))
     with pytest.raises(BadConfiguration, match="name of a version"):
-        networks.add("../mine", b"")
+        networks.add("../mine", io.BytesIO())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -282,9 +283,12 @@ def test_an_upload_on_a_full_disk_leaves_its_name_free(
     with monkeypatch.context() as context:
         context.setattr(live_networks, "write_version", full)
         with pytest.raises(StorageFailed, match="No space left"):
-            networks.add("mine", b"weights")
+            networks.add("mine", io.BytesIO(b"weights"))
     assert list(tmp_path.iterdir()) == []
-    assert networks.add("mine", b"weights").name == "mine"
+    (tmp_path / ".weights-killed").mkdir()
+    assert networks.add("mine", io.BytesIO(b"weights")).name == "mine"
+    assert (tmp_path / "mine" / MODEL_NAME).read_bytes() == b"weights"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
 def test_a_version_that_is_gone_blocks_no_exchange(tmp_path: Path) -> None:
@@ -312,7 +316,7 @@ def test_an_upload_that_is_checked_holds_no_exchange_up(
         ended.wait(10)
 
     monkeypatch.setattr(live_networks, "_check", check)
-    upload = threading.Thread(target=networks.add, args=("mine", b"weights"))
+    upload = threading.Thread(target=networks.add, args=("mine", io.BytesIO(b"weights")))
     upload.start()
     assert checking.wait(10)
     networks.use("taught 2")

@@ -17,10 +17,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from navcore.errors import Refused
 from tests.web.api.answers import wrong, zone
 from tests.web.fake_operations import FakeOperations
 from web.gateway import request_body
 from web.gateway.request_body import MAX_BODY_BYTES
+from web.interface.teaching import NetworkVersion
 from web.server import ConsoleServer
 
 JSON = {"Content-Type": "application/json"}
@@ -284,6 +286,21 @@ def test_a_large_archive_lies_on_the_disk_while_it_arrives_and_is_bounded_there_
     refused = wrong(client.post(url, content=bytes(10)), 503)
     assert refused["message"] == "the body cannot be stored: No space left on device"
     assert all(file.closed for file in came) and len(came) == 2
+
+
+def test_a_network_is_written_to_the_disk_as_it_arrives(
+    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    came = list[tuple[str, bool, bytes]]()
+
+    def note(name: str, file: BinaryIO) -> NetworkVersion:
+        came.append((name, isinstance(file, io.BytesIO), file.read()))
+        raise Refused("noted")
+
+    monkeypatch.setattr(tempfile, "tempdir", "/no/such/folder")  # memory on many machines
+    monkeypatch.setattr(operations.teaching.networks, "add", note)
+    wrong(client.post("/api/v1/teach/networks?name=mine", content=b"weights"), 409)
+    assert came == [("mine", False, b"weights")]
 
 
 def test_an_archive_lies_below_the_data_folder_and_one_is_imported_at_a_time(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
 from web.api.router import api_router
 from web.gateway.problems import refusals
+from web.gateway.request_body import body_file
 from web.interface.operations import RobotService
 from web.interface.teaching import VERSION_NAME, NetworkVersion, TrainingRun
 from web.schemas.teaching import NetworksOut, TrainingIn, TrainingOut
@@ -73,12 +73,11 @@ def teach_training_router(operations: RobotService) -> APIRouter:
     @router.post(
         "/teach/networks", status_code=201, response_model=NetworkVersion, responses=_REFUSALS
     )
-    async def add_network(
+    def add_network(
         request: Request, name: Annotated[str, Query(pattern=VERSION_NAME)]
     ) -> NetworkVersion:
         """Store a weights file (`.safetensors`), the body of the request, as a version."""
-        data = await request.body()
-        return await asyncio.to_thread(operations.teaching.networks.add, name, data)
+        return operations.teaching.networks.add(name, body_file(request))
 
     @router.post("/teach/networks/rollback", response_model=NetworksOut, responses=_REFUSALS)
     def roll_back() -> NetworksOut:
