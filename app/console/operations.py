@@ -378,8 +378,10 @@ class LiveOperations:
             if action in ("start", "resume"):
                 require_known(self._controller.place)
             mission = intent.mission
-            # A robot that looks for its place stands with it; its mission does not drive.
-            if action != "pause" or not intent.searching:
+            drives = mission.phase in MOVING or mission.goes_on
+            # A robot that looks for its place, or backs off, can be paused without a mission.
+            moves = intent.searching or self._controller.hand(self._robot.now_ns()) is not None
+            if action != "pause" or drives or not moves:
                 mission = TRANSITIONS[action](mission)
             # Without its command, a robot that backs off ends that: its next one would pause the
             # mission again.

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from app.console.back_off import BACK
 from app.console.operations import LiveOperations
 from app.storage import Store
 from navcore.errors import Refused
@@ -47,6 +48,19 @@ def test_a_robot_that_looks_round_can_be_paused_and_is_not_said_to_stand(
     assert not state.place.searching and state.phase is mission.phase
     is_paused = Cause.PAUSED in [reason.cause for reason in state.reasons]
     assert is_paused == (mission.phase is Phase.PAUSED)
+
+
+@pytest.mark.parametrize("mission", [Mission(), PAUSED])
+def test_a_robot_that_backs_off_without_a_mission_can_be_paused(
+    operations: LiveOperations, mission: Mission
+) -> None:
+    controller = operations._controller
+    controller.change_mission(lambda _: mission)
+    operations.drive(BACK)
+    operations.mission("pause")
+    assert controller.intent.by_hand is None and controller.intent.mission == mission
+    with pytest.raises(Refused, match="only a driving mission"):
+        operations.mission("pause")
 
 
 @pytest.mark.parametrize("action", ["pause", "cancel", "leave"])

@@ -12,11 +12,11 @@ const TITLES = { leave: t("Drive out of the zone by the shortest path") };
 function refusalsOf(state) {
   const { phase, queue, stop_latched: isStopped } = state;
   const stopped = isStopped ? t("The stop is latched: reset it first") : "";
-  const isDriving = ["driving", "leaving"].includes(phase);
+  const moves = ["driving", "leaving"].includes(phase) || state.goes_on || state.place.searching || state.by_hand;
   return {
     start:
       stopped || (phase !== "idle" && t("The mission has begun")) || (!queue.length && t("Add a goal first")) || "",
-    pause: isDriving || state.goes_on || state.place.searching ? "" : t("Nothing drives"),
+    pause: moves ? "" : t("Nothing drives"),
     resume: phase === "paused" ? stopped : t("The mission is not paused"),
     cancel: queue.length > 0 || phase !== "idle" ? "" : t("There is no mission"),
     leave: stopped || (state.in_zone ? "" : t("The robot is in no zone")),
