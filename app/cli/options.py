@@ -288,11 +288,13 @@ def camera_stream(text: str | None, default: CameraStream | None = None) -> Came
 
 def robot_profile(name_or_path: str, *, scanner: bool) -> RobotProfile:
     """Return the robot of `--robot`, with `--scanner` with a laser scanner if it has none; raises
-    `BadConfiguration`."""
+    `BadConfiguration`, also for one that the safety gate could not stop in time."""
     from navcore.robot.laser_scan import ScannerMount
     from navcore.robot.profile import load_profile
+    from navcore.safety.stopping import check_stopping
 
     robot = load_profile(name_or_path)
+    check_stopping(robot)
     if not scanner:
         return robot
     return dataclasses.replace(robot, scanner=robot.scanner or ScannerMount())

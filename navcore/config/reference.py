@@ -53,6 +53,7 @@ ROBOT = """\
 # Robot profile
 
 A robot is a TOML file in `navcore/robot/profiles`, or one of your own, chosen with `--robot`.
+A robot that at full speed would not stop within what the safety gate looks ahead is refused.
 """
 
 

@@ -50,6 +50,7 @@ from navcore.safety.gate import (
 )
 from navcore.safety.keep_out_monitor import KeepOuts
 from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
+from navcore.safety.stopping import check_stopping
 from web.interface.sites import at_another_site
 
 COMMAND_PERIOD_S = 0.05
@@ -99,7 +100,9 @@ class RobotController:
         background: Background | None = None,
     ) -> None:
         """`timer`: the timer of the navigator's stages, which times the ticks too. `background`
-        runs what the tick does not wait for; by default at once, for simulated time."""
+        runs what the tick does not wait for; by default at once, for simulated time. Raises
+        `BadConfiguration` for a platform that the safety gate could not stop in time."""
+        check_stopping(profile)
         self._background = background or InlineBackground()
         self.navigator = navigator
         self.timer = timer or StageTimer()
