@@ -30,7 +30,7 @@ from app.console.site.sites import LiveSites
 from app.console.status_message import stands_in_zone, status_message
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
-from app.runtime.control.operator_state import MOVING, OperatorState
+from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.map_keeper import MapKeeper
 from app.runtime.record.recorder import Recorder
@@ -385,7 +385,9 @@ class LiveOperations:
                 mission = TRANSITIONS[action](mission)
             # Without its command, a robot that backs off ends that: its next one would pause the
             # mission again.
-            return dataclasses.replace(intent, mission=mission, searching=False, by_hand=None)
+            return dataclasses.replace(
+                intent, mission=mission, search=PlaceSearch.NONE, by_hand=None
+            )
 
         self._controller.change(edit)
 
@@ -402,7 +404,9 @@ class LiveOperations:
                     f"the emergency stop by {intent.stopped_by} is latched; reset it first"
                 )
             mission = intent.mission.pause() if intent.mission.phase in MOVING else intent.mission
-            return dataclasses.replace(intent, by_hand=command, mission=mission, searching=False)
+            return dataclasses.replace(
+                intent, by_hand=command, mission=mission, search=PlaceSearch.NONE
+            )
 
         self._controller.change(edit)
 
@@ -436,7 +440,7 @@ class LiveOperations:
                 stopped_by=intent.stopped_by or source,
                 mission=mission,
                 by_hand=None,
-                searching=False,
+                search=PlaceSearch.NONE,
             )
 
         self._controller.change(edit)

@@ -15,7 +15,7 @@ from app.console.mission.path_settings import stored_unknown_price
 from app.console.site import dock_and_tags, site_files
 from app.console.site.dock_and_tags import Tags
 from app.console.site.site_map import accepted_map, beware_of, cells_on, map_of, save_accepted
-from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.operator_state import OperatorState, PlaceSearch
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.map_keeper import MapKeeper
 from app.storage import Store
@@ -327,7 +327,7 @@ class LiveSites:
                 zones=zones,
                 beware=listed,
                 by_hand=None,
-                searching=False,
+                search=PlaceSearch.NONE,
                 unknown_price=price,
             )
 

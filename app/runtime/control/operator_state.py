@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Protocol
 
 from navcore.mission.beware_list import BewareList
@@ -13,6 +14,17 @@ from navcore.robot.driver import Command
 
 MOVING = (Phase.DRIVING, Phase.LEAVING)
 """Phases of a mission in which the robot may move."""
+
+
+class PlaceSearch(StrEnum):
+    """State of the turn by which the robot looks for its place in the map."""
+
+    NONE = "none"
+    """It was not asked for, or has ended."""
+    TURNING = "turning"
+    """The robot turns round."""
+    FAILED = "failed"
+    """The robot could not turn round."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,11 +45,21 @@ class OperatorState:
     """Source of the latched emergency stop; None when it is not latched."""
     by_hand: Command | None = None
     """Newest command of teleoperation; None when there is none."""
-    searching: bool = False
-    """Whether the robot turns round to find its place in the map."""
+    search: PlaceSearch = PlaceSearch.NONE
+    """State of the turn by which the robot looks for its place in the map."""
     unknown_price: float | None = None
     """Cost of a metre of path over unseen floor, in metres of seen floor; None for that of the
     configuration."""
+
+    @property
+    def searching(self) -> bool:
+        """Whether the robot turns round to find its place in the map."""
+        return self.search is PlaceSearch.TURNING
+
+    @property
+    def drives(self) -> bool:
+        """Whether the robot may move by itself: a mission drives, or it turns round."""
+        return self.mission.phase in MOVING or self.searching
 
 
 class StateHolder(Protocol):

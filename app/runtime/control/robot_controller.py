@@ -15,7 +15,7 @@ from typing import Any
 
 from app.runtime.control.background import Background, InlineBackground
 from app.runtime.control.map_requests import MapRequests
-from app.runtime.control.operator_state import MOVING, OperatorState
+from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.segmentation_ahead import SegmentedFrame
 from app.runtime.control.stage_timer import TICK, StageTimer
 from app.runtime.control.stop_reasons import planner_stops
@@ -217,7 +217,7 @@ class RobotController:
             self.require_standing("look for its place")
             if self._intent.stopped_by is not None:
                 raise Refused("the emergency stop is latched; reset it first")
-            self._replace(dataclasses.replace(self._intent, searching=True))
+            self._replace(dataclasses.replace(self._intent, search=PlaceSearch.TURNING))
             self._search = SearchTurn()
             self._ask(search=True, place=None)
 
@@ -332,12 +332,23 @@ class RobotController:
         self, frame: Frame, place: LocalisationEstimate, clock: Callable[[], int]
     ) -> Command | None:
         """Return the command of a robot that looks for its place, until it has found it or turned
-        round."""
-        self._search = self._search.after(frame.pose)
+        round, or cannot turn."""
+        self._search, now_ns = self._search.after(frame.pose, frame.stamp_ns), clock()
         if place.is_known or self._search.is_over:
-            self.change(lambda intent: dataclasses.replace(intent, searching=False))
-            return None
-        return Command(twist=self._search.twist, stamp_ns=clock())
+            self._end_search(PlaceSearch.NONE)
+        elif self._search.has_failed or self._wheels_block(now_ns):
+            self._end_search(PlaceSearch.FAILED)
+        else:
+            return Command(twist=self._search.twist, stamp_ns=now_ns)
+        return None
+
+    def _end_search(self, search: PlaceSearch) -> None:
+        """End the turn, unless the operator has ended it meanwhile."""
+        self.change(
+            lambda intent: (
+                dataclasses.replace(intent, search=search) if intent.searching else intent
+            )
+        )
 
     def note_failure(self, frame: Frame | None, error: Exception) -> None:
         """Note that a tick failed, or that no frame could be read; the robot then stands with this
@@ -421,14 +432,18 @@ class RobotController:
             self._watched = self._watched.after(newest, self.profile)
             if self._watched.newest_is_trusted:
                 self._recent_obstacles = self._recent_obstacles.after(newest, self.profile)
-        since_ns = self._blocked_since_ns
-        held = since_ns is not None and now_ns - since_ns >= DEFAULT_SAFETY.gate.blocked_ns
-        if self._intent.mission.phase not in MOVING:
+        if not self._intent.drives:
             self._blocked_since_ns = None
         elif newest is None or not wheels_blocked(self._sent, newest.twist, self.profile):
-            self._blocked_since_ns = self._blocked_since_ns if held else None
+            if not self._wheels_block(now_ns):
+                self._blocked_since_ns = None
         elif self._blocked_since_ns is None:
             self._blocked_since_ns = now_ns
+
+    def _wheels_block(self, now_ns: int) -> bool:
+        """Whether the gate takes the wheels for blocked, until the operator has freed them."""
+        since_ns = self._blocked_since_ns
+        return since_ns is not None and now_ns - since_ns >= DEFAULT_SAFETY.gate.blocked_ns
 
     def reasons(self, now_ns: int) -> tuple[StopReason, ...]:
         """Return why the robot stands although it was told to drive, the most severe reason
@@ -455,8 +470,7 @@ class RobotController:
         hand = self._limited(self.hand(now_ns))
         # A command decided before the newest change of the operator's state is void; the next tick
         # decides for the new one.
-        asked = intent.mission.phase in MOVING or intent.searching
-        driving = asked and tick_state.request == request_of(intent)
+        driving = intent.drives and tick_state.request == request_of(intent)
         command = hand or (tick_state.command if driving else None)
         if command is not None and now_ns < command.stamp_ns <= now_ns + CLOCK_SLACK_NS:
             now_ns = command.stamp_ns

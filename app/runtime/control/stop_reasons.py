@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.runtime.control.operator_state import MOVING, OperatorState
+from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.tick_state import TickState
 from navcore.control.motion import ControllerState
 from navcore.costmap.cell_description import describe_cell
@@ -56,6 +56,12 @@ POSE_STOPS = {
     ),
 }
 """Reasons for which a robot that does not know its pose stands."""
+SEARCH_FAILED = StopReason(
+    cause=Cause.POSE_UNKNOWN,
+    text="The robot could not turn round to look for its place. Free it, or drive it by hand to "
+    "where it can turn, then have it look round again.",
+)
+"""The reason of a robot whose search for its place has failed."""
 
 
 def planner_stops(
@@ -80,6 +86,9 @@ def planner_stops(
                 "the map shows it, then resume."
             )
         found.append(StopReason(cause=Cause.PAUSED, text=text))
+    is_known = decision is not None and decision.place.is_known
+    if intent.search is PlaceSearch.FAILED and not is_known:
+        found.append(SEARCH_FAILED)
     if mission.phase not in MOVING or decision is None:
         return found
     if decision.place.state in POSE_STOPS:

@@ -9,7 +9,7 @@ from typing import Any, cast
 import pytest
 
 from app.console.status_message import status_message
-from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.operator_state import OperatorState, PlaceSearch
 from navcore.control.motion import ControllerState
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
@@ -55,5 +55,5 @@ def test_only_a_robot_that_a_hand_drives_is_driven_by_hand() -> None:
     assert driven == "Driven by hand."
     # It rolls out at its goal, or turns to look for its place.
     assert "hand" not in status_message(reached, FOLLOWING, (), moving=True)
-    searching = dataclasses.replace(reached, searching=True)
+    searching = dataclasses.replace(reached, search=PlaceSearch.TURNING)
     assert status_message(searching, FOLLOWING, (), moving=True).startswith("Turning round")

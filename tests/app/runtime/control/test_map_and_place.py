@@ -5,19 +5,25 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from app.runtime.control.background import InlineBackground
 from app.runtime.control.map_requests import MapRequests
-from app.runtime.control.operator_state import OperatorState
+from app.runtime.control.operator_state import OperatorState, PlaceSearch
 from app.runtime.control.robot_controller import RobotController
+from app.runtime.control.stop_reasons import SEARCH_FAILED
+from navcore.behaviours.search_turn import LONGEST_NS
 from navcore.errors import BadConfiguration
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Pose2, Twist
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
+from navcore.localisation.localisation import Localisation
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.erasing import Erasable
 from navcore.mission.mission import Mission
+from navcore.navigator import Stages
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause
 from tests.app.runtime.control.controlled import causes, command, controller, think
@@ -188,3 +194,51 @@ def test_what_was_computed_or_shown_on_a_map_is_not_taken_for_the_next_one(
         driver.enter_site(lambda intent: intent, lambda: None)
     think(driver)
     assert taken == ([] if enters else ["places on the old map", shown])
+
+
+def lost_robot() -> RobotController:
+    """A robot that never finds its place."""
+
+    def lost(*given: Any) -> LocalisationEstimate:
+        return dataclasses.replace(Localisation.update(*given), state=LocalisationState.LOST)
+
+    driver = controller(stages=Stages(localise=lost))
+    think(driver)
+    return driver
+
+
+def turn_tried(
+    driver: RobotController, seconds: float, *, step_s: float, turns: bool
+) -> list[float]:
+    """Look round for some seconds; the wheels turn, or are blocked, and the heading stays. Returns
+    the yaw rates that were sent."""
+    start, rates = driver.tick_state.frame_ns or 0, []
+    for step in range(1, round(seconds / step_s) + 1):
+        measured = Twist(v_mps=0.0, w_radps=driver.sent.w_radps if turns else 0.0)
+        now_ns = start + round(step * step_s * SECOND)
+        rgb = OPEN.rgb + np.uint8(step % 7)
+        frame = dataclasses.replace(OPEN, rgb=rgb, twist=measured, stamp_ns=now_ns)
+        think(driver, frame)
+        sent = driver.command(lambda at_ns=now_ns: at_ns, 0.05, newest=frame)
+        rates.append(sent.twist.w_radps)
+    return rates
+
+
+@pytest.mark.parametrize(
+    ("turns", "after_s", "step_s"),
+    [pytest.param(True, LONGEST_NS / 1e9, 0.5, marks=pytest.mark.long), (False, 2.0, 0.1)],
+)
+def test_a_robot_that_cannot_turn_round_looks_for_its_place_no_longer_and_says_so(
+    turns: bool, after_s: float, step_s: float
+) -> None:
+    driver = lost_robot()
+    driver.search_place()
+    assert any(turn_tried(driver, after_s - 0.5, step_s=step_s, turns=turns))
+    assert driver.intent.searching
+    turn_tried(driver, 1.5, step_s=step_s, turns=turns)
+    assert driver.intent.search is PlaceSearch.FAILED
+    assert not any(turn_tried(driver, 1.0, step_s=step_s, turns=True))
+    assert SEARCH_FAILED in command(driver).reasons
+    driver.search_place()
+    assert any(turn_tried(driver, 0.5, step_s=0.1, turns=True))
+    assert SEARCH_FAILED not in command(driver).reasons
