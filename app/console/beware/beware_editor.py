@@ -63,10 +63,11 @@ class MapFollower(Protocol):
     """What lets the map follow the colour rules; `beware_map.BewareMap` is one."""
 
     def follow(
-        self, before: BewareList, after: BewareList, put_back: Iterable[Erased] = ()
+        self, before: BewareList, after: BewareList, put_back: Removed | None = None
     ) -> Removed:
-        """Have the map follow another list, and get back what an undone edit has removed; returns
-        the list that will hold what this edit removes."""
+        """Have the map follow another list, and get back what an undone edit has removed, the list
+        that the call for that edit has returned; returns the list that will hold what this edit
+        removes."""
 
 
 class CheckedColours(ColourRules, Protocol):
@@ -300,7 +301,7 @@ class BewareEditor:
         self._colours.check(entry for entry in beware.classes if entry.colour not in rules)
 
     def _apply(
-        self, beware: BewareList, by: str, what: str, *, put_back: Iterable[Erased] = ()
+        self, beware: BewareList, by: str, what: str, *, put_back: Removed | None = None
     ) -> Removed:
         """Store a list, put it in force and let the map follow; returns what that removes from the
         map. The first edit stores the list before it, too, so that this one can be brought back."""

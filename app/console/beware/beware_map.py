@@ -97,14 +97,14 @@ class BewareMap:
         self._segmenter, self._config, self._examples = segmenter, config, examples
 
     def follow(
-        self, before: BewareList, after: BewareList, put_back: Iterable[Erased] = ()
+        self, before: BewareList, after: BewareList, put_back: list[Erased] | None = None
     ) -> list[Erased]:
         """Have the map follow another list before the next tick, and get back what an undone edit
-        has removed; returns the list that will hold what this edit removes."""
-        changes, restored = self._changes(before, after), tuple(put_back)
-        removed: list[Erased] = []
+        has removed, the list that the call for that edit has returned; returns the list that will
+        hold what this edit removes."""
+        changes, removed = self._changes(before, after), list[Erased]()
         new = self._new_examples(before, after)
-        if not changes and not restored and not new:
+        if not changes and put_back is None and not new:
             return removed
         seen = self._seen(_ruled(changes)) + self._seen_by_example(new)
 
@@ -116,7 +116,8 @@ class BewareMap:
                 )
                 for change in changes
             )
-            for erased in restored:
+            # Only now: the map may not have followed the undone edit when this one was asked for.
+            for erased in put_back or ():
                 point_map.edits.put_back(erased)
             point_map.edits.add_past(past.points)
 

@@ -34,14 +34,24 @@ class PlainHolder:
 
 
 class PlainMap:
-    """Satisfies `app.console.beware.beware_map.MapHolder`: an edit is done at once."""
+    """Satisfies `app.console.beware.beware_map.MapHolder`: an edit is done at once, or waits for
+    `follow`, as for the next tick."""
 
-    def __init__(self, point_map: PointMap) -> None:
-        self.point_map = point_map
+    def __init__(self, point_map: PointMap, *, waits: bool = False) -> None:
+        self.point_map, self.waits = point_map, waits
+        self.waiting: list[Callable[[PointMap], None]] = []
 
     def edit_map(self, edit: Callable[[PointMap], None]) -> None:
         """Edit the map."""
-        edit(self.point_map)
+        self.waiting.append(edit)
+        if not self.waits:
+            self.follow()
+
+    def follow(self) -> None:
+        """Do the edits that wait, in their order."""
+        waiting, self.waiting = self.waiting, []
+        for edit in waiting:
+            edit(self.point_map)
 
 
 def beware_editor(
@@ -50,7 +60,7 @@ def beware_editor(
     *,
     holder: StateHolder | None = None,
     defaults: BewareList | None = None,
-    point_map: PointMap | None = None,
+    map_holder: PlainMap | None = None,
     recent: RecentFrames | None = None,
     network: ColourNetwork | None = None,
 ) -> BewareEditor:
@@ -58,11 +68,12 @@ def beware_editor(
     network."""
     config, recent = NavigatorConfig(), recent or RecentFrames()
     segmenter = ColourSegmenter() if network is None else FusedSegmenter(network)
-    point_map = point_map or PointMap(SPEC, config.map)
+    map_holder = map_holder or PlainMap(PointMap(SPEC, config.map))
+    point_map = map_holder.point_map
     listed = OperatorState(mission=Mission(), beware=beware or default_beware_list())
     examples = LiveExamples(recent, lambda: network, poses=lambda: point_map.poses)
     follower = BewareMap(
-        PlainMap(point_map),
+        map_holder,
         point_map=point_map,
         recent=recent,
         segmenter=segmenter,
