@@ -93,7 +93,8 @@ class KeepOuts:
     cell_objects: Indices | None = None
     """(N,) number of the object that each cell is a part of; None for each one of its own."""
     leaving: bool = False
-    """Whether the robot was told to leave the area it stands in, which then does not count."""
+    """Whether the robot was told to leave the area it stands in. What the footprint touches then
+    does not count; what only its growth brings near counts as it is, without the growth."""
     covariance: Matrix = field(default_factory=lambda: np.zeros((2, 2)))
     """(2, 2) covariance of the robot's position in the map, square metres."""
     covariances: Mapping[str, Matrix] = field(default_factory=dict)
@@ -212,7 +213,7 @@ def _entered(
         now, *later = relative_distance(area.drawn, area.spread, outlines).tolist()
         if min(later) >= min(now, 1.0) - _ROUNDING and now > 0:
             continue
-        if keep_outs.leaving and now < 1:
+        if keep_outs.leaving and (now == 0 or (now < 1 and min(later) > 0)):
             continue
         if now > 0 or _goes_in(area.drawn, start, poses, profile, spacing_m):
             return area.title(uncertain=now < 1 or area.clearance_m > 0)
@@ -252,7 +253,8 @@ def _cell_entered(
         return None
     now_m = profile.distances_m(start.from_parent(cells))
     if keep_outs.leaving:
-        others = ~np.isin(objects, objects[now_m < growth_m])
+        growth_m = np.where(np.isin(objects, objects[now_m < growth_m]), 0.0, growth_m)
+        others = ~np.isin(objects, objects[now_m < 0.0])
         cells, growth_m, objects = cells[others], growth_m[others], objects[others]
         now_m = now_m[others]
     kept_m = kept_distances(now_m, growth_m, objects) - _ROUNDING

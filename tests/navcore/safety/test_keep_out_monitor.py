@@ -163,6 +163,28 @@ def test_a_robot_that_leaves_an_object_keeps_out_of_all_others() -> None:
     assert share(both, towards) == 0.0 and share(both, BACK) == 1.0
 
 
+@pytest.mark.parametrize("forbids", ["zone", "object"])
+def test_a_robot_that_leaves_an_area_enters_none_whose_growth_reaches_it(forbids: str) -> None:
+    under = dataclasses.replace(zone(-3.0, -0.2), id="under")
+    ahead, x_m = dataclasses.replace(zone(FRONT_M + 0.15, 3.0), id="ahead"), FRONT_M + 0.15
+    told = KeepOuts(pose=HERE, zones=(under,), covariance=np.eye(2) * 0.1**2, leaving=True)
+    if forbids == "zone":
+        told = dataclasses.replace(told, zones=(under, ahead))
+    else:
+        cells = np.array([[x_m, 0.05 * k] for k in range(-20, 20)])
+        one = np.zeros(len(cells), dtype=np.int64)
+        growth_m = np.full(len(cells), 0.2)
+        told = dataclasses.replace(told, cells=cells, cell_growth_m=growth_m, cell_objects=one)
+    assert 0.0 < share(told) < 1.0  # it stops before what is ahead
+    at_it = dataclasses.replace(told, pose=Pose2(x_m=0.13, y_m=0.0, yaw_rad=0.0))
+    assert share(at_it) == 0.0 and share(at_it, BACK) == 1.0
+    # Within the growth it may turn towards the way out, as the controller has it.
+    assert share(told, Twist(v_mps=0.0, w_radps=0.3)) == 1.0
+    nothing = dataclasses.replace(told, zones=(under,), cells=np.empty((0, 2)))
+    nothing = dataclasses.replace(nothing, cell_growth_m=None, cell_objects=None)
+    assert share(nothing) == 1.0  # control
+
+
 def test_a_robot_in_a_zone_may_leave_it_and_go_no_farther_in() -> None:
     half_in = KeepOuts(pose=HERE, zones=(zone(0.2, 3.0),))
     assert share(half_in, BACK) == 1.0
