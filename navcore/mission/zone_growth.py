@@ -108,6 +108,13 @@ def covering(covariance: Matrix) -> Matrix:
     return np.asarray(np.ceil(covariance / _STEP_M2) * _STEP_M2 + _STEP_M2 * np.eye(2))
 
 
+def most_growth_m(covariance: Matrix, sigmas: float) -> float:
+    """Return an upper bound, without eigenvalues, of the growth in metres by `sigmas` standard
+    deviations of `covering` of a (2, 2) covariance."""
+    variance_m2 = float(covariance[0, 0]) + float(covariance[1, 1]) + 4 * _STEP_M2
+    return sigmas * math.sqrt(max(variance_m2, 0.0))
+
+
 @lru_cache(maxsize=256)
 def polygon_of(corners: tuple[tuple[float, float], ...]) -> Polygon:
     """Return a polygon by its corners, prepared for many queries."""

@@ -31,6 +31,7 @@ from navcore.mission.zone_growth import (
     grow,
     kept_distances,
     largest_axis_m,
+    most_growth_m,
     polygon_of,
     relative_distance,
     spread_of,
@@ -71,11 +72,7 @@ class _Area:
 
     def is_near(self, pose: Pose2, reach_m: float) -> bool:
         """Whether what is forbidden, or the clearance, may be within reach of a pose."""
-        if self.drawn.forbids_outside:
-            return True
-        left, bottom, right, top = self.drawn.bounds
-        beside_m = max(left - pose.x_m, pose.x_m - right, bottom - pose.y_m, pose.y_m - top)
-        return beside_m <= reach_m + self.growth_m + self.clearance_m
+        return _is_near(self.drawn, pose, reach_m + self.growth_m + self.clearance_m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,7 +120,7 @@ def permitted_share(
     late_s = max(config.reaction_s, frame_age_s + config.reaction_after_frame_s)
     travelled_m = abs(twist.v_mps) * (late_s + braking_s(twist, profile)) + config.stop_margin_m
     reach_m = profile.circumscribed_radius_m + travelled_m
-    areas = [area for area in _areas(keep_outs, config) if area.is_near(start, reach_m)]
+    areas = _near_areas(keep_outs, start, reach_m, config)
     keep_outs = _near_cells(keep_outs, start, reach_m)
     if not areas and not len(keep_outs.cells):
         return 1.0, ""
@@ -141,13 +138,29 @@ def permitted_share(
     return 0.0, blocking
 
 
-def _areas(keep_outs: KeepOuts, config: KeepOutMonitorConfig) -> list[_Area]:
-    """Return what the closed zones forbid by the uncertainty of the position."""
-    return [
-        _area(zone, keep_outs.covariances.get(zone.id, keep_outs.covariance), config)
-        for zone in keep_outs.zones
-        if zone.closed
-    ]
+def _near_areas(
+    keep_outs: KeepOuts, pose: Pose2, reach_m: float, config: KeepOutMonitorConfig
+) -> list[_Area]:
+    """Return what the closed zones within reach forbid by the uncertainty of the position; only
+    those that may be near are grown, which takes time."""
+    found = []
+    for zone in keep_outs.zones:
+        covariance = keep_outs.covariances.get(zone.id, keep_outs.covariance)
+        most_m = most_growth_m(covariance, config.sigmas) + config.uncertain_clearance_m
+        if zone.closed and _is_near(zone, pose, reach_m + most_m):
+            area = _area(zone, covariance, config)
+            if area.is_near(pose, reach_m):
+                found.append(area)
+    return found
+
+
+def _is_near(zone: Zone, pose: Pose2, within_m: float) -> bool:
+    """Return whether what a zone forbids may be within a distance in metres of a pose."""
+    if zone.forbids_outside:
+        return True
+    left, bottom, right, top = zone.bounds
+    beside_m = max(left - pose.x_m, pose.x_m - right, bottom - pose.y_m, pose.y_m - top)
+    return not beside_m > within_m  # one that is no number counts as near
 
 
 def _area(zone: Zone, covariance: Matrix, config: KeepOutMonitorConfig) -> _Area:

@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
 from navcore.mission.zone import Zone, ZoneKind
-from navcore.mission.zone_growth import grow, grown_polygon, largest_axis_m, spread_of
+from navcore.mission.zone_growth import (
+    covering,
+    grow,
+    grown_polygon,
+    largest_axis_m,
+    most_growth_m,
+    spread_of,
+)
 
 SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))
 
@@ -82,3 +89,18 @@ def test_nothing_is_left_of_a_site_smaller_than_the_uncertainty() -> None:
     site = Zone(id="s", name="site", polygon=SQUARE, kind=ZoneKind.STAY_INSIDE)
     left = Polygon(grow(site, spread_of(np.diag([1.0, 1.0]), 2.0)).polygon)
     assert 0 < left.area < 1e-4
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    along_m=st.floats(0.0, 5.0),
+    across_m=st.floats(0.0, 5.0),
+    angle_rad=st.floats(-math.pi, math.pi),
+    sigmas=st.floats(0.5, 3.0),
+)
+def test_no_growth_is_larger_than_its_bound(
+    along_m: float, across_m: float, angle_rad: float, sigmas: float
+) -> None:
+    known = covariance(along_m, across_m, angle_rad)
+    growth_m = largest_axis_m(spread_of(covering(known), sigmas))
+    assert growth_m <= most_growth_m(known, sigmas) * (1 + 1e-12)
