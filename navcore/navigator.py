@@ -263,7 +263,6 @@ class Navigator:
             frame=frame,
             route=route,
             people=people,
-            request=request,
             profile=self._profile,
             config=self._config,
         )

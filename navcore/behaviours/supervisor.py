@@ -46,7 +46,7 @@ class Behaviour:
     lane_retreat: LaneRetreat = dataclasses.field(default_factory=LaneRetreat)
     """Retreat from such a lane."""
     closed: tuple[Zone, ...] = ()
-    """Passages that turned out to be blocked on the way to the present goal."""
+    """Passages that turned out to be blocked on the way to the present goal, or out of an area."""
     dead_ends: int = 0
     """How often all passages to it turned out to be blocked."""
     trail: Points = dataclasses.field(default_factory=lambda: NO_POINTS)
@@ -134,7 +134,6 @@ class Behaviour:
         frame: Frame,
         route: Route | None,
         people: tuple[Track, ...],
-        request: NavigationRequest,
         profile: RobotProfile,
         config: NavigatorConfig,
         held: bool = False,
@@ -151,7 +150,7 @@ class Behaviour:
             route is not None and not route.reaches_goal and motion.outcome is ControllerState.IDLE
         )
         if route is None or len(route.points) == 0 or at_viewpoint:
-            return now._without_path(frame, route, request, config.recovery), motion
+            return now._without_path(frame, route, config.recovery), motion
         step_s = elapsed_s(self.waiting.now_ns, frame.stamp_ns, config.behaviours.waiting)
         recovery = now._recovered(motion, frame, people, profile, config, held=held, step_s=step_s)
         closed = now.closed
@@ -244,14 +243,8 @@ class Behaviour:
             motion = dataclasses.replace(motion, began=None)
         return self.recovery.after(motion, pose, frame.stamp_ns, rules, held=held)
 
-    def _without_path(
-        self,
-        frame: Frame,
-        route: Route | None,
-        request: NavigationRequest,
-        rules: RecoveryConfig,
-    ) -> Behaviour:
-        if self.closed and request.goal is not None:
+    def _without_path(self, frame: Frame, route: Route | None, rules: RecoveryConfig) -> Behaviour:
+        if self.closed:
             # Only a passage that was closed may be in the way: rather give up at this pose than
             # report that no path exists.
             given_up = Recovery(

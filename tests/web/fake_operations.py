@@ -498,13 +498,10 @@ class FakeOperations:
                     text=f"Emergency stop by {self._stopped_by}; it holds until it is reset.",
                 )
             )
-        if self._intent.mission.goal is not None and not len(self._path):
-            found.append(
-                StopReason(
-                    cause=Cause.NO_PATH,
-                    text="There is no path to the goal: unreachable.",
-                )
-            )
+        goal = self._intent.mission.goal
+        if goal is not None and not len(self._path):
+            text = f"There is no path to the goal {goal.title}: unreachable."
+            found.append(StopReason(cause=Cause.NO_PATH, text=text))
         return tuple(found)
 
     def _summary(self, reasons: tuple[StopReason, ...], moving: bool) -> str:

@@ -98,8 +98,12 @@ def planner_stops(
         found.append(StopReason(cause=Cause.POSE_UNKNOWN, text=text))
     outcome = None if decision.route is None else decision.route.outcome
     if isinstance(outcome, NoPath) and decision.motion.twist == STANDSTILL:
-        where = f" {mission.goal.title}" if mission.goal is not None else ""
-        text = f"There is no path to the goal{where}: {_why_no_path(intent, decision, outcome)}."
+        why = _why_no_path(intent, decision, outcome)
+        text = (
+            f"There is no path out of the area: {why}."
+            if mission.goal is None
+            else f"There is no path to the goal {mission.goal.title}: {why}."
+        )
         found.append(StopReason(cause=Cause.NO_PATH, text=text))
     outcome_now = decision.motion.outcome
     if decision.in_margin and outcome_now is ControllerState.GIVEN_UP:

@@ -238,7 +238,6 @@ def supervised(
         frame=frame,
         route=route,
         people=people,
-        request=request,
         profile=HUSKY,
         config=NavigatorConfig(),
     )
@@ -375,7 +374,6 @@ def recovering(
             frame=picture(pose=here, stamp_ns=round(tick * PERIOD_S * 1e9)),
             route=route,
             people=(person(x_m, stood_s=stood_s),),
-            request=ORDER,
             profile=HUSKY,
             config=config,
             held=held,
@@ -454,6 +452,19 @@ def test_where_it_was_sent_to_look_and_sees_no_way_what_it_found_closed_is_a_way
     frame = picture(pose=here, stamp_ns=8_000_000_000)
     behaviour, _ = supervised(navigator.behaviour, IDLE, frame, looked, ORDER)
     assert not behaviour.closed
+
+
+def test_a_robot_told_to_leave_tries_again_behind_a_passage_that_it_has_closed_itself() -> None:
+    leave = dataclasses.replace(ORDER, goal=None, leave=True)
+    passage = closed_way(wall((-1.0, 5.0), (0.0, 0.0)), HERE, HUSKY)
+    assert passage is not None
+    behaviour = dataclasses.replace(Behaviour().towards(leave), closed=(passage,))
+    unreachable = NoPath(reason=Reason.UNREACHABLE)
+    none = Route(outcome=unreachable, points=NONE, waypoints=NONE, track=NONE)
+    frame = picture(pose=HERE, stamp_ns=1_000_000_000)
+    behaviour, _ = supervised(behaviour, IDLE, frame, none, leave)
+    assert not behaviour.closed
+    assert behaviour.recovery.action is RecoveryAction.GIVE_UP and behaviour.recovery.stands_s > 0
 
 
 def test_where_all_passages_are_blocked_the_robot_stands_longer_each_time() -> None:

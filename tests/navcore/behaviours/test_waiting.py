@@ -9,8 +9,6 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.control.people.people_state import PEOPLE_CONFIG
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
-from navcore.mission.beware_list import BewareList
-from navcore.mission.order import NavigationRequest
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY
 from tests.navcore.scene import picture
@@ -90,7 +88,6 @@ def behaving(
             frame=frame,
             route=None,
             people=people,
-            request=NavigationRequest(goal=None, beware=BewareList(classes=()), zones=()),
             profile=HUSKY,
             config=NavigatorConfig(),
         )

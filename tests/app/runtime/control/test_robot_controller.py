@@ -19,6 +19,7 @@ from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.navigator import Stages
+from navcore.planning.path import NoPath, Reason
 from navcore.safety.gate import Cause, GateDecision, GateInput, gate
 from tests.app.runtime.control.controlled import causes, command, controller, think
 from tests.navcore.scene import SPEC, Box, picture
@@ -239,6 +240,23 @@ def test_a_zone_across_the_path_leaves_no_path_and_the_robot_says_so() -> None:
     )
     think(driver)
     assert command(driver).twist != STANDSTILL
+
+
+def test_a_robot_that_finds_no_way_out_of_an_area_says_so() -> None:
+    driver = controller()
+    driver.change_mission(Mission.leave)
+    around = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+    under = dataclasses.replace(ACROSS, polygon=around)
+    driver.change(lambda intent: dataclasses.replace(intent, zones=(under,)))
+    think(driver)
+    decision = driver.tick_state.decision
+    assert decision is not None and decision.route is not None
+    none = dataclasses.replace(decision.route, outcome=NoPath(reason=Reason.UNREACHABLE))
+    motion = Motion(twist=STANDSTILL, outcome=ControllerState.IDLE)
+    lacking = dataclasses.replace(decision, route=none, motion=motion)
+    driver._tick_state = dataclasses.replace(driver.tick_state, decision=lacking)
+    texts = [reason.text for reason in command(driver).reasons]
+    assert "There is no path out of the area: unreachable." in texts
 
 
 def test_a_robot_inside_a_zone_stands_and_says_so() -> None:
