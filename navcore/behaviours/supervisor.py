@@ -117,15 +117,9 @@ class Behaviour:
         return dataclasses.replace(self, recovery=Recovery())
 
     def after_reset(self) -> Behaviour:
-        """Forget what led to the present pose: the robot was moved by other means."""
-        return dataclasses.replace(
-            self,
-            trail=NO_POINTS,
-            recovery=Recovery(),
-            waiting=WaitingTimer(),
-            absence=Absence(),
-            lane_retreat=LaneRetreat(),
-        )
+        """Start afresh on the way to the same goal: the robot was moved by other means, and what
+        was found blocked from its former place need not be there."""
+        return Behaviour(target=self.target)
 
     def after(
         self,

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.lane_retreat import LaneRetreat
 from navcore.behaviours.recovery import Recovery, RecoveryAction, closed_way, trail_with
 from navcore.behaviours.supervisor import Behaviour
@@ -465,6 +466,17 @@ def test_a_robot_told_to_leave_tries_again_behind_a_passage_that_it_has_closed_i
     behaviour, _ = supervised(behaviour, IDLE, frame, none, leave)
     assert not behaviour.closed
     assert behaviour.recovery.action is RecoveryAction.GIVE_UP and behaviour.recovery.stands_s > 0
+
+
+def test_a_robot_that_was_moved_starts_afresh_on_the_way_to_the_same_goal() -> None:
+    passage = closed_way(wall((-1.0, 5.0), (0.0, 0.0)), HERE, HUSKY)
+    assert passage is not None
+    to_goal = Behaviour().towards(ORDER)
+    lanes = LaneKeepOut(zones=(passage,))
+    moved = dataclasses.replace(to_goal, closed=(passage,), lanes=lanes, dead_ends=1, trail=AHEAD)
+    afresh = moved.after_reset()
+    assert afresh.keep_outs == () and len(afresh.trail) == 0
+    assert afresh.towards(ORDER) is afresh
 
 
 def test_where_all_passages_are_blocked_the_robot_stands_longer_each_time() -> None:
