@@ -58,6 +58,9 @@ class TickResult:
 
     frame: Frame
     """The frame that was processed, placed in the map."""
+    request: NavigationRequest
+    """What was asked for, with the zones as the robot keeps out of them: grown by the uncertainty
+    of its position."""
     place: LocalisationEstimate
     """Where the robot is in the map, and how sure that is."""
     correction: AppliedCorrection | None = None
@@ -273,6 +276,7 @@ class Navigator:
         taken_back, self._taken_back = self._taken_back, False
         return TickResult(
             frame=frame,
+            request=request,
             place=place,
             correction=correction,
             taken_back=taken_back,

@@ -43,6 +43,8 @@ class ExplanationQuery:
     """Pose of the robot in the map frame."""
     goal: Position
     """Goal (x, y) in metres of the map frame."""
+    goal_tolerance_m: float
+    """Largest distance in metres from the goal at which a path to it may end."""
     path: Path | None
     """Path that the robot follows; without one the shortest path is planned and explained."""
     profile: RobotProfile
@@ -67,15 +69,30 @@ class ExplanationQuery:
         )
         return replace(rules, unseen=self.unseen, unknown_price=self.unknown_price)
 
-    @property
-    def target(self) -> Cell:
-        """Cell of the goal."""
-        return self.occupancy.spec.cell(*self.goal)
-
     def start(self, rules: Rules, lifted: Collection[str] = ()) -> Cell:
         """Return the free cell nearest to the robot, or the robot's own cell."""
-        cell = self.occupancy.spec.cell(self.pose.x_m, self.pose.y_m)
-        reach = self.start_relief_m / self.occupancy.spec.resolution_m
+        here = (self.pose.x_m, self.pose.y_m)
+        return self._free_near(here, self.start_relief_m, rules, lifted)
+
+    def end(self, rules: Rules, lifted: Collection[str] = ()) -> Cell:
+        """Return the free cell nearest to the goal, as the robot takes it, or the goal's own."""
+        return self._free_near(self.goal, self.goal_tolerance_m, rules, lifted)
+
+    def present(self, rules: Rules) -> Path | NoPath:
+        """Return the path that the robot follows, or the shortest."""
+        return self.path or self.without(rules, ())
+
+    def without(self, rules: Rules, keys: Collection[str]) -> Path | NoPath:
+        """Return the shortest path without the rules of some keys."""
+        start, end = self.start(rules, keys), self.end(rules, keys)
+        return path_without(rules, tuple(keys), start, end, budget=BUDGET)
+
+    def _free_near(
+        self, position: Position, within_m: float, rules: Rules, lifted: Collection[str]
+    ) -> Cell:
+        """Return the nearest free cell within a distance, or the position's own cell."""
+        cell = self.occupancy.spec.cell(*position)
+        reach = within_m / self.occupancy.spec.resolution_m
         around = math.ceil(reach) + 1
         free = ~rules.blocked(lifted)[
             max(cell[0] - around, 0) : cell[0] + around + 1,
@@ -88,12 +105,12 @@ class ExplanationQuery:
 def explain(query: ExplanationQuery) -> Explanation:
     """Explain why the path leads where it does, or what would open one."""
     rules, spec = query.rules(), query.occupancy.spec
-    start = query.start(rules)
-    path = query.path or path_without(rules, (), start, query.target, budget=BUDGET)
+    path = query.present(rules)
     if isinstance(path, NoPath):
         # A robot slightly inside a wall starts beside it; a robot inside a zone starts there.
         everything = [rule.key for rule in rules.removable]
-        lift = minimum_removal(rules, query.start(rules, everything), query.target)
+        start, end = query.start(rules, everything), query.end(rules, everything)
+        lift = minimum_removal(rules, start, end)
         return Explanation(
             goal=query.goal,
             reason=str(path.reason),
@@ -114,7 +131,9 @@ def explain(query: ExplanationQuery) -> Explanation:
             along[part.key] = along.get(part.key, 0.0) + float(
                 steps[part.last] - steps[max(part.first - 1, 0)]
             )
-    costs = rule_costs(rules, path, start, query.target, budget=BUDGET)
+    # Where the robot's path ends, which may be beside the goal.
+    row, col = path.cells[-1].tolist()
+    costs = rule_costs(rules, path, query.start(rules), (row, col), budget=BUDGET)
     return Explanation(
         goal=query.goal,
         reason=None,
@@ -135,8 +154,7 @@ def alternative(query: ExplanationQuery, keys: Collection[str]) -> Alternative:
     for key in keys:
         if rules.find(key) is None:
             raise NotKnown(f"no zone or class that closes anything now has the key {key!r:.60}")
-    present = query.path or path_without(rules, (), query.start(rules), query.target, budget=BUDGET)
-    other = path_without(rules, tuple(keys), query.start(rules, keys), query.target, budget=BUDGET)
+    present, other = query.present(rules), query.without(rules, keys)
     if isinstance(other, NoPath):
         return Alternative(
             reason=str(other.reason), length_m=None, difference_m=None, path=np.empty((0, 2))

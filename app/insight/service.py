@@ -13,8 +13,6 @@ from collections import deque
 from collections.abc import Collection, Iterable
 from typing import Protocol
 
-import numpy as np
-
 from app.insight.detections import DetectionGallery, packed
 from app.insight.event_detector import EventDetector
 from app.insight.event_log import EventLog, EventStore
@@ -31,6 +29,7 @@ from navcore.control.motions.path_follower import candidates
 from navcore.costmap.local_costmap import nearby, obstacle_masks
 from navcore.errors import NotKnown, Refused
 from navcore.navigator import TickResult
+from navcore.planning.global_planner import goal_tolerance_m
 from navcore.planning.path import Path
 from navcore.safety.gate import GateDecision, StopReason
 from web.images.camera import camera_jpg
@@ -300,23 +299,20 @@ class LiveInsight:
         if not intent.mission.queue:
             raise Refused("there is no goal, so there is no path to explain; add a goal first")
         goal = (intent.mission.queue[0].x_m, intent.mission.queue[0].y_m)
-        route, path = decision.route, None
-        if (
-            route is not None
-            and isinstance(route.outcome, Path)
-            and np.array_equal(route.points[-1], goal)
-        ):
-            path = route.outcome
+        request, route, path = decision.request, decision.route, None
+        if request.goal == goal and route is not None and route.reaches_goal:
+            path = route.outcome if isinstance(route.outcome, Path) else None
         price = intent.unknown_price or self._config.planning.unknown_price
         explored = self._controller.navigator.map.explored
         return ExplanationQuery(
             unseen=explored.unseen_on(decision.occupancy.spec) if price > 1 else None,
             unknown_price=price,
             occupancy=decision.occupancy,
-            beware=intent.beware,
-            zones=(*intent.zones, *decision.closed),
+            beware=request.beware,
+            zones=(*request.zones, *decision.closed),
             pose=decision.frame.pose,
             goal=goal,
+            goal_tolerance_m=goal_tolerance_m(self._config, self._controller.profile),
             path=path,
             profile=self._controller.profile,
             safety_margin_m=self._config.safety_margin_m,

@@ -283,19 +283,23 @@ class GlobalPlanner:
 
     def _end(self, costmap: Costmap, goal: tuple[float, float]) -> tuple[Cell, tuple[float, float]]:
         """The cell and the point where a path to the goal ends: the goal's own, or where that is
-        blocked those of the nearest free cell within the tolerance. A goal in a zone or an obstacle
-        stays blocked: no free cell is that near to it, since the tolerance is at most half of the
-        robot's width."""
+        blocked those of the nearest free cell within the tolerance."""
         spec = costmap.spec
         own = spec.cell(*goal)
-        tolerance_m = min(self._config.planning.goal_tolerance_m, self._profile.width_m / 2)
-        within = tolerance_m / spec.resolution_m
+        within = goal_tolerance_m(self._config, self._profile) / spec.resolution_m
         end = nearest_free(costmap.free, own, within)
         return (own, goal) if end is None or end == own else (end, spec.centre(*end))
 
     def _built(self, outcome: Path | NoPath, goal: tuple[float, float], spec: GridSpec) -> Route:
         free = self._space.across[FREE]
         return build_route(outcome, goal, free, spec, self._profile, self._config)
+
+
+def goal_tolerance_m(config: NavigatorConfig, profile: RobotProfile) -> float:
+    """Return the largest distance in metres from a goal at which a path to it may end. A goal in a
+    zone or an obstacle stays blocked: no free cell is that near to it, since the tolerance is at
+    most half of the robot's width."""
+    return min(config.planning.goal_tolerance_m, profile.width_m / 2)
 
 
 Replan = Callable[[GlobalPlanner, Costmap, Pose2, tuple[float, float], BewareList], Route]

@@ -433,6 +433,7 @@ class FakeOperations:
                 zones=self.zones.stored,
                 pose=self._pose,
                 goal=(goal.x_m, goal.y_m),
+                goal_tolerance_m=0.0,
                 path=None,
                 profile=HUSKY,
                 safety_margin_m=MARGIN_M,

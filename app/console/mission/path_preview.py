@@ -57,6 +57,13 @@ def measured(
     )
 
 
+def kept_zones(zones: tuple[Zone, ...], grown: tuple[Zone, ...]) -> tuple[Zone, ...]:
+    """Return the zones as the robot keeps out of them, by those of its newest tick, which are grown
+    by the uncertainty of its position; a zone that has changed since is as it was drawn."""
+    known = {(zone.id, zone.version): zone for zone in grown}
+    return tuple(known.get((zone.id, zone.version), zone) for zone in zones)
+
+
 def with_zones(grid: OccupancyGrid, zones: tuple[Zone, ...]) -> OccupancyGrid:
     """Return the grid with these zones instead of its own."""
     plain, wide = zone_masks(zones, grid.spec)

@@ -10,6 +10,7 @@ from app.console.mission.path_preview import (
     compare,
     compare_lists,
     grid_with,
+    kept_zones,
     measured,
     pose_at,
 )
@@ -57,7 +58,7 @@ class Previews:
             plan = self._planner(draft.start, draft.unknown_price)
         return compare(
             grid,
-            zones.stored,
+            kept_zones(zones.stored, decision.request.zones),
             plan(target),
             draft=zone,
             replaces=draft.replaces,
@@ -80,6 +81,9 @@ class Previews:
 
         present, other = self._beware_map.grids(occupancy, in_force, drafted)
         plan = self._planner(None, settings.unknown_price)
+        decision = self._controller.tick_state.decision
+        if decision is not None:
+            zones = kept_zones(zones, decision.request.zones)
         return compare_lists(present, other, zones, plan, self._controller.intent.mission.queue)
 
     def _planner(

@@ -20,6 +20,7 @@ from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_layers
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.mission.mission import Mission
+from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.mission.zone_cells import rasterise
 from navcore.navigator import TickResult
@@ -80,6 +81,7 @@ def decision(
     return TickResult(
         place=LocalisationEstimate(),
         frame=frame,
+        request=NavigationRequest(goal=GOAL, beware=BewareList(classes=()), zones=()),
         labels=Labels(
             class_ids=np.zeros((3, 4), dtype=np.uint8), confidence=np.ones((3, 4), dtype=np.float32)
         ),

@@ -6,12 +6,17 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from app.console.mission.path_preview import kept_zones
+from app.runtime.control.robot_controller import RobotController
 from app.storage import Store
 from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.supervisor import Behaviour
 from navcore.learning.data.dataset import load_dataset
+from navcore.mission.mission import Mission
 from navcore.mission.zone import OWN_COLOUR, Zone
+from navcore.mission.zone_growth import grow
 from tests.app.insight.test_event_log import insight_of
 from tests.reliability.fault_runs import first_frame, standing_controller
 
@@ -37,6 +42,71 @@ def test_a_keep_out_of_the_robot_itself_is_among_the_reasons_for_its_path(
     [rule] = [rule for rule in insight.explain().rules if rule.name == lane.name]
     assert rule.along_m > 0 and rule.saves_m is not None and rule.saves_m > 0.05
     assert insight.without([rule.key]).difference_m == -rule.saves_m
+    store.close()
+
+
+def zone_ahead(controller: RobotController, ahead_m: tuple[float, float], aside_m: float) -> Zone:
+    """Have the robot drive 5 m ahead, past a zone."""
+    frame = first_frame()
+    x, y = frame.pose.x_m, frame.pose.y_m
+    controller.change_mission(
+        lambda mission: mission.add(x + 5.0, y, controller.navigator.map.spec).start()
+    )
+    near, far = (x + distance_m for distance_m in ahead_m)
+    corners = ((near, y - aside_m), (far, y - aside_m), (far, y + aside_m), (near, y + aside_m))
+    zone = Zone(id="z", name="wet floor", polygon=corners)
+    controller.change(lambda state: dataclasses.replace(state, zones=(zone,)))
+    return zone
+
+
+def test_a_path_is_explained_by_the_zones_as_the_robot_keeps_out_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    controller, store = standing_controller(), Store(tmp_path)
+    insight, frame = insight_of(store, tmp_path, controller), first_frame()
+    drawn = zone_ahead(controller, (2.0, 2.4), 0.1)
+    grown = grow(drawn, np.eye(2) * 0.4)
+    follow = controller.navigator.zone_margins.follow
+    monkeypatch.setattr(
+        controller.navigator.zone_margins, "follow", lambda *given: (follow(*given), (grown,))[1]
+    )
+    decision = controller.think(frame, clock=lambda: frame.stamp_ns)
+    assert decision is not None
+    insight.note_decision(decision)
+    [rule] = [rule for rule in insight.explain().rules if rule.name == drawn.name]
+    assert rule.along_m > 0 and rule.saves_m is not None and rule.saves_m > 0.2
+    assert kept_zones((drawn,), decision.request.zones) == (grown,)
+    edited = dataclasses.replace(drawn, version=2)
+    assert kept_zones((edited,), decision.request.zones) == (edited,)
+    store.close()
+
+
+def test_a_path_that_ends_beside_its_goal_is_explained_and_not_called_blocked(
+    tmp_path: Path,
+) -> None:
+    controller, store = standing_controller(), Store(tmp_path)
+    insight, frame = insight_of(store, tmp_path, controller), first_frame()
+    zone_ahead(controller, (5.45, 6.0), 0.1)
+    decision = controller.think(frame, clock=lambda: frame.stamp_ns)
+    assert decision is not None and decision.route is not None
+    goal = controller.intent.mission.queue[0]
+    beside_m = np.hypot(*(decision.route.points[-1] - (goal.x_m, goal.y_m)))
+    assert decision.route.reaches_goal and 0.0 < beside_m < 0.2  # control
+    insight.note_decision(decision)
+    driven = insight.explain()
+    assert driven.reason is None
+    assert driven.length_m == pytest.approx(decision.route.length_m, abs=0.1)
+    controller.change_mission(Mission.pause)
+    later = dataclasses.replace(
+        frame,
+        stamp_ns=frame.stamp_ns + 10**8,
+        depth_m=frame.depth_m + np.float32(1e-4),
+        rgb=frame.rgb ^ np.uint8(1),
+    )
+    paused = controller.think(later, clock=lambda: later.stamp_ns)
+    assert paused is not None and paused.route is None
+    insight.note_decision(paused)
+    assert insight.explain().reason is None
     store.close()
 
 
