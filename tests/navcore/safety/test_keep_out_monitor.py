@@ -16,10 +16,9 @@ from navcore.config.safety import DEFAULT_SAFETY
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
 from navcore.mission.zone import Zone, ZoneKind
-from navcore.mission.zone_growth import distance_m
+from navcore.mission.zone_growth import distance_m, spread_of
 from navcore.robot.driver import Command
 from navcore.robot.profile import HUSKY
-from navcore.safety import keep_out_monitor
 from navcore.safety.gate import Cause, GateDecision, GateInput, gate
 from navcore.safety.keep_out_monitor import KeepOuts, permitted_share
 
@@ -166,13 +165,13 @@ def test_a_robot_that_leaves_an_object_keeps_out_of_all_others() -> None:
 
 def test_only_zones_that_may_be_near_are_grown(monkeypatch: pytest.MonkeyPatch) -> None:
     """Hundreds of zones of a site must not hold up the commands."""
-    spreads, told = list[float](), keep_out_monitor.spread_of
+    spreads = list[float]()
 
     def counted(covariance: Matrix, sigmas: float) -> Matrix:
         spreads.append(sigmas)
-        return told(covariance, sigmas)
+        return spread_of(covariance, sigmas)
 
-    monkeypatch.setattr(keep_out_monitor, "spread_of", counted)
+    monkeypatch.setattr("navcore.safety.keep_out_monitor.spread_of", counted)
     far = tuple(dataclasses.replace(zone(10.0 + k, 11.0 + k), id=f"far {k}") for k in range(50))
     near = zone(FRONT_M + 0.2, 3.0)
     uncertain = KeepOuts(pose=HERE, zones=(*far, near), covariance=np.eye(2) * 0.1**2)

@@ -16,7 +16,7 @@ from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareClass, BewareList, as_table, as_toml
 from navcore.robot.frame import Frame
 from tests.app.console.beware.test_beware_map import MemoryLists
-from tests.app.console.state import beware_editor
+from tests.app.console.state import PlainMap, beware_editor
 from tests.navcore.perception.colour_network import ColourNetwork
 from tests.navcore.scene import SPEC, Box, Colour, picture
 
@@ -50,7 +50,7 @@ def console(*things: Box, blue: int = 0, network: bool = True) -> tuple[BewareEd
     editor = beware_editor(
         MemoryLists(),
         LIST,
-        point_map=point_map,
+        map_holder=PlainMap(point_map),
         recent=recent,
         network=ColourNetwork(blue) if network else None,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -219,7 +220,7 @@ def turn_tried(
         rgb = OPEN.rgb + np.uint8(step % 7)
         frame = dataclasses.replace(OPEN, rgb=rgb, twist=measured, stamp_ns=now_ns)
         think(driver, frame)
-        sent = driver.command(lambda at_ns=now_ns: at_ns, 0.05, newest=frame)
+        sent = driver.command(partial(int, now_ns), 0.05, newest=frame)
         rates.append(sent.twist.w_radps)
     return rates
 
