@@ -104,7 +104,7 @@ class Recovery:
                 # What it is asked for is no sign that the gate lets it pass: all is tried again.
                 return Recovery() if lasts_s >= rules.again_s else now
             was_blocked = self.refused is ControllerState.BLOCKED
-            if was_blocked and motion.outcome is ControllerState.MANOEUVRE:
+            if was_blocked and motion.outcome in _ASIDE:
                 return Recovery()  # what was in its way has gone in part
             return now._ended() if motion.outcome in _ONWARD else now
         if self.action is RecoveryAction.WAIT:
@@ -187,6 +187,8 @@ _ONWARD = (
     ControllerState.ARRIVED,
 )
 """Controller states in which a robot that has given up can follow its path after all."""
+_ASIDE = (ControllerState.MANOEUVRE, ControllerState.BACK)
+"""Controller states in which a robot that could not move at all can move again."""
 _DEFAULT = RecoveryConfig()
 
 

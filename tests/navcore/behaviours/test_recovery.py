@@ -176,15 +176,15 @@ def test_a_robot_that_has_given_up_goes_on_when_its_way_is_free_again() -> None:
     assert drive.recovery == Recovery()  # far enough from there to start afresh the next time
 
 
-@pytest.mark.parametrize("refused", [ControllerState.BLOCKED, ControllerState.MANOEUVRE])
-def test_a_robot_that_has_given_up_tries_a_manoeuvre_that_was_none_then(
-    refused: ControllerState,
+@pytest.mark.parametrize("now", [ControllerState.BACK, ControllerState.MANOEUVRE])
+@pytest.mark.parametrize("refused", [ControllerState.BLOCKED, None])
+def test_a_robot_that_gave_up_blocked_tries_again_once_it_can_back_off_or_manoeuvre(
+    refused: ControllerState | None, now: ControllerState
 ) -> None:
-    given_up = Recovery(action=RecoveryAction.GIVE_UP, at=HERE, refused=refused)
-    manoeuvre = Motion(
-        twist=Twist(v_mps=-0.2, w_radps=0.0), outcome=ControllerState.MANOEUVRE, began=HERE
-    )
-    after = given_up.after(manoeuvre, HERE, 10**9, RULES)
+    """One that could do so when it gave up does not: it would go to and fro for ever."""
+    given_up = Recovery(action=RecoveryAction.GIVE_UP, at=HERE, refused=refused or now)
+    motion = Motion(twist=Twist(v_mps=-0.2, w_radps=0.0), outcome=now, began=HERE)
+    after = given_up.after(motion, HERE, 10**9, RULES)
     goes_on = refused is ControllerState.BLOCKED
     assert (after == Recovery()) is goes_on
     assert (after.action is RecoveryAction.GIVE_UP) is not goes_on
