@@ -320,7 +320,7 @@ class LiveOperations:
             moving=moving,
             by_hand=by_hand,
             summary=status_message(intent, decision, reasons, moving=moving, by_hand=by_hand),
-            stop_latched=intent.stopped_by is not None or self._controller.pose_in_doubt,
+            stop_latched=intent.stopped_by is not None or self._controller.sensors_in_doubt,
             stop_pressed=intent.stopped_by is not None,
             stop_warning=self._stop_warning(),
             reasons=reasons,
@@ -449,11 +449,11 @@ class LiveOperations:
         return not was_latched
 
     def reset_stop(self) -> None:
-        """Release the emergency stop, and accept the pose if odometry has jumped; the mission stays
-        paused."""
+        """Release the emergency stop, and accept the pose if odometry has jumped, and the camera's
+        clock; the mission stays paused."""
 
         def edit(intent: OperatorState) -> OperatorState:
-            doubted = self._controller.pose_in_doubt and intent.mission.phase in MOVING
+            doubted = self._controller.sensors_in_doubt and intent.mission.phase in MOVING
             return dataclasses.replace(
                 intent,
                 stopped_by=None,

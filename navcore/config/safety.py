@@ -144,7 +144,8 @@ class KeepOutMonitorConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorMonitorConfig:
-    """Which motion odometry may report, and how a repeated image is recognised."""
+    """Which motion odometry may report, how frames may be dated, and how a repeated image is
+    recognised."""
 
     speed_factor: float = ranged(1.0, 3.0, default=1.1)
     """Factor by which the robot may be faster than it measures."""
@@ -155,6 +156,9 @@ class SensorMonitorConfig:
     max_gap_s: float = ranged(0.1, 10.0, default=1.0)
     """Longest time in seconds between two frames in which the robot can have moved: the gate has
     stopped it by then."""
+    ahead_s: float = ranged(0.0, 1.0, default=0.1)
+    """Largest time in seconds by which a frame may be dated after the present time, which is read
+    at another moment."""
     steady_frames: int = ranged(1, 100, default=3)
     """Number of consistent frames after which a pose that has jumped back is trusted again."""
     sample_px: int = ranged(1, 1000, default=13)

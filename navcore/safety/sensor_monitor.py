@@ -77,11 +77,23 @@ class SensorMonitor:
         return self.newest is not None and self.fault is None and not self.malformed
 
     def after(
-        self, frame: Frame, profile: RobotProfile, config: SensorMonitorConfig = _DEFAULT
+        self,
+        frame: Frame,
+        profile: RobotProfile,
+        config: SensorMonitorConfig = _DEFAULT,
+        *,
+        now_ns: int | None = None,
     ) -> SensorMonitor:
-        """Return the state after one more frame; the same frame again changes nothing."""
+        """Return the state after one more frame; the same frame again changes nothing.
+
+        `now_ns`: time of the robot's clock in nanoseconds, by which frames are dated. One from the
+        future is not taken: all that follow would seem to be older.
+        """
         if frame is self.newest:
             return self
+        ahead_s = 0.0 if now_ns is None else (frame.stamp_ns - now_ns) / 1e9
+        if ahead_s > config.ahead_s:
+            return self._refuse_future(ahead_s)
         if self.newest is None:
             return self._trust(frame, config)
         last_ns = self.newest.stamp_ns if self.trusted is None else self.trusted.stamp_ns
@@ -127,6 +139,17 @@ class SensorMonitor:
             self._show(frame, config), trusted=trusted, fault=None, fault_text="", steady=0
         )
 
+    def _refuse_future(self, ahead_s: float) -> SensorMonitor:
+        """Return the state after a frame that is dated later than the present time; a pose that is
+        not trusted remains the fault."""
+        if self.fault is SensorFault.POSE:
+            return self
+        text = (
+            f"The camera's clock is wrong: an image is dated {ahead_s:.3f} s in the future; the "
+            "robot stands until an image is dated correctly."
+        )
+        return dataclasses.replace(self, fault=SensorFault.STAMP, fault_text=text)
+
     def _doubt_stamp(
         self, frame: Frame, back_s: float, config: SensorMonitorConfig
     ) -> SensorMonitor:
@@ -137,7 +160,8 @@ class SensorMonitor:
             return shown
         text = (
             "The camera's clock does not advance: an image is dated "
-            f"{back_s:.3f} s before the one that preceded it, or the same."
+            f"{back_s:.3f} s before the one that preceded it, or the same; the robot stands until "
+            "it advances, or until a reset accepts it."
         )
         return dataclasses.replace(shown, fault=SensorFault.STAMP, fault_text=text)
 

@@ -66,7 +66,8 @@ class State:
     summary: str
     """Sentence on the present motion, or on the reason of the standstill."""
     stop_latched: bool
-    """Whether an emergency stop holds, or odometry has jumped; both hold until they are reset."""
+    """Whether an emergency stop holds, or odometry or the camera's clock is not trusted, until a
+    reset."""
     stop_pressed: bool = False
     """Whether an emergency stop holds."""
     stop_warning: str | None = None

@@ -231,13 +231,14 @@ class RobotController:
     ) -> TickResult | None:
         """Run one tick; None when the frame was refused or shows nothing new.
 
-        `clock` gives the time in ns and dates the command when the tick has ended. `ahead`: the
-        same frame, labelled beside the tick before.
+        `clock` gives the time in ns, which no frame may be ahead of, and dates the command when
+        the tick has ended. `ahead`: the same frame, labelled beside the tick before.
         """
+        now_ns = clock()
         with self._lock:
             intent = self._intent
             requests, self._requests = self._requests, MapRequests()
-            senses = self._mapped = self._mapped.after(frame, self.profile)
+            senses = self._mapped = self._mapped.after(frame, self.profile, now_ns=now_ns)
         is_refused = senses.fault is not None or senses.repeats
         goal, request = intent.mission.goal, request_of(intent)
         if requests.replace_map is not None:
@@ -417,6 +418,12 @@ class RobotController:
         """Whether odometry has jumped and not come back: the robot stands until `trust_pose`."""
         return self._watched.fault is SensorFault.POSE or self._mapped.fault is SensorFault.POSE
 
+    @property
+    def sensors_in_doubt(self) -> bool:
+        """Whether pose or stamps are not trusted: the robot stands until they agree again, or until
+        `trust_pose`."""
+        return self._watched.fault is not None or self._mapped.fault is not None
+
     def trust_pose(self) -> None:
         """Accept pose and stamp of the next frame, whatever came before, on the operator's word."""
         with self._lock:
@@ -429,7 +436,7 @@ class RobotController:
     def _watch(self, now_ns: int, newest: Frame | None) -> None:
         """Check the newest frame, independently of the tick, and whether the wheels turn."""
         if newest is not None and newest is not self._watched.newest:
-            self._watched = self._watched.after(newest, self.profile)
+            self._watched = self._watched.after(newest, self.profile, now_ns=now_ns)
             if self._watched.newest_is_trusted:
                 self._recent_obstacles = self._recent_obstacles.after(newest, self.profile)
         if not self._intent.drives:

@@ -6,6 +6,7 @@ import dataclasses
 import threading
 import time
 from collections.abc import Collection, Sequence
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -231,7 +232,9 @@ def driven(controller: RobotController, recorder: Recorder, *, from_s: float, to
     """Ticks of a standing robot, one a second, as the recorder hears of them."""
     for second in range(int(from_s), int(to_s)):
         frame = picture(stamp_ns=(second + 1) * 1_000_000_000)
-        decision = controller.tick_state.decision or controller.think(frame, clock=lambda: 0)
+        decision = controller.tick_state.decision or controller.think(
+            frame, clock=partial(int, frame.stamp_ns)
+        )
         assert decision is not None
         recorder.note_decision(dataclasses.replace(decision, frame=frame))
 

@@ -138,6 +138,18 @@ def test_a_clock_that_stands_or_goes_back_is_not_trusted_until_it_advances(stamp
     assert monitor.after(shot(3), HUSKY).fault is None
 
 
+def test_an_image_from_the_future_is_refused_and_those_after_it_are_not() -> None:
+    monitor, future = after(shot(0), shot(1)), dataclasses.replace(shot(2), stamp_ns=10**15)
+    refused = monitor.after(future, HUSKY, now_ns=2 * PERIOD_NS)
+    assert refused.fault is SensorFault.STAMP and not refused.newest_is_trusted
+    assert "999999.800 s in the future" in refused.fault_text
+    good = refused.after(shot(3), HUSKY, now_ns=3 * PERIOD_NS)
+    assert good.newest_is_trusted
+    first = SensorMonitor().after(future, HUSKY, now_ns=0)
+    assert first.fault is SensorFault.STAMP
+    assert first.after(shot(3), HUSKY, now_ns=3 * PERIOD_NS).newest_is_trusted
+
+
 @pytest.mark.parametrize("repeated", ["depth_m", "rgb"])
 def test_a_camera_that_repeats_its_image_is_noticed_and_named_after_half_a_second(
     repeated: str,

@@ -88,7 +88,7 @@ def test_a_place_that_is_shown_waits_for_a_frame_that_is_believed(refused: Pose2
     for k, now in enumerate(times[2:]):  # until odometry is believed again
         seen = picture(stamp_ns=now)  # with the noise of a camera that works
         rgb, depth_m = seen.rgb + np.uint8(k + 1), seen.depth_m * np.float32(1 + 1e-4 * (k + 1))
-        driver.think(dataclasses.replace(seen, rgb=rgb, depth_m=depth_m), clock=lambda: SECOND)
+        driver.think(dataclasses.replace(seen, rgb=rgb, depth_m=depth_m), clock=lambda: times[-1])
     there = driver.place.T_map_base
     assert there.distance_to(shown.x_m, shown.y_m) < 0.01
     assert there.yaw_rad == pytest.approx(shown.yaw_rad)
@@ -98,10 +98,10 @@ def test_a_jump_of_odometry_that_is_accepted_leaves_the_place_as_uncertain() -> 
     driver = controller()
     driver.think(OPEN, clock=lambda: SECOND)
     there = Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.5)
-    driver.think(picture(stamp_ns=SECOND + 100_000_000, pose=there), clock=lambda: SECOND)
+    driver.think(picture(stamp_ns=SECOND + 100_000_000, pose=there), clock=lambda: 2 * SECOND)
     assert driver.pose_in_doubt
     driver.trust_pose()
-    driver.think(picture(stamp_ns=SECOND + 200_000_000, pose=there), clock=lambda: SECOND)
+    driver.think(picture(stamp_ns=SECOND + 200_000_000, pose=there), clock=lambda: 2 * SECOND)
     assert driver.place.T_map_base.distance_to(there.x_m, there.y_m) < 0.01
     assert driver.place.sigma_along_m(1.0, 0.0) == pytest.approx(3.0, rel=0.05)
     assert math.sqrt(driver.place.covariance[2, 2]) == pytest.approx(0.5, rel=0.1)
@@ -145,6 +145,23 @@ def test_of_a_place_and_a_search_that_wait_the_newer_counts() -> None:
     assert kept.trust_pose and placed.before(MapRequests()).place == shown
 
 
+def test_one_image_from_the_future_does_not_hold_the_robot() -> None:
+    driver = controller((3.0, 0.0))
+    future = dataclasses.replace(OPEN, stamp_ns=10**15)
+    for number, frame in enumerate((OPEN, future, OPEN, OPEN)):
+        now_ns = SECOND * (10 + number) // 10
+        rgb = OPEN.rgb + np.uint8(number)
+        depth_m = OPEN.depth_m * np.float32(1 + 1e-4 * number)
+        stamp_ns = now_ns if frame is OPEN else frame.stamp_ns
+        frame = dataclasses.replace(frame, stamp_ns=stamp_ns, rgb=rgb, depth_m=depth_m)
+        driver.think(frame, clock=partial(int, now_ns))
+        verdict = driver.command(partial(int, now_ns), 0.1, newest=frame)
+        is_future = number == 1
+        assert driver.sensors_in_doubt is is_future
+        assert (Cause.BAD_STAMP in causes(verdict)) is is_future
+    assert verdict.twist.v_mps > 0.0
+
+
 @pytest.mark.parametrize("accepted", [True, False])
 def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_start(
     accepted: bool,
@@ -156,7 +173,7 @@ def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_
         elsewhere = picture(
             Paint(x=(5, 6), y=(0, late_ns / 1e9)), stamp_ns=SECOND + late_ns, pose=there
         )
-        driver.think(elsewhere, clock=lambda: SECOND)
+        driver.think(elsewhere, clock=lambda: 2 * SECOND)
     assert driver.pose_in_doubt
     if accepted:
         driver.trust_pose()
@@ -164,7 +181,7 @@ def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_
         driver._mapped = driver._watched = type(
             driver._mapped
         )()  # the control: trusted, but not reset to this pose
-    driver.think(picture(stamp_ns=SECOND + 300_000_000, pose=there), clock=lambda: SECOND)
+    driver.think(picture(stamp_ns=SECOND + 300_000_000, pose=there), clock=lambda: 2 * SECOND)
     known = driver.navigator.map.explored.known(SPEC)
     row, col = SPEC.cell(there.x_m - 0.8, there.y_m)
     assert known[row, col] == accepted

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -60,14 +61,22 @@ def test_cancel_means_zero_at_the_next_command() -> None:
     assert command(driver).twist == STANDSTILL
 
 
+def changed_meanwhile(change: Callable[[], object]) -> Callable[[], int]:
+    """A clock that is read before the tick, and after it, when something has changed."""
+    reads = itertools.count()
+
+    def read() -> int:
+        if next(reads) == 1:
+            change()
+        return SECOND
+
+    return read
+
+
 def test_a_cancel_during_the_tick_means_zero_although_the_tick_ends_later() -> None:
     driver = controller((3.0, 0.0))
 
-    def cancel_then_date() -> int:
-        driver.change_mission(Mission.cancel)
-        return SECOND
-
-    driver.think(OPEN, clock=cancel_then_date)
+    driver.think(OPEN, clock=changed_meanwhile(lambda: driver.change_mission(Mission.cancel)))
     assert command(driver).twist == STANDSTILL
 
 
@@ -187,11 +196,10 @@ def test_a_robot_that_turns_does_not_stand() -> None:
 def test_a_goal_that_was_taken_away_during_the_tick_is_not_counted_as_reached() -> None:
     driver = controller((0.05, 0.0), (3.0, 0.0))
 
-    def remove_then_date() -> int:
-        driver.change_mission(lambda mission: mission.remove(1))
-        return SECOND
+    def remove() -> object:
+        return driver.change_mission(lambda mission: mission.remove(1))
 
-    driver.think(OPEN, clock=remove_then_date)
+    driver.think(OPEN, clock=changed_meanwhile(remove))
     assert driver.intent.mission.reached == ()
     assert [goal.id for goal in driver.intent.mission.queue] == [2]
 
