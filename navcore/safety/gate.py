@@ -276,15 +276,13 @@ def _frame_age_s(facts: GateInput) -> float:
 
 
 def _contact_reason(asked: Twist, contact_s: float, config: SafetyConfig) -> StopReason:
-    where = (
-        f"{abs(asked.v_mps) * contact_s:.2f} m ahead"
-        if abs(asked.v_mps) > config.collision.creep_mps
-        else "in the path of the turn"
-    )
+    away_m, where = abs(asked.v_mps) * contact_s, "in the path of the turn"
+    if abs(asked.v_mps) > config.collision.creep_mps:
+        where = f"{away_m:.2f} m ahead" if asked.v_mps > 0 else f"{away_m:.2f} m behind"
     return StopReason(
         cause=Cause.CONTACT_IMMINENT,
-        text=f"The camera sees an obstacle {where}, {contact_s:.2f} s before contact: too near to "
-        "drive on.",
+        text=f"There is an obstacle {where}, {contact_s:.2f} s before contact: too near to drive "
+        "on.",
     )
 
 

@@ -258,7 +258,9 @@ def test_the_gate_slows_down_before_an_obstacle_and_stops_at_it_with_the_reason(
     assert 0.2 < crawling.twist.v_mps < 0.4
     assert at_it.twist == STANDSTILL
     assert [reason.cause for reason in at_it.reasons] == [Cause.CONTACT_IMMINENT]
-    assert "ahead" in at_it.reasons[0].text
+    assert at_it.reasons[0].text.startswith("There is an obstacle 0.00 m ahead")
+    back = judged(post(-FRONT_M - AHEAD_M - 0.004, 0.0), Twist(v_mps=-0.5, w_radps=0.0))
+    assert back.reasons[0].text.startswith("There is an obstacle 0.00 m behind")
 
 
 def test_without_the_image_the_gate_would_drive_on() -> None:
