@@ -250,9 +250,7 @@ class BewareList:
         number = self.ids.get(name) if isinstance(name, str) else None
         for entry in self.classes:
             if entry.class_id == number:
-                raise BadConfiguration(
-                    f"beware list: {name!r} is a former name of {entry.name!r}; take another one"
-                )
+                raise _former_name(str(name), entry.name)
         table = {**table, "class_id": self._free_id() if number is None else number}
         return self.replaced((*self.classes, from_table(BewareClass, table, "beware list")))
 
@@ -288,12 +286,16 @@ class BewareList:
         """Return the next version with the entries of another list: a known name keeps its class id
         here, a new one takes its own where that is free."""
         wanted, ids = tuple(classes), self.ids
-        used = {*ids.values()}
+        used, given = {*ids.values()}, dict[int, str]()
         adopted = []
         for entry in wanted:
             number = ids.get(entry.name)
             if number is None:
                 number = entry.class_id if entry.class_id not in used else self._free_id(used)
+            if number in given:
+                newest = self.names[number]
+                raise _former_name(entry.name if entry.name != newest else given[number], newest)
+            given[number] = entry.name
             used.add(number)
             adopted.append(dataclasses.replace(entry, class_id=number))
         return self.replaced(adopted)
@@ -316,6 +318,12 @@ class BewareList:
         kept = {(entry.name, entry.class_id) for entry in classes}
         retired = tuple(pair for pair in self.ids.items() if pair not in kept)
         return BewareList(classes=classes, version=self.version + 1, retired=retired)
+
+
+def _former_name(former: str, newest: str) -> BadConfiguration:
+    return BadConfiguration(
+        f"beware list: {former!r} is a former name of {newest!r}; take another one"
+    )
 
 
 def _newest(

@@ -92,6 +92,9 @@ def test_a_renamed_class_keeps_its_id_and_what_the_network_detects(tmp_path: Pat
     assert editor.list.people_ids == [person.class_id]
     with pytest.raises(BadConfiguration, match="'cup' is a former name of 'mug'"):
         editor.add({"name": "cup"})
+    both = as_toml(BewareList(classes=(mug, dataclasses.replace(mug, name="cup", class_id=62))))
+    with pytest.raises(BadConfiguration, match="'cup' is a former name of 'mug'"):
+        editor.import_toml(both)
     with pytest.raises(BadConfiguration, match="already"):
         editor.edit("mug", {"name": "book"})
     editor.undo()
