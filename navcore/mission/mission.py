@@ -156,12 +156,20 @@ class Mission:
         raise NotKnown(f"no queued goal has the id {goal_id}")
 
     def remove(self, goal_id: int) -> Mission:
-        """Remove a goal from the queue; raises `NotKnown`."""
+        """Remove a goal from the queue; without the last one a mission that has begun is cancelled.
+        Raises `NotKnown`."""
         gone = self.queued(goal_id)
         queue = tuple(goal for goal in self.queue if goal is not gone)
-        if queue or self.phase is Phase.LEAVING:
+        if queue:
             return dataclasses.replace(self, queue=queue)
-        return dataclasses.replace(self, queue=queue, phase=Phase.IDLE, goes_on=False)
+        return dataclasses.replace(
+            self,
+            queue=(),
+            phase=self.phase if self.phase is Phase.LEAVING else Phase.IDLE,
+            cancelled=self.cancelled or self.phase is not Phase.IDLE,
+            restored=False,
+            goes_on=False,
+        )
 
     def start(self) -> Mission:
         """Start driving to the first goal; raises `Refused` without a goal or while paused."""

@@ -65,6 +65,12 @@ def test_a_robot_that_leaves_an_area_goes_on_when_its_last_goal_is_removed() -> 
     assert DRIVING.remove(1).remove(2).phase is Phase.IDLE
 
 
+def test_a_mission_that_has_begun_is_cancelled_by_removing_its_last_goal() -> None:
+    assert DRIVING.remove(1).remove(2).cancelled and PAUSED.remove(1).remove(2).cancelled
+    assert not EMPTY.add(1.0, 0.0, SPEC).remove(1).cancelled
+    assert not DRIVING.stored().remove(1).remove(2).restored
+
+
 def test_a_patrol_keeps_the_last_goals_and_counts_all() -> None:
     patrol = dataclasses.replace(TWO, loop=True).start()
     for _ in range(50):
