@@ -21,6 +21,7 @@ MAX_GOALS = 1000
 """Largest number of queued goals."""
 MAX_REACHED = 20
 """Number of the last reached goals that are kept."""
+_FULL = f"the queue is full; at most {MAX_GOALS} goals can wait"
 
 
 class Phase(StrEnum):
@@ -100,7 +101,7 @@ class Mission:
         """Append a goal; raises `BadGeometry` for one to which the grid `spec` cannot grow, and
         `Refused` for a full queue."""
         if len(self.queue) >= MAX_GOALS:
-            raise Refused(f"the queue is full; at most {MAX_GOALS} goals can wait")
+            raise Refused(_FULL)
         goal = Goal(id=self.next_id, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, name=name)
         goal = checked(goal, spec, beside=self.queue)
         return dataclasses.replace(self, queue=(*self.queue, goal), next_id=self.next_id + 1)
@@ -126,15 +127,18 @@ class Mission:
         """Set whether reached goals are queued again."""
         return dataclasses.replace(self, loop=loop)
 
-    def refill(self, goals: Sequence[Goal], spec: GridSpec, *, loop: bool) -> Mission:
-        """Replace the queued goals by others with new ids; raises `Refused` while driving."""
+    def refill(self, goals: Sequence[Goal], *, loop: bool) -> Mission:
+        """Replace the queued goals by others of `checked_together`, with new ids; raises `Refused`
+        while driving."""
         if self.phase in (Phase.DRIVING, Phase.LEAVING):
             raise Refused(
                 f"the mission is {self.phase}; pause or cancel it before another is loaded"
             )
-        empty = dataclasses.replace(
+        numbered = enumerate(goals, start=self.next_id)
+        return dataclasses.replace(
             self,
-            queue=(),
+            queue=tuple(dataclasses.replace(goal, id=number) for number, goal in numbered),
+            next_id=self.next_id + len(goals),
             phase=Phase.IDLE,
             reached=(),
             reached_count=0,
@@ -144,9 +148,6 @@ class Mission:
             goes_on=False,
             runs=self.runs + 1,
         )
-        for goal in goals:
-            empty = empty.add(goal.x_m, goal.y_m, spec, yaw_rad=goal.yaw_rad, name=goal.name)
-        return empty
 
     def queued(self, goal_id: int) -> Goal:
         """Return the queued goal with an id; raises `NotKnown`."""
@@ -275,3 +276,16 @@ def checked(goal: Goal, spec: GridSpec, *, beside: Sequence[Goal] = ()) -> Goal:
     if not math.isfinite(goal.yaw_rad):
         raise BadGeometry("the goal's heading is not finite; give radians")
     return dataclasses.replace(goal, yaw_rad=wrap_angle(goal.yaw_rad))
+
+
+def checked_together(goals: Sequence[Goal], spec: GridSpec) -> tuple[Goal, ...]:
+    """Return the goals of a whole mission as `checked`, numbered from 1; raises `BadGeometry` for
+    the first that is none, or too far from those before it, and `Refused` for too many."""
+    if len(goals) > MAX_GOALS:
+        raise Refused(_FULL)
+    numbered = (dataclasses.replace(goal, id=id_) for id_, goal in enumerate(goals, start=1))
+    alone = tuple(checked(goal, spec) for goal in numbered)
+    if not is_possible(reaching(spec, [(goal.x_m, goal.y_m) for goal in alone])):
+        for count, goal in enumerate(alone):
+            checked(goal, spec, beside=alone[:count])
+    return alone

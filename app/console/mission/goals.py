@@ -15,7 +15,7 @@ from navcore.costmap.cell_description import IN_ZONE, blocked_goal, check_goal_f
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadGeometry
 from navcore.grid.grid import GridSpec, OccupancyGrid
-from navcore.mission.mission import Goal, Mission
+from navcore.mission.mission import Goal, Mission, checked_together
 from navcore.mission.zone import Zone, zone_masks
 from navcore.mission.zone_growth import distance_m
 from web.interface.drafts import GoalChanges, SavedMission
@@ -94,7 +94,9 @@ class Goals:
     def load(self, name: str) -> None:
         """Replace the waiting goals by those of a saved mission."""
         saved = self._saved.named(name)
-        self._change(lambda mission: mission.refill(saved.goals, self._spec(), loop=saved.loop))
+        # Checked before the mission is locked: the command thread must not wait for it.
+        goals = checked_together(saved.goals, self._spec())
+        self._change(lambda mission: mission.refill(goals, loop=saved.loop))
 
     def forget(self, name: str) -> None:
         """Delete a saved mission."""

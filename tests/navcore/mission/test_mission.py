@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import pytest
 
 from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.grid.grid import GridSpec
-from navcore.mission.mission import MAX_GOALS, MAX_REACHED, Goal, Mission, Phase
+from navcore.grid.growth import reaching
+from navcore.mission.mission import MAX_GOALS, MAX_REACHED, Goal, Mission, Phase, checked_together
 
 SPEC = GridSpec.centred(size_m=(10, 10), resolution_m=0.1)
 EMPTY = Mission()
@@ -49,6 +50,31 @@ def test_goals_that_only_together_are_too_far_apart_are_refused() -> None:
     EMPTY.add(0.0, 2000.0, SPEC)
     with pytest.raises(BadGeometry, match="too far away"):
         far.add(0.0, 2000.0, SPEC)
+
+
+def test_the_goals_of_a_saved_mission_are_checked_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Added one after the other, all goals before it would be checked with each."""
+    checked_goals = 0
+
+    def counted(spec: GridSpec, points: Collection[tuple[float, float]]) -> GridSpec:
+        nonlocal checked_goals
+        checked_goals += len(points)
+        return reaching(spec, points)
+
+    monkeypatch.setattr("navcore.mission.mission.reaching", counted)
+    many = tuple(Goal(id=7, x_m=0.01 * k, y_m=0.0) for k in range(MAX_GOALS))
+    loaded = EMPTY.refill(checked_together(many, SPEC), loop=False)
+    assert checked_goals == 2 * MAX_GOALS
+    assert [goal.id for goal in loaded.queue] == list(range(1, MAX_GOALS + 1))
+    with pytest.raises(Refused, match="full"):
+        checked_together((*many, many[0]), SPEC)
+    apart = (Goal(id=1, x_m=2000.0, y_m=0.0), Goal(id=1, x_m=0.0, y_m=2000.0))
+    with pytest.raises(BadGeometry, match=r"goal \(0, 2000\) is too far away"):
+        checked_together(apart, SPEC)
+    with pytest.raises(BadGeometry, match="not finite"):
+        checked_together((Goal(id=1, x_m=math.nan, y_m=0.0),), SPEC)
 
 
 def test_a_full_queue_is_refused() -> None:
@@ -181,7 +207,7 @@ def test_a_loop_repeats_the_same_goals_until_it_is_switched_off() -> None:
 
 def test_a_saved_mission_replaces_the_queued_goals_but_not_while_driving() -> None:
     kept = (Goal(id=0, x_m=1.0, y_m=1.0, yaw_rad=0.5, name="a"), Goal(id=0, x_m=2.0, y_m=2.0))
-    loaded = PAUSED.refill(kept, SPEC, loop=True)
+    loaded = PAUSED.refill(kept, loop=True)
     assert (loaded.phase, loaded.loop, [goal.id for goal in loaded.queue]) == (
         Phase.IDLE,
         True,
@@ -189,7 +215,7 @@ def test_a_saved_mission_replaces_the_queued_goals_but_not_while_driving() -> No
     )
     assert (loaded.queue[0].name, loaded.queue[0].yaw_rad) == ("a", 0.5)
     with pytest.raises(Refused, match="driving"):
-        DRIVING.refill(kept, SPEC, loop=False)
+        DRIVING.refill(kept, loop=False)
 
 
 def test_only_a_paused_mission_goes_on_by_itself() -> None:
@@ -205,7 +231,7 @@ def test_only_a_paused_mission_goes_on_by_itself() -> None:
         interrupted.cancel(),
         interrupted.leave(),
         interrupted.stored(),
-        interrupted.refill(interrupted.queue, SPEC, loop=False),
+        interrupted.refill(interrupted.queue, loop=False),
         emptied,
         emptied.add(1.0, 1.0, SPEC).start(),
     )

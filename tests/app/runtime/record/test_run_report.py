@@ -65,7 +65,7 @@ def test_another_mission_that_is_loaded_ends_the_run(runs: Runs) -> None:
     mission = runs.tick(to(1.0, 2.0, 3.0).start())
     mission = runs.tick(mission.arrive().arrive())
     mission = runs.tick(mission.pause())
-    runs.tick(mission.refill(to(8.0).queue, SPEC, loop=False))
+    runs.tick(mission.refill(to(8.0).queue, loop=False))
     assert runs.figures == [(2, [[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])]
 
 
