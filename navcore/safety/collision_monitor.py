@@ -65,17 +65,9 @@ class _Sweep(NamedTuple):
     min_points: int
 
 
-def near_points(
-    frame: Frame, profile: RobotProfile, config: CollisionMonitorConfig = _DEFAULT
-) -> NearPoints:
-    """Return the (N, 2) x and y in metres of the base frame of the obstacle pixels of a frame that
-    passes `check_frame`."""
-    return _heights(frame, profile, config)[:, :2].copy()
-
-
 def _heights(frame: Frame, profile: RobotProfile, config: CollisionMonitorConfig) -> NearPoints:
-    """Return the (N, 3) x, y and height above the ground of these points; the edge of a drop has
-    the height 0."""
+    """Return the (N, 3) x, y in metres of the base frame and height above the ground of the
+    obstacle pixels of a frame that passes `check_frame`; the edge of a drop has the height 0."""
     limits = _Limits(
         obstacle_height_m=config.obstacle_height_m,
         ceiling_m=profile.ceiling_m,
@@ -175,7 +167,7 @@ def time_to_contact(
     one within the clearance around it counts only when the body itself would touch it, so that the
     robot can turn away from what it stands close to.
     """
-    speed = abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
+    speed = fastest_mps(twist, profile)
     if len(points) == 0 or speed == 0.0:
         return math.inf
     sweep = _Sweep(
@@ -188,6 +180,11 @@ def time_to_contact(
         min_points=config.min_points,
     )
     return float(_contact_time(points, float(twist.v_mps), float(twist.w_radps), sweep))
+
+
+def fastest_mps(twist: Twist, profile: RobotProfile) -> float:
+    """Return an upper bound of the speed of every point of the body in metres per second."""
+    return abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
 
 
 def braking_s(twist: Twist, profile: RobotProfile) -> float:

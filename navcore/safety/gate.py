@@ -19,6 +19,7 @@ from navcore.safety.collision_monitor import (
     NearPoints,
     allowed_share,
     braking_s,
+    fastest_mps,
     time_to_contact,
 )
 from navcore.safety.keep_out_monitor import KeepOuts, permitted_share
@@ -122,7 +123,7 @@ def gate(
     )
     if share < 1.0:
         slowed = Twist(v_mps=share * slowed.v_mps, w_radps=share * slowed.w_radps)
-    if area and _fastest_point(slowed, profile) < config.collision.creep_mps:
+    if area and fastest_mps(slowed, profile) < config.collision.creep_mps:
         objections.append(_area_reason(area))
     if objections or facts.command is None:
         return GateDecision(twist=STANDSTILL, reasons=ranked(objections))
@@ -175,10 +176,10 @@ def wheels_blocked(
     sent: Twist, measured: Twist, profile: RobotProfile, config: GateConfig = DEFAULT_SAFETY.gate
 ) -> bool:
     """Return whether the wheels were commanded to turn and hardly do."""
-    asked_mps = _fastest_point(sent, profile)
+    asked_mps = fastest_mps(sent, profile)
     return (
         asked_mps > config.commanded_mps
-        and _fastest_point(measured, profile) < config.turning_share * asked_mps
+        and fastest_mps(measured, profile) < config.turning_share * asked_mps
     )
 
 
@@ -268,7 +269,7 @@ def _slowed(
     if share == 1.0:
         return asked
     slowed = Twist(v_mps=share * asked.v_mps, w_radps=share * asked.w_radps)
-    return STANDSTILL if _fastest_point(slowed, profile) < config.collision.creep_mps else slowed
+    return STANDSTILL if fastest_mps(slowed, profile) < config.collision.creep_mps else slowed
 
 
 def _frame_age_s(facts: GateInput) -> float:
@@ -284,11 +285,6 @@ def _contact_reason(asked: Twist, contact_s: float, config: SafetyConfig) -> Sto
         text=f"There is an obstacle {where}, {contact_s:.2f} s before contact: too near to drive "
         "on.",
     )
-
-
-def _fastest_point(twist: Twist, profile: RobotProfile) -> float:
-    """Return an upper bound of the speed of every point of the body in metres per second."""
-    return abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
 
 
 def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotProfile) -> Twist:

@@ -73,16 +73,6 @@ class PoseIds:
                 best, nearest = pose_id, cost
         return best
 
-    def move(self, poses: Mapping[int, Pose2]) -> None:
-        """Replace poses by ID; raises `BadConfiguration` for an unknown or frozen ID, and then
-        nothing has moved."""
-        check_movable(poses, len(self._poses), self.frozen)
-        self._last = None
-        for pose_id, pose in poses.items():
-            self._buckets[self._bucket(self._poses[pose_id])].remove(pose_id)
-            self._poses[pose_id] = pose
-            self._buckets[self._bucket(pose)].append(pose_id)
-
     def extend(self, poses: Iterable[Pose2]) -> None:
         """Append poses under new IDs, near known ones or not."""
         for pose in poses:

@@ -29,7 +29,8 @@ _HIGHEST_M = 1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapState:
-    """Complete state of a map; a map restored from it continues as the first one would have."""
+    """State of a map; a map restored from it continues as the first one would have, but for the
+    terrain, which is not stored: the camera measures the ground again."""
 
     spec: GridSpec
     """Size and position of the grid."""

@@ -20,7 +20,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.ground import cell_centres, ground_heights
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.collision_monitor import near_points, time_to_contact
+from navcore.safety.collision_monitor import RecentObstacles, time_to_contact
 from tests.navcore.scene import LENS, MOUNT, ORIGIN, RED_LIST, SPEC, Box, picture
 
 Floats = npt.NDArray[np.float64]
@@ -174,15 +174,16 @@ def test_a_depth_image_of_random_values_gives_finite_heights() -> None:
 def test_the_gate_stops_at_the_edge_of_a_drop_and_not_where_the_floor_below_is_seen() -> None:
     lip_m = 1.4
     below = seen(lambda x, y: np.where(x > lip_m, -0.5, 0.0))
-    points = near_points(below, HUSKY)
+    points = RecentObstacles().after(below, HUSKY).points
     assert len(points) > 10
     assert lip_m - 0.15 < float(np.median(points[:, 0])) < lip_m + 0.05
     ahead = Twist(v_mps=1.0, w_radps=0.0)
     assert time_to_contact(points, ahead, HUSKY) == pytest.approx(
         lip_m - HUSKY.length_m / 2, abs=0.15
     )
-    assert len(near_points(seen(ramp(-0.12)), HUSKY)) == 0
-    assert math.isinf(time_to_contact(near_points(seen(hills), HUSKY), ahead, HUSKY))
+    assert len(RecentObstacles().after(seen(ramp(-0.12)), HUSKY).points) == 0
+    points = RecentObstacles().after(seen(hills), HUSKY).points
+    assert math.isinf(time_to_contact(points, ahead, HUSKY))
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.15, -0.15])

@@ -13,6 +13,7 @@ from navcore.localisation.map_correction import AppliedCorrection
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.mission import Goal, Mission
 from navcore.mission.zone import Zone
+from tests.navcore.mapping.points.moved_poses import move
 
 ZONE = Zone(id="z", name="Wet floor", polygon=((2.0, 0.0), (3.0, 0.0), (3.0, 1.0), (2.0, 1.0)))
 FAR = Zone(id="f", name="Far", polygon=((42.0, 0.0), (43.0, 0.0), (43.0, 1.0)))
@@ -39,9 +40,8 @@ class Held:
 
 def shifted(pose_ids: PoseIds, x_m: float) -> AppliedCorrection:
     before = pose_ids.poses
-    pose_ids.move(
-        {i: Pose2(x_m=p.x_m + x_m, y_m=p.y_m, yaw_rad=p.yaw_rad) for i, p in enumerate(before)}
-    )
+    there = {i: replace(p, x_m=p.x_m + x_m) for i, p in enumerate(before)}
+    move(pose_ids, there)
     motion = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
     return AppliedCorrection(before=before, after=pose_ids.poses, motion=motion, loops=1)
 
@@ -122,9 +122,7 @@ def test_what_edits_hold_moves_with_the_zone_and_not_with_poses_that_came_by_lat
     items.note_tick(None, pose_ids)
     before = pose_ids.poses
     later = {i: p for i, p in enumerate(before) if i >= old}
-    pose_ids.move(
-        {i: Pose2(x_m=p.x_m, y_m=p.y_m + 0.5, yaw_rad=p.yaw_rad) for i, p in later.items()}
-    )
+    move(pose_ids, {i: replace(p, y_m=p.y_m + 0.5) for i, p in later.items()})
     motion = Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)
     correction = AppliedCorrection(before=before, after=pose_ids.poses, motion=motion, loops=1)
     assert items.note_tick(correction, pose_ids) == ()

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, wrap_angle
-from navcore.mapping.points.pose_ids import PoseIds
+from navcore.mapping.points.pose_ids import PoseIds, check_movable
 from tests.navcore.laws import law
+from tests.navcore.mapping.points.moved_poses import move
 
 
 def pose(x: float, y: float = 0.0, yaw_deg: float = 0.0) -> Pose2:
@@ -51,13 +52,13 @@ def test_the_lookup_finds_what_a_search_over_all_poses_finds_also_after_moves(se
         assert known.id_of(wanted) == (before if expected is None else expected)
         if rng.random() < 0.2:
             moved = somewhere(rng)
-            known.move({int(rng.integers(len(known))): moved})
+            move(known, {int(rng.integers(len(known))): moved})
 
 
 def test_of_two_equally_near_poses_the_newer_one_is_found() -> None:
     known = ids()
     assert [known.id_of(pose(0.0)), known.id_of(pose(0.25)), known.id_of(pose(0.125))] == [0, 1, 1]
-    known.move({0: pose(0.25), 1: pose(0.0)})
+    move(known, {0: pose(0.25), 1: pose(0.0)})
     assert known.known(pose(0.125)) == 1
 
 
@@ -101,22 +102,14 @@ def test_a_heading_across_the_turn_of_the_circle_is_known() -> None:
     assert known.id_of(pose(-1e-12, 0.0, 355.0)) == known.id_of(pose(1e-12, 0.0, 3.0)) == 1
 
 
-def test_an_unknown_or_frozen_pose_is_refused_and_nothing_moves() -> None:
-    known = ids()
-    for x in range(3):
-        known.id_of(pose(float(x)))
-    before = known.poses
+def test_an_unknown_or_frozen_pose_is_not_movable() -> None:
+    check_movable((0, 2), known=3, frozen=0)
     with pytest.raises(BadConfiguration, match="pose ID 3 is not on the map, which has 3"):
-        known.move({0: pose(9.0), 3: pose(9.0)})
+        check_movable((0, 3), known=3, frozen=0)
     with pytest.raises(BadConfiguration, match="pose ID -1 is not on the map"):
-        known.move({-1: pose(9.0)})
-    known.freeze()
-    assert known.id_of(pose(5.0)) == 3
+        check_movable((-1,), known=3, frozen=0)
     with pytest.raises(BadConfiguration, match="pose ID 2 belongs to the loaded map, whose first"):
-        known.move({3: pose(5.1), 2: pose(9.0)})
-    assert known.poses == (*before, pose(5.0))
-    known.move({3: pose(5.1)})
-    assert known[3] == pose(5.1)
+        check_movable((3, 2), known=4, frozen=3)
 
 
 def test_restored_ids_are_the_same_poses_and_frozen() -> None:
