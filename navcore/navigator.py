@@ -163,7 +163,9 @@ class Navigator:
             profile, non_cooperative=config.people.non_cooperative, config=config.perception
         )
         self._mapper = Mapper(self.map, self._tracker, profile, config, segmenter.source_of)
-        self.localisation = Localisation(self.map.pose_ids, config.localisation)
+        self.localisation = Localisation(
+            self.map.pose_ids, config.localisation, profile.depth_sensor
+        )
         """Estimates the pose in the map."""
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.place = LocalisationEstimate()

@@ -181,6 +181,7 @@ def _look_closely(frame: Frame, decision: TickResult) -> None:
         frame,
         heights_above_floor(frame),
         _BEWARE,
+        HUSKY.depth_sensor,
     )
 
 

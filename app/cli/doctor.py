@@ -74,7 +74,10 @@ def _segmentation() -> Iterator[tuple[bool, str]]:
     # All are measured once, and the choice is remembered for every later start.
     thorough = InferenceConfig(trial_s=TRIAL_S, fast_enough_ms=0.0)
     perception = compose(
-        SegmenterChoice(live=True), memory=EngineMemory.of_user(), inference=thorough
+        SegmenterChoice(live=True),
+        sensor=HUSKY.depth_sensor,
+        memory=EngineMemory.of_user(),
+        inference=thorough,
     )
     trials: Sequence[EngineBenchmark] = perception.trials
     if not trials:

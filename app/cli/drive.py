@@ -133,7 +133,9 @@ def drive(settings: DriveSettings) -> None:
     config = None if settings.navigation is None else load_config(settings.navigation, robot)
     tuning = DEFAULT_PERCEPTION if config is None else config.perception
     # Last, because this takes seconds, and the checks above take none.
-    perception = prepared_perception(settings.segmentation.choice(camera=camera), config=tuning)
+    perception = prepared_perception(
+        settings.segmentation.choice(camera=camera), sensor=robot.depth_sensor, config=tuning
+    )
     episode = episode_of(
         task, settings.seed, robot=robot, beware=beware, perception=perception, config=config
     )

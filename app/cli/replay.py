@@ -84,7 +84,11 @@ def replay(settings: ReplaySettings) -> None:
     known = None if settings.reference is None else load_reference(settings.reference)
     annotation = None if settings.objects is None else load_annotation(settings.objects)
     recording = open_recording(settings.folder, every=settings.every)
-    perception = compose(settings.segmentation.choice(), memory=EngineMemory.of_user())
+    perception = compose(
+        settings.segmentation.choice(),
+        sensor=profile.depth_sensor,
+        memory=EngineMemory.of_user(),
+    )
     T_map_world = np.eye(4) if settings.level else find_floor(recording)
     with Progress(console=Terminal(stderr=True)) as bar:
         task = bar.add_task("frames", total=len(recording))

@@ -172,7 +172,12 @@ def console(
             config = for_recordings(config)
         store = Store(options.data)
         stack.callback(store.close)
-        composing = functools.partial(prepared_perception, config=config.perception, say=say)
+        composing = functools.partial(
+            prepared_perception,
+            sensor=options.robot.depth_sensor,
+            config=config.perception,
+            say=say,
+        )
         composed = composed_at_start(
             versions_in(options.data / "teaching"), options.choice, composing
         )

@@ -35,7 +35,6 @@ from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.map_keeper import MapKeeper
 from app.runtime.record.recorder import Recorder
 from app.runtime.start.live_perception import LivePerception
-from app.runtime.start.segmentation import compose
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.storage import Store
 from app.storage.site_store import SiteStore
@@ -85,13 +84,13 @@ class LiveOperations:
         perception: LivePerception,
         data: FilePath,
         config: NavigatorConfig,
+        compose: Compose,
         keeper: MapKeeper | None = None,
         has_own_map: bool = True,
         world_tags: TagMap | None = None,
         new_beware: BewareList | None = None,
         choice: SegmenterChoice = DEFAULT_CHOICE,
         network: str = START,
-        compose: Compose = compose,
         stop_warning: Callable[[], str | None] = lambda: None,
     ) -> None:
         """`data`: folder of what operators correct and teach.

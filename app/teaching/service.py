@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from app.runtime.start.live_perception import LivePerception
-from app.runtime.start.segmentation import Perception, compose
+from app.runtime.start.segmentation import Perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.frames.live_frames import LiveFrames
 from app.teaching.networks.live_networks import Compose, LiveNetworks
@@ -33,9 +33,9 @@ class LiveTeaching:
         newest: Callable[[], Frame | None],
         beware: Callable[[], BewareList],
         perception: LivePerception,
+        compose: Compose,
         choice: SegmenterChoice = DEFAULT_CHOICE,
         used: str = START,
-        compose: Compose = compose,
     ) -> None:
         """`folder` keeps everything; `newest` gives the newest frame, placed in the map. `choice`
         and `used`: options and version of the start."""

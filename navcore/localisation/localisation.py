@@ -39,6 +39,7 @@ from navcore.mapping.points.pose_ids import PoseIds
 from navcore.perception.labels import Labels
 from navcore.perception.people.track import Track
 from navcore.robot.frame import Frame
+from navcore.robot.profile import DepthSensor
 
 FIX_LIFE_NS = 2_000_000_000
 """Time in nanoseconds for which an absolute position locates the robot."""
@@ -51,11 +52,11 @@ Outcome = LoopClosures | LoopCandidates | PlaceMap | SearchResult
 class Localisation:
     """One estimate per frame; no thread, no clock."""
 
-    def __init__(self, pose_ids: PoseIds, config: LocalisationConfig) -> None:
-        """`pose_ids` is the map's list of poses."""
+    def __init__(self, pose_ids: PoseIds, config: LocalisationConfig, sensor: DepthSensor) -> None:
+        """`pose_ids` is the map's list of poses, `sensor` the depth camera of the scans."""
         self.tracker = Localiser(pose_ids, config)
         """Frame by frame."""
-        self._pose_ids, self._config = pose_ids, config
+        self._pose_ids, self._config, self._sensor = pose_ids, config, sensor
         self._driven = DrivenOdometry(config.odometry)
         """What the search goes by, since the tracker's pose stays at standstill as well."""
         self._loops = LoopCloser(config.loops, config.graph, config.match)
@@ -102,7 +103,7 @@ class Localisation:
         is that of `ground_heights`.
         """
         excluded = excluded_pixels(frame, labels, people)
-        scan = scan_of(frame, excluded, ground_m, self._config.scan)
+        scan = scan_of(frame, self._sensor, excluded, ground_m, self._config.scan)
         if scan.may_be_a_person(self._config.scan):
             # On a bare floor the pose would follow the person, and the wheels' scale with it.
             scan = scan.emptied()

@@ -22,7 +22,6 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import DepthSensor
 
 _DEFAULT = DEFAULT_PERCEPTION.depth
-_D455 = DepthSensor()
 _FAR_M = 1000.0
 """Marker farther than any depth, in metres."""
 _MIN_CAMERA_HEIGHT_M = 0.1
@@ -74,8 +73,8 @@ def reject_flat_regions(
     frame: Frame,
     heights_m: FloatImage,
     beware: BewareList,
+    sensor: DepthSensor,
     config: DepthFilterConfig = _DEFAULT,
-    sensor: DepthSensor = _D455,
 ) -> Bools:
     """Return the (H, W) pixels that keep their class: all but flat prints, small regions, surfaces
     that are too long, and the floor at the foot of tall objects.

@@ -33,7 +33,7 @@ from navcore.robot.profile import DepthSensor
 UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
 """Confidence that speaks neither for a label nor against it: its log-odds are 0, and it is below
 every threshold of at least one half."""
-_D455, _EVIDENCE = DepthSensor(), DEFAULT_PERCEPTION.evidence
+_EVIDENCE = DEFAULT_PERCEPTION.evidence
 _NOT_CERTAIN = np.nextafter(np.float32(1), np.float32(0))
 """Largest confidence of what is weighed: on the map only rules that speak alone are certain."""
 
@@ -57,8 +57,8 @@ class FusedSegmenter:
     def __init__(
         self,
         network: Segmenter,
+        sensor: DepthSensor,
         config: PerceptionConfig = DEFAULT_PERCEPTION,
-        sensor: DepthSensor = _D455,
     ) -> None:
         """Fuse a network with the colour rules; `sensor` is the depth camera whose errors decide
         what depth can refute."""
@@ -122,10 +122,10 @@ class FusedSegmenter:
         """Return the network's labels without those that depth refutes."""
         config, sensor = self._config, self._sensor
         keep = reject_flat_regions(
-            seen.class_ids, frame, heights_m, beware, config.depth, sensor
+            seen.class_ids, frame, heights_m, beware, sensor, config.depth
         ) & trim_label_bleed(seen.class_ids, frame, config.depth)
         base, undecided = overhung_regions(
-            seen.class_ids, frame, heights_m, beware, config.overhang, sensor
+            seen.class_ids, frame, heights_m, beware, sensor, config.overhang
         )
         return Labels(
             class_ids=np.where(keep & ~base, seen.class_ids, np.uint8(NOTHING)),

@@ -24,7 +24,6 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import DepthSensor
 
 _DEFAULT = DEFAULT_PERCEPTION.overhang
-_D455 = DepthSensor()
 ColumnImage = npt.NDArray[np.int32]
 
 
@@ -33,8 +32,8 @@ def overhung_regions(
     frame: Frame,
     heights_m: FloatImage,
     beware: BewareList,
+    sensor: DepthSensor,
     config: OverhangConfig = _DEFAULT,
-    sensor: DepthSensor = _D455,
 ) -> tuple[Bools, Bools]:
     """Return the (H, W) pixels of regions of a class with a `max_height_m` that lie under a taller
     object, and those of regions where the depth error leaves that undecided.

@@ -21,7 +21,7 @@ from navcore.mission.zone import Zone
 from navcore.navigator import Navigator, TickResult
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import NoPath, Path, Reason
-from navcore.robot.profile import HUSKY
+from navcore.robot.profile import HUSKY, DepthSensor
 from tests.navcore.scene import RED_LIST, Box, Paint, picture
 
 SPEC = GridSpec.centred(size_m=(16.0, 16.0), resolution_m=0.05)
@@ -94,6 +94,20 @@ def test_a_zone_drawn_under_the_robot_stops_it_and_says_so(navigator: Navigator)
     decision = navigator.tick(picture(), dataclasses.replace(ORDER, zones=(under,)))
     assert decision.motion.twist == STANDSTILL
     assert decision.motion.outcome is ControllerState.IN_ZONE
+
+
+def test_scans_are_as_uncertain_as_the_depth_camera_of_the_profile() -> None:
+    def variance(sensor: DepthSensor) -> float:
+        profile = dataclasses.replace(HUSKY, depth_sensor=sensor)
+        navigator = Navigator(
+            spec=SPEC, profile=profile, segmenter=ColourSegmenter(), config=NavigatorConfig()
+        )
+        navigator.tick(picture(WALL), ORDER)
+        return float(navigator.localisation.keyframes[0].scan.variance_m2.mean())
+
+    husky = HUSKY.depth_sensor
+    coarse = dataclasses.replace(husky, disparity_error_px=2 * husky.disparity_error_px)
+    assert variance(coarse) == pytest.approx(4 * variance(husky))
 
 
 def test_without_a_goal_the_robot_looks_and_stands(navigator: Navigator) -> None:

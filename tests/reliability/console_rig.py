@@ -4,6 +4,7 @@ teleoperation."""
 from __future__ import annotations
 
 import dataclasses
+import functools
 import tempfile
 import threading
 import time
@@ -19,11 +20,12 @@ from app.runtime.control.loop import ControlLoop
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.record.recorder import Recorder
 from app.runtime.start.live_perception import LivePerception
-from app.runtime.start.segmentation import colour_perception
+from app.runtime.start.segmentation import colour_perception, compose
 from app.storage import Store
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.navigator import Stages
+from navcore.robot.profile import HUSKY
 from navcore.warmup import warm_up
 from sim.sensors.faults import Fault
 from tests.reliability.fault_runs import BenchRobot, first_frame, standing_controller
@@ -108,6 +110,7 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
             perception=LivePerception(colour_perception()),
             data=Path(folder),
             config=NavigatorConfig(),
+            compose=functools.partial(compose, sensor=HUSKY.depth_sensor),
         )
         loop = ControlLoop(
             robot,

@@ -43,6 +43,7 @@ from navcore.perception.colour_segmenter import matches_colour
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from sim.scenario.load import load_scenario
 
 ROOM = """
@@ -92,7 +93,9 @@ ENOUGH_S = 9.0
 @pytest.fixture(scope="module")
 def perception() -> Perception:
     # Runs on every processor of the tests, and takes a quarter of the time of single precision.
-    made = compose(SegmenterChoice(kind="network", engine="openvino-int8"))
+    made = compose(
+        SegmenterChoice(kind="network", engine="openvino-int8"), sensor=HUSKY.depth_sensor
+    )
     assert made.warning is None
     return made
 
@@ -148,7 +151,7 @@ class Gullible:
 def gullible(config: PerceptionConfig = DEFAULT_PERCEPTION) -> Perception:
     """Return perception with a segmenter that believes prints."""
     return Perception(
-        segmenter=FusedSegmenter(Gullible(), config),
+        segmenter=FusedSegmenter(Gullible(), HUSKY.depth_sensor, config),
         title="gullible",
         identity="gullible",
         choice=SegmenterChoice(),
@@ -217,7 +220,9 @@ def approach(request: pytest.FixtureRequest, perception: Perception) -> Approach
         )
         cloud = PointMap(spec, MappingConfig())
         for frame, one in zip(frames, labels, strict=True):
-            found = FusedSegmenter(GivenLabels(one), config).segment(frame, beware)
+            found = FusedSegmenter(GivenLabels(one), HUSKY.depth_sensor, config).segment(
+                frame, beware
+            )
             cloud.insert(observe(frame, found, beware, spec, ObservationConfig()), frame, found)
         grid = layer_grid(cloud, beware, ())
         return int(np.count_nonzero(grid.beware[beware.named(kind).class_id]))

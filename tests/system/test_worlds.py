@@ -25,7 +25,9 @@ GOALS = {
 @pytest.fixture(scope="module")
 def perception() -> Perception:
     """The shipped network on an engine that needs no trial."""
-    return compose(SegmenterChoice(kind="network", engine="openvino-int8"))
+    return compose(
+        SegmenterChoice(kind="network", engine="openvino-int8"), sensor=HUSKY.depth_sensor
+    )
 
 
 @pytest.mark.parametrize("world", GOALS)

@@ -4,6 +4,7 @@ of rectangles."""
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 import shutil
@@ -33,7 +34,7 @@ from app.console.site.map_editor import MapEditor
 from app.insight.explanation import ExplanationQuery
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.start.live_perception import LivePerception
-from app.runtime.start.segmentation import colour_perception
+from app.runtime.start.segmentation import colour_perception, compose
 from app.teaching.service import LiveTeaching
 from navcore.config.mapping import MappingConfig
 from navcore.config.navigator import NavigatorConfig
@@ -115,7 +116,9 @@ class FakeOperations:
         self.point_map = PointMap(SPEC, MappingConfig())
         self.point_map.pose_ids.id_of(Pose2(x_m=-6.0, y_m=0.0, yaw_rad=0.0))
         self.recent = RecentFrames()
-        segmenter = ColourSegmenter() if network is None else FusedSegmenter(network)
+        segmenter = (
+            ColourSegmenter() if network is None else FusedSegmenter(network, HUSKY.depth_sensor)
+        )
         self.examples = LiveExamples(
             self.recent, lambda: network, poses=lambda: self.point_map.poses
         )
@@ -179,6 +182,7 @@ class FakeOperations:
             newest=lambda: None if recent.newest is None else recent.newest.frame,
             beware=lambda: self._intent.beware,
             perception=LivePerception(colour_perception()),
+            compose=functools.partial(compose, sensor=HUSKY.depth_sensor),
         )
 
     # Reading

@@ -180,7 +180,10 @@ def _detection(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.detection import walks
     from app.runtime.start.preparation import prepared_perception
 
-    perception = prepared_perception(settings.segmentation.choice(camera=settings.stream))
+    perception = prepared_perception(
+        settings.segmentation.choice(camera=settings.stream),
+        sensor=settings.profile.depth_sensor,
+    )
     suite = walks(perception, beware_list(settings.beware), settings.stream.size)
     return _walked(settings, suite, walks_by_default=40)
 
@@ -191,7 +194,7 @@ def _perception(settings: EvaluateSettings) -> Perception:
     from app.runtime.start.segmentation import compose
 
     choice = settings.segmentation.choice(camera=settings.stream)
-    return compose(choice, memory=EngineMemory.of_user())
+    return compose(choice, sensor=settings.profile.depth_sensor, memory=EngineMemory.of_user())
 
 
 def _one_click(settings: EvaluateSettings) -> bool:
@@ -347,7 +350,10 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         fleet=_fleet(settings),
         out=_out(settings, "-".join(filter(None, parts))),
         beware=beware_list(settings.beware, task.scenario),
-        perception=prepared_perception(settings.segmentation.choice(camera=settings.stream))
+        perception=prepared_perception(
+            settings.segmentation.choice(camera=settings.stream),
+            sensor=settings.profile.depth_sensor,
+        )
         if needs_segmenter
         else None,
         draw_first=settings.figures,

@@ -128,7 +128,7 @@ def _with_figures(driven: DrivenEpisode, *, folder: Path) -> dict[str, Any]:
 
 
 def _drive_alone(seed: int, *, common: Evaluation, choice: SegmenterChoice) -> DrivenEpisode:
-    return _drive(seed, common=common, perception=compose(choice))
+    return _drive(seed, common=common, perception=compose(choice, sensor=common.robot.depth_sensor))
 
 
 def _drive(seed: int, *, common: Evaluation, perception: Perception) -> DrivenEpisode:

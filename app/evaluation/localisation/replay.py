@@ -27,6 +27,7 @@ from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPos
 from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.mapping.point_map import PointMap
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from sim.robot.odometry import GYRO_BIAS_DRIFT
 from sim.robot.odometry_grade import ODOMETRY_ERRORS, OdometryGrade
 
@@ -95,7 +96,9 @@ class Replay:
         self._map = PointMap(_GRID, config.map)
         if poses is not None:
             self._map.pose_ids.restore(poses)
-        self.localisation = Localisation(self._map.pose_ids, config.localisation)
+        self.localisation = Localisation(
+            self._map.pose_ids, config.localisation, HUSKY.depth_sensor
+        )
         """What is judged."""
         self.localisation.load(saved)
         self._correction = MapCorrection(self._map, self.localisation, config.localisation.tracking)

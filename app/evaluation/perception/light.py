@@ -32,6 +32,7 @@ from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from sim.rendering.lighting import DISTURBANCES, Lighting
 
 SUITE = "light"
@@ -122,7 +123,7 @@ def _walk(
         )
 
     counts = walk_of_seed(
-        FusedSegmenter(watched),
+        FusedSegmenter(watched, HUSKY.depth_sensor),
         beware,
         seed,
         size,

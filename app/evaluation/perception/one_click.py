@@ -39,6 +39,7 @@ from navcore.perception.prototype import background_of, example_of, fitted
 from navcore.perception.region_growing import object_at
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from sim.dataset.generate import shard_seed
 from sim.dataset.renderer import PATTERNS, UNSEEN_LABEL, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
@@ -80,7 +81,7 @@ def click_and_walk(
         site.scene,
         site.drive,
         rng,
-        FusedSegmenter(network),
+        FusedSegmenter(network, HUSKY.depth_sensor),
         BewareList(classes=classes),
         labels={UNSEEN},
     )

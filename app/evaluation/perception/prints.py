@@ -33,6 +33,7 @@ from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from sim.dataset.renderer import SceneRenderer
 
 SUITE = "prints"
@@ -188,7 +189,7 @@ def _looks(
 
 def _checked(said: Labels, frame: Frame, beware: BewareList) -> Labels:
     """Return the labels that are left after the checks by depth."""
-    return FusedSegmenter(GivenLabels(said)).segment(frame, beware)
+    return FusedSegmenter(GivenLabels(said), HUSKY.depth_sensor).segment(frame, beware)
 
 
 def _comes_through(views: Views) -> bool:

@@ -11,16 +11,19 @@ from app.runtime.start.segmentation import Perception, compose
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, PerceptionConfig
 from navcore.perception.esanet.inference.selection import TrialStep
+from navcore.robot.profile import DepthSensor
 
 
 def prepared_perception(
     choice: SegmenterChoice,
     *,
+    sensor: DepthSensor,
     config: PerceptionConfig = DEFAULT_PERCEPTION,
     say: Callable[[Progress], None] = on_stderr,
 ) -> Perception:
-    """Compose the chosen segmenter with the engine that is remembered, while what is not in the
-    cache of kernels is compiled beside it; both are done at the end.
+    """Compose the chosen segmenter for the depth camera `sensor`, with the engine that is
+    remembered, while what is not in the cache of kernels is compiled beside it; both are done at
+    the end.
 
     The compilers pause while an engine is timed: only a quiet machine tells which one is fast.
     """
@@ -28,7 +31,7 @@ def prepared_perception(
 
     with compiling_apart(say) as compiler:
         if choice.kind == "colour":  # there is nothing to load
-            return compose(choice, config=config)
+            return compose(choice, sensor=sensor, config=config)
 
         def watch(step: TrialStep) -> None:
             trials.append(step)
@@ -39,5 +42,10 @@ def prepared_perception(
 
         with announced(LOADING_NETWORK, say=say, count=count):
             return compose(
-                choice, config=config, memory=EngineMemory.of_user(), apart=True, watch=watch
+                choice,
+                sensor=sensor,
+                config=config,
+                memory=EngineMemory.of_user(),
+                apart=True,
+                watch=watch,
             )

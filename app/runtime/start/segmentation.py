@@ -41,6 +41,7 @@ from navcore.perception.esanet.segmenter import NetworkSegmenter
 from navcore.perception.esanet.weights.class_names import aliases_for
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Segmenter
+from navcore.robot.profile import DepthSensor
 
 log = logging.getLogger(__name__)
 Watch = Callable[[TrialStep], None]
@@ -99,6 +100,7 @@ def colour_perception(
 def compose(
     choice: SegmenterChoice,
     *,
+    sensor: DepthSensor,
     shipped: Path = SHIPPED,
     config: PerceptionConfig = DEFAULT_PERCEPTION,
     memory: EngineMemory | None = None,
@@ -106,7 +108,7 @@ def compose(
     apart: bool = False,
     watch: Watch = lambda step: None,
 ) -> Perception:
-    """Compose the chosen segmenter.
+    """Compose the chosen segmenter for the robot's depth camera `sensor`.
 
     With `memory` the engine that it remembers for this network and machine is taken unmeasured, as
     long as it is not too slow; one that was chosen by measuring is remembered. `inference` asks to
@@ -136,7 +138,7 @@ def compose(
         return colour_perception(warning, config)
     for trial in opened.trials:
         log.info("segmentation, tried %s", trial.text())
-    perception = _perception(opened, config)
+    perception = _perception(opened, sensor, config)
     log.info("segmentation: %s", perception.title)
     return perception
 
@@ -361,7 +363,7 @@ def _measured(
     return choice, file, engine, trials
 
 
-def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
+def _perception(opened: _Opened, sensor: DepthSensor, config: PerceptionConfig) -> Perception:
     file, engine = opened.file, opened.engine
     network = NetworkSegmenter(
         engine,
@@ -374,7 +376,7 @@ def _perception(opened: _Opened, config: PerceptionConfig) -> Perception:
     )
     _, precision = engine.name.split()
     return Perception(
-        segmenter=FusedSegmenter(network, config),
+        segmenter=FusedSegmenter(network, sensor, config),
         title=f"network {file.title}, {engine.name}, {_by(file.size)}",
         identity=f"network sha256 {file.sha256}, {_by(file.size)}, {precision}, with colour rules",
         trials=opened.trials,

@@ -24,7 +24,6 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import DepthSensor
 
 _DEFAULT = ScanConfig()
-_D455 = DepthSensor()
 _MOST_SURFACES = 3
 """Largest number of surfaces in one direction."""
 _LEVEL_M = 0.03
@@ -106,10 +105,10 @@ class Keyframe:
 
 def scan_of(
     frame: Frame,
+    sensor: DepthSensor,
     excluded: Bools | None = None,
     ground_m: FloatImage | None = None,
     config: ScanConfig = _DEFAULT,
-    sensor: DepthSensor = _D455,
 ) -> Scan:
     """Return the scan of a frame.
 

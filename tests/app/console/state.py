@@ -16,6 +16,7 @@ from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Mission
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.fused_segmenter import FusedSegmenter
+from navcore.robot.profile import HUSKY
 from tests.navcore.perception.colour_network import ColourNetwork
 from tests.navcore.scene import SPEC
 from web.interface.beware import BewareVersion, BewareVersionSummary
@@ -67,7 +68,9 @@ def beware_editor(
     """Return an editor of a list, by default the shipped one, by colour rules alone or with a
     network."""
     config, recent = NavigatorConfig(), recent or RecentFrames()
-    segmenter = ColourSegmenter() if network is None else FusedSegmenter(network)
+    segmenter = (
+        ColourSegmenter() if network is None else FusedSegmenter(network, HUSKY.depth_sensor)
+    )
     map_holder = map_holder or PlainMap(PointMap(SPEC, config.map))
     point_map = map_holder.point_map
     listed = OperatorState(mission=Mission(), beware=beware or default_beware_list())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import threading
 from contextlib import closing
@@ -18,11 +19,12 @@ from app.console.operations import LiveOperations
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.recorder import Recorder
 from app.runtime.start.live_perception import LivePerception
-from app.runtime.start.segmentation import colour_perception
+from app.runtime.start.segmentation import colour_perception, compose
 from app.storage import Store
 from app.storage.site_store import SiteStore
 from navcore.config.navigator import NavigatorConfig
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from tests.reliability.fault_runs import BenchRobot, first_frame, standing_controller
 from web.interface.drafts import ZoneDraft
 
@@ -40,6 +42,7 @@ def operations_of(controller: RobotController, scene: Frame, store: Store) -> Li
         perception=LivePerception(colour_perception()),
         data=store.path.parent,
         config=NavigatorConfig(),
+        compose=functools.partial(compose, sensor=HUSKY.depth_sensor),
     )
 
 

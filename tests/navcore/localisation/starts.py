@@ -14,6 +14,7 @@ from navcore.localisation.relocalisation.submap import Submap
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
+from navcore.robot.profile import HUSKY
 from tests.navcore.localisation.plan_worlds import drive, office, room_doors
 from tests.navcore.localisation.tracking.test_localiser import frame_at
 
@@ -87,7 +88,7 @@ def started(last: Pose2 | None = None) -> tuple[Localisation, Scan, Localisation
     """A robot whose place in the kept map the first looks have confirmed, its scan there, and the
     newest estimate."""
     ids, keyframes = kept_map()
-    localisation = Localisation(ids, LocalisationConfig())
+    localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
     localisation.load(keyframes, last)
     scan = WORLD.scan(ROUTE[40], np.random.default_rng(2))
     for k in range(10):

@@ -12,6 +12,7 @@ from navcore.localisation.scans.scan import Scan
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.perception.ground import flat_ground
 from navcore.perception.labels import Labels
+from navcore.robot.profile import HUSKY
 from tests.navcore.scene import Box, picture
 
 TENTH_NS = 100_000_000
@@ -45,7 +46,10 @@ def correction_m(*, person_m: float) -> float:
     """Return by how much the pose was moved off that of perfect wheels while the robot drove 0.9 m
     towards a person who came towards it and was not recognised."""
     config = LocalisationConfig(scan=ScanConfig(column_step=1, person_m=person_m))
-    localisation, moved_m = Localisation(PoseIds(spacing_m=0.1, spacing_deg=5.0), config), 0.0
+    localisation, moved_m = (
+        Localisation(PoseIds(spacing_m=0.1, spacing_deg=5.0), config, HUSKY.depth_sensor),
+        0.0,
+    )
     for k in range(15):
         came_m = 3.2 - 0.04 * k
         person = Box(x=(came_m - 0.12, came_m + 0.12), y=(-0.25, 0.25), z=(0.0, 1.75))

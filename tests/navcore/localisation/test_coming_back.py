@@ -13,6 +13,7 @@ from navcore.localisation.estimate import LocalisationEstimate, LocalisationStat
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.tasks import PrepareSearch, SearchPlaces
+from navcore.robot.profile import HUSKY
 from tests.navcore.localisation.starts import ROUTE, WORLD, kept_map, started
 from tests.navcore.localisation.tracking.test_localiser import frame_at
 
@@ -81,7 +82,7 @@ def test_after_a_long_way_its_place_is_checked_as_that_of_a_start() -> None:
 
 def test_the_place_that_an_operator_shows_counts_before_a_kept_one() -> None:
     ids, keyframes = kept_map()
-    localisation = Localisation(ids, LocalisationConfig())
+    localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
     localisation.load(keyframes, kept=LocalisationEstimate())
     shown, frame = ROUTE[40], frame_at(ROUTE[40], 0)
     localisation.place(shown, 0.01 * np.eye(3), frame)

@@ -24,6 +24,7 @@ from navcore.localisation.start_check import Probation
 from navcore.localisation.tasks import PrepareSearch
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
+from navcore.robot.profile import HUSKY
 from tests.navcore.localisation.starts import ROUTE, RULES, WORLD, fit, search_result, started
 from tests.navcore.localisation.tracking.test_localiser import frame_at
 
@@ -105,7 +106,7 @@ def test_a_place_that_a_search_has_found_is_given_up_when_the_next_metres_contra
     for k, pose in enumerate(ROUTE):
         estimate = maker.follow(frame_at(pose, k), WORLD.scan(pose, rng))
     ids.freeze()
-    localisation = Localisation(ids, LocalisationConfig())
+    localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
     localisation.load(maker.keyframes, kept=dataclasses.replace(estimate, T_driven_base=ROUTE[-1]))
     scan = WORLD.scan(ROUTE[-1], rng)
     localisation.follow(frame_at(ROUTE[-1], 0), scan)

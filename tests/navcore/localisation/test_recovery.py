@@ -12,6 +12,7 @@ from navcore.localisation.estimate import LocalisationEstimate, LocalisationStat
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.relocalisation.relocalisation import SearchResult
 from navcore.mapping.points.pose_ids import PoseIds
+from navcore.robot.profile import HUSKY
 from tests.navcore.localisation.plan_worlds import PlanWorld, drive, office, turn_on_spot
 from tests.navcore.localisation.tracking.test_localiser import frame_at
 
@@ -30,7 +31,7 @@ def lost_robot(*, asked: bool = False) -> tuple[Localisation, int]:
     """A robot that has made a map on its way, before whose camera something else was for so long
     that it took itself for lost, and its number of frames."""
     rng = np.random.default_rng(1)
-    robot, count = Localisation(PoseIds(0.25, 10.0), LocalisationConfig()), 0
+    robot, count = Localisation(PoseIds(0.25, 10.0), LocalisationConfig(), HUSKY.depth_sensor), 0
     for pose in ROUTE:
         count += 1
         robot.follow(frame_at(pose, count), WORLD.scan(pose, rng))

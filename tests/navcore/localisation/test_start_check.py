@@ -17,6 +17,7 @@ from navcore.localisation.relocalisation.relocalisation import SearchResult
 from navcore.localisation.start_check import StartCheck
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
+from navcore.robot.profile import HUSKY
 from tests.navcore.localisation.plan_worlds import office
 from tests.navcore.localisation.starts import (
     DOOR_M,
@@ -86,7 +87,7 @@ def test_a_start_is_not_believed_where_the_map_fits_clearly_better_elsewhere() -
 def test_an_answer_about_the_place_that_was_checked_before_says_nothing_of_the_next() -> None:
     """A search of a large map may take longer than a place is checked."""
     ids, keyframes = kept_map()
-    localisation = Localisation(ids, LocalisationConfig())
+    localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
     localisation.load(keyframes, STOOD)
     late = search_result(fit(0.2), fit(0.9, x_m=9.0))
     localisation.follow(frame_at(ROUTE[0], 0), WORLD.scan(ROUTE[0], np.random.default_rng(0)))
@@ -134,7 +135,7 @@ def switched_on_in_the_dark(
     """Estimates of a robot that sees nothing for some frames, then drives a way by its odometry
     from where it stood."""
     rng, (ids, keyframes) = np.random.default_rng(2), kept_map()
-    localisation = Localisation(ids, LocalisationConfig())
+    localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
     localisation.load(keyframes, last)
     dark = WORLD.scan(ROUTE[0], rng)
     dark = dark.part(np.zeros(len(dark), dtype=np.bool_))
@@ -152,7 +153,7 @@ def kept_where_the_map_shows_nothing() -> int:
     for k, pose in enumerate(ROUTE):
         maker.follow(frame_at(far @ pose, k), WORLD.scan(pose, rng))
     ids.freeze()
-    localisation = Localisation(ids, LocalisationConfig())
+    localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
     localisation.load(maker.keyframes)
     for k in range(10):
         localisation.follow(frame_at(ROUTE[40], k), WORLD.scan(ROUTE[40], rng))
@@ -179,7 +180,7 @@ def test_a_map_in_use_before_knows_the_robot_still_and_without_that_it_is_lost()
     scan = office(7).scan(Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.0), rng)
     estimate = dataclasses.replace(estimate, T_driven_base=ROUTE[-1])
     for kept, known in ((estimate, True), (None, False)):
-        localisation = Localisation(ids, LocalisationConfig())
+        localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
         localisation.load(maker.keyframes, kept=kept)
         for k in range(25):
             found = localisation.follow(frame_at(there, k), scan)
@@ -215,7 +216,7 @@ def test_a_robot_that_is_lost_on_its_first_metres_is_looked_for_where_it_stood_l
 
 def test_a_start_is_checked_again_after_a_clock_that_was_set_back_was_accepted() -> None:
     ids, keyframes = kept_map()
-    localisation = Localisation(ids, LocalisationConfig())
+    localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
     localisation.load(keyframes)
     scan = WORLD.scan(ROUTE[40], np.random.default_rng(2))
     before = localisation.follow(frame_at(ROUTE[40], 500), scan)

@@ -108,7 +108,7 @@ def claims_of(
 
 
 @law(15)
-@given(EDITS, st.sampled_from([ColourSegmenter(), FusedSegmenter(Reader())]))
+@given(EDITS, st.sampled_from([ColourSegmenter(), FusedSegmenter(Reader(), HUSKY.depth_sensor)]))
 def test_the_map_after_any_edits_is_that_of_the_final_list_from_the_start(
     edits: list[tuple[int, str, dict[str, object]]], segmenter: Segmenter
 ) -> None:
@@ -125,7 +125,8 @@ def test_a_point_of_two_classes_is_there_for_either_that_is_enabled_later() -> N
     for entry in (BOOK, RED_FLOOR, WARM):
         all_off = [(0, other.name, off) for other in CLAIMED_TWICE.classes]
         edited, _ = claims_of(
-            FusedSegmenter(Reader()), [*all_off, (3, entry.name, {"enabled": True})]
+            FusedSegmenter(Reader(), HUSKY.depth_sensor),
+            [*all_off, (3, entry.name, {"enabled": True})],
         )
         assert edited.grid.beware.keys() == {entry.class_id}
         assert edited.grid.beware[entry.class_id].any()

@@ -20,6 +20,7 @@ from navcore.perception.depth_filter import (
 )
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from tests.navcore.scene import LENS, RED, Box, Paint, picture
 
 PINK = (250, 60, 200)
@@ -37,7 +38,9 @@ def kept(frame: Frame, entry: BewareClass) -> float:
     pink = (frame.rgb == PINK).all(axis=2)
     assert pink.sum() > 12
     ids = np.where(pink, np.uint8(entry.class_id), np.uint8(0)).astype(np.uint8)
-    keep = reject_flat_regions(ids, frame, heights_above_floor(frame), BewareList(classes=(entry,)))
+    keep = reject_flat_regions(
+        ids, frame, heights_above_floor(frame), BewareList(classes=(entry,)), HUSKY.depth_sensor
+    )
     assert keep[~pink].all()
     return float(keep[pink].mean())
 
@@ -149,7 +152,7 @@ def test_a_floor_with_red_grains_is_no_red_floor_and_a_red_field_on_it_is() -> N
     red, near = (frame.rgb == RED).all(axis=2), (frame.depth_m > 0) & (frame.depth_m < 1.5)
     beside = near & ~cv2.dilate(red.view(np.uint8), np.ones((9, 9), np.uint8)).astype(np.bool_)
     assert (grains & beside).sum() > 50
-    for segmenter in (ColourSegmenter(), FusedSegmenter(ColourSegmenter())):
+    for segmenter in (ColourSegmenter(), FusedSegmenter(ColourSegmenter(), HUSKY.depth_sensor)):
         found = segmenter.segment(spotted, default_beware_list()).class_ids == 1
         assert found[red].mean() > 0.99
         assert found[beside].mean() < 1e-3
@@ -214,7 +217,7 @@ def test_the_floor_at_the_foot_of_a_tall_object_is_released_and_the_rest_stays()
     pink = (frame.rgb == PINK).all(axis=2)
     ids = np.where(pink, np.uint8(4), np.uint8(0)).astype(np.uint8)
     heights = heights_above_floor(frame)
-    keep = reject_flat_regions(ids, frame, heights, BewareList(classes=(SIGN,)))
+    keep = reject_flat_regions(ids, frame, heights, BewareList(classes=(SIGN,)), HUSKY.depth_sensor)
     np.testing.assert_array_equal(keep, ~(pink & (heights < CONFIG.ground_m)))
     assert 0.3 < keep[pink].mean() < 1.0
 
@@ -224,7 +227,7 @@ def test_a_few_pixels_are_too_few_to_reject() -> None:
     ids: Ids = np.zeros(frame.depth_m.shape, dtype=np.uint8)
     ids[100:103, 80:83] = CUP.class_id
     assert reject_flat_regions(
-        ids, frame, heights_above_floor(frame), BewareList(classes=(CUP,))
+        ids, frame, heights_above_floor(frame), BewareList(classes=(CUP,)), HUSKY.depth_sensor
     ).all()
 
 

@@ -17,6 +17,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.fused_segmenter import FusedSegmenter, fuse, weigh
 from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from tests.navcore.laws import law
 from tests.navcore.scene import RED, Box, Paint, picture
 
@@ -59,10 +60,16 @@ def painted_part(labels: Labels) -> tuple[set[int], set[int]]:
 
 
 def test_the_network_wins_where_it_is_confident_and_the_paint_where_it_is_not() -> None:
-    assert painted_part(FusedSegmenter(Oracle(2, 0.9, "book")).segment(FRAME, LIST)) == ({2}, {2})
-    assert painted_part(FusedSegmenter(Oracle(2, 0.4, "book")).segment(FRAME, LIST)) == ({1}, {2})
+    assert painted_part(
+        FusedSegmenter(Oracle(2, 0.9, "book"), HUSKY.depth_sensor).segment(FRAME, LIST)
+    ) == ({2}, {2})
+    assert painted_part(
+        FusedSegmenter(Oracle(2, 0.4, "book"), HUSKY.depth_sensor).segment(FRAME, LIST)
+    ) == ({1}, {2})
     off = LIST.edited("book", enabled=False)
-    assert painted_part(FusedSegmenter(Oracle(2, 0.9, "book")).segment(FRAME, off)) == ({1}, {2})
+    assert painted_part(
+        FusedSegmenter(Oracle(2, 0.9, "book"), HUSKY.depth_sensor).segment(FRAME, off)
+    ) == ({1}, {2})
 
 
 ALONE = LIST.replaced(
@@ -75,22 +82,34 @@ ALONE = LIST.replaced(
 
 def test_where_the_network_knows_the_class_its_colour_counts_only_with_the_network() -> None:
     sure, unsure = Oracle(NOTHING, 0.97, "red floor"), Oracle(NOTHING, 0.6, "red floor")
-    assert painted_part(FusedSegmenter(sure).segment(FRAME, LIST)) == ({NOTHING}, {NOTHING})
-    assert painted_part(FusedSegmenter(unsure).segment(FRAME, LIST)) == ({1}, {NOTHING})
+    assert painted_part(FusedSegmenter(sure, HUSKY.depth_sensor).segment(FRAME, LIST)) == (
+        {NOTHING},
+        {NOTHING},
+    )
+    assert painted_part(FusedSegmenter(unsure, HUSKY.depth_sensor).segment(FRAME, LIST)) == (
+        {1},
+        {NOTHING},
+    )
     # The same paint alone: the operator trusts the colour, or no network knows the class.
-    assert painted_part(FusedSegmenter(sure).segment(FRAME, ALONE)) == ({1}, {NOTHING})
+    assert painted_part(FusedSegmenter(sure, HUSKY.depth_sensor).segment(FRAME, ALONE)) == (
+        {1},
+        {NOTHING},
+    )
     unaware = Oracle(NOTHING, 0.97, "book")
-    assert painted_part(FusedSegmenter(unaware).segment(FRAME, LIST)) == ({1}, {NOTHING})
+    assert painted_part(FusedSegmenter(unaware, HUSKY.depth_sensor).segment(FRAME, LIST)) == (
+        {1},
+        {NOTHING},
+    )
 
 
 def test_network_and_colour_strengthen_and_weaken_each_other_and_are_never_certain() -> None:
-    labels = FusedSegmenter(Oracle(1, 0.6, "red floor")).segment(FRAME, LIST)
+    labels = FusedSegmenter(Oracle(1, 0.6, "red floor"), HUSKY.depth_sensor).segment(FRAME, LIST)
     red = (FRAME.rgb == RED).all(axis=2)
     evidence = DEFAULT_PERCEPTION.evidence
     for part, factor in ((red, evidence.fits), (~red, evidence.misses)):
         odds = labels.confidence[part] / (1 - labels.confidence[part])
         np.testing.assert_allclose(odds, factor * 0.6 / 0.4, rtol=1e-4)
-    certain = FusedSegmenter(Oracle(1, 1.0, "red floor")).segment(FRAME, LIST)
+    certain = FusedSegmenter(Oracle(1, 1.0, "red floor"), HUSKY.depth_sensor).segment(FRAME, LIST)
     assert (certain.confidence < 1).all()
 
 
@@ -103,7 +122,7 @@ class KnowsBoth(Oracle):
 
 def test_a_class_whose_colour_is_evidence_hides_no_other_while_it_is_off() -> None:
     red = (FRAME.rgb == RED).all(axis=2)
-    book = FusedSegmenter(KnowsBoth(2, 0.7, "book"))
+    book = FusedSegmenter(KnowsBoth(2, 0.7, "book"), HUSKY.depth_sensor)
     on, off = (
         book.segment(FRAME, LIST.edited("red floor", enabled=is_on)) for is_on in (True, False)
     )
@@ -128,7 +147,7 @@ def test_more_of_the_network_is_never_less_of_the_class(a: float, b: float, fit:
 
 
 def test_both_may_find_the_same_class_and_a_rule_alone_is_certain_of_it() -> None:
-    labels = FusedSegmenter(Oracle(1, 0.6, "red floor")).segment(FRAME, ALONE)
+    labels = FusedSegmenter(Oracle(1, 0.6, "red floor"), HUSKY.depth_sensor).segment(FRAME, ALONE)
     red = (FRAME.rgb == RED).all(axis=2)
     assert set(np.unique(labels.class_ids)) == {1}
     assert (labels.confidence[red] == 1).all()
@@ -144,7 +163,9 @@ def test_both_hypotheses_of_a_pixel_go_onto_the_map_enabled_or_not() -> None:
     ):
         for confidence in (0.9, 0.4):
             network, rules = (
-                FusedSegmenter(Oracle(2, confidence, "book")).segment(FRAME, beware).all_hypotheses
+                FusedSegmenter(Oracle(2, confidence, "book"), HUSKY.depth_sensor)
+                .segment(FRAME, beware)
+                .all_hypotheses
             )
             assert (network.class_ids == 2).all()
             assert (network.confidence == np.float32(confidence)).all()
@@ -178,12 +199,16 @@ def test_the_red_shoes_of_a_person_are_no_red_floor() -> None:
     shoes = Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.0, 0.08), colour=RED)
     frame = picture(shoes, Box(x=(2.0, 2.3), y=(-0.2, 0.2), z=(0.08, 1.7), colour=BLUE))
     for beware in (WITH_PEOPLE, WITH_PEOPLE.edited(PERSON, enabled=False)):
-        labels = FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, beware)
+        labels = FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE), HUSKY.depth_sensor).segment(
+            frame, beware
+        )
         assert not any(
             (one.class_ids == RED_FLOOR.class_id).any() for one in (labels, *labels.all_hypotheses)
         )
         unsure = (
-            FusedSegmenter(Shown(11, 0.3, PERSON, RED, BLUE)).segment(frame, beware).all_hypotheses
+            FusedSegmenter(Shown(11, 0.3, PERSON, RED, BLUE), HUSKY.depth_sensor)
+            .segment(frame, beware)
+            .all_hypotheses
         )
         assert any((one.class_ids == RED_FLOOR.class_id).any() for one in unsure)
 
@@ -197,7 +222,9 @@ def test_red_floor_before_a_person_stays_red_floor_where_a_network_labels_it_as_
     )
     red = (frame.rgb == RED).all(axis=2)
     _, rules = (
-        FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE)).segment(frame, WITH_PEOPLE).all_hypotheses
+        FusedSegmenter(Shown(11, 0.9, PERSON, RED, BLUE), HUSKY.depth_sensor)
+        .segment(frame, WITH_PEOPLE)
+        .all_hypotheses
     )
     np.testing.assert_array_equal(rules.class_ids == RED_FLOOR.class_id, red)
 
@@ -207,7 +234,11 @@ def test_red_floor_stays_red_floor_even_where_a_network_labels_it_as_a_person(
     changes: dict[str, object],
 ) -> None:
     beware = WITH_PEOPLE.edited(PERSON, **changes)
-    _, rules = FusedSegmenter(Shown(11, 0.7, PERSON, RED)).segment(FRAME, beware).all_hypotheses
+    _, rules = (
+        FusedSegmenter(Shown(11, 0.7, PERSON, RED), HUSKY.depth_sensor)
+        .segment(FRAME, beware)
+        .all_hypotheses
+    )
     np.testing.assert_array_equal(
         rules.class_ids == RED_FLOOR.class_id, (FRAME.rgb == RED).all(axis=2)
     )
@@ -218,7 +249,7 @@ def test_a_rule_that_is_off_hides_no_other_whose_colours_it_shares() -> None:
         name="warm floor", class_id=4, colour=ColourRule(hue_deg=(300.0, 60.0), max_height_m=0.05)
     )
     beware = BewareList(classes=(wide, RED_FLOOR, CUP))
-    for segmenter in (ColourSegmenter(), FusedSegmenter(Oracle(0, 1.0))):
+    for segmenter in (ColourSegmenter(), FusedSegmenter(Oracle(0, 1.0), HUSKY.depth_sensor)):
         both = segmenter.segment(FRAME, beware)
         assert painted_part(both)[0] == {4}
         assert {tuple(np.unique(one.class_ids)) for one in both.all_hypotheses} >= {
@@ -266,8 +297,16 @@ def test_the_mask_is_the_union_of_the_enabled_classes_with_enough_confidence() -
 
 def test_a_fallback_rule_is_silent_once_a_network_knows_the_class() -> None:
     blue = picture(Box(x=(1.0, 1.3), y=(-0.2, 0.2), z=(0.0, 0.1), colour=(30, 60, 220)))
-    assert 3 in FusedSegmenter(Oracle(0, 0.9, "book")).segment(blue, LIST).class_ids
-    assert 3 not in FusedSegmenter(Oracle(0, 0.9, "cup")).segment(blue, LIST).class_ids
+    assert (
+        3
+        in FusedSegmenter(Oracle(0, 0.9, "book"), HUSKY.depth_sensor).segment(blue, LIST).class_ids
+    )
+    assert (
+        3
+        not in FusedSegmenter(Oracle(0, 0.9, "cup"), HUSKY.depth_sensor)
+        .segment(blue, LIST)
+        .class_ids
+    )
     assert 3 in ColourSegmenter().segment(blue, LIST).class_ids
 
 
@@ -289,12 +328,16 @@ def test_a_flat_print_of_a_tall_object_is_left_to_the_colour_rules() -> None:
                 confidence=np.ones(red.shape, np.float32),
             )
 
-    assert painted_part(FusedSegmenter(Print(2, 1.0, "book")).segment(FRAME, tall)) == ({1}, {0})
-    assert painted_part(FusedSegmenter(Print(2, 1.0, "book")).segment(FRAME, LIST)) == ({2}, {0})
+    assert painted_part(
+        FusedSegmenter(Print(2, 1.0, "book"), HUSKY.depth_sensor).segment(FRAME, tall)
+    ) == ({1}, {0})
+    assert painted_part(
+        FusedSegmenter(Print(2, 1.0, "book"), HUSKY.depth_sensor).segment(FRAME, LIST)
+    ) == ({2}, {0})
 
 
 def test_the_source_of_a_class_is_stated_also_when_there_is_none() -> None:
-    both = FusedSegmenter(Oracle(0, 1.0, "red floor", "cup"))
+    both = FusedSegmenter(Oracle(0, 1.0, "red floor", "cup"), HUSKY.depth_sensor)
     snake = BewareClass(name="snake", class_id=9)
     assert [both.source_of(entry) for entry in (RED_FLOOR, CUP, BOOK, snake)] == [
         LabelSource.WEIGHED,
@@ -303,7 +346,7 @@ def test_the_source_of_a_class_is_stated_also_when_there_is_none() -> None:
         LabelSource.NOTHING,
     ]
     assert both.source_of(ALONE.named("red floor")) is LabelSource.BOTH
-    assert FusedSegmenter(Oracle(0, 1.0)).source_of(CUP) is LabelSource.COLOUR
+    assert FusedSegmenter(Oracle(0, 1.0), HUSKY.depth_sensor).source_of(CUP) is LabelSource.COLOUR
     assert [ColourSegmenter().source_of(entry) for entry in (CUP, BOOK)] == [
         LabelSource.COLOUR,
         LabelSource.NOTHING,
@@ -325,10 +368,10 @@ def test_a_class_by_example_comes_behind_what_binds_and_is_a_source_of_its_own_o
     toy = BewareClass(name="toy", class_id=9)
     beware = BewareList(classes=(*LIST.classes, toy))
     red, half = (FRAME.rgb == RED).all(axis=2), FRAME.depth_m.shape[1] // 2
-    unsure = FusedSegmenter(WithExample(2, 0.4, "book")).segment(FRAME, beware)
+    unsure = FusedSegmenter(WithExample(2, 0.4, "book"), HUSKY.depth_sensor).segment(FRAME, beware)
     assert set(np.unique(unsure.class_ids[red])) == {1}
     assert set(np.unique(unsure.class_ids[:, :half][~red[:, :half]])) == {9}
-    sure = FusedSegmenter(WithExample(2, 0.9, "book")).segment(FRAME, beware)
+    sure = FusedSegmenter(WithExample(2, 0.9, "book"), HUSKY.depth_sensor).segment(FRAME, beware)
     assert set(np.unique(sure.class_ids)) == {2}
     for labels in (sure, unsure):
         *_, last = labels.hypotheses

@@ -13,13 +13,14 @@ from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.views.observation import observe
-from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
+from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.depth_filter import heights_above_floor
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import Labels, LabelSource
 from navcore.perception.overhang_filter import overhung_regions
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY, DepthSensor
 from tests.navcore.perception.test_depth_filter import PINK, noisy
 from tests.navcore.scene import RED, RED_ID, RED_LIST, SPEC, Box, Paint, picture
 
@@ -50,7 +51,7 @@ def judged(
     assert pink.sum() > 12
     ids = np.where(pink, np.uint8(entry.class_id), np.uint8(0)).astype(np.uint8)
     rejected, undecided = overhung_regions(
-        ids, frame, heights_above_floor(frame), BewareList(classes=(entry,))
+        ids, frame, heights_above_floor(frame), BewareList(classes=(entry,)), HUSKY.depth_sensor
     )
     assert not rejected[~pink].any() and not undecided[~pink].any()
     return rejected[pink], undecided[pink]
@@ -96,17 +97,39 @@ def test_far_away_an_object_without_a_tall_one_nearby_is_decided(x: float) -> No
     assert kept(picture(mine(x), wall)) and kept(noisy(picture(mine(x), wall), seed=1))
 
 
+def test_a_coarser_camera_leaves_undecided_what_a_finer_one_decides() -> None:
+    beware, near, far = BewareList(classes=(MINE,)), picture(*chair(1.1)), picture(*chair(3.0))
+    coarse, fine = DepthSensor(disparity_error_px=1.0), DepthSensor(disparity_error_px=0.02)
+    for sensor, frame, decided in ((coarse, near, False), (fine, far, True)):
+        labels = FusedSegmenter(SeesMines(), sensor).segment(frame, beware)
+        assert (labels.class_ids == NOTHING).all() == decided
+        assert not labels.mask(beware).any()
+
+
 def test_an_undecided_label_is_below_a_confidence_of_one_half() -> None:
     beware, frame = BewareList(classes=(MINE,)), picture(*chair(3.0))
-    assert not FusedSegmenter(SeesMines()).segment(frame, beware).mask(beware).any()
-    assert FusedSegmenter(SeesMines()).segment(picture(mine(3.0)), beware).mask(beware).any()
+    assert (
+        not FusedSegmenter(SeesMines(), HUSKY.depth_sensor)
+        .segment(frame, beware)
+        .mask(beware)
+        .any()
+    )
+    assert (
+        FusedSegmenter(SeesMines(), HUSKY.depth_sensor)
+        .segment(picture(mine(3.0)), beware)
+        .mask(beware)
+        .any()
+    )
 
 
 def test_an_undecided_object_is_on_the_map_once_it_was_seen_from_nearer() -> None:
     beware, rules = BewareList(classes=(MINE,)), ObservationConfig()
 
     def bound(*frames: Frame) -> bool:
-        world, joint = PointMap(SPEC, MappingConfig()), FusedSegmenter(SeesMines())
+        world, joint = (
+            PointMap(SPEC, MappingConfig()),
+            FusedSegmenter(SeesMines(), HUSKY.depth_sensor),
+        )
         for frame in frames:
             labels = joint.segment(frame, beware)
             world.insert(observe(frame, labels, beware, SPEC, rules), frame, labels)
@@ -162,7 +185,7 @@ def test_without_depth_nothing_is_rejected() -> None:
     assert not any(
         found.any()
         for found in overhung_regions(
-            ids, blank, heights_above_floor(blank), BewareList(classes=(MINE,))
+            ids, blank, heights_above_floor(blank), BewareList(classes=(MINE,)), HUSKY.depth_sensor
         )
     )
 

@@ -30,6 +30,7 @@ from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
 from navcore.perception.esanet.weights.weights_file import WeightsCard, save
 from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import LabelSource
+from navcore.robot.profile import HUSKY
 from tests.navcore.scene import picture
 
 NAMES = ("background", "books", "cup", "red floor")
@@ -72,7 +73,9 @@ def test_without_shipped_weights_the_colour_rules_are_used_with_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
-        perception = compose(SegmenterChoice(), shipped=tmp_path / "none.safetensors")
+        perception = compose(
+            SegmenterChoice(), shipped=tmp_path / "none.safetensors", sensor=HUSKY.depth_sensor
+        )
     assert isinstance(perception.segmenter, ColourSegmenter)
     assert perception.warning is not None
     assert "no trained weights" in perception.warning
@@ -81,24 +84,33 @@ def test_without_shipped_weights_the_colour_rules_are_used_with_a_warning(
 
 def test_damaged_weights_are_never_used(tmp_path: Path) -> None:
     broken = damaged(tmp_path)
-    perception = compose(SegmenterChoice(), shipped=broken)
+    perception = compose(SegmenterChoice(), shipped=broken, sensor=HUSKY.depth_sensor)
     assert isinstance(perception.segmenter, ColourSegmenter)
     assert "damaged" in (perception.warning or "")
     with pytest.raises(BadConfiguration, match="damaged"):
-        compose(SegmenterChoice(weights=broken))
+        compose(SegmenterChoice(weights=broken), sensor=HUSKY.depth_sensor)
 
 
 def test_a_network_asked_for_by_name_is_refused_when_it_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(BadConfiguration, match=r"none\.safetensors: no such file"):
-        compose(SegmenterChoice(kind="network"), shipped=tmp_path / "none.safetensors")
+        compose(
+            SegmenterChoice(kind="network"),
+            shipped=tmp_path / "none.safetensors",
+            sensor=HUSKY.depth_sensor,
+        )
     with pytest.raises(BadConfiguration, match="no weights; leave one"):
-        compose(SegmenterChoice(kind="colour", weights=weights(tmp_path)))
+        compose(
+            SegmenterChoice(kind="colour", weights=weights(tmp_path)), sensor=HUSKY.depth_sensor
+        )
 
 
 def test_a_network_is_fused_with_the_colour_rules_and_knows_entries_by_name_and_alias(
     tmp_path: Path,
 ) -> None:
-    perception = compose(SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1))
+    perception = compose(
+        SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1),
+        sensor=HUSKY.depth_sensor,
+    )
     assert isinstance(perception.segmenter, FusedSegmenter)
     assert perception.warning is None
     assert "torch f32" in perception.title
@@ -119,8 +131,9 @@ import sys
 from pathlib import Path
 from app.runtime.start.segmentation import compose
 from app.runtime.start.segmenter_choice import SegmenterChoice
+from navcore.robot.profile import DepthSensor
 choice = SegmenterChoice(weights=Path(sys.argv[1]), engine="onnxruntime", threads=1)
-perception = compose(choice, apart=sys.argv[2] == "apart")
+perception = compose(choice, apart=sys.argv[2] == "apart", sensor=DepthSensor())
 print("torch" in sys.modules, perception.identity)
 """
 
@@ -150,9 +163,9 @@ def test_a_network_prepared_apart_is_refused_as_in_the_process_and_torch_can_run
     tmp_path: Path,
 ) -> None:
     with pytest.raises(BadConfiguration, match="damaged"):
-        compose(SegmenterChoice(weights=damaged(tmp_path)), apart=True)
+        compose(SegmenterChoice(weights=damaged(tmp_path)), apart=True, sensor=HUSKY.depth_sensor)
     choice = SegmenterChoice(weights=weights(tmp_path), engine="torch", threads=1)
-    assert "torch f32" in compose(choice, apart=True).title
+    assert "torch f32" in compose(choice, apart=True, sensor=HUSKY.depth_sensor).title
 
 
 @pytest.mark.long
@@ -165,6 +178,7 @@ def test_each_trial_of_an_engine_is_reported_and_says_when_the_machine_should_be
         inference=InferenceConfig(trial_s=0.0, fast_enough_ms=0.0),
         apart=True,
         watch=steps.append,
+        sensor=HUSKY.depth_sensor,
     )
     count = steps[-1].all
     assert count >= 2 and steps[-1].done == count
@@ -177,11 +191,20 @@ def test_each_trial_of_an_engine_is_reported_and_says_when_the_machine_should_be
 def test_other_weights_are_another_campaign_and_the_same_choice_gives_the_same_one(
     tmp_path: Path,
 ) -> None:
-    first = compose(SegmenterChoice(weights=weights(tmp_path, 1), engine="torch", threads=1))
-    other = compose(SegmenterChoice(weights=weights(tmp_path, 2), engine="torch", threads=1))
+    first = compose(
+        SegmenterChoice(weights=weights(tmp_path, 1), engine="torch", threads=1),
+        sensor=HUSKY.depth_sensor,
+    )
+    other = compose(
+        SegmenterChoice(weights=weights(tmp_path, 2), engine="torch", threads=1),
+        sensor=HUSKY.depth_sensor,
+    )
     assert len({first.identity, other.identity, colour_perception().identity}) == 3
-    assert compose(first.choice).identity == first.identity
-    assert compose(colour_perception().choice).identity == colour_perception().identity
+    assert compose(first.choice, sensor=HUSKY.depth_sensor).identity == first.identity
+    assert (
+        compose(colour_perception().choice, sensor=HUSKY.depth_sensor).identity
+        == colour_perception().identity
+    )
 
 
 @pytest.mark.long
@@ -208,19 +231,25 @@ def test_a_machine_too_slow_for_the_size_it_was_trained_at_gives_the_network_sma
 ) -> None:
     choice = SegmenterChoice(weights=weights(tmp_path), threads=1, live=True)
     monkeypatch.setattr("app.runtime.start.segmentation.SLOW_MS", 1e9)
-    assert "416 × 256" in compose(choice).title
+    assert "416 × 256" in compose(choice, sensor=HUSKY.depth_sensor).title
     monkeypatch.setattr("app.runtime.start.segmentation.SLOW_MS", 0.0)
-    small = compose(choice)
+    small = compose(choice, sensor=HUSKY.depth_sensor)
     assert "320 × 192" in small.title
     assert "320 × 192" in small.identity
     assert "too slow" in caplog.text
-    assert compose(small.choice).identity == small.identity
+    assert compose(small.choice, sensor=HUSKY.depth_sensor).identity == small.identity
     labels = small.segmenter.segment(picture(), default_beware_list())
     assert labels.class_ids.shape == picture().depth_m.shape
     # Without real time, or with an explicit engine, the full size is used however slow, for
     # reproducible results.
-    assert "416 × 256" in compose(dataclasses.replace(choice, live=False)).title
-    assert "416 × 256" in compose(dataclasses.replace(choice, engine="torch")).title
+    assert (
+        "416 × 256"
+        in compose(dataclasses.replace(choice, live=False), sensor=HUSKY.depth_sensor).title
+    )
+    assert (
+        "416 × 256"
+        in compose(dataclasses.replace(choice, engine="torch"), sensor=HUSKY.depth_sensor).title
+    )
 
 
 def test_one_slow_engine_beside_a_quick_one_makes_no_image_smaller(
@@ -235,7 +264,12 @@ def test_one_slow_engine_beside_a_quick_one_makes_no_image_smaller(
     monkeypatch.setattr(
         "app.runtime.start.segmentation.open_inference", lambda *_, **__: (engine, trials)
     )
-    assert "416 × 256" in compose(SegmenterChoice(weights=weights(tmp_path), live=True)).title
+    assert (
+        "416 × 256"
+        in compose(
+            SegmenterChoice(weights=weights(tmp_path), live=True), sensor=HUSKY.depth_sensor
+        ).title
+    )
 
 
 @pytest.mark.usefixtures("torch_alone")
@@ -243,7 +277,7 @@ def test_weights_without_a_size_of_their_own_take_the_one_nearest_to_the_cameras
     tmp_path: Path,
 ) -> None:
     choice = SegmenterChoice(weights=weights(tmp_path), threads=1, camera=(640, 480))
-    assert "640 × 480" in compose(choice).title
+    assert "640 × 480" in compose(choice, sensor=HUSKY.depth_sensor).title
 
 
 @pytest.mark.long
@@ -255,18 +289,26 @@ def test_the_chosen_engine_is_remembered_and_measured_again_only_on_request_or_w
     monkeypatch.setattr("app.runtime.start.segmentation.SLOWER", 1e9)
     memory = EngineMemory(tmp_path / "cache" / "engines.json")
     choice = SegmenterChoice(weights=weights(tmp_path), threads=1)
-    first = compose(choice, memory=memory)
+    first = compose(choice, memory=memory, sensor=HUSKY.depth_sensor)
     assert first.trials
-    again = compose(choice, memory=EngineMemory(tmp_path / "cache" / "engines.json"))
+    again = compose(
+        choice, memory=EngineMemory(tmp_path / "cache" / "engines.json"), sensor=HUSKY.depth_sensor
+    )
     assert (again.title, again.trials) == (first.title, ())
     assert first.image_ms == again.image_ms is not None, "the time it was chosen with"
-    asked = compose(choice, memory=memory, inference=InferenceConfig(trial_s=0.0))
+    asked = compose(
+        choice, memory=memory, inference=InferenceConfig(trial_s=0.0), sensor=HUSKY.depth_sensor
+    )
     assert asked.trials
-    other = compose(SegmenterChoice(weights=weights(tmp_path, 1), threads=1), memory=memory)
+    other = compose(
+        SegmenterChoice(weights=weights(tmp_path, 1), threads=1),
+        memory=memory,
+        sensor=HUSKY.depth_sensor,
+    )
     assert other.trials, "the memory of one network is none of another"
     monkeypatch.setattr("app.runtime.start.segmentation.SLOWER", 0.0)
     with caplog.at_level(logging.WARNING):
-        assert compose(choice, memory=memory).trials
+        assert compose(choice, memory=memory, sensor=HUSKY.depth_sensor).trials
     assert "when it was chosen: measuring again" in caplog.text
 
 
@@ -274,10 +316,10 @@ def test_the_chosen_engine_is_remembered_and_measured_again_only_on_request_or_w
 def test_a_named_engine_that_is_measured_replaces_none_that_was_chosen(tmp_path: Path) -> None:
     memory = EngineMemory(tmp_path / "engines.json")
     choice = SegmenterChoice(weights=weights(tmp_path), threads=1)
-    assert compose(choice, memory=memory).trials
+    assert compose(choice, memory=memory, sensor=HUSKY.depth_sensor).trials
     chosen = (tmp_path / "engines.json").read_text()
     named = dataclasses.replace(choice, engine="torch f32", measured=True)
-    assert compose(named, memory=memory).trials
+    assert compose(named, memory=memory, sensor=HUSKY.depth_sensor).trials
     assert (tmp_path / "engines.json").read_text() == chosen
 
 
@@ -291,8 +333,8 @@ def test_smaller_images_are_remembered_and_an_engine_that_is_gone_is_replaced(
     choice = SegmenterChoice(weights=weights(tmp_path), threads=1, live=True)
     with monkeypatch.context() as slow:
         slow.setattr("app.runtime.start.segmentation.SLOW_MS", 0.0)
-        assert "320 × 192" in compose(choice, memory=memory).title
-    again = compose(choice, memory=memory)
+        assert "320 × 192" in compose(choice, memory=memory, sensor=HUSKY.depth_sensor).title
+    again = compose(choice, memory=memory, sensor=HUSKY.depth_sensor)
     assert "320 × 192" in again.title and not again.trials
     key = key_of(
         open_network(weights(tmp_path), camera=Size(height=240, width=424)).sha256,
@@ -301,7 +343,7 @@ def test_smaller_images_are_remembered_and_an_engine_that_is_gone_is_replaced(
         camera=(424, 240),
     )
     memory.remember(key, ChosenEngine(name="absent f32", p99_ms=1.0, smaller=False))
-    assert compose(choice, memory=memory).trials
+    assert compose(choice, memory=memory, sensor=HUSKY.depth_sensor).trials
     assert "absent f32 does not run any more" in caplog.text
 
 
@@ -333,7 +375,7 @@ def test_a_later_start_opens_the_network_that_was_exported_in_eight_bits(
     key = key_of(sha256, live=False, threads=1, camera=(424, 240))
     engine = ChosenEngine(name="openvino int8", p99_ms=1e6, smaller=False, title="shipped")
     memory.remember(key, engine)
-    compose(choice, memory=memory, apart=True)
+    compose(choice, memory=memory, apart=True, sensor=HUSKY.depth_sensor)
 
     def refuse(*_: object) -> None:
         raise AssertionError("a process was started")
@@ -341,12 +383,15 @@ def test_a_later_start_opens_the_network_that_was_exported_in_eight_bits(
     monkeypatch.setattr("app.runtime.start.segmentation.multiprocessing.get_context", refuse)
     (blob,) = (tmp_path / "compiled").glob("*.blob")
     compiled = blob.stat()
-    later = compose(choice, memory=memory, apart=True)
+    later = compose(choice, memory=memory, apart=True, sensor=HUSKY.depth_sensor)
     assert later.choice.engine == "openvino int8"
     assert blob.stat().st_mtime_ns == compiled.st_mtime_ns, "it was not compiled again"
     blob.chmod(0o600)
     blob.write_bytes(blob.read_bytes()[: compiled.st_size // 2])
-    assert compose(choice, memory=memory, apart=True).choice.engine == "openvino int8"
+    assert (
+        compose(choice, memory=memory, apart=True, sensor=HUSKY.depth_sensor).choice.engine
+        == "openvino int8"
+    )
     assert blob.stat().st_size > 0.9 * compiled.st_size, "a damaged one was"
 
 
@@ -375,7 +420,7 @@ def test_a_later_start_opens_the_exported_network_without_torch_and_labels_alike
         name="onnxruntime f32", p99_ms=1e6, smaller=False, title="r18-nbt1d × 0.125"
     )
     memory.remember(key, engine)
-    first = compose(choice, memory=memory, apart=True)
+    first = compose(choice, memory=memory, apart=True, sensor=HUSKY.depth_sensor)
     (kept,) = (tmp_path / "memory" / "networks").glob("*.onnx")
 
     def refuse(*_: object) -> None:
@@ -383,15 +428,18 @@ def test_a_later_start_opens_the_exported_network_without_torch_and_labels_alike
 
     with monkeypatch.context() as without:
         without.setattr("app.runtime.start.segmentation.multiprocessing.get_context", refuse)
-        later = compose(choice, memory=memory, apart=True)
+        later = compose(choice, memory=memory, apart=True, sensor=HUSKY.depth_sensor)
         other = dataclasses.replace(choice, weights=weights(tmp_path, 2))
         with pytest.raises(AssertionError):
-            compose(other, memory=memory, apart=True)
+            compose(other, memory=memory, apart=True, sensor=HUSKY.depth_sensor)
     frame, beware = picture(), default_beware_list()
     assert (first.identity, first.title) == (later.identity, later.title)
     labels = [each.segmenter.segment(frame, beware).class_ids for each in (first, later)]
     assert (labels[0] == labels[1]).all()
     # A damaged file is exported again.
     kept.write_bytes(b"no network")
-    assert compose(choice, memory=memory, apart=True).identity == first.identity
+    assert (
+        compose(choice, memory=memory, apart=True, sensor=HUSKY.depth_sensor).identity
+        == first.identity
+    )
     assert kept.read_bytes() != b"no network"

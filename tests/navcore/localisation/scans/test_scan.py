@@ -13,6 +13,7 @@ from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2, camera_mount, tilt_matrix
 from navcore.localisation.scans.scan import scan_of
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from sim.sensors.stereo_noise import StereoErrors
 
 LENS = Intrinsics(width=212, height=120, fx=112.0, fy=112.0, cx=105.5, cy=59.5)
@@ -49,12 +50,12 @@ def room(wall_x_m: float, *, tilt: np.ndarray | None = None) -> FloatImage:
 
 
 def test_a_wall_is_a_line_of_points_and_the_floor_is_none() -> None:
-    scan = scan_of(frame_of(room(2.5)))
+    scan = scan_of(frame_of(room(2.5)), HUSKY.depth_sensor)
 
     assert len(scan) > 90
     assert np.allclose(scan.points_base[:, 0], 2.5, atol=0.01)
     assert np.allclose(scan.normals[np.any(scan.normals != 0, axis=1)], (-1.0, 0.0), atol=0.02)
-    assert len(scan_of(frame_of(room(50.0)))) == 0
+    assert len(scan_of(frame_of(room(50.0)), HUSKY.depth_sensor)) == 0
 
 
 def test_noise_of_the_disparity_brings_a_wall_neither_nearer_nor_farther() -> None:
@@ -64,7 +65,7 @@ def test_noise_of_the_disparity_brings_a_wall_neither_nearer_nor_farther() -> No
     for _ in range(30):
         disparity = strength / np.maximum(true_m, 0.1) + 0.04 * rng.standard_normal(true_m.shape)
         noisy = np.where(true_m > 0.0, strength / np.maximum(disparity, 0.1), 0.0)
-        found.append(np.median(scan_of(frame_of(noisy)).points_base[:, 0]))
+        found.append(np.median(scan_of(frame_of(noisy), HUSKY.depth_sensor).points_base[:, 0]))
 
     assert abs(np.mean(found) - 5.0) < 0.004
 
@@ -73,7 +74,7 @@ def test_excluded_pixels_are_left_out() -> None:
     excluded = np.zeros((LENS.height, LENS.width), dtype=np.bool_)
     excluded[:, : LENS.width // 2] = True  # the left half, y > 0
 
-    scan = scan_of(frame_of(room(2.5)), excluded)
+    scan = scan_of(frame_of(room(2.5)), HUSKY.depth_sensor, excluded)
 
     assert len(scan) > 40
     assert (scan.points_base[:, 1] < 0.05).all()
@@ -84,8 +85,8 @@ def test_noise_is_averaged_along_the_vertical_and_weighted_by_depth() -> None:
     depth = room(4.0)
     noisy = depth + np.where(depth > 0, 0.006 * depth**2 * rng.standard_normal(depth.shape), 0.0)
 
-    scan = scan_of(frame_of(noisy))
-    near = scan_of(frame_of(room(1.5)))
+    scan = scan_of(frame_of(noisy), HUSKY.depth_sensor)
+    near = scan_of(frame_of(room(1.5)), HUSKY.depth_sensor)
 
     single_m = 0.006 * 3.65**2
     assert np.std(scan.points_base[:, 0]) < 0.5 * single_m
@@ -103,7 +104,7 @@ def test_a_table_top_is_no_upright_surface() -> None:
     ahead = 0.35 + top * (MOUNT[0, 1] * down + MOUNT[0, 2])
     depth[:] = np.where((ahead > 1.0) & (ahead < 2.0), top, 0.0)[:, None]
 
-    assert len(scan_of(frame_of(depth))) == 0
+    assert len(scan_of(frame_of(depth), HUSKY.depth_sensor)) == 0
 
 
 def test_on_a_slope_the_measured_tilt_puts_upright_surfaces_in_place() -> None:
@@ -111,15 +112,15 @@ def test_on_a_slope_the_measured_tilt_puts_upright_surfaces_in_place() -> None:
     tilted = replace(frame_of(room(3.0, tilt=tilt_matrix(0.0, pitch))), pitch_rad=pitch)
     everything = ScanConfig(low_m=0.5, high_m=2.0)
 
-    scan = scan_of(tilted, config=everything)
-    flat = scan_of(replace(tilted, pitch_rad=0.0), config=everything)
+    scan = scan_of(tilted, HUSKY.depth_sensor, config=everything)
+    flat = scan_of(replace(tilted, pitch_rad=0.0), HUSKY.depth_sensor, config=everything)
 
     assert np.allclose(scan.points_base[:, 0], 3.0, atol=0.03)
     assert abs(flat.points_base[:, 0].mean() - 3.0) > 0.05  # the control
 
 
 def test_the_arrays_are_read_only() -> None:
-    scan = scan_of(frame_of(room(2.5)))
+    scan = scan_of(frame_of(room(2.5)), HUSKY.depth_sensor)
 
     assert not any(
         array.flags.writeable

@@ -19,6 +19,7 @@ from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.fix import FixSource, PositionFix
+from navcore.robot.profile import HUSKY
 from tests.navcore.localisation.plan_worlds import PlanWorld
 from tests.navcore.localisation.tracking.test_localiser import PERIOD_S, frame_at
 
@@ -58,7 +59,7 @@ def drive(
 ) -> tuple[Localisation, list[LocalisationEstimate], list[float]]:
     """Estimates and errors in metres of a robot that is pushed aside, unnoticed by its wheels; it
     drives on unless a correction waits for it to stand."""
-    localisation = Localisation(PoseIds(0.25, 10.0), config)
+    localisation = Localisation(PoseIds(0.25, 10.0), config, HUSKY.depth_sensor)
     estimates, errors, along_m = [], [], 0.0
     for k in range(PUSHED + round(seconds / PERIOD_S)):
         along_m += 0.0 if localisation.waits_for_standstill else 0.1
@@ -145,7 +146,7 @@ def test_a_source_too_uncertain_to_contradict_a_tag_does_not_keep_it_out(
 def test_a_lost_robot_is_placed_by_tags_and_not_by_positions_without_heading(
     by_tag: bool, found: bool
 ) -> None:
-    localisation = Localisation(PoseIds(0.25, 10.0), CONFIG)
+    localisation = Localisation(PoseIds(0.25, 10.0), CONFIG, HUSKY.depth_sensor)
     there = Pose2(x_m=7.0, y_m=-3.0, yaw_rad=2.0)
     for k in range(25):
         seen = () if k == 0 else (tag(k, there),) if by_tag else tuple(rtk(k, there))
