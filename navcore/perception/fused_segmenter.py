@@ -35,7 +35,7 @@ UNDECIDED = np.nextafter(np.float32(0.5), np.float32(0))
 every threshold of at least one half."""
 _EVIDENCE = DEFAULT_PERCEPTION.evidence
 _NOT_CERTAIN = np.nextafter(np.float32(1), np.float32(0))
-"""Largest confidence of what is weighed: on the map only rules that speak alone are certain."""
+"""Largest confidence of a network: on the map only rules that speak alone are certain."""
 
 
 class FusedSegmenter:
@@ -119,7 +119,7 @@ class FusedSegmenter:
     def _without_refuted(
         self, seen: Labels, frame: Frame, heights_m: FloatImage, beware: BewareList
     ) -> Labels:
-        """Return the network's labels without those that depth refutes."""
+        """Return the network's labels without those that depth refutes, none of them certain."""
         config, sensor = self._config, self._sensor
         keep = reject_flat_regions(
             seen.class_ids, frame, heights_m, beware, sensor, config.depth
@@ -129,7 +129,7 @@ class FusedSegmenter:
         )
         return Labels(
             class_ids=np.where(keep & ~base, seen.class_ids, np.uint8(NOTHING)),
-            confidence=np.where(undecided, np.minimum(seen.confidence, UNDECIDED), seen.confidence),
+            confidence=np.minimum(seen.confidence, np.where(undecided, UNDECIDED, _NOT_CERTAIN)),
         )
 
     def _is_known(self, entry: BewareClass) -> bool:
@@ -159,7 +159,7 @@ def weigh(
         return seen
     is_own, said = own.ravel()[concerned], seen.confidence.ravel()[concerned]
     fit = np.zeros_like(is_own) if fits is None else fits.ravel()[concerned]
-    claim = np.minimum(np.where(is_own, said, np.minimum(said, 1 - said)), _NOT_CERTAIN)
+    claim = np.where(is_own, said, np.minimum(said, 1 - said))
     odds = np.where(fit, np.float32(config.fits), np.float32(config.misses)) * claim
     posterior = np.minimum(odds / (odds + 1 - claim), _NOT_CERTAIN).astype(np.float32)
     changed = is_own | (posterior > UNDECIDED)

@@ -92,7 +92,7 @@ def _detection(
         class_id=class_id,
         mask=mask,
         box=(left, top, left + width, top + height),
-        confidence=float(labels.confidence[mask].mean()),
+        confidence=float(labels.confidence[mask].mean(dtype=np.float64)),
         position=(float(x_m), float(y_m)),
         cells=frozenset((int(row), int(col)) for row, col in kept),
     )

@@ -187,7 +187,7 @@ def _claims(mask: Bools, confidence: npt.NDArray[np.float32]) -> Floats:
 
 def _log_odds(confidence: Floats) -> Floats:
     """Return the log-odds of (N,) confidences; infinite for certainty."""
-    certain = confidence > 1 - 1e-6
+    certain = confidence >= 1
     within = np.clip(confidence, 0.01, 1 - 1e-6)
     return np.where(certain, np.inf, np.log(within / (1 - within)))
 

@@ -11,7 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.config.mapping import MappingConfig
 from navcore.config.perception.perception import DEFAULT_PERCEPTION
+from navcore.mapping.points.confidence import initial_confidence
 from navcore.mission.beware_list import NOTHING, PERSON, BewareClass, BewareList, ColourRule
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.fused_segmenter import FusedSegmenter, fuse, weigh
@@ -152,6 +154,18 @@ def test_both_may_find_the_same_class_and_a_rule_alone_is_certain_of_it() -> Non
     assert set(np.unique(labels.class_ids)) == {1}
     assert (labels.confidence[red] == 1).all()
     assert (labels.confidence[~red] == np.float32(0.6)).all()
+
+
+def test_a_network_is_never_as_certain_as_a_rule_that_speaks_alone() -> None:
+    # 1 / (1 + 1e-8) is exactly 1 in single precision.
+    for oracle in (Oracle(2, 1.0, "book"), WithExample(2, 1.0, "book")):
+        labels = FusedSegmenter(oracle, HUSKY.depth_sensor).segment(FRAME, LIST)
+        assert (labels.class_ids == 2).all() and (labels.confidence < 1).all()
+        for one in labels.all_hypotheses:
+            assert (one.confidence[np.isin(one.class_ids, (2, 9))] < 1).all()
+    network = labels.confidence.ravel()[:1]
+    first = initial_confidence(network, np.zeros(1, np.bool_), MappingConfig().confidence)
+    assert first < 1, "what the map keeps can be refuted"
 
 
 def test_both_hypotheses_of_a_pixel_go_onto_the_map_enabled_or_not() -> None:

@@ -93,6 +93,9 @@ def test_certainty_is_better_evidence_unless_certain_looks_were_rejected(
     point_map.edits.reject(7, positions(point_map), 1.0)
     assert [look(point_map, labels(PLACE, confidence=1.0))[7] for _ in range(5)] == [0] * 5
     assert look(rejected, labels(PLACE, confidence=1.0))[7] > 0
+    almost = float(np.nextafter(np.float32(1), np.float32(0)))
+    rejected.edits.reject(7, positions(rejected), almost)
+    assert look(rejected, labels(PLACE, confidence=1.0))[7] > 0
 
 
 def test_of_several_sources_only_the_rejected_label_is_struck(rejected: PointMap) -> None:
