@@ -204,6 +204,10 @@ def test_files_are_read_and_errors_name_file_and_key(tmp_path: Path) -> None:
         ("[local]\npadding_m = 'x'", r"nav\.toml\.local\.padding_m: expected float"),
         ("local = 3", r"nav\.toml\.local: expected a table"),
         ("[points]\nobstacle_height_m = 0.9\nceiling_m = 0.3", "ceiling_m|obstacle_height_m"),
+        (
+            "[perception.people.detector]\nradius_m = 0.6",
+            r"people\.detector: radius_m 0\.6 must be below half of max_width_m 1\.2",
+        ),
     ],
 )
 def test_a_bad_configuration_is_refused_by_file_and_key(

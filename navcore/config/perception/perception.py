@@ -261,6 +261,13 @@ class PersonDetectorConfig:
     """Least number of pixels of a person as a share of those of 1 m × 1 m at the same distance; a
     person in full view has about ten times as many."""
 
+    def __post_init__(self) -> None:
+        if self.radius_m >= self.max_width_m / 2:
+            raise BadConfiguration(
+                f"people.detector: radius_m {self.radius_m:g} must be below half of max_width_m "
+                f"{self.max_width_m:g}, or no person would be wider than the least disc"
+            )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PersonTrackConfig:
