@@ -41,6 +41,8 @@ log = logging.getLogger(__name__)
 
 PERIOD_S, JOIN_S = 0.1, 2.0
 """Period of the feeding thread, and time limit of its end, seconds."""
+OVERVIEW_PERIOD_S = 10.0
+"""Period after which new clients begin with the view of what is known by then, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +70,7 @@ class Viewer:
         self._wake, self._ending = threading.Event(), threading.Event()
         self._failed: set[str] = set()
         self._due: dict[str, float] = {}
-        self._camera_placed = self._has_body = False
+        self._has_body = False
         with Quiet():
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         accept_only_needed_messages(self._server)
@@ -184,8 +186,10 @@ class Viewer:
         tick = self._operations.picture()
         if tick is None:
             return
-        if not self._camera_placed:
-            self._place_camera(tick)
+        now = time.monotonic()
+        if now >= self._due.get("overview", 0.0):
+            self._due["overview"] = now + OVERVIEW_PERIOD_S
+            self._run_guarded("overview", partial(self._place_camera, tick))
         if not self._clients:
             # Without a viewer, the processor time belongs to the navigation.
             return
@@ -207,7 +211,6 @@ class Viewer:
         for client in clients:
             if displays[client.page_id].follows:
                 self._run_guarded("camera", partial(follow, client.handle.camera, state.pose))
-        now = time.monotonic()
         for layer in self._layers:
             if self._ending.is_set():
                 return
@@ -272,7 +275,7 @@ class Viewer:
     # Camera
 
     def _place_camera(self, tick: TickSnapshot) -> None:
-        self._camera_placed = True
+        """Have new clients begin with what is known by now; the cameras of others stay."""
         eye, target = overview(tick)
         self._server.initial_camera.position = eye
         self._server.initial_camera.look_at = target

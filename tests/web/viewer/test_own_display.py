@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from tests.web.test_server import viewer_of
 from web.server import ConsoleServer
 from web.viewer.camera import FOLLOWED_M, follow
 from web.viewer.picking import floor_point, pixel_ray
+from web.viewer.viewer import Viewer
 
 ANNA, BERT = "a" * 16, "b" * 16
 
@@ -166,3 +168,21 @@ def test_the_view_of_a_page_that_follows_moves_with_the_robot_and_no_other(
             while True:
                 moves = [one for one in received(of_bert, 1.0) if one["type"] == kind]
                 assert all(one["initial"] for one in moves)
+
+
+def test_a_view_that_is_opened_later_begins_with_what_is_known_by_then(
+    operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views = [((1.0, -2.0, 3.0), (1.0, 0.0, 0.0)), ((9.0, -8.0, 7.0), (9.0, 0.0, 0.0))]
+    newest = views[0]
+    monkeypatch.setattr("web.viewer.viewer.OVERVIEW_PERIOD_S", 0.0)
+    monkeypatch.setattr("web.viewer.viewer.overview", lambda tick: newest)
+    viewer = Viewer(operations)
+    try:
+        for newest in views:
+            initial, until = viewer._server.initial_camera, time.monotonic() + 5.0
+            while (*initial.position, *initial.look_at) != (*newest[0], *newest[1]):
+                assert time.monotonic() < until
+                time.sleep(0.02)
+    finally:
+        viewer.close()
