@@ -106,7 +106,8 @@ class ReplayRobot:
         )
 
     def _twist(self, due: _Due, pose: Pose2) -> Twist:
-        """Return the velocity since the previous frame, as odometry would measure it."""
+        """Return the velocity since the previous frame, as odometry would measure it:
+        along the heading."""
         other = due.index - 1 if due.leg % 2 == 0 else due.index + 1
         if not 0 <= other < len(self._recording):
             if due.leg == 0:
@@ -116,7 +117,7 @@ class ReplayRobot:
         gap_s = abs(self._recording.stamp_ns(due.index) - self._recording.stamp_ns(other)) / 1e9
         before = base_below(self._T_map_world @ self._recording.T_world_camera[other])
         return Twist(
-            v_mps=before.distance_to(pose.x_m, pose.y_m) / gap_s,
+            v_mps=(before.inverse() @ pose).x_m / gap_s,
             w_radps=wrap_angle(pose.yaw_rad - before.yaw_rad) / gap_s,
         )
 

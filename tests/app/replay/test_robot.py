@@ -50,6 +50,11 @@ def due(robot: ReplayRobot) -> Frame:
     return frame
 
 
+def ahead_m(before: int, after: int) -> float:
+    """Return the displacement between two places along the heading at the first."""
+    return (PLACES[before].inverse() @ PLACES[after]).x_m
+
+
 @pytest.fixture(scope="module")
 def level(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording whose world is the map."""
@@ -84,7 +89,7 @@ def test_frames_are_played_by_the_clock_and_the_camera_is_where_it_was(level: Pa
     fourth = due(robot)
     assert fourth.stamp_ns == 1_000 + recording.stamp_ns(3)
     np.testing.assert_allclose(fourth.T_map_camera, PLACES[3].matrix() @ HAND, atol=1e-9)
-    assert fourth.twist.v_mps == pytest.approx(math.hypot(0.1, 0.15) * 6, rel=1e-3)
+    assert fourth.twist.v_mps == pytest.approx(ahead_m(2, 3) * 6, rel=1e-3)
     assert fourth.twist.w_radps == pytest.approx(-0.04 * 6, rel=1e-3)
     assert (fourth.depth_m[0, :5] == 0).all()  # 65535 is no distance
     now_ns += 60_000_000_000
@@ -106,10 +111,12 @@ def test_a_recording_that_goes_back_and_forth_never_jumps_and_its_clock_goes_on(
     assert [frame.pose.y_m for frame in frames] == pytest.approx([*there, *back, *there[1:]])
     stamps_ns = [step * RECORDING_GAP_NS for step in range(len(frames))]
     assert [frame.stamp_ns for frame in frames] == pytest.approx(stamps_ns, abs=len(frames))
-    assert all(
-        frame.twist.v_mps == pytest.approx(math.hypot(0.1, 0.15) * 6, rel=1e-3)
-        for frame in frames[1:]
-    )
+    last = len(PLACES) - 1
+    steps = [*zip(range(last), range(1, last + 1), strict=True)]
+    steps += [(after, before) for before, after in reversed(steps)] + steps
+    speeds = [ahead_m(before, after) * 6 for before, after in steps]
+    assert min(speeds) < 0 < max(speeds), "backwards on the way back"
+    assert [frame.twist.v_mps for frame in frames[1:]] == pytest.approx(speeds, rel=1e-3)
 
 
 def test_every_frame_comes_once(level: Path) -> None:
