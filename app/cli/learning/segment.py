@@ -171,10 +171,9 @@ def _draw(out: Path, name: str, sample: Sample, classes: npt.NDArray[np.uint8]) 
 def _size(text: str, trained: TrainedNetwork) -> Size:
     from navcore.perception.esanet.network.limits import STRIDE
     from navcore.perception.esanet.network.preprocess import Size, check_size
-    from navcore.perception.esanet.segmenter import OFFICIAL_SIZE
 
     if not text:
-        return trained.card.size or OFFICIAL_SIZE
+        return trained.card.size or Size(height=480, width=640)  # of the public checkpoints
     columns, _, rows = text.lower().partition("x")
     if not (columns.isdecimal() and rows.isdecimal() and len(text) < 12):
         raise BadConfiguration(f"--size {text!r:.40}: expected WxH in pixels, e.g. 448x256")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -27,12 +26,6 @@ from navcore.perception.esanet.network.preprocess import (
 from navcore.perception.labels import Labels, LabelSource
 from navcore.perception.prototype import describe, prototype_labels
 from navcore.robot.frame import Frame
-
-if TYPE_CHECKING:
-    from navcore.perception.esanet.weights.weights_file import TrainedNetwork
-
-OFFICIAL_SIZE = Size(height=480, width=640)
-"""Training size of the public checkpoints."""
 
 
 class NetworkSegmenter:
@@ -114,27 +107,6 @@ class NetworkSegmenter:
         with one name counts."""
         ids = {entry.detected_as.casefold(): entry.class_id for entry in reversed(beware.classes)}
         return np.array([ids.get(name, NOTHING) for name in self._entry_names], dtype=np.uint8)
-
-
-class EsaNetSegmenter(NetworkSegmenter):
-    """A segmenter that runs a trained network on torch, on the network's device."""
-
-    def __init__(
-        self,
-        trained: TrainedNetwork,
-        *,
-        size: Size = OFFICIAL_SIZE,
-        aliases: Mapping[str, str] | None = None,
-    ) -> None:
-        from navcore.perception.esanet.inference.torch_engine import TorchInference
-
-        super().__init__(
-            TorchInference(trained.network),
-            class_names=trained.card.class_names,
-            depth=trained.card.depth,
-            size=size,
-            aliases=aliases,
-        )
 
 
 def _entry_names(class_names: tuple[str, ...], aliases: Mapping[str, str]) -> tuple[str, ...]:

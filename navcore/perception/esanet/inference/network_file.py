@@ -103,7 +103,7 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
         class_names=card.class_names,
         depth=card.depth,
         size=card.size or nearest_size(camera),
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        sha256=trained.sha256,
         features=weights.digest_of_features(trained),
         network=trained.network,
         ranges=card.ranges,

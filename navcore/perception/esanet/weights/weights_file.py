@@ -104,6 +104,8 @@ class TrainedNetwork:
     """The network, in eval mode."""
     card: WeightsCard
     """Classes, depth statistics and working size of the network."""
+    sha256: str = ""
+    """SHA-256 of the file that it was read from, hexadecimal; empty for none."""
 
 
 def convert(
@@ -191,7 +193,8 @@ def load(path: Path) -> TrainedNetwork:
         raise BadConfiguration(
             f"{path}: {len(card.ranges)} ranges for {count} convolutions; quantise it again"
         )
-    return TrainedNetwork(network=network, card=card)
+    sha256 = hashlib.sha256(content).hexdigest()
+    return TrainedNetwork(network=network, card=card, sha256=sha256)
 
 
 def digest(tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> str:

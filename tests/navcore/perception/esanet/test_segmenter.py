@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -18,6 +20,7 @@ from navcore.geometry.camera import Intrinsics
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.perception.esanet import build
 from navcore.perception.esanet.inference.argmax import most_likely
+from navcore.perception.esanet.inference.network_file import open_network
 from navcore.perception.esanet.inference.torch_engine import TorchInference
 from navcore.perception.esanet.network.preprocess import (
     NYUV2_DEPTH,
@@ -26,7 +29,7 @@ from navcore.perception.esanet.network.preprocess import (
     Size,
     to_tensors,
 )
-from navcore.perception.esanet.segmenter import EsaNetSegmenter, NetworkSegmenter
+from navcore.perception.esanet.segmenter import NetworkSegmenter
 from navcore.perception.esanet.weights.class_names import NYUV2_CLASSES, SUNRGBD_CLASSES
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard, load, save
 from navcore.perception.labels import LabelSource, Segmenter
@@ -36,7 +39,7 @@ from tests.navcore.perception.esanet.goldens import arrays, data_file, fresh
 from tests.navcore.scene import Box, picture
 
 NAMES = ("wall", "Red Floor", "book", "cup")
-WORKING = Size(height=96, width=128)
+WORKING, OFFICIAL = Size(height=96, width=128), Size(height=480, width=640)
 BOOK, CUP = BewareClass(name="book", class_id=7), BewareClass(name="cup", class_id=9, enabled=False)
 LIST = BewareList(
     classes=(
@@ -66,6 +69,21 @@ def card_of(
         depth=depth,
         source_sha256="0" * 64,
     )
+
+
+class EsaNetSegmenter(NetworkSegmenter):
+    """A segmenter that runs a trained network on torch."""
+
+    def __init__(
+        self, trained: TrainedNetwork, *, size: Size, aliases: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(
+            TorchInference(trained.network),
+            class_names=trained.card.class_names,
+            depth=trained.card.depth,
+            size=size,
+            aliases=aliases,
+        )
 
 
 @functools.cache
@@ -216,7 +234,7 @@ def test_the_official_sample_is_labelled_as_the_official_network_labels_it(
     everything = BewareList(
         classes=tuple(BewareClass(name=name, class_id=i + 1) for i, name in enumerate(names))
     )
-    labels = EsaNetSegmenter(network).segment(sample(units), everything)
+    labels = EsaNetSegmenter(network, size=OFFICIAL).segment(sample(units), everything)
     assert (labels.class_ids != golden + 1).mean() < 1e-3
 
 
@@ -231,3 +249,20 @@ def sample(units_per_m: float) -> Frame:
     return dataclasses.replace(
         FRAME, rgb=rgb, depth_m=np.asarray(depth / units_per_m, dtype=np.float32), intrinsics=lens
     )
+
+
+def test_the_identity_of_a_network_is_that_of_the_file_that_was_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "mine.safetensors"
+    made = trained()
+    save(made.network, made.card, path)
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+
+    def replaced_meanwhile(path: Path) -> TrainedNetwork:
+        read = load(path)
+        path.write_bytes(b"another network")
+        return read
+
+    monkeypatch.setattr("navcore.perception.esanet.weights.weights_file.load", replaced_meanwhile)
+    assert open_network(path, camera=WORKING).sha256 == sha256
