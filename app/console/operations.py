@@ -219,7 +219,7 @@ class LiveOperations:
             self._controller,
             point_map=self._controller.navigator.map,
             detections=lambda: self.insight.detections,
-            names=lambda: self._controller.intent.beware.names,
+            beware=lambda: self._controller.intent.beware,
             tell=lambda text, place: self.insight.note_map(text, place),
             number=self._number,
         )

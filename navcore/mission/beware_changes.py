@@ -45,7 +45,7 @@ def _changes_of(old: BewareClass, new: BewareClass) -> list[str]:
             told.append(f"{name}: {title} {_number(values[0], factor, unit)} → "
                         f"{_number(values[1], factor, unit)}")  # fmt: skip
     if old.label != new.label:
-        told.append(f"{name}: shown as “{new.label or new.name}”")
+        told.append(f"{name}: shown as “{new.title}”")
     if old.detected_as != new.detected_as:
         told.append(f"{name}: network class “{new.detected_as}”")
     if old.prototype != new.prototype:

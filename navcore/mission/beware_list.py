@@ -153,6 +153,11 @@ class BewareClass:
     class with the entry's own name."""
 
     @property
+    def title(self) -> str:
+        """What people call it: its name in the operator's language, else the English one."""
+        return self.label or self.name
+
+    @property
     def detected_as(self) -> str:
         """Class of the network that detects this one."""
         return self.network_class or self.name
@@ -198,6 +203,11 @@ class BewareList:
         return {class_id: name for name, class_id in self.retired} | {
             entry.class_id: entry.name for entry in self.classes
         }
+
+    @property
+    def titles(self) -> dict[int, str]:
+        """Class id → what people call it, removed entries included."""
+        return self.names | {entry.class_id: entry.title for entry in self.classes}
 
     @property
     def ids(self) -> dict[str, int]:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from babel.messages.catalog import Catalog
 
+from navcore.mission.beware_changes import FIELDS
 from web.languages.catalog import ROBOT, page_texts
 
 REPOSITORY = Path(__file__).parents[2]
@@ -123,7 +124,9 @@ _LITERAL = r'"(?:[^"\\]|\\.)*"'
 _STRING = rf"({_LITERAL}(?:\s*\+\s*{_LITERAL})*)"
 _CALL = re.compile(rf"(?<![\w$])(?:(?:t|text)\(\s*{_STRING}|tn\(\s*{_STRING},\s*{_STRING})")
 MORE = (
+    *(f"{{name}}: {title} {{before}} → {{after}}" for title, _, _ in FIELDS.values()),
     "{label}: {text}.",
+    "{length:g} m",
     "{name} ({by})",
     "a viewer",
     "an admin",

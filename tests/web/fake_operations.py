@@ -146,7 +146,7 @@ class FakeOperations:
             self,
             point_map=self.point_map,
             detections=lambda: self.insight.detections,
-            names=lambda: self._intent.beware.names,
+            beware=lambda: self._intent.beware,
             tell=lambda text, place: None,
             number=number,
         )

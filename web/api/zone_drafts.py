@@ -166,11 +166,7 @@ def drawing_router(operations: RobotService, shown: ShownTicks) -> APIRouter:
         )
         ring = max(outlines, key=cv2.contourArea).reshape(-1, 2) + 0.5
         name = next(
-            (
-                entry.label or entry.name
-                for entry in beware.classes
-                if entry.class_id == found.class_id
-            ),
+            (entry.title for entry in beware.classes if entry.class_id == found.class_id),
             None,
         )
         return RegionOut(

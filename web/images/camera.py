@@ -27,7 +27,7 @@ class ImageLabel:
     """Object of the beware list in the camera image."""
 
     name: str
-    """Name of its class."""
+    """What people call its class."""
     class_id: int
     """Id of its class in the beware list."""
     confidence: float
@@ -74,7 +74,8 @@ def with_overlay(tick: TickSnapshot, beware: BewareList, *, named: bool = True) 
         cv2.drawContours(image, outlines, -1, colour, 2)
         if named:
             left, top, _, _ = cv2.boundingRect(max(outlines, key=cv2.contourArea))
-            _name(image, f"{entry.name} {tick.confidence[mask].mean():.0%}", left, top)
+            name = entry.title if entry.title.isascii() else entry.name  # OpenCV draws no other
+            _name(image, f"{name} {tick.confidence[mask].mean():.0%}", left, top)
     return image
 
 
@@ -90,7 +91,7 @@ def labels_of(tick: TickSnapshot, beware: BewareList) -> tuple[ImageLabel, ...]:
                 continue
             found.append(
                 ImageLabel(
-                    name=entry.name,
+                    name=entry.title,
                     class_id=entry.class_id,
                     confidence=float(tick.confidence[regions == region].mean()),
                     box=(left / cols, top / rows, (left + width) / cols, (top + height) / rows),

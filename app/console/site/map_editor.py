@@ -6,7 +6,7 @@ log then says what it has changed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -21,6 +21,7 @@ from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.erasing import Erasable, Erased
 from navcore.mapping.points.rejections import MAX_REJECTIONS, Rejection
+from navcore.mission.beware_list import BewareList
 from navcore.mission.zone import check_polygon
 from navcore.mission.zone_cells import Corners, rasterise
 from web.interface.drafts import EditHistory, RejectedPlace
@@ -172,16 +173,16 @@ class MapEditor:
         *,
         point_map: PointMap,
         detections: Callable[[], Gallery],
-        names: Callable[[], Mapping[int, str]],
+        beware: Callable[[], BewareList],
         tell: Tell,
         number: Callable[[], int] | None = None,
         max_undo_bytes: int = MAX_UNDO_BYTES,
     ) -> None:
-        """`point_map` is only read here; `detections` gives the present gallery, `names` the name
-        of each class, `tell` notes a sentence with its place in the log, and `number` counts the
+        """`point_map` is only read here; `detections` gives the present gallery, `beware` the
+        beware list, `tell` notes a sentence with its place in the log, and `number` counts the
         edits of all kinds."""
         self._holder, self._map, self._tell = holder, point_map, tell
-        self._detections, self._names = detections, names
+        self._detections, self._beware = detections, beware
         self._edits = EditStack[_Step](
             number=number, bytes_used=lambda step: step.bytes_used, max_bytes=max_undo_bytes
         )
@@ -217,7 +218,8 @@ class MapEditor:
                 for one in gallery.all()
                 if one.class_id == first.sighting.class_id and one.verdict is None
             )
-        name, (x_m, y_m) = first.sighting.class_name, first.sighting.place
+        (x_m, y_m), class_id = first.sighting.place, first.sighting.class_id
+        name = self._beware().titles.get(class_id, first.sighting.class_name)
         text = f"“{name}” at ({x_m:.1f}, {y_m:.1f}) is not one"
         if all_of_class:
             text = f"none of {len(chosen)} detections of “{name}” is one"
@@ -236,7 +238,7 @@ class MapEditor:
         """Free the region of a class at a place of the map, or all of its regions, and remember
         that it takes better evidence there, whatever has shown it: a kept map has no detections."""
         regions = regions_of(self._map, class_id, None if all_of_class else at)
-        name, (x_m, y_m) = self._names().get(class_id, f"class {class_id}"), at
+        name, (x_m, y_m) = self._beware().titles.get(class_id, f"class {class_id}"), at
         if not regions:
             raise Refused(f"there is nothing of “{name}” on the map at ({x_m:.1f}, {y_m:.1f})")
         sightings = tuple(
@@ -272,7 +274,7 @@ class MapEditor:
     @property
     def rejected(self) -> tuple[RejectedPlace, ...]:
         """Where detections were rejected, oldest first."""
-        names, places = self._names(), self._map.rejections.places
+        names, places = self._beware().names, self._map.rejections.places
         return tuple(
             RejectedPlace(
                 id=one.id,
@@ -290,7 +292,8 @@ class MapEditor:
         for one in self.rejected:
             if one.id == rejection_id:
                 x_m, y_m = one.place
-                text = f"“{one.class_name}” at ({x_m:.1f}, {y_m:.1f}) counts again"
+                name = self._beware().titles.get(one.class_id, one.class_name)
+                text = f"“{name}” at ({x_m:.1f}, {y_m:.1f}) counts again"
                 self._step(_Forgetting(rejection_id=one.id, text=text, place=one.place), by)
                 return
         raise NotKnown(f"nothing was rejected under the id {rejection_id}")

@@ -154,7 +154,7 @@ def rules_of(
     found = [
         _rule(
             f"class:{entry.class_id}",
-            entry.label or entry.name,
+            entry.title,
             (grid.beware[entry.class_id], radius(entry.margin_m)),
             *(
                 (grid.beware[entry.class_id] & mask, radius(margin_m))

@@ -82,7 +82,7 @@ def editor_of(
         holder,
         point_map=holder.map,
         detections=lambda: gallery,
-        names=lambda: LIST.names,
+        beware=lambda: LIST.edited("mat", label="Matte"),
         tell=lambda text, place: told.append(text),
         max_undo_bytes=max_undo_bytes,
     )
@@ -118,7 +118,7 @@ def test_a_rejected_detection_is_free_at_once_and_stays_so_unless_a_look_is_sure
     holder.tick()
     one = mat_cells(holder)
     assert 0 < one < both
-    assert told[-1].startswith("Ana: “mat” at") and told[-1].endswith("cells are free.")
+    assert told[-1].startswith("Ana: “Matte” at") and told[-1].endswith("cells are free.")
     assert [seen(holder, mats()) for _ in range(5)] == [one] * 5
     assert seen(holder, mats(0.99)) > one
     (place,) = editor.rejected
@@ -151,7 +151,7 @@ def test_what_a_kept_map_holds_is_rejected_at_its_place_without_a_detection(
     editor = editor_of(holder, DetectionGallery(), told)  # as after a start in a kept map
     cells = np.argwhere(layer_grid(holder.map, LIST, ()).beware[MAT.class_id])
     x_m, y_m = SPEC.centres(cells)[0].tolist()
-    with pytest.raises(Refused, match="nothing of “mat” on the map at"):
+    with pytest.raises(Refused, match="nothing of “Matte” on the map at"):
         editor.reject_at(MAT.class_id, (x_m + 5.0, y_m), all_of_class=False, by="Ana")
     editor.reject_at(MAT.class_id, (x_m, y_m + 0.1), all_of_class=False, by="Ana")
     holder.tick()
@@ -164,7 +164,7 @@ def test_what_a_kept_map_holds_is_rejected_at_its_place_without_a_detection(
     editor.reject_at(MAT.class_id, (x_m, y_m), all_of_class=True, by="Ana")
     holder.tick()
     assert mat_cells(holder) == 0
-    assert "none of 2 places of “mat” is one" in told[-1]
+    assert "none of 2 places of “Matte” is one" in told[-1]
 
 
 def test_rejecting_a_place_marks_the_detections_there(
