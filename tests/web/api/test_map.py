@@ -17,7 +17,8 @@ from navcore.mission.beware_list import BewareList
 from tests.web.api.answers import wrong, zone
 from tests.web.fake_operations import FakeOperations
 from tests.web.fake_world import SPEC
-from web.images.camera import beware_mask, with_overlay
+from web.images.camera import beware_mask, labels_of, with_overlay
+from web.server import ConsoleServer
 
 
 def test_the_overlay_is_stronger_where_the_segmenter_is_surer_and_silent_where_it_does_not_bind(
@@ -38,6 +39,8 @@ def test_the_overlay_is_stronger_where_the_segmenter_is_surer_and_silent_where_i
     assert tint(0.4, beware) == tint(1.0, beware.edited("red floor", enabled=False)) == 0
     np.testing.assert_array_equal(beware_mask(picture, beware), labelled)
     assert not beware_mask(picture, beware.edited("red floor", min_confidence=0.95)).any()
+    labelled_so = beware.edited("red floor", label="roter Boden")
+    assert {one.name for one in labels_of(picture, labelled_so)} == {"roter Boden"}
 
 
 def test_the_map_follows_the_conventions_of_nav2(
@@ -97,6 +100,18 @@ def test_an_unchanged_map_is_not_sent_twice(client: httpx.Client) -> None:
     first = client.get("/api/v1/map.png")
     again = client.get("/api/v1/map.png", headers={"If-None-Match": first.headers["etag"]})
     assert again.status_code == 304 and again.content == b""
+
+
+def test_the_map_of_another_start_is_another_one(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    first = client.get("/api/v1/map.png").headers["etag"]
+    restarted = ConsoleServer(operations, port=0)
+    restarted.start()
+    known = {"If-None-Match": first}
+    again = httpx.get(f"{restarted.url}/api/v1/map.png", headers=known, trust_env=False)
+    restarted.stop()
+    assert again.status_code == 200 and again.content
 
 
 def test_the_cloud_is_a_ply_file_other_programs_read(

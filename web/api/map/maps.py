@@ -3,7 +3,7 @@ missions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import secrets
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
@@ -56,6 +56,8 @@ def maps_router(operations: RobotService, shown: ShownTicks) -> APIRouter:
         LatestOnly[bytes](),
     )
     tiles = TileVersions()
+    # Versions begin again with another start of the console, whose pictures are others.
+    start = secrets.token_hex(4)
 
     def newest() -> TickSnapshot:
         tick = operations.picture()
@@ -79,8 +81,9 @@ def maps_router(operations: RobotService, shown: ShownTicks) -> APIRouter:
         """Return an image of all layers, y upwards, two pixels per cell and side."""
         tick, beware = newest(), operations.beware.list
         key = (tick.grid_version, beware.version)
-        return _tagged(
-            request, key, lambda: png.get(key, lambda: map_png(tick, beware)), "image/png"
+        tag = f'"{start}-{tick.grid_version}-{beware.version}"'
+        return unless_known(
+            request, tag, lambda: png.get(key, lambda: map_png(tick, beware)), "image/png"
         )
 
     @router.get("/map/tiles", response_model=TilesOut, responses=_NOTHING_YET)
@@ -206,12 +209,6 @@ class _Png(Response):
 
 class _Jpeg(Response):
     media_type = "image/jpeg"
-
-
-def _tagged(
-    request: Request, key: tuple[int, int], make: Callable[[], bytes], media_type: str
-) -> Response:
-    return unless_known(request, '"{}-{}"'.format(*key), make, media_type)
 
 
 def poses_router(operations: RobotService) -> APIRouter:
