@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navcore.errors import NotKnown
+from navcore.errors import NotKnown, Refused
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
 from navcore.mapping.points.rejections import MAX_POINTS
@@ -82,19 +82,36 @@ class DetectionGallery:
         self._lock = threading.Lock()
         self._items: dict[int, _Item] = {}
         self._next_id = 1
-        self._moves = 0  # number of the newest correction, or of forgetting all
+        self.moves = 0
+        """Number of the newest correction of the map, or of forgetting all."""
 
     def update(
-        self, now_s: float, frame: Frame, labels: Labels, beware: BewareList
+        self, now_s: float, frame: Frame, labels: Labels, beware: BewareList, *, moves: int
     ) -> list[Sighting]:
-        """Add the detections of a frame and return the new entries."""
+        """Add the detections of a frame and return the new entries; none if the gallery has moved
+        since the frame, which was seen on the map of when `moves` was its number."""
         names = {entry.class_id: entry.name for entry in beware.classes}
-        return [
-            new
-            for region in detect_instances(frame, labels, beware)
-            if (new := self._note(now_s, frame, labels, beware, region, names[region.class_id]))
-            is not None
-        ]
+        added, images = list[Sighting](), None
+        for region in detect_instances(frame, labels, beware):
+            item, pixels = self._at(region), int(region.mask.sum())
+            crop, view = b"", None
+            # Compressed outside the lock: it takes some milliseconds, and the whole frame most.
+            if item is None or pixels > BETTER_VIEW * item.pixels:
+                images = images or packed(frame, labels, beware, region.mask)
+                crop, view = (
+                    _crop(frame.rgb, region),
+                    replace(images, mask_png=_mask_png(region.mask)),
+                )
+            with self._lock:
+                if self.moves != moves:
+                    break
+                if item is None:
+                    name = names[region.class_id]
+                    added.append(self._add(now_s, frame.pose, region, name, crop, view))
+                else:
+                    self._look(item, now_s, frame.pose, region, crop, view)
+                self._keep_bounds()
+        return added
 
     def all(self) -> tuple[Sighting, ...]:
         """Return all entries, newest first."""
@@ -109,7 +126,7 @@ class DetectionGallery:
         that is nearest to where it was seen from last."""
         places = np.array([(pose.x_m, pose.y_m) for pose in before]).reshape(-1, 2)
         with self._lock:
-            self._moves += 1
+            self.moves += 1
             for item in self._items.values() if len(places) else ():
                 robot = item.seen_from
                 nearest = int(np.hypot(*(places - (robot.x_m, robot.y_m)).T).argmin())
@@ -126,7 +143,7 @@ class DetectionGallery:
     def clear(self) -> None:
         """Forget all entries; their ids are not given again."""
         with self._lock:
-            self._moves += 1
+            self.moves += 1
             self._items.clear()
 
     def counts(self) -> dict[int, int]:
@@ -138,8 +155,12 @@ class DetectionGallery:
         return self._item(sighting_id).crop
 
     def view(self, sighting_id: int) -> StoredView:
-        """Return the whole view; raises `NotKnown` when it is no longer kept."""
-        view = self._item(sighting_id).view
+        """Return the whole view of an entry to be corrected; raises `NotKnown` when it is no longer
+        kept, `Refused` when there is a verdict on the entry."""
+        item = self._item(sighting_id)
+        if item.sighting.verdict is not None:
+            raise Refused(f"sighting {sighting_id} was corrected or rejected before")
+        view = item.view
         if view is None:
             raise NotKnown(
                 f"the image of sighting {sighting_id} is no longer kept; "
@@ -170,62 +191,58 @@ class DetectionGallery:
                 raise NotKnown(f"nothing was recognised under the id {sighting_id}")
             return self._items[sighting_id]
 
-    def _note(
+    def _add(
         self,
         now_s: float,
-        frame: Frame,
-        labels: Labels,
-        beware: BewareList,
+        seen_from: Pose2,
         region: Detection,
         name: str,
-    ) -> Sighting | None:
-        pixels, moves = int(region.mask.sum()), self._moves
-        item = self._at(region)
-        better = item is None or pixels > BETTER_VIEW * item.pixels
-        # Compressed outside the lock: it takes some milliseconds.
-        crop, view = (
-            (_crop(frame.rgb, region), packed(frame, labels, beware, region.mask))
-            if better
-            else (b"", None)
+        crop: bytes,
+        view: StoredView | None,
+    ) -> Sighting:
+        """Add a new entry; called with the lock."""
+        sighting = Sighting(
+            id=self._next_id,
+            class_name=name,
+            class_id=region.class_id,
+            place=region.position,
+            confidence=region.confidence,
+            looks=1,
+            first_s=now_s,
+            last_s=now_s,
         )
-        with self._lock:
-            if self._moves != moves:
-                return None  # seen on the map of before a correction
-            if item is None:
-                sighting = Sighting(
-                    id=self._next_id,
-                    class_name=name,
-                    class_id=region.class_id,
-                    place=region.position,
-                    confidence=region.confidence,
-                    looks=1,
-                    first_s=now_s,
-                    last_s=now_s,
-                )
-                self._next_id += 1
-                self._items[sighting.id] = _Item(
-                    sighting,
-                    set(region.cells),
-                    frame.pose,
-                    region.confidence,
-                    pixels,
-                    crop,
-                    view,
-                )
-                self._keep_bounds()
-                return sighting
-            if item.sighting.verdict == "rejected":
-                return None  # an image from before the rejection: none of them is surer
-            item.cells |= region.cells
-            item.seen_from = frame.pose
-            item.highest = max(item.highest, region.confidence)
-            item.sighting = replace(item.sighting, looks=item.sighting.looks + 1, last_s=now_s)
-            if better:
-                item.pixels, item.crop, item.view = pixels, crop, view
-                item.sighting = replace(
-                    item.sighting, place=region.position, confidence=region.confidence
-                )
-        return None
+        self._next_id += 1
+        pixels = int(region.mask.sum())
+        self._items[sighting.id] = _Item(
+            sighting, set(region.cells), seen_from, region.confidence, pixels, crop, view
+        )
+        return sighting
+
+    def _look(
+        self,
+        item: _Item,
+        now_s: float,
+        seen_from: Pose2,
+        region: Detection,
+        crop: bytes,
+        view: StoredView | None,
+    ) -> None:
+        """Count one more look at an entry, with its view where that is better; called with the
+        lock."""
+        if item.sighting.verdict == "rejected":
+            return  # an image from before the rejection: none of them is surer
+        item.cells |= region.cells
+        item.seen_from = seen_from
+        item.highest = max(item.highest, region.confidence)
+        item.sighting = replace(item.sighting, looks=item.sighting.looks + 1, last_s=now_s)
+        if view is not None:
+            item.pixels, item.crop, item.view = int(region.mask.sum()), crop, view
+            item.sighting = replace(
+                item.sighting,
+                place=region.position,
+                confidence=region.confidence,
+                has_image=True,
+            )
 
     def _at(self, region: Detection) -> _Item | None:
         """Return the oldest entry of a region's class on or beside its cells, none that was
@@ -242,11 +259,13 @@ class DetectionGallery:
         return None
 
     def _keep_bounds(self) -> None:
-        if len(self._items) > MAX_SIGHTINGS:
+        while len(self._items) > MAX_SIGHTINGS:
             del self._items[min(self._items, key=lambda key: self._items[key].sighting.last_s)]
         with_view = [item for item in self._items.values() if item.view is not None]
-        if len(with_view) > MAX_VIEWS:
-            min(with_view, key=lambda item: item.sighting.last_s).view = None
+        while len(with_view) > MAX_VIEWS:
+            oldest = min(with_view, key=lambda item: item.sighting.last_s)
+            with_view.remove(oldest)
+            oldest.view, oldest.sighting = None, replace(oldest.sighting, has_image=False)
 
 
 def packed(
@@ -260,13 +279,17 @@ def packed(
         depth_png=_png(depth_mm),
         class_ids_png=_png(np.where(binding, labels.class_ids, np.uint8(0))),
         unsure_png=_png(((labels.class_ids > 0) & ~binding).view(np.uint8) * np.uint8(255)),
-        mask_png=_png(mask.view(np.uint8) * np.uint8(255)),
+        mask_png=_mask_png(mask),
     )
 
 
 def unpacked(png: bytes) -> npt.NDArray[np.integer]:
     """Decompress an image of a `StoredView`; colours come as BGR."""
     return np.asarray(cv2.imdecode(np.frombuffer(png, dtype=np.uint8), cv2.IMREAD_UNCHANGED))
+
+
+def _mask_png(mask: npt.NDArray[np.bool_]) -> bytes:
+    return _png(mask.view(np.uint8) * np.uint8(255))
 
 
 def _png(image: npt.NDArray[np.integer | np.floating]) -> bytes:

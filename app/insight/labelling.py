@@ -3,8 +3,8 @@ FOLDER`.
 
 Every image goes to the split `train`. The operator has confirmed one region of its labels. The rest
 are the segmenter's labels where their confidence sufficed; elsewhere, and on the rim of the region,
-the label is void and not learned from. The lists and the card are complete after every image; an
-image that a crash left incomplete is dropped at the next start.
+the label is void and not learned from. The lists and the card are complete after every image; what
+a crash left incomplete is dropped, and what it left out is listed, with the next one.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from navcore.learning.data.card import (
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.learning.data.images import read_depth, read_labels, read_rgb, write_grey, write_rgb
 from navcore.learning.data.writer import write_text
+from navcore.mission.beware_list import NOTHING
 from web.interface.insight import LabellingState
 
 MAX_PICTURES = 500
@@ -66,7 +67,8 @@ class LabellingFolder:
         self._opened = False
 
     def state(self) -> LabellingState:
-        """Return the number of images and bytes in the folder."""
+        """Return the number of images and bytes in the folder, and write nothing; raises
+        `StorageFailed` when the folder cannot be read."""
         with self._lock:
             self._open()
             return LabellingState(
@@ -97,7 +99,9 @@ class LabellingFolder:
 
     def _labels(self, view: StoredView, names: dict[int, str], said: str) -> npt.NDArray[np.uint8]:
         class_ids, region = unpacked(view.class_ids_png), unpacked(view.mask_png) > 0
-        values = np.full(256, self._value(BACKGROUND), dtype=np.uint8)
+        # What is no class of the list any more is known to be none of the background: void.
+        values = np.zeros(256, dtype=np.uint8)
+        values[NOTHING] = self._value(BACKGROUND)
         for class_id, name in names.items():
             values[class_id] = self._value(name)
         labels = values[class_ids]
@@ -147,12 +151,8 @@ class LabellingFolder:
                 found.append(files)
                 sums.add(depth)
                 sizes.add((labels.shape[0], labels.shape[1]))
-        # Assigned in one step: when the disk refuses the lists, the next attempt does not list an
-        # image twice.
         self._class_names, self._files, self._sums, self._sizes = class_names, found, sums, sizes
         self._bytes_used = sum(map(self._size_of, found))
-        if found:
-            self._publish()
         self._opened = True
 
     def _names_on_card(self) -> list[str]:

@@ -93,9 +93,11 @@ class LiveInsight:
         )
         self._event_detector = EventDetector(self.event_log, controller.intent)
         self._place_events = PlaceEvents()
-        self._explaining = threading.Lock()
+        self._explaining, self._correcting = threading.Lock(), threading.Lock()
         self._explained: tuple[object, Explanation] | None = None
         self._decision: TickResult | None = None
+        # Together, as the gallery may be cleared while its thread takes the newest tick.
+        self._seen: tuple[TickResult, int] | None = None  # a tick, and `moves` of the gallery
         self._processed: TickResult | None = None
         self._causes: tuple[str, ...] = ()
         self._verdicts: deque[tuple[float, tuple[StopReason, ...]]] = deque(maxlen=MAX_WAITING)
@@ -125,6 +127,7 @@ class LiveInsight:
         elif decision.correction is not None:
             self.detections.follow(decision.correction.before, decision.correction.after)
         self._decision = decision
+        self._seen = decision, self.detections.moves
         self.note_place(self._place_events.after(decision))
 
     def note_place(self, texts: Iterable[str]) -> None:
@@ -195,10 +198,10 @@ class LiveInsight:
 
     def mark_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
         """Mark a detection as wrong, and add its frame to the labelling folder, corrected."""
-        view = self.detections.view(sighting_id)
         names, said = self._network_classes(class_name)
-        self.labelling.add(view, names=names, said=said)
-        self.detections.mark(sighting_id, "wrong")
+        with self._correcting:  # of two corrections at once one is refused
+            self.labelling.add(self.detections.view(sighting_id), names=names, said=said)
+            self.detections.mark(sighting_id, "wrong")
         what = f"it is “{class_name}”" if class_name else "it is nothing of the list"
         self.event_log.note(
             self._now_s(),
@@ -253,13 +256,15 @@ class LiveInsight:
         while self._intents:
             self._event_detector.on_change(*self._intents.popleft(), self._here())
         self._event_detector.on_tick(now_s, decision, self._here())
-        if decision is not None and decision is not self._processed:
-            self._processed = decision
+        if (seen := self._seen) is not None and seen[0] is not self._processed:
+            self._processed, moves = seen
             beware, found = self._controller.intent.beware, list[Sighting]()
-            if decision.place.is_known:
-                found = self.detections.update(now_s, decision.frame, decision.labels, beware)
+            if seen[0].place.is_known:
+                frame, labels = seen[0].frame, seen[0].labels
+                found = self.detections.update(now_s, frame, labels, beware, moves=moves)
             for new in found:
-                text = f"First sight of “{new.class_name}” here, {new.confidence:.0%} sure."
+                title = beware.titles[new.class_id]
+                text = f"First sight of “{title}” here, {new.confidence:.0%} sure."
                 self.event_log.note(now_s, "seen", text, new.place)
         if self.series.is_due(now_s):
             self.series.add(now_s, self._recorder.measurements(decision))

@@ -126,6 +126,10 @@ class FakeDetections:
         """Mark the cup."""
         self._sighting = replace(self._sighting, verdict=verdict)
 
+    def drop_image(self) -> None:
+        """Keep the whole image of the cup no longer."""
+        self._sighting = replace(self._sighting, has_image=False)
+
     def extent(self, sighting_id: int) -> DetectionExtent:
         """Return the place of the cup."""
         self.crop(sighting_id)

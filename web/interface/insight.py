@@ -181,6 +181,8 @@ class Sighting:
     verdict: Verdict | None = None
     """Correction by the operator: of another class or of none for the next training, or rejected on
     the map; null for none."""
+    has_image: bool = True
+    """Whether its whole image is kept, as a correction for the next training needs it."""
 
 
 @served
@@ -230,7 +232,7 @@ class LabellingFolder(Protocol):
     """The data set of corrected images."""
 
     def state(self) -> LabellingState:
-        """Return its present size and limits."""
+        """Return its present size and limits; raises `StorageFailed` if it cannot be read."""
 
 
 class TimeSeries(Protocol):

@@ -63,8 +63,10 @@ class SightingsOut(BaseModel):
     """Number of objects by class id, without wrong detections."""
     sightings: list[SightingOut]
     """Objects, newest first."""
-    labelling: LabellingState
-    """Folder of images for the next training."""
+    labelling: LabellingState | None
+    """Folder of images for the next training; null if it cannot be read."""
+    labelling_failure: str | None
+    """Why the folder cannot be read; null if it can."""
 
 
 class WrongIn(Closed):

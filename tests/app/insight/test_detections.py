@@ -7,11 +7,12 @@ import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from app.insight.detections import DetectionGallery, packed
+from app.insight.detections import DetectionGallery, StoredView, packed, unpacked
 from app.insight.labelling import LabellingFolder, region_in
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.geometry.camera import Intrinsics
@@ -22,6 +23,7 @@ from navcore.learning.data.writer import write_text
 from navcore.mission.beware_list import BewareClass, BewareList
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
+from web.interface.insight import Sighting
 
 BEWARE = BewareList(
     classes=(
@@ -69,16 +71,20 @@ def labels(
     return Labels(class_ids=ids, confidence=np.full(ids.shape, sure, dtype=np.float32))
 
 
+def look(gallery: DetectionGallery, now_s: float, frame: Frame, seen: Labels) -> list[Sighting]:
+    return gallery.update(now_s, frame, seen, BEWARE, moves=gallery.moves)
+
+
 def test_an_object_has_one_entry_however_often_and_from_wherever_it_is_seen() -> None:
     gallery, new = DetectionGallery(), []
     for step, (x_m, yaw) in enumerate([(0.0, 0.0), (0.1, 0.05), (0.3, -0.1), (0.4, 0.0)]):
         frame = picture(x_m, yaw)
-        new += gallery.update(float(step), frame, labels(frame, 1.5, 0.2), BEWARE)
+        new += look(gallery, float(step), frame, labels(frame, 1.5, 0.2))
     assert [(one.class_name, one.looks) for one in new] == [("cup", 1)]
     only = gallery.all()[0]
     assert only.looks == 4 and math.dist(only.place, (1.5, 0.2)) < 0.05 and only.last_s == 3.0
     frame = picture()
-    assert len(gallery.update(9.0, frame, labels(frame, 1.2, -0.5), BEWARE)) == 1
+    assert len(look(gallery, 9.0, frame, labels(frame, 1.2, -0.5))) == 1
     assert [one.id for one in gallery.all()] == [2, 1]
     assert gallery.crop(1).startswith(b"\xff\xd8")
     with pytest.raises(NotKnown):
@@ -96,14 +102,53 @@ def test_an_object_has_one_entry_however_often_and_from_wherever_it_is_seen() ->
     # At another site a page that still shows the first two must not meet others of their ids.
     gallery.clear()
     assert gallery.all() == ()
-    gallery.update(10.0, frame, labels(frame, 1.5, 0.2), BEWARE)
+    look(gallery, 10.0, frame, labels(frame, 1.5, 0.2))
     assert [one.id for one in gallery.all()] == [3]
+
+
+def test_a_frame_from_before_the_gallery_was_cleared_adds_nothing() -> None:
+    gallery, frame = DetectionGallery(), picture()
+    moves = gallery.moves
+    gallery.clear()
+    assert gallery.update(0.0, frame, labels(frame, 1.5, 0.0), BEWARE, moves=moves) == []
+    assert gallery.all() == ()
+
+
+def test_the_frame_of_many_new_objects_is_compressed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    gallery, frame, packings = DetectionGallery(), picture(), list[int]()
+
+    def counted(*parts: Any) -> StoredView:
+        packings.append(1)
+        return packed(*parts)
+
+    monkeypatch.setattr("app.insight.detections.packed", counted)
+    one, other = labels(frame, 1.5, 0.4), labels(frame, 1.5, -0.4)
+    both = Labels(class_ids=one.class_ids | other.class_ids, confidence=one.confidence)
+    assert len(look(gallery, 0.0, frame, both)) == 2 and packings == [1]
+    shown = [unpacked(gallery.view(one.id).mask_png) > 0 for one in gallery.all()]
+    assert shown[0].any() and shown[1].any() and not (shown[0] & shown[1]).any()
+
+
+def test_only_so_many_whole_views_are_kept_and_the_others_say_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("app.insight.detections.MAX_VIEWS", 1)
+    gallery, far, near = DetectionGallery(), picture(-0.4), picture()
+    look(gallery, 0.0, far, labels(far, 1.5, 0.4))
+    look(gallery, 1.0, far, labels(far, 1.5, -0.4))
+    assert [one.has_image for one in gallery.all()] == [True, False]
+    with pytest.raises(NotKnown, match="no longer kept"):
+        gallery.view(1)
+    # A better look brings back the view of the one, and the other's has to go.
+    look(gallery, 2.0, near, labels(near, 1.5, 0.4))
+    assert [one.has_image for one in gallery.all()] == [False, True]
+    assert gallery.view(1)
 
 
 def test_people_and_uncertain_detections_have_no_entry() -> None:
     gallery, frame = DetectionGallery(), picture()
-    assert gallery.update(0.0, frame, labels(frame, 1.5, 0.0, class_id=PERSON), BEWARE) == []
-    assert gallery.update(0.0, frame, labels(frame, 1.5, 0.0, sure=0.3), BEWARE) == []
+    assert look(gallery, 0.0, frame, labels(frame, 1.5, 0.0, class_id=PERSON)) == []
+    assert look(gallery, 0.0, frame, labels(frame, 1.5, 0.0, sure=0.3)) == []
 
 
 def test_a_correction_becomes_a_data_set_that_can_be_read_and_grows_after_a_restart(
@@ -133,6 +178,17 @@ def test_a_correction_becomes_a_data_set_that_can_be_read_and_grows_after_a_rest
         rim = sample.labels[~mask]
         assert (rim == 0).any() and (rim == stored.card.class_names.index("background") + 1).any()
     assert sorted(said) == ["background", "cup", "toy"]
+
+
+def test_what_is_no_class_of_the_list_any_more_is_no_background(tmp_path: Path) -> None:
+    frame = picture()
+    cup, toy = labels(frame, 1.5, 0.4), labels(frame, 1.5, -0.4, class_id=40)
+    seen = Labels(class_ids=cup.class_ids | toy.class_ids, confidence=cup.confidence)
+    view = packed(frame, seen, BEWARE, cup.class_ids > 0)
+    LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said="cup")
+    learned = load_dataset(tmp_path).read("train", 0).labels
+    assert set(np.unique(learned[toy.class_ids > 0])) == {0}, "void"
+    assert 0 not in learned[0], "background"
 
 
 def test_a_capital_letter_makes_no_other_class_of_a_name(tmp_path: Path) -> None:
@@ -212,7 +268,7 @@ def test_the_foreground_of_a_box_is_extracted_and_a_bad_box_is_refused() -> None
             region_in(rgb, box)
 
 
-def test_after_a_disk_refused_the_lists_they_contain_every_image_once(
+def test_the_state_of_the_folder_writes_nothing_and_later_lists_contain_every_image_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frame = picture()
@@ -227,11 +283,12 @@ def test_after_a_disk_refused_the_lists_they_contain_every_image_once(
 
     with monkeypatch.context() as refusing:
         refusing.setattr("app.insight.labelling.write_text", full)
-        for _ in range(5):
-            with pytest.raises(StorageFailed):
-                again.state()
-    assert again.state().pictures == 3
-    assert len((tmp_path / "train_rgb.txt").read_text().splitlines()) == 3
+        assert again.state().pictures == 3
+        with pytest.raises(StorageFailed):
+            again.add(view, names={CUP: "cup"}, said="cup")
+    again.add(view, names={CUP: "cup"}, said="cup")
+    assert again.state().pictures == 4
+    assert len((tmp_path / "train_rgb.txt").read_text().splitlines()) == 4
     (tmp_path / CARD_NAME).write_text("{ no card")
     with pytest.raises(StorageFailed, match="cannot be read"):
         LabellingFolder(tmp_path).state()

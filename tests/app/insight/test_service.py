@@ -13,10 +13,12 @@ from app.runtime.control.robot_controller import RobotController
 from app.storage import Store
 from navcore.behaviours.lane_keep_out import LaneKeepOut
 from navcore.behaviours.supervisor import Behaviour
+from navcore.errors import Refused
 from navcore.learning.data.dataset import load_dataset
 from navcore.mission.mission import Mission
 from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.mission.zone_growth import grow
+from navcore.perception.labels import Labels
 from tests.app.insight.test_event_log import insight_of
 from tests.reliability.fault_runs import first_frame, standing_controller
 
@@ -130,4 +132,38 @@ def test_an_example_of_a_renamed_class_is_trained_as_the_class_that_detects_it(
     names = [name.casefold() for name in stored.card.class_names]
     assert "mug" not in names
     assert names.index("cup") + 1 in np.unique(stored.read("train", 0).labels)
+    store.close()
+
+
+def test_a_detection_is_told_by_its_label_and_corrected_once(tmp_path: Path) -> None:
+    controller, store = standing_controller(), Store(tmp_path / "data")
+    insight, frame = insight_of(store, tmp_path / "labelling", controller), first_frame()
+    controller.change(
+        lambda state: dataclasses.replace(
+            state, beware=state.beware.edited("cup", label="Tasse", min_confidence=0.5)
+        )
+    )
+    decision = controller.think(frame, clock=lambda: frame.stamp_ns)
+    assert decision is not None
+    cup = controller.intent.beware.named("cup").class_id
+    class_ids = np.zeros(frame.depth_m.shape, np.uint8)
+    rows, cols = class_ids.shape
+    class_ids[rows * 3 // 4 : rows * 7 // 8, cols // 2 : cols * 5 // 8] = cup
+    labels = Labels(class_ids=class_ids, confidence=np.full(class_ids.shape, 0.9, np.float32))
+    insight.note_decision(dataclasses.replace(decision, labels=labels))
+    insight._update()
+    (seen,) = insight.detections.all()
+    texts = [
+        entry.text for entry in insight.event_log.page(kinds=("seen",), since=0, limit=9).entries
+    ]
+    assert texts == ["First sight of “Tasse” here, 90% sure."]
+    assert insight.mark_wrong(seen.id, "book").pictures == 1
+    with pytest.raises(Refused, match="corrected or rejected before"):
+        insight.mark_wrong(seen.id, None)
+    assert insight.labelling.state().pictures == 1
+    # A tick that is noted and not yet processed when its map is forgotten leaves nothing.
+    insight.note_decision(dataclasses.replace(decision, labels=labels))
+    insight.forget_place()
+    insight._update()
+    assert insight.detections.all() == ()
     store.close()

@@ -7,10 +7,12 @@ import httpx
 import numpy as np
 import pytest
 
+from navcore.errors import StorageFailed
 from tests.web.fake_operations import FakeOperations
 from web.images.encode import SCALE, paint_map
 from web.images.tiles import TILE, TileVersions, changed_since, tile_cells
 from web.interface.drafts import ZoneDraft
+from web.interface.insight import LabellingState
 
 WET = ZoneDraft(name="Wet floor", polygon=((3.0, -2.0), (3.6, -2.0), (3.6, 0.6), (3.0, 0.6)))
 
@@ -120,6 +122,20 @@ def test_sightings_are_listed_shown_and_corrected(
     ):
         refused = client.post("/api/v1/sightings", json={**missed, **wrong})
         assert refused.status_code == 422, wrong
+
+
+def test_a_labelling_folder_that_cannot_be_read_hides_no_detections(
+    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert client.get("/api/v1/sightings").json()["labelling_failure"] is None
+
+    def damaged() -> LabellingState:
+        raise StorageFailed("the card cannot be read")
+
+    monkeypatch.setattr(operations.insight.labelling, "state", damaged)
+    listed = client.get("/api/v1/sightings").json()
+    assert listed["seen"] == {"3": 1} and listed["labelling"] is None
+    assert listed["labelling_failure"] == "the card cannot be read"
 
 
 def test_the_figures_come_column_by_column_after_a_time(client: httpx.Client) -> None:

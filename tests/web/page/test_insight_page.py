@@ -12,9 +12,11 @@ from playwright.sync_api import BrowserContext, Page, Route, expect
 
 from app.insight.event_log import EventLog
 from app.storage import Store
+from navcore.errors import StorageFailed
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, await_map, eventually, map_view
 from web.interface.drafts import ZoneDraft
+from web.interface.insight import LabellingState
 from web.server import ConsoleServer
 
 LETTERS = str.maketrans("0123456789", "abcdefghij")
@@ -236,6 +238,29 @@ def test_a_card_follows_its_number_to_another_object(page: Page, client: httpx.C
     page.route("**/api/v1/sightings", lambda route: route.fulfill(json=answer))
     expect(card).to_have_attribute("data-class", "shoe")
     expect(card.get_by_test_id("detection-jump")).to_contain_text("1.0, 2.0")
+
+
+def test_a_card_has_the_label_of_its_class_and_offers_no_correction_without_its_image(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    page.get_by_test_id("tab-seen").click()
+    expect(page.get_by_test_id("correction")).to_have_count(1)
+    operations.beware.edit("cup", {"label": "Tasse"}, by="Ana")
+    operations.insight.detections.drop_image()
+    card = page.get_by_test_id("detection")
+    expect(card.locator(".name")).to_contain_text("Tasse")
+    expect(page.get_by_test_id("seen-counts")).to_contain_text("1 × Tasse")
+    expect(card.get_by_test_id("reject")).to_have_count(1)
+    expect(page.get_by_test_id("correction")).to_have_count(0)
+
+    # A folder that cannot be read hides no detections.
+    def damaged() -> LabellingState:
+        raise StorageFailed("the card cannot be read")
+
+    operations.insight.labelling.state = damaged  # type: ignore[method-assign]
+    expect(page.get_by_test_id("labelling")).to_have_text("the card cannot be read")
+    expect(card).to_have_count(1)
 
 
 def test_curves_ages_and_the_page_of_runs_are_shown(

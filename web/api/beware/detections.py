@@ -6,6 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
+from navcore.errors import StorageFailed
 from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.interface.insight import LabellingState
@@ -26,13 +27,19 @@ def sightings_router(operations: RobotService) -> APIRouter:
         """Return the detected objects of the beware list, newest first, and their number by
         class."""
         insight, now_s = operations.insight, operations.state().stamp_s
+        labelling, failure = None, None
+        try:
+            labelling = insight.labelling.state()
+        except StorageFailed as error:  # the detections are shown without it
+            failure = str(error)
         return SightingsOut(
             seen={str(class_id): n for class_id, n in insight.detections.counts().items()},
             sightings=[
                 SightingOut(**values_of(one), age_s=max(now_s - one.last_s, 0.0))
                 for one in insight.detections.all()
             ],
-            labelling=insight.labelling.state(),
+            labelling=labelling,
+            labelling_failure=failure,
         )
 
     @router.get(

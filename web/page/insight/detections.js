@@ -5,7 +5,7 @@ import { swatchOf } from "../beware/swatch.js";
 import { get, post, request } from "../core/link/api.js";
 import { element, make, reconcile, setText } from "../core/dom.js";
 import { formatAge } from "../core/text/format.js";
-import { number, t, tn } from "../core/text/language.js";
+import { number, sentence, t, tn } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 import { reject } from "../map/pointer/reject.js";
 import { openMissed } from "./missed_object.js";
@@ -61,19 +61,18 @@ export async function tick(isOpen) {
 }
 
 const entryOf = (id) => shared.beware.classes.find((entry) => entry.class_id === id);
+// A class that was removed from the list keeps the name with which it was seen.
+const titleOf = ({ class_id: id, class_name: name }) => entryOf(id)?.label ?? entryOf(id)?.name ?? name;
 
-function show({ seen, sightings, labelling }) {
+function show({ seen, sightings, labelling, labelling_failure: failure }) {
   showCounts(seen, sightings);
   // Without the age, which would have the map painted again.
   const onMap = sightings.filter((detection) => !detection.verdict);
   shared.showSightings(
-    onMap.map(({ id, class_name, place, confidence, looks }) => ({
-      id,
-      class_name,
-      place,
-      confidence,
-      looks,
-    })),
+    onMap.map((detection) => {
+      const { id, place, confidence, looks } = detection;
+      return { id, class_name: titleOf(detection), place, confidence, looks };
+    }),
   );
   showInBewareList(seen);
   // A card that says the same stays, and so does an open choice.
@@ -88,33 +87,35 @@ function show({ seen, sightings, labelling }) {
       tn("{n} view · {age} ago", "{n} views · {age} ago", looks, { age: formatAge(age ?? 0) }),
     );
   });
+  setText(collected, failure === null ? collectedText(labelling) : sentence(failure));
+}
+
+function collectedText(labelling) {
   const { pictures, max_pictures: most, folder } = labelling;
   const size = number(labelling.bytes_used / 1e6, 1);
-  const text = t(
+  return t(
     "{pictures} of at most {most} corrected images ({size} MB) for the next training, in {folder}",
     { pictures, most, size, folder },
   );
-  setText(collected, text);
 }
 
 // Numbers begin again with another start of the console; the choice is one of the classes of the list.
-const keyOf = ({ id, class_name: name, place, verdict }) =>
-  [id, name, placeText(place), verdict, ...shared.beware.classes.map((entry) => entry.name)].join();
+const keyOf = ({ id, class_name: name, place, verdict, has_image: hasImage }) => {
+  const classes = shared.beware.classes.map((entry) => [entry.name, titleOf(entry)]);
+  return [id, name, placeText(place), verdict, hasImage, ...classes].join();
+};
 
 function showCounts(seen, sightings) {
   const total = Object.values(seen).reduce((sum, count) => sum + count, 0);
   setText(tab, total ? `${t("Detections")} · ${total}` : t("Detections"));
-  const key = JSON.stringify([seen, sightings.length > 0]);
+  const key = JSON.stringify([seen, sightings.length > 0, shared.beware.classes.map(titleOf)]);
   if (counts.dataset.key === key) return;
   counts.dataset.key = key;
   counts.replaceChildren(
     ...Object.entries(seen).map(([text, count]) => {
       const id = Number(text);
-      // A class that was removed from the list keeps the name with which it was seen.
-      const name =
-        entryOf(id)?.name ??
-        sightings.find((detection) => detection.class_id === id)?.class_name ??
-        t("class {id}", { id });
+      const seenAs = sightings.find((detection) => detection.class_id === id)?.class_name;
+      const name = titleOf({ class_id: id, class_name: seenAs ?? t("class {id}", { id }) });
       return make(
         "span",
         { class: "count", "data-class": id },
@@ -132,15 +133,15 @@ function showCounts(seen, sightings) {
 
 // Where the operator said "not one": kept with the map until it is taken back.
 function showRejected(places) {
-  const key = JSON.stringify(places);
+  const key = JSON.stringify([places, places.map(titleOf)]);
   if (key === shownRejected) return;
   shownRejected = key;
   rejected.replaceChildren(
-    ...places.map(({ id, class_name: name, place }) =>
+    ...places.map(({ id, place, ...rejection }) =>
       make(
         "li",
         { "data-testid": "rejected-place" },
-        make("span", {}, t("You said that this is no {name}:", { name })),
+        make("span", {}, t("You said that this is no {name}:", { name: titleOf(rejection) })),
         placeButton(place),
         make(
           "button",
@@ -173,14 +174,15 @@ function showInBewareList(seen) {
 }
 
 function cardOf(detection) {
-  const { id, class_name: name, place, verdict } = detection;
+  const { id, place, verdict } = detection;
+  const name = titleOf(detection);
   const image = make("img", {
     alt: t("{name}, as the camera saw it", { name }),
     loading: "lazy",
   });
   return make(
     "li",
-    { class: verdict ?? "", "data-testid": "detection", "data-class": name },
+    { class: verdict ?? "", "data-testid": "detection", "data-class": detection.class_name },
     image,
     make(
       "div",
@@ -193,7 +195,13 @@ function cardOf(detection) {
     placeButton(place),
     verdict
       ? make("span", { class: "verdict" }, VERDICTS[verdict])
-      : make("span", { class: "corrections", "data-edits": "" }, ...rejectButtons(id, name), correctionChoice(id, name)),
+      : make(
+          "span",
+          { class: "corrections", "data-edits": "" },
+          ...rejectButtons(id, name),
+          // Without its image nothing can be learned from a correction.
+          ...(detection.has_image ? [correctionChoice(detection)] : []),
+        ),
   );
 }
 
@@ -235,14 +243,16 @@ const rejectSighting = (id, name, isAll) =>
 const notA = (name) =>
   /^[aeiou]/i.test(name) ? t("Not an {name} → …", { name }) : t("Not a {name} → …", { name });
 
-function correctionChoice(id, name) {
-  const others = shared.beware.classes.filter((entry) => entry.name !== name);
+function correctionChoice(detection) {
+  const { id, class_id: classId } = detection;
+  const name = titleOf(detection);
+  const others = shared.beware.classes.filter((entry) => entry.class_id !== classId);
   const choice = make(
     "select",
     { "aria-label": t("What it is instead of {name}", { name }), "data-testid": "correction" },
     make("option", { value: "" }, notA(name)),
     make("option", { value: NONE_OF_LIST }, t("nothing on the list")),
-    ...others.map((entry) => make("option", { value: entry.name }, entry.name)),
+    ...others.map((entry) => make("option", { value: entry.name }, titleOf(entry))),
   );
   choice.onchange = () =>
     attempt(async () => {

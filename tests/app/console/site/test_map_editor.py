@@ -63,7 +63,7 @@ def told() -> list[str]:
 def gallery() -> DetectionGallery:
     """Two mats on the floor in one image, and a gallery that has seen them."""
     gallery = DetectionGallery()
-    gallery.update(1.0, FLOOR, mats(), LIST)
+    gallery.update(1.0, FLOOR, mats(), LIST, moves=gallery.moves)
     return gallery
 
 
@@ -132,7 +132,7 @@ def test_a_rejection_is_undone_with_points_memory_and_verdict(
     editor.reject(2, all_of_class=True, by="Ana")
     holder.tick()
     assert mat_cells(holder) == 0 and len(editor.rejected) == 2 and not gallery.counts()
-    assert not gallery.update(2.0, FLOOR, mats(), LIST)  # an image from before
+    assert not gallery.update(2.0, FLOOR, mats(), LIST, moves=gallery.moves)  # an image from before
     with pytest.raises(Refused, match="rejected already"):
         editor.reject(2, all_of_class=False, by="Ana")
     editor.undo(by="Bo")
@@ -210,7 +210,9 @@ def test_a_rejected_object_that_is_seen_with_more_confidence_is_a_new_detection(
 ) -> None:
     seen(holder, mats())
     editor.reject(1, all_of_class=True, by="Ana")
-    assert [one.id for one in gallery.update(2.0, FLOOR, mats(0.98), LIST)] == [3, 4]
+    assert [
+        one.id for one in gallery.update(2.0, FLOOR, mats(0.98), LIST, moves=gallery.moves)
+    ] == [3, 4]
 
 
 def test_nothing_is_rejected_before_there_is_a_map(editor: MapEditor) -> None:
