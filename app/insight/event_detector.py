@@ -3,6 +3,8 @@ with the one before, and their texts in the log."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
@@ -12,6 +14,7 @@ from app.runtime.control.operator_state import MOVING, OperatorState
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import Cell, OccupancyGrid
 from navcore.grid.growth import growth_into
+from navcore.mission.beware_changes import changes_between
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
@@ -22,7 +25,8 @@ from navcore.safety.gate import Cause, StopReason, emergency_stop
 from web.interface.wire import Position
 
 MIN_DEVIATION_M = 0.3
-"""Largest distance between two paths from which they are different paths, metres."""
+"""Largest distance between two paths, or two goals, from which they are different ones, metres: a
+correction of the map moves goals by less, as a rule."""
 DRIVEN_TO_LOOK_M = 2.0
 """Length by which the way round may become shorter while the robot drives to a gap, metres."""
 REPLAN_PERIOD_S = 1.0
@@ -138,33 +142,14 @@ class EventDetector:
                 self._event_log.note(now_s, "zone", text, (float(x_m), float(y_m)))
 
     def _beware(self, now_s: float, before: BewareList, after: BewareList) -> None:
-        old, new = ({entry.name: entry for entry in beware.classes} for beware in (before, after))
-        for name in {**old, **new}:
-            one, other = old.get(name), new.get(name)
-            if one == other:
-                continue
-            if one is None or other is None:
-                text = (
-                    f"“{name}” joins the beware list."
-                    if one is None
-                    else f"“{name}” leaves the beware list."
-                )
-            elif one.enabled != other.enabled:
-                text = (
-                    f"“{name}” is to be kept away from."
-                    if other.enabled
-                    else f"“{name}” need not be kept away from any more."
-                )
-            else:
-                text = (
-                    f"“{name}” now has a margin of {other.margin_m:g} m, "
-                    f"least confidence {other.min_confidence:.0%}."
-                )
-            self._event_log.note(now_s, "beware", text)
+        for change in changes_between(before, after):
+            self._event_log.note(now_s, "beware", f"Beware list: {change}.")
 
     def _path(self, now_s: float, decision: TickResult, intent: OperatorState) -> None:
-        before = self._decision
-        changed_goal = before is None or _end(before.route) != _end(decision.route)
+        before, goal = self._decision, intent.mission.goal
+        # The way out of a beware area may end anywhere.
+        leaves = goal is self._goal is None
+        changed_goal = before is None or not (leaves or _end_alike(before.route, decision.route))
         found = (
             None
             if before is None or before.route is None
@@ -174,7 +159,7 @@ class EventDetector:
         if not changed_goal and not opened and now_s - self._compared_s < REPLAN_PERIOD_S:
             return
         self._compared_s, self._decision = now_s, decision
-        same_goal, self._goal = intent.mission.goal == self._goal, intent.mission.goal
+        same_goal, self._goal = _is_same(goal, self._goal), goal
         if decision.route is None or intent.mission.phase not in MOVING:
             return
         was_m = before.route.round_m if same_goal and before and before.route else None
@@ -213,6 +198,23 @@ def _end(route: Route | None) -> Position | None:
         if route is not None and len(route.points)
         else None
     )
+
+
+def _end_alike(route: Route | None, other: Route | None) -> bool:
+    """Return whether two paths end at the same place, or neither is there."""
+    end, its_end = _end(route), _end(other)
+    if end is None or its_end is None:
+        return end is its_end
+    return math.dist(end, its_end) < MIN_DEVIATION_M
+
+
+def _is_same(goal: Goal | None, other: Goal | None) -> bool:
+    """Return whether two goals are the same one, though a correction of the map may have moved
+    it."""
+    if goal is None or other is None:
+        return goal is other
+    apart_m = math.dist((goal.x_m, goal.y_m), (other.x_m, other.y_m))
+    return goal.id == other.id and apart_m < MIN_DEVIATION_M
 
 
 def _why_replanned(
@@ -278,8 +280,9 @@ def _title_of(route: Route, mission: Mission) -> str:
     """Return the title of the goal that a path ends at, else the position of its end."""
     x_m, y_m = (float(value) for value in route.points[-1])
     goal = mission.goal
-    at_goal = goal is not None and (goal.x_m, goal.y_m) == (x_m, y_m)
-    return goal.title if goal is not None and at_goal else f"({x_m:.1f}, {y_m:.1f})"
+    if goal is not None and math.dist((goal.x_m, goal.y_m), (x_m, y_m)) < MIN_DEVIATION_M:
+        return goal.title
+    return f"({x_m:.1f}, {y_m:.1f})"
 
 
 def _largest_deviation(
@@ -312,7 +315,7 @@ def _first_blocked(cells: npt.NDArray[np.int64], decision: TickResult) -> Cell |
 
 def _closed_by(grid: OccupancyGrid, cell: Cell, intent: OperatorState) -> str:
     """Return in words what is nearest to a blocked cell."""
-    names = {entry.class_id: f"“{entry.label or entry.name}”" for entry in intent.beware.classes}
+    names = {entry.class_id: f"“{entry.title}”" for entry in intent.beware.classes}
     layers = [
         ("An obstacle", grid.geometric),
         ("A zone", grid.zones),

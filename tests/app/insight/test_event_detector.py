@@ -182,6 +182,39 @@ def test_a_look_for_another_goal_is_told_as_one() -> None:
     assert texts[2].startswith("Planned a path")
 
 
+def ending_at(seen: TickResult, end: tuple[float, float]) -> TickResult:
+    """Return a tick whose path ends at another place."""
+    assert seen.route is not None
+    points = np.vstack([seen.route.points[:-1], end])
+    return dataclasses.replace(seen, route=dataclasses.replace(seen.route, points=points))
+
+
+def test_a_goal_that_a_correction_moves_is_the_same_goal_and_keeps_its_name() -> None:
+    event_log, moved = EventLog(), (GOAL[0] + 0.12, GOAL[1])
+    mission = Mission().add(*GOAL, SPEC, name="Dock").start()
+    will = dataclasses.replace(intent(), mission=mission)
+    (dock,) = mission.queue
+    after = dataclasses.replace(
+        will, mission=dataclasses.replace(mission, queue=(dataclasses.replace(dock, x_m=moved[0]),))
+    )
+    detector = EventDetector(event_log, will)
+    # The goal has moved already where the first path to it is told.
+    detector.on_change(0.0, after, HERE)
+    detector.on_tick(1.0, decision(EMPTY), HERE)
+    detector.on_tick(3.0, ending_at(decision(EMPTY), moved), HERE)
+    assert written(event_log) == [("replanned", "Planned a path of 6.0 m to “Dock”.")]
+
+
+def test_another_way_out_of_a_beware_area_is_no_new_goal() -> None:
+    event_log, will = EventLog(), intent()
+    leaving = dataclasses.replace(will, mission=will.mission.leave())
+    detector = EventDetector(event_log, leaving)
+    for second, end in enumerate([(3.0, 0.0), (3.0, 0.4), (3.0, -0.4)]):
+        detector.on_tick(2.0 * second, ending_at(decision(EMPTY), end), HERE)
+    said = [text for _, text in written(event_log)]
+    assert sum(text.startswith("Planned a path") for text in said) == 1
+
+
 def test_a_path_that_opens_while_the_mission_is_paused_is_told_when_it_goes_on() -> None:
     event_log, driving = EventLog(), intent()
     detector = EventDetector(event_log, driving)
@@ -221,7 +254,23 @@ def test_edits_of_zones_and_list_and_reached_goals_are_written_down() -> None:
         and said[1].endswith("was switched off.")
         and said[2].endswith("was deleted.")
     )
-    assert "need not be kept away from" in said[3] and "The goal (3.0, 0.0) is reached." in said
+    assert (
+        said[3] == "Beware list: “cup” switched off." and "The goal (3.0, 0.0) is reached." in said
+    )
+
+
+def test_a_class_that_is_renamed_neither_leaves_nor_joins_the_list_and_each_edit_is_told() -> None:
+    event_log, before = EventLog(), intent()
+    detector = EventDetector(event_log, before)
+    lists = [BEWARE.renamed("cup", "mug"), BEWARE.edited("cup", max_height_m=0.2)]
+    for beware in lists:
+        detector.on_change(1.0, dataclasses.replace(before, beware=beware), HERE)
+        detector.on_change(2.0, before, HERE)
+    said = [text for _, text in written(event_log)]
+    assert said[::2] == [
+        "Beware list: “cup” renamed to “mug”.",
+        "Beware list: “cup”: largest height any → 0.2 m.",
+    ]
 
 
 def test_a_reason_that_comes_and_goes_within_a_second_is_one_stop() -> None:
