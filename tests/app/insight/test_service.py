@@ -147,15 +147,14 @@ def test_a_detection_is_told_by_its_label_and_corrected_once(tmp_path: Path) -> 
     assert decision is not None
     cup = controller.intent.beware.named("cup").class_id
     class_ids = np.zeros(frame.depth_m.shape, np.uint8)
-    rows, cols = class_ids.shape
+    rows, cols = frame.intrinsics.height, frame.intrinsics.width
     class_ids[rows * 3 // 4 : rows * 7 // 8, cols // 2 : cols * 5 // 8] = cup
     labels = Labels(class_ids=class_ids, confidence=np.full(class_ids.shape, 0.9, np.float32))
     insight.note_decision(dataclasses.replace(decision, labels=labels))
     insight._update()
     (seen,) = insight.detections.all()
-    texts = [
-        entry.text for entry in insight.event_log.page(kinds=("seen",), since=0, limit=9).entries
-    ]
+    entries = insight.event_log.page(kinds=(), since=0, limit=9).entries
+    texts = [entry.text for entry in entries if entry.kind == "seen"]
     assert texts == ["First sight of “Tasse” here, 90% sure."]
     assert insight.mark_wrong(seen.id, "book").pictures == 1
     with pytest.raises(Refused, match="corrected or rejected before"):
