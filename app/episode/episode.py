@@ -235,7 +235,7 @@ class Episode:
         self.observe(look_first_s)
         self.before_start()
         self.controller.change_mission(Mission.start)
-        next_sample_s, cut_short = 0.0, False
+        next_sample_s, cut_short = self._next_command_s, False
         while (
             self.controller.intent.mission.phase is Phase.DRIVING and self.now_s < self._max_time_s
         ):
@@ -335,8 +335,8 @@ class Episode:
             self._command()
 
     def observe(self, seconds: float) -> None:
-        """Stand and observe for some seconds, at least until the first frame; here ticks take no
-        time."""
+        """Stand and observe until the simulated time `seconds`, at least until the first frame;
+        here ticks take no time, and commands begin afterwards."""
         while (newest := self.simulator.newest_frame()) is None or self.now_s < seconds:
             if newest is not None and newest is not self._newest:
                 self._newest = newest
@@ -344,6 +344,8 @@ class Episode:
                 self._schedule.skip(newest)
                 self._think(newest)
             self.simulator.step()
+        # Commands that were not due while the robot stood are not made up for.
+        self._next_command_s = max(self._next_command_s, seconds)
 
     def _receive(self) -> None:
         """Take the newest frame, which is judged even if no tick gets it."""

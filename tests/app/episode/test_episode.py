@@ -11,6 +11,7 @@ import pytest
 
 from app.episode import episode as episode_module
 from app.episode.episode import Episode, EpisodeSettings
+from app.runtime.control.robot_controller import COMMAND_PERIOD_S
 from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.tracking.pose_filter import PoseFilter
@@ -193,3 +194,25 @@ def test_an_episode_whose_robot_loses_its_place_ends_by_that_and_with_no_goal_re
         episode.close()
     assert (report["ended"], report["goals_reached"]) == ("position lost", 0)
     assert report["causes"] == ["goal not reached: the position was lost"]
+
+
+def test_commands_and_samples_keep_their_period_after_the_robot_has_stood_and_looked() -> None:
+    episode = Episode(
+        ROOM,
+        EpisodeSettings(
+            beware=default_beware_list(),
+            max_time_s=3.0,
+            camera=CameraStream(width=212, height=120),
+        ),
+        seed=0,
+    )
+    times_s: list[float] = []
+    episode.on_verdict = lambda t_s, verdict: times_s.append(t_s)
+    try:
+        episode.run(look_first_s=1.0)
+    finally:
+        episode.close()
+    sampled_s = [sample.t_s for sample in episode.samples[:3]]
+    assert times_s[0] == pytest.approx(1.0, abs=0.02)
+    assert np.diff(times_s).min() > 0.8 * COMMAND_PERIOD_S
+    assert sampled_s == pytest.approx([1.0, 2.0, 3.0], abs=0.02)
