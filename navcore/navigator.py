@@ -64,7 +64,7 @@ class TickResult:
     place: LocalisationEstimate
     """Where the robot is in the map, and how sure that is."""
     correction: AppliedCorrection | None = None
-    """Correction of the map before this frame; None without one."""
+    """Correction of the map since the frame of the result before; None without one."""
     labels: Labels
     """Label of every pixel."""
     occupancy: Costmap
@@ -177,6 +177,8 @@ class Navigator:
         )
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
         self._trial = MapTrial(self.map, self.localisation, config.localisation.start)
+        # What has become of the map, until the result of a tick tells it: a tick may fail after it.
+        self._corrected: AppliedCorrection | None = None
         self._taken_back = False
         self._costmap = LiveCostmap(
             self.map, vehicle_width_m=profile.width_m, safety_margin_m=config.safety_margin_m
@@ -216,6 +218,8 @@ class Navigator:
         people = stages.track(self._tracker, frame, labels, beware, ground_m)
         correction = self._correction.apply(self.place.T_map_base, frame.twist)
         if correction is not None:
+            earlier = self._corrected
+            self._corrected = correction.following(earlier) if earlier else correction
             self._mapper.follow_correction()
         self.place = place = stages.localise(self.localisation, frame, labels, people, ground_m)
         if self._trial.follow(place):
@@ -275,13 +279,12 @@ class Navigator:
         if route is not None and route.is_look and (idle or self.behaviour.has_failed):
             self._planner.end_look()
             self.behaviour = self.behaviour.on_another_way()
-        taken_back, self._taken_back = self._taken_back, False
-        return TickResult(
+        result = TickResult(
             frame=frame,
             request=request,
             place=place,
-            correction=correction,
-            taken_back=taken_back,
+            correction=self._corrected,
+            taken_back=self._taken_back,
             labels=labels,
             occupancy=costmap,
             grown_cells=grown_cells,
@@ -292,6 +295,8 @@ class Navigator:
             in_margin=self._controller.in_margin,
             in_growth=len(covering) > 0,
         )
+        self._corrected, self._taken_back = None, False
+        return result
 
     def grow_to(self, part: Box) -> bool:
         """Grow the grid by whole tiles to contain a part of the map frame, in cells of the present
@@ -376,6 +381,7 @@ class Navigator:
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.zone_margins = self._zone_margins(frozen=len(self.map.poses) > 0)
         self._trial.begin()
+        self._corrected = None
 
     def _plan_anew(self) -> None:
         """Plan on a map that was replaced, and on its grid."""

@@ -280,16 +280,18 @@ class LiveOperations:
 
     def note_decision(self, decision: TickResult) -> None:
         """Called by the think thread after each tick."""
-        self._recorder.note_decision(decision)
-        self.insight.note_decision(decision)
         navigator = self._controller.navigator
         point_map, pose_ids = navigator.map, navigator.map.pose_ids
+        # First, so that zones and goals follow the map whatever fails below.
+        moved = self._anchored.note_tick(decision.correction, pose_ids)
+        self._recorder.note_decision(decision)
+        self.insight.note_decision(decision)
         if decision.taken_back:
             self._recent.forget()
         if decision.place.is_known and (at := pose_ids.known(decision.frame.pose)) is not None:
             self._recent.note(decision.frame, at, pose_ids[at], point_map.edits.erasures)
             self.teaching.note(decision.frame)
-        self.insight.note_place(self._anchored.note_tick(decision.correction, pose_ids))
+        self.insight.note_place(moved)
         request = self._controller.tick_state.request
         names = {} if request is None else request.beware.names
         self.keeper.note_tick(

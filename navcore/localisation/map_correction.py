@@ -50,6 +50,15 @@ class AppliedCorrection:
     loops: int
     """Number of loops that were closed."""
 
+    def following(self, earlier: AppliedCorrection) -> AppliedCorrection:
+        """Return an earlier correction and this one as one."""
+        return AppliedCorrection(
+            before=(*earlier.before, *self.before[len(earlier.before) :]),
+            after=self.after,
+            motion=self.motion @ earlier.motion,
+            loops=earlier.loops + self.loops,
+        )
+
 
 class MapCorrection:
     """Carries loop closures from localisation to the map."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from navcore.control.motion import ControllerState
+from navcore.control.controller import Controller, ControlTask
+from navcore.control.motion import ControllerState, Motion
 from navcore.costmap.costmap import Costmap
 from navcore.errors import BadFrame
+from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.nearest import nearest_free
+from navcore.localisation.map_correction import AppliedCorrection
+from navcore.navigator import Stages
 from navcore.planning.path import NoPath, Path, Reason
 from tests.navcore.scene import SPEC, Box, Paint, picture
 from tests.navcore.ticks import ACROSS, NAN, OPEN, navigator, order
@@ -36,6 +40,42 @@ def test_a_tick_that_refuses_its_frame_has_changed_nothing() -> None:
         loop.tick(NAN, order())
     assert loop.map.version == 0
     assert not loop.map.explored.seen.bools.any()
+
+
+def test_corrections_before_ticks_that_fail_are_told_by_the_next_result(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    start, fails = pose(), iter((True, True, False, False))
+
+    def control(controller: Controller, task: ControlTask) -> Motion:
+        if next(fails):
+            raise RuntimeError
+        return Controller.control(controller, task)
+
+    loop = navigator(Stages(control=control))
+    corrections = iter((shifted((start,), 0.4), shifted((pose(0.4), pose(1.0)), 0.2), None, None))
+    monkeypatch.setattr(loop._correction, "apply", lambda *_: next(corrections))
+    for _ in range(2):
+        with pytest.raises(RuntimeError):
+            loop.tick(OPEN, order())
+    told = loop.tick(OPEN, order()).correction
+    assert told is not None and told.loops == 2
+    assert told.before == (start, pose(1.0))
+    assert told.after == (pose(0.4 + 0.2), pose(1.2)) and told.motion.x_m == pytest.approx(0.6)
+    assert loop.tick(OPEN, order()).correction is None
+
+
+def pose(x_m: float = 0.0) -> Pose2:
+    return Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+
+
+def shifted(poses: tuple[Pose2, ...], x_m: float) -> AppliedCorrection:
+    return AppliedCorrection(
+        before=poses,
+        after=tuple(pose(one.x_m + x_m) for one in poses),
+        motion=pose(x_m),
+        loops=1,
+    )
 
 
 def test_without_a_goal_the_robot_looks_and_stands() -> None:

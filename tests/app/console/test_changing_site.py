@@ -103,6 +103,27 @@ def test_a_tick_that_ends_after_a_change_of_site_leaves_nothing_of_its_map(
         assert "forgotten" in noted
 
 
+def test_zones_follow_the_map_also_where_the_record_of_a_tick_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noted = list[object]()
+
+    def note_tick(_: AnchoredItems, *given: object) -> tuple[str, ...]:
+        noted.append(given[0])
+        return ()
+
+    monkeypatch.setattr(AnchoredItems, "note_tick", note_tick)
+    monkeypatch.setattr(Recorder, "note_decision", lambda *_: 1 / 0)
+    controller, scene = standing_controller(), first_frame()
+    with closing(Store(tmp_path)) as store:
+        operations = operations_of(controller, scene, store)
+        decision = controller.think(scene, clock=lambda: scene.stamp_ns)
+        assert decision is not None
+        with pytest.raises(ZeroDivisionError):
+            operations.note_decision(decision)
+    assert noted == [None]
+
+
 def test_a_zone_drawn_for_an_hour_lasts_an_hour_also_after_a_visit_to_another_site(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
