@@ -30,7 +30,7 @@ from app.runtime.control.robot_controller import COMMAND_PERIOD_S, RobotControll
 from app.runtime.control.stage_timer import StageTimer
 from app.runtime.fault_injection import FaultInjector
 from app.runtime.start.segmentation import Perception, colour_perception
-from navcore.config.navigator import NavigatorConfig
+from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.grid.grid import GridSpec
@@ -94,11 +94,11 @@ class EpisodeSettings:
     goals: tuple[tuple[float, float], ...] = ()
     """Goals (x, y) in metres of the map frame; empty for those of the world."""
     config: NavigatorConfig | None = None
-    """Configuration of the navigation; None for the defaults."""
+    """Configuration of the navigation; None for that of the robot."""
     max_time_s: float = 600.0
     """Simulated time in seconds after which the episode ends."""
     perception: Perception | None = None
-    """Segmenter; None for the colour rules alone."""
+    """Segmenter; None for the colour rules alone, as the configuration has them."""
     camera: CameraStream | None = None
     """Size and rate of the camera's images; None for those of the profile."""
     robot: RobotProfile = HUSKY
@@ -152,8 +152,8 @@ class Episode:
         )
         self.scenario, profile = self.simulator.scenario, self.simulator.profile
         self.simulator.referee.set_zones([np.array(zone) for zone in zones])
-        config = settings.config or NavigatorConfig()
-        perception = settings.perception or colour_perception()
+        config = settings.config or config_for(settings.robot)
+        perception = settings.perception or colour_perception(config=config.perception)
         self.inflation_m = profile.width_m / 2 + config.safety_margin_m
         """Inflation radius: distance of the robot's centre from obstacles, metres."""
         lens = self.simulator.camera.intrinsics

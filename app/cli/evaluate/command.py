@@ -311,6 +311,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
     from app.episode.task import Task
     from app.evaluation.driving.scenario import NEEDS_NO_SEGMENTER, evaluate_scenario
     from app.runtime.start.preparation import prepared_perception
+    from navcore.config.navigator import config_for
     from sim.scenario.load import load_scenario
 
     world, count = settings.experiment or settings.suite, settings.episodes
@@ -341,6 +342,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         "kept-map" if settings.kept_map else "",
     ]
     needs_segmenter = settings.ablation not in NEEDS_NO_SEGMENTER
+    config = config or config_for(settings.profile)
     summary = evaluate_scenario(
         task,
         robot=settings.profile,
@@ -352,6 +354,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         beware=beware_list(settings.beware, task.scenario),
         perception=prepared_perception(
             settings.segmentation.choice(camera=settings.stream),
+            config=config.perception,
             sensor=settings.profile.depth_sensor,
         )
         if needs_segmenter

@@ -63,11 +63,11 @@ def evaluate_scenario(
     Returns the summary. `config` defaults to the configuration of the robot. The figures of the
     first `draw_first` episodes and of all failed ones are written to `out/figures/seed-…`.
     """
-    perception = perception or colour_perception()
+    config, drawn = config or config_for(robot), frozenset(seeds[:draw_first])
+    perception = perception or colour_perception(config=config.perception)
     # Each worker composes the same segmenter again, with the chosen engine and one thread.
     choice = dataclasses.replace(perception.choice, threads=1)
     segmenter = str(task.ablation) if task.ablation in NEEDS_NO_SEGMENTER else perception.identity
-    config, drawn = config or config_for(robot), frozenset(seeds[:draw_first])
     common = Evaluation(task=task, robot=robot, beware=beware, config=config, drawn=drawn)
     campaign = Campaign(
         suite=RANDOM if task.random else GIVEN,
@@ -128,7 +128,8 @@ def _with_figures(driven: DrivenEpisode, *, folder: Path) -> dict[str, Any]:
 
 
 def _drive_alone(seed: int, *, common: Evaluation, choice: SegmenterChoice) -> DrivenEpisode:
-    return _drive(seed, common=common, perception=compose(choice, sensor=common.robot.depth_sensor))
+    perception = compose(choice, sensor=common.robot.depth_sensor, config=common.config.perception)
+    return _drive(seed, common=common, perception=perception)
 
 
 def _drive(seed: int, *, common: Evaluation, perception: Perception) -> DrivenEpisode:

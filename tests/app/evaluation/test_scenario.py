@@ -9,16 +9,26 @@ from typing import Any
 
 import pytest
 
+from app.cli.evaluate.command import _scenario
+from app.cli.evaluate.settings import EvaluateSettings
+from app.episode import episode as episode_module
 from app.episode.ablation import Oracle, SeesNothing
 from app.episode.ablations import Ablation
+from app.episode.episode import Episode, EpisodeSettings
 from app.episode.failure_causes import causes_of, count_causes
 from app.episode.task import Task, episode_of
-from app.evaluation.driving.scenario import evaluate_scenario
+from app.evaluation.driving import scenario as scenario_module
+from app.evaluation.driving.scenario import Evaluation, _drive_alone, evaluate_scenario
 from app.evaluation.summary import RATES, compare, mean_interval, rate_interval, summarise
 from app.evaluation.tables.pages import RESULTS
+from app.runtime.start import preparation
+from app.runtime.start.segmentation import Perception, colour_perception
+from app.runtime.start.segmenter_choice import SegmenterChoice
+from navcore.config.navigator import NavigatorConfig, config_for
+from navcore.config.perception.perception import PerceptionConfig
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList, default_beware_list
-from navcore.robot.profile import HUSKY
+from navcore.robot.profile import HUSKY, load_profile
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Furniture, Person
 from tests.sim.worlds import open_floor
@@ -68,6 +78,39 @@ def test_an_evaluation_is_resumed_where_it_was_cut_and_draws_its_figures(
     assert compare_text([tmp_path, tmp_path]).count("empty_room") == 2
     with pytest.raises(BadConfiguration, match="ablation"):
         evaluate_scenario(task(), seeds=range(1), out=tmp_path, beware=beware)
+
+
+def test_the_segmenter_has_the_perception_of_the_configuration_wherever_it_is_composed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tuned = dataclasses.replace(
+        NavigatorConfig(), perception=PerceptionConfig(min_person_confidence=0.6)
+    )
+    asked = list[PerceptionConfig]()
+
+    def composed(*_: object, config: PerceptionConfig) -> Perception:
+        asked.append(config)
+        return colour_perception(config=config)
+
+    monkeypatch.setattr(preparation, "prepared_perception", composed)
+    monkeypatch.setattr(scenario_module, "evaluate_scenario", lambda *_, **__: {"success_rate": 1})
+    assert _scenario(EvaluateSettings(suite="empty_room"), tuned)
+    monkeypatch.setattr(scenario_module, "compose", composed)
+    monkeypatch.setattr(scenario_module, "_drive", lambda *_, **__: None)
+    common = Evaluation(task=task(), robot=HUSKY, beware=default_beware_list(), config=tuned)
+    _drive_alone(0, common=common, choice=SegmenterChoice(kind="colour"))
+    monkeypatch.setattr(episode_module, "colour_perception", composed)
+    settings = EpisodeSettings(beware=default_beware_list(), config=tuned)
+    Episode(ROOM, settings, seed=0).close()
+    assert asked == [tuned.perception] * 3
+
+
+def test_an_episode_without_a_configuration_has_that_of_its_robot() -> None:
+    jackal = load_profile("jackal")
+    settings = EpisodeSettings(beware=default_beware_list(), robot=jackal)
+    episode = Episode(ROOM, settings, seed=0)
+    episode.close()
+    assert episode.controller.navigator.config == config_for(jackal)
 
 
 def compare_text(folders: list[Path]) -> str:
