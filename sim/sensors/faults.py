@@ -41,7 +41,6 @@ KINDS: dict[Sensor, tuple[Kind, ...]] = {
     "segmentation": ("off", "garbage", "slow", "hang"),
 }
 """Possible fault kinds of each sensor."""
-UNLIMITED_S = 86_400.0
 Wheels = tuple[float, float]
 
 
@@ -55,10 +54,10 @@ class Fault:
     kind: Kind
     """Kind of the fault: no value, a repeated value, nonsense, plausible but false values, a low
     rate, a delay, or intermittent loss."""
-    from_s: float = ranged(0.0, UNLIMITED_S)
+    from_s: float = ranged(0.0, math.inf)
     """Simulated time at which the fault begins."""
-    until_s: float = ranged(0.0, UNLIMITED_S, default=UNLIMITED_S)
-    """Simulated time at which the fault ends."""
+    until_s: float = ranged(0.0, math.inf, default=math.inf)
+    """Simulated time at which the fault ends; it never does when left out."""
     delay_s: float = ranged(0.0, 10.0, default=0.3)
     """Delay of `delayed` values, duration of a `slow` planner or segmentation, or shift into the
     past of `wrong` stamps."""
@@ -158,6 +157,8 @@ class _ActiveFault:
         fault, effects = self._fault, self._effects
         if fault.kind == "delayed":
             self._past.append((t_s, value))
+            while len(self._past) > 1 and self._past[1][0] <= self._due_s(t_s):
+                self._past.popleft()
         if not fault.is_active(t_s):
             self._held, self._held_s = value, -math.inf
             return value
@@ -185,14 +186,12 @@ class _ActiveFault:
         return self._effects.missing(self._held)
 
     def _delayed(self, t_s: float) -> Any:
-        due_s = t_s - self._fault.delay_s + 1e-9
-        while len(self._past) > 1 and self._past[1][0] <= due_s:
-            self._past.popleft()
-        return (
-            self._past[0][1]
-            if self._past[0][0] <= due_s
-            else self._effects.missing(self._past[0][1])
-        )
+        taken_s, value = self._past[0]
+        return value if taken_s <= self._due_s(t_s) else self._effects.missing(value)
+
+    def _due_s(self, t_s: float) -> float:
+        """Return the time up to which values are delivered."""
+        return t_s - self._fault.delay_s + 1e-9
 
 
 def _unchanged(value: Any, *_: Any) -> Any:

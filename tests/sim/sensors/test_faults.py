@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from navcore.errors import BadConfiguration, BadFrame
 from navcore.robot.frame import Frame, check_frame
 from sim.scenario.load import WORLDS, load_scenario
-from sim.sensors.faults import EVERY_KIND, KINDS, Fault
+from sim.sensors.faults import EVERY_KIND, KINDS, Fault, FaultSchedule
 from sim.simulator import Simulator
 from tests.sim.worlds import blind, drive, open_floor
 
@@ -82,6 +83,20 @@ def test_a_delayed_camera_delivers_old_frames_with_their_own_stamps() -> None:
     # # The first is taken one step after the start, so it is not due yet 0.3 s later, and then
     # there is a newer one.
     assert digest(late) == digest(CLEAN)[1:-3]
+
+
+def test_a_delayed_sensor_holds_no_more_values_than_its_delay_also_while_it_is_no_fault() -> None:
+    values = [np.array([t]) for t in range(100)]
+    held = [weakref.ref(value) for value in values]
+    schedule = FaultSchedule((fault("depth", "delayed", from_s=1e6, delay_s=2.0),), (0,))
+    for t_s in range(100):
+        assert schedule._apply("depth", values[t_s], float(t_s)) is values[t_s]
+    values.clear()
+    assert [ref() is not None for ref in held] == [False] * 97 + [True] * 3
+
+
+def test_a_fault_without_an_end_never_ends() -> None:
+    assert fault("camera", "off").is_active(1e9)
 
 
 def test_nonsense_frames_are_refused() -> None:
