@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yourdfpy
@@ -21,6 +24,14 @@ def test_the_urdf_loads_with_all_its_meshes_outside_of_pybullet() -> None:
     assert len(model.actuated_joint_names) == len(WHEELS)
     low, high = model.scene.bounds
     assert 0.9 < high[0] - low[0] < 1.1 and 0.6 < high[1] - low[1] < 0.75
+
+
+def test_every_user_of_the_machine_can_read_the_adapted_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    path = husky_urdf()
+    assert path.parent == tmp_path and path.stat().st_mode & 0o777 == 0o644
 
 
 def test_the_jackals_urdf_has_the_measures_of_its_chassis_and_the_footprint_of_its_profile() -> (
