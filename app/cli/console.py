@@ -188,7 +188,7 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
         checked_name(settings.site)
     robot = robot_profile(settings.robot, scanner=settings.scanner)
     if settings.recording is None:
-        load_scenario(settings.scenario)
+        load_scenario(settings.scenario, robot)
         chassis_for(robot)
     if settings.navigation is not None:
         load_config(settings.navigation, robot)

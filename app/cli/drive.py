@@ -116,7 +116,7 @@ def drive(settings: DriveSettings) -> None:
             raise BadConfiguration(f"{file} is a folder; give the name of a file")
     writer = None if settings.record is None else RecordingWriter(settings.record)
     task = Task(
-        scenario=load_scenario(settings.scenario),
+        scenario=load_scenario(settings.scenario, robot),
         goals=goals,
         random=settings.random,
         zones=settings.zones,

@@ -56,7 +56,7 @@ def simulated(
     gnss: GnssKind | None = None,
 ) -> BackEnd:
     """Start the simulated robot in a process of its own; raises `SimulatorFailed`."""
-    world = load_scenario(scenario)
+    world = load_scenario(scenario, profile)
     robot = SimulatorProcess(scenario, seed=seed, profile=profile, odometry=odometry, gnss=gnss)
     return BackEnd(
         robot=robot,

@@ -170,7 +170,7 @@ def _serve(
     # Ctrl-C is for the console, which sends zero and then closes the link.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     outbox = LatestMessageQueue(link, "frames")
-    world = load_scenario(scenario)
+    world = load_scenario(scenario, profile)
     with Simulator(
         world,
         seed=seed,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from navcore.errors import BadConfiguration
+from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.toml_config import from_table, read_toml
 from sim.scenario.schema import Scenario
 from sim.scenario.validation import check_scenario
@@ -20,12 +21,12 @@ def scenario_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in WORLDS.glob("*.toml")))
 
 
-def load_scenario(name_or_path: str | Path) -> Scenario:
-    """Return a built-in world by name, or the world of a file that ends in .toml; raises
-    `BadConfiguration`, which names the key."""
+def load_scenario(name_or_path: str | Path, robot: RobotProfile = HUSKY) -> Scenario:
+    """Return a built-in world by name, or the world of a file that ends in .toml, in which a robot
+    can stand at the start and at the goals; raises `BadConfiguration`, which names the key."""
     path = _path_of(name_or_path)
     scenario = from_table(Scenario, read_toml(path), path.name)
-    check_scenario(scenario, path.name)
+    check_scenario(scenario, path.name, robot)
     return scenario
 
 

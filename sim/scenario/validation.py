@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -26,13 +26,13 @@ from sim.sensors.gnss_settings import check_gnss
 Point2 = tuple[float, float]
 
 
-def check_scenario(scenario: Scenario, where: str) -> None:
+def check_scenario(scenario: Scenario, where: str, robot: RobotProfile = HUSKY) -> None:
     """Raise `BadConfiguration` when the world is impossible or the robot cannot stand at its start
     or goals."""
     _check_lists(scenario, where)
     _check_inside(scenario, where)
     _check_markings(scenario, where)
-    _check_clearance(scenario, where)
+    _check_clearance(scenario, where, robot)
     check_tags(scenario.tags, where)
     check_faults(scenario.faults, where)
     check_beware_off(scenario, where)
@@ -48,11 +48,7 @@ def _check_lists(scenario: Scenario, where: str) -> None:
             raise BadConfiguration(
                 f"{where}.walls[{i}].points: {len(wall.points)} points, expected 2 or more"
             )
-        for j, (a, b) in enumerate(pairwise(wall.points)):
-            if a == b:
-                raise BadConfiguration(
-                    f"{where}.walls[{i}].points[{j + 1}]: repeats the previous point {a}; remove it"
-                )
+        _check_no_repeats(wall.points, f"{where}.walls[{i}]")
         length_m = sum(math.dist(a, b) for a, b in pairwise(wall.points))
         for j, along_m in enumerate(wall.doors_m):
             if not wall.door_m / 2 < along_m < length_m - wall.door_m / 2:
@@ -75,6 +71,7 @@ def _check_lists(scenario: Scenario, where: str) -> None:
                 f"{where}.people[{i}].points: is empty, "
                 "expected one point to stand on, or more to walk"
             )
+        _check_no_repeats(person.points, f"{where}.people[{i}]")
         if person.pauses_s and len(person.pauses_s) != len(person.points):
             raise BadConfiguration(
                 f"{where}.people[{i}].pauses_s: has {len(person.pauses_s)} values, "
@@ -104,6 +101,12 @@ def _check_lists(scenario: Scenario, where: str) -> None:
             raise BadConfiguration(
                 f"{where}.movers[{i}].keys: expected one or more, from 0 s on, in order of time"
             )
+
+
+def _check_no_repeats(points: Sequence[Point2], key: str) -> None:
+    for j, (a, b) in enumerate(pairwise(points), start=1):
+        if a == b:
+            raise BadConfiguration(f"{key}.points[{j}]: repeats the previous point {a}; remove it")
 
 
 def _areas(scenario: Scenario) -> Iterator[tuple[str, tuple[Point2, Point2]]]:
@@ -175,13 +178,13 @@ def _check_markings(scenario: Scenario, where: str) -> None:
             )
 
 
-def _check_clearance(scenario: Scenario, where: str) -> None:
+def _check_clearance(scenario: Scenario, where: str, robot: RobotProfile) -> None:
     """Check that the footprint fits at the start, and the robot's width in every direction at each
     goal."""
-    footprint = Polygon(scenario.start_pose.to_parent(HUSKY.footprint()))
+    footprint = Polygon(scenario.start_pose.to_parent(robot.footprint()))
     areas: list[tuple[str, BaseGeometry]] = [("start", footprint)]
     areas += [
-        (f"goals[{i}]", Point(goal).buffer(HUSKY.width_m / 2))
+        (f"goals[{i}]", Point(goal).buffer(robot.width_m / 2))
         for i, goal in enumerate(scenario.goals)
     ]
     taken = _taken(scenario)

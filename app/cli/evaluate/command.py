@@ -316,7 +316,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
 
     world, count = settings.experiment or settings.suite, settings.episodes
     task = Task(
-        scenario=load_scenario(world),
+        scenario=load_scenario(world, settings.profile),
         random=settings.random,
         zones=settings.zones,
         ablation=settings.ablation,

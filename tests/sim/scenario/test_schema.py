@@ -13,6 +13,7 @@ from shapely import Polygon
 
 from navcore.errors import BadConfiguration
 from navcore.grid.grid import GridSpec
+from navcore.robot.profile import load_profile
 from sim.models.items import ITEM_SIZES, item_shapes
 from sim.referee.referee import Referee
 from sim.scenario.layout import obstacles
@@ -56,6 +57,7 @@ def test_the_built_in_worlds_load() -> None:
         ("[3.94, -3.94], [3.94, 3.94]", "[3.94, -3.94], [3.94, -3.94]", "walls[0].points[2]"),
         ("[3.94, -3.94], [3.94, 3.94]", "[5.0, -3.94], [3.94, 3.94]", "walls[0].points[1]"),
         (ROOM[-1:], '\n[[items]]\nkind = "cup"\nat = [1, 1]\nshape = "round"\n', "items[0].shape"),
+        (ROOM[-1:], "\n[[people]]\npoints = [[1, 1], [1, 1], [2, 1]]\n", "people[0].points[1]"),
         (ROOM[-1:], '\n[[items]]\nkind = "dragon"\nat = [1, 1]\n', "items[0].kind"),
         (ROOM[-1:], '\n[[prints]]\nshows = "cup"\nat = [9, 1]\n', "prints[0].at"),
         (ROOM[-1:], '\n[[prints]]\nshows = "person"\nat = [1, 1]\n', "prints[0].shows"),
@@ -75,6 +77,16 @@ def test_the_unchanged_file_is_the_control(tmp_path: Path) -> None:
     path = tmp_path / "good.toml"
     path.write_text(ROOM, encoding="utf-8")
     assert load_scenario(str(path)) == load_scenario("empty_room")
+
+
+def test_a_world_is_judged_with_the_body_of_the_robot_that_is_to_drive_in_it(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "narrow.toml"
+    path.write_text(ROOM.replace("[2.8, 2.8]", "[3.6, 2.8]"), encoding="utf-8")
+    assert load_scenario(path, load_profile("jackal")).goals == ((3.6, 2.8),)
+    with pytest.raises(BadConfiguration, match=r"goals\[0\]"):
+        load_scenario(path)
 
 
 @pytest.mark.parametrize("name", ["nowhere", "../worlds/office", "", "missing.toml"])
