@@ -233,7 +233,8 @@ class Simulator:
 
     def new_run(self) -> None:
         """Start a new judgement with the same zones; robot, people and clock go on."""
-        zones, self.referee = self.referee.zones, Referee(self.scenario, self.profile)
+        zones = self.referee.zones
+        self.referee = Referee(self.scenario, self.profile, self.true_pose())
         self.referee.set_zones(zones)
 
     def close(self) -> None:

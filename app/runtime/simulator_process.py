@@ -39,6 +39,8 @@ START_S = 60.0
 MAX_BEHIND_S = 0.1
 """Lag behind real time that the simulator makes up, seconds; a longer lag is given up, and the
 world stood still meanwhile."""
+NEWEST = slice(-1000, None)
+"""Contacts, intrusions and stops that the report with each frame lists: a run may last days."""
 JOIN_S = 2.0
 """Longest wait for the end of the process and of the thread, seconds."""
 
@@ -195,10 +197,8 @@ def _serve(
                 if frame is not None:
                     # A frame that a fault made late or wrongly dated stays so on the machine's
                     # clock.
-                    outbox.post(
-                        "frame",
-                        _encode(frame, frame.stamp_ns + lead_ns, simulator.referee.summary()),
-                    )
+                    report = simulator.referee.summary(NEWEST)
+                    outbox.post("frame", _encode(frame, frame.stamp_ns + lead_ns, report))
 
 
 def _obey(link: Connection, simulator: Simulator) -> bool:

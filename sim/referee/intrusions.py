@@ -114,8 +114,9 @@ class IntrusionMonitor:
             for number in map(int, np.flatnonzero(on)):
                 self._note(number, believed, t_s=t_s, period_s=period_s)
 
-    def log(self) -> list[dict[str, Any]]:
-        """Return t_s, what, duration_s and gap_by_odometry_m of each intrusion, by time."""
+    def log(self, part: slice) -> list[dict[str, Any]]:
+        """Return t_s, what, duration_s and gap_by_odometry_m of each intrusion of a part of all,
+        by time."""
         return [
             {
                 "t_s": round(intrusion.t_s, 3),
@@ -123,7 +124,7 @@ class IntrusionMonitor:
                 "duration_s": round(intrusion.duration_s, 3),
                 "gap_by_odometry_m": round(intrusion.gap_by_odometry_m, 4),
             }
-            for intrusion in self.intrusions
+            for intrusion in self.intrusions[part]
         ]
 
     def _note(self, number: int, believed: Polygon, *, t_s: float, period_s: float) -> None:

@@ -20,7 +20,7 @@ from sim.physics.pedestrians import BODY_DIAMETER_M
 from sim.referee.clearance import Outlines, distance_m
 from sim.referee.contacts import Contacts
 from sim.referee.intrusions import IntrusionMonitor, Parts
-from sim.referee.stops import StopLog
+from sim.referee.stops import EVERYTHING, StopLog
 from sim.scenario.layout import items, obstacles
 from sim.scenario.schema import Scenario
 from sim.truth.shortest_path import shortest_path
@@ -41,7 +41,10 @@ SERIES_PERIOD_S = 1.0
 class Referee:
     """Counts contacts and intrusions from its creation on; its times are seconds since then."""
 
-    def __init__(self, scenario: Scenario, robot: RobotProfile = HUSKY) -> None:
+    def __init__(
+        self, scenario: Scenario, robot: RobotProfile = HUSKY, pose: Pose2 | None = None
+    ) -> None:
+        """`pose`: the true T_map_base of a robot that stands in the world already."""
         self._scenario, self._robot = scenario, robot
         fixed = obstacles(scenario)
         self._fixed = Outlines.of([entry.outlines() for entry in fixed])
@@ -72,7 +75,7 @@ class Referee:
         self._began_s: float | None = None
         self._stops = StopLog()
         self._t_s = 0.0
-        self._pose: Pose2 | None = None
+        self._pose = pose
         self._contacts = Contacts(self._name_of, lambda number: number >= self._fixed.count)
         self._series: tuple[list[float], list[float]] = ([], [])
         self.min_clearance_m = math.inf
@@ -206,13 +209,14 @@ class Referee:
             )
         )
 
-    def summary(self) -> dict[str, Any]:
-        """Return all verdicts under the names of the episode report, without the series."""
+    def summary(self, part: slice = EVERYTHING) -> dict[str, Any]:
+        """Return all verdicts under the names of the episode report, without the series. `part`:
+        which of all contacts, intrusions and stops are listed; all are counted."""
         return {
             "distance_m": round(self.distance_m, 3),
             "collisions": self.collisions,
             "struck_while_standing": self.struck_while_standing,
-            "contacts": self._contacts.log(),
+            "contacts": self._contacts.log(part),
             "min_clearance_m": round(self.min_clearance_m, 4),
             "beware_intrusions": self.beware_intrusions,
             "beware_intrusion_s": round(self.beware_intrusion_s, 3),
@@ -226,10 +230,10 @@ class Referee:
             "ground_intruded": _by_name(self._ground),
             "fell": self.fell,
             "intrusions": sorted(
-                [*self._beware.log(), *self._zones.log(), *self._ground.log()],
+                [*self._beware.log(part), *self._zones.log(part), *self._ground.log(part)],
                 key=lambda intrusion: intrusion["t_s"],
-            ),
-            "stops": self.stops,
+            )[part],
+            "stops": self._stops.intervals(self._t_s, part),
         }
 
     def violations(self) -> int:

@@ -7,6 +7,8 @@ from typing import Any
 
 SAME_STOP_S = 10.0
 """Time without a stop of a reason after which its next stop is another entry, seconds."""
+EVERYTHING = slice(None)
+"""Part of a log that is all of it."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -35,8 +37,8 @@ class StopLog:
         self._ended = self._until(t_s)
         self._reason, self._since_s = reason, t_s
 
-    def intervals(self, t_s: float) -> list[dict[str, Any]]:
-        """Return the stops as of `t_s` in the order of their beginnings.
+    def intervals(self, t_s: float, part: slice = EVERYTHING) -> list[dict[str, Any]]:
+        """Return a part of the stops as of `t_s` in the order of their beginnings.
 
         Each has its beginning `t_s`, its `reason`, the `count` of stops that it stands for, the
         time `duration_s` that the robot was held in them, all together, and the end `until_s` of
@@ -50,7 +52,7 @@ class StopLog:
                 "count": stop.count,
                 "until_s": round(stop.until_s, 3),
             }
-            for stop in self._until(t_s)
+            for stop in self._until(t_s)[part]
         ]
 
     def _until(self, t_s: float) -> list[_Stop]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import random
 
@@ -342,6 +343,28 @@ def test_a_new_run_starts_from_zero_with_the_same_zones() -> None:
         drive(simulator, 0.5, 0.0, 1.0)
         assert simulator.referee.zone_intrusions == 1
         assert simulator.referee.distance_at(99.0) == pytest.approx(0.5, rel=0.05)
+
+
+def test_a_zone_drawn_over_the_robot_is_no_intrusion_of_a_run_that_begins_in_it() -> None:
+    with blind(open_floor()) as simulator:
+        wait(simulator, 0.1)
+        simulator.referee.set_zones((np.array(shifted(0.0, 0.0)),))
+        simulator.new_run()
+        wait(simulator, 0.1)
+        assert simulator.referee.zone_intrusions == 0
+
+
+def test_a_summary_lists_a_part_of_what_it_counts() -> None:
+    red = tuple(Marking(name=f"red {x}", polygon=shifted(x, 0.0)) for x in (0.5, 3.0))
+    referee = Referee(open_floor(markings=red, furniture=(dataclasses.replace(BOX, at=(5.0, 0)),)))
+    referee.note_stop("camera")
+    pass_by(referee, 0.0)
+    referee.note_stop("plan")
+    whole, newest = referee.summary(), referee.summary(slice(-1, None))
+    assert newest["beware_intrusions"] == whole["beware_intrusions"] == 2
+    for name in ("contacts", "intrusions", "stops"):
+        assert newest.pop(name) == whole.pop(name)[-1:] != []
+    assert newest == whole
 
 
 def test_the_true_map_blocks_what_is_nearer_than_the_inflation() -> None:
