@@ -51,7 +51,7 @@ reliability: setup
 
 # The promise of the office, measured: ten seeded missions, judged by the referee. Minutes, so it is no part of `test`.
 campaign: setup
-	$(BIN)/bewarenav evaluate office --episodes 10 --seed 0 --workers 2 --out runs/office $(ARGS)
+	$(BIN)/bewarenav evaluate office --episodes 10 --seed 0 --workers 2 --out runs/campaign $(ARGS)
 
 # The twelve main states of the page in three sizes and two themes: renew the references, or compare with them. Minutes.
 screenshots: setup
