@@ -20,7 +20,7 @@ from app.fleet.campaign_progress import Driven, shown
 from app.fleet.engine import Engine, Lost, run
 from app.fleet.local import ThisProcess
 from app.fleet.shard import Shard
-from app.runtime.record.provenance import command_line
+from app.runtime.record.provenance import command_line, version
 from navcore.errors import BadConfiguration
 
 
@@ -96,6 +96,7 @@ class Campaign:
                 file.write("\n")
             left = [key for key in wanted if key not in done]
             known = [done[key] for key in wanted if key in done]
+            _tell_older(known, len(wanted))
             for report in shown(self._driven(left, fleet.engine), known, len(wanted)):
                 done[report[self.key]] = report
                 with _writing(out):
@@ -115,6 +116,20 @@ class Campaign:
                     yield Driven(self.unpack(outcome.result), outcome.node, outcome.pid)
         if causes:
             raise EpisodesFailed(self.key, causes)
+
+
+def _tell_older(kept: Sequence[Report], wanted: int) -> None:
+    """Say which kept episodes another version has driven: they are not driven again."""
+    own = version()
+    others = [other for report in kept if (other := report.get("version", own)) != own]
+    if others:
+        Terminal(stderr=True).print(
+            f"{len(others)} of {wanted} episodes are kept, driven by version "
+            f"{' and '.join(sorted(set(others)))}; this is {own}, and another --out drives them "
+            "again",
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 @contextmanager

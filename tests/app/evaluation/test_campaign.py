@@ -20,6 +20,7 @@ from app.episode.ablation import pursue
 from app.evaluation.campaign import HERE, Campaign, EpisodesFailed, Fleet
 from app.fleet.campaign_progress import rate_of
 from app.fleet.local import Processes
+from app.runtime.record.provenance import version
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motion import ControllerState
 from navcore.errors import BadConfiguration
@@ -60,6 +61,19 @@ def test_recorded_episodes_are_not_driven_again_and_other_rules_are_refused(tmp_
     assert [report["key"] for report in again] == [2, 1, 0] and driven == [0, 1, 2]
     with pytest.raises(BadConfiguration, match="another campaign"):
         campaign(rules="others").run([0], fleet=HERE, out=tmp_path)
+
+
+def test_a_campaign_says_which_version_has_driven_what_is_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    versions = {0: "0.1, commit abc", 1: version()}
+    run = campaign(run=lambda key: drive(key) | {"version": versions[key]})
+    run.run([1], fleet=HERE, out=tmp_path)
+    run.run([0, 1], fleet=HERE, out=tmp_path)
+    assert "driven by" not in capsys.readouterr().err
+    run.run([0, 1], fleet=HERE, out=tmp_path)
+    said = capsys.readouterr().err
+    assert "1 of 2 episodes are kept, driven by version 0.1, commit abc; this is" in said
 
 
 @pytest.mark.long
