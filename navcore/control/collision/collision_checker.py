@@ -11,7 +11,7 @@ import numpy as np
 from navcore.config.control import CONTROL_CONFIG, ControlConfig, LocalPlannerConfig
 from navcore.config.people import PeopleConfig
 from navcore.config.safety import GateConfig
-from navcore.control.collision.footprint_distance import contact_slack, footprint_distances
+from navcore.control.collision.footprint_distance import FAR_M, contact_slack, footprint_distances
 from navcore.control.people.people_state import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
 from navcore.costmap.local_costmap import outside
 from navcore.geometry.arrays import Bools, Floats, Points
@@ -82,9 +82,14 @@ class CollisionChecker:
         object.__setattr__(self, "padding_m", float(padding_m))
         object.__setattr__(self, "unseen_clearance_m", float(unseen_m))
 
+    @property
+    def farthest_m(self) -> float:
+        """Largest clearance in metres that is measured."""
+        return FAR_M - self.cell_radius_m
+
     def clearance(self, poses: Floats) -> Floats:
         """(A, S) clearance in metres to the nearest obstacle on the motion up to each of (A, S, 3)
-        poses, at most about `FAR_M`."""
+        poses, at most `farthest_m`."""
         body = self.profile.length_m / 2, self.profile.width_m / 2
         clearance = footprint_distances(self.others, poses, *body) - self.cell_radius_m
         if not len(self.contacts):

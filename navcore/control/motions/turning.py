@@ -40,7 +40,10 @@ def turn_with_room(checker: CollisionChecker, bearing: float) -> Motion | None:
     on or back."""
     poses = np.zeros((1, _POSES, 3))
     poses[..., 2] = np.linspace(0.0, bearing, _POSES)
-    close_m = checker.control.path_follower.padding_factor * checker.local.padding_m
+    close_m = min(
+        checker.control.path_follower.padding_factor * checker.local.padding_m,
+        checker.farthest_m - checker.control.collision.tolerance_m,
+    )
     if not (checker.clearance(poses) > close_m).all():
         return None
     return turn_in_place(checker, bearing, both_directions=False)

@@ -3,6 +3,7 @@ not."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -18,6 +19,7 @@ from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.robot.profile import HUSKY
 from tests.navcore.control.planning import (
     AHEAD,
+    LOCAL,
     NONE,
     ORIGIN,
     TURNING,
@@ -158,6 +160,12 @@ def test_where_the_path_bends_over_unseen_floor_the_robot_looks_there_while_it_h
     looking = Motion(twist=STANDSTILL, outcome=ControllerState.LOOK)
     seen = decide(path=BEND, previous=looking)
     assert seen.outcome is ControllerState.FOLLOW and seen.twist.v_mps > 0.0
+
+
+def test_a_padding_that_reaches_beyond_what_is_measured_keeps_no_robot_from_looking() -> None:
+    local = dataclasses.replace(LOCAL, padding_m=0.25)
+    motion = decide(path=BEND, unseen=ROUND_THE_BEND, local=local)
+    assert motion.outcome is ControllerState.LOOK
 
 
 def test_the_robot_does_not_turn_to_floor_that_it_could_not_see_or_close_to_an_obstacle() -> None:
