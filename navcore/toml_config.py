@@ -65,6 +65,9 @@ def from_table(kind: type[T], table: object, where: str, base: T | None = None) 
                 field.metadata,
                 getattr(base, name, None),
             )
+            # What is chosen from a list fails without an entry, and only later.
+            if values[name] == () and field.default not in ((), dataclasses.MISSING):
+                raise BadConfiguration(f"{where}.{name}: is empty, expected one value or more")
         elif base is not None:
             values[name] = getattr(base, name)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:

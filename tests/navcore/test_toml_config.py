@@ -203,6 +203,10 @@ def test_files_are_read_and_errors_name_file_and_key(tmp_path: Path) -> None:
         ("[map]\npose_spacing = 1", r"nav\.toml\.map: unknown key 'pose_spacing'"),
         ("[local]\npadding_m = 'x'", r"nav\.toml\.local\.padding_m: expected float"),
         ("local = 3", r"nav\.toml\.local: expected a table"),
+        (
+            "[control.dynamic_window]\nturn_shares = []",
+            r"nav\.toml\.control\.dynamic_window\.turn_shares: is empty",
+        ),
         ("[points]\nobstacle_height_m = 0.9\nceiling_m = 0.3", "ceiling_m|obstacle_height_m"),
         (
             "[perception.people.detector]\nradius_m = 0.6",
