@@ -144,6 +144,18 @@ def check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             "--random, --zones, --gnss, --yielding, --kept-map and --ablation are for scenarios, "
             f"{settings.suite!r} is a suite of its own"
         )
+    usual, is_own = EvaluateSettings(suite=settings.suite), settings.suite in suites
+    if is_own and (settings.max_time != usual.max_time or settings.figures > usual.figures):
+        raise BadConfiguration(
+            "--max-time and --figures are for scenarios; the suite "
+            f"{settings.suite!r} has its own time limit, and draws no episodes"
+        )
+    drives, colour = settings.suite not in VIEWING, SegmenterOptions(segmenter="colour")
+    if is_own and drives and settings.segmentation not in (usual.segmentation, colour):
+        raise BadConfiguration(
+            f"--segmenter network, --weights and --backend: in the suite {settings.suite!r} the "
+            "colour rules alone see"
+        )
     if settings.scenario is not None and settings.suite != LOCALISATION_SUITE:
         raise BadConfiguration(
             "--scenario names the world of the suite 'localisation'; other worlds are the argument"
@@ -188,7 +200,6 @@ def check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             f"--camera {settings.camera}: the suite {settings.suite!r} takes an image every "
             "decimetre; give a size without a rate"
         )
-    drives = settings.suite not in VIEWING
     if not drives and settings.navigation is not None:
         raise BadConfiguration(
             "--navigation sets how a robot drives, and in the suite "
