@@ -7,6 +7,7 @@ the printed tables, so that any two revisions with the same rows can be compared
 from __future__ import annotations
 
 import os
+import re
 import statistics
 import subprocess
 import sys
@@ -27,6 +28,7 @@ of six with a probability of 97 %."""
 Key = tuple[int, str, str]
 """Number of the table, and the names of row and column."""
 Figures = dict[Key, float]
+_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?(e[+-]?\d+)?(?=[ ,%]|$)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +51,8 @@ def comparison_table(revision: str, arguments: Sequence[str], pairs: int = PAIRS
     """Run `bench` with the same arguments in a revision and in the present files, in turn; return
     the table of all ratios.
 
-    Raises `BadConfiguration` for an unknown revision, and where a benchmark fails.
+    Raises `BadConfiguration` for an unknown revision, where a benchmark fails, and where the two
+    have no figure in common.
     """
     here = Path(__file__).parents[2]
     with tempfile.TemporaryDirectory(prefix="bench-compare-") as folder:
@@ -60,7 +63,12 @@ def comparison_table(revision: str, arguments: Sequence[str], pairs: int = PAIRS
         measured = list(_pairs(old, here, arguments, pairs))
     table = Table("figure", "column", "old", "new", "new ÷ old", f"of {pairs} pairs")
     table.title = f"bench {' '.join(arguments)}: {revision} against the present files, in turn"
-    for (_, row, column), ratio in ratios(measured).items():
+    found = ratios(measured)
+    if not found:
+        raise BadConfiguration(
+            f"bench {' '.join(arguments)} prints no figure that {revision} prints, too"
+        )
+    for (_, row, column), ratio in found.items():
         table.add_row(
             row,
             column,
@@ -73,7 +81,8 @@ def comparison_table(revision: str, arguments: Sequence[str], pairs: int = PAIRS
 
 
 def figures(printed: str) -> Figures:
-    """Return the numbers in the tables of a printed benchmark."""
+    """Return the numbers in the tables of a printed benchmark: those that cells begin with, without
+    their units."""
     found: Figures = {}
     number, header = 0, list[str]()
     for line in printed.splitlines():
@@ -82,10 +91,8 @@ def figures(printed: str) -> Figures:
         elif line.startswith("│"):
             row, *values = _cells(line, "│")
             for column, value in zip(header[1:], values, strict=False):
-                try:
-                    found[number, row, column] = float(value)
-                except ValueError:
-                    continue
+                if leading := _NUMBER.match(value):
+                    found[number, row, column] = float(leading[0])
     return found
 
 

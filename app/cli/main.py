@@ -27,7 +27,7 @@ from app.cli.results import compare, merge
 from app.cli.sites import site_cli
 from app.cli.users import users_cli
 from app.runtime.start.segmenter_choice import Kind
-from navcore.errors import BewareNavError
+from navcore.errors import BadConfiguration, BewareNavError
 
 cli = typer.Typer(
     help="Operator console and navigation for a robot that understands what it must not touch.",
@@ -110,7 +110,15 @@ def bench(
 
     parts = part or list(BenchPart)
     if against is not None:
+        if ticks is not None or samples is not None or peers:
+            raise BadConfiguration(
+                "--ticks, --samples and --peers are of one benchmark, and --against runs several"
+            )
+        if scenario.endswith(".toml"):
+            scenario = str(Path(scenario).resolve())  # each revision runs in a folder of its own
         options = ["--scenario", scenario, "--seconds", str(seconds)]
+        # Not where it is left out: an old revision may lack the option.
+        options += [] if segmenter == "network" else ["--segmenter", segmenter]
         options += [] if maps is None else ["--maps", str(maps.resolve())]
         options += [] if camera is None else ["--camera", camera]
         print_comparison(against, [*parts, *options])
