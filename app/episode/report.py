@@ -17,6 +17,7 @@ from app.runtime.record.provenance import machine, version
 from navcore.costmap.costmap import layer_grid
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
+from navcore.grid.nearest import nearest_of
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal
@@ -225,10 +226,14 @@ def _items(record: EpisodeRecord) -> dict[str, dict[str, int]]:
 
 
 def _explored_share(record: EpisodeRecord) -> float:
-    """Share of the truly reachable floor that the map has observed."""
+    """Share of the truly reachable floor that the map has observed; the floor nearest to a start
+    that is blocked, e.g. by a zone."""
     spec = record.spec
     free = ~record.simulator.referee.true_blocked(spec, record.simulator.profile.width_m / 2)
     _, areas = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
-    floor = areas == areas[spec.cell(*record.scenario.start[:2])]
+    start = nearest_of(np.argwhere(free), spec.cell(*record.scenario.start[:2]))
+    if start is None:
+        return 0.0
+    floor = areas == areas[start]
     seen = record.map.explored.seen.bools
     return round(float((seen & floor).sum() / floor.sum()), 4)

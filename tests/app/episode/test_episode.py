@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from itertools import count
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from app.episode import episode as episode_module
 from app.episode.episode import Episode, EpisodeSettings
+from app.episode.report import EpisodeRecord, _explored_share
 from app.runtime.control.robot_controller import COMMAND_PERIOD_S
 from navcore.geometry.transform import Pose2
+from navcore.grid.grid import GridSpec
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.tracking.pose_filter import PoseFilter
 from navcore.localisation.tracking.push_search import Push
@@ -20,6 +23,7 @@ from navcore.localisation.tracking.scan_odometry import ScanOdometry
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.navigator import TickResult
 from navcore.robot.camera_stream import CameraStream
+from navcore.robot.profile import HUSKY
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
@@ -194,6 +198,28 @@ def test_an_episode_whose_robot_loses_its_place_ends_by_that_and_with_no_goal_re
         episode.close()
     assert (report["ended"], report["goals_reached"]) == ("position lost", 0)
     assert report["causes"] == ["goal not reached: the position was lost"]
+
+
+@pytest.mark.parametrize(
+    ("blocked_columns", "share"), [(range(2), 0.5), (range(3, 6), 0.5), (range(10), 0.0)]
+)
+def test_the_explored_share_is_that_of_the_floor_also_where_the_start_is_blocked(
+    blocked_columns: range, share: float
+) -> None:
+    spec = GridSpec.centred(size_m=(1.0, 1.0), resolution_m=0.1)
+    blocked = np.zeros((10, 10), dtype=np.bool_)
+    blocked[:, blocked_columns] = True
+    seen = ~blocked
+    seen[5:] = False
+    record = SimpleNamespace(
+        spec=spec,
+        scenario=SimpleNamespace(start=(-0.05, 0.05, 0.0)),
+        simulator=SimpleNamespace(
+            profile=HUSKY, referee=SimpleNamespace(true_blocked=lambda *_: blocked)
+        ),
+        map=SimpleNamespace(explored=SimpleNamespace(seen=SimpleNamespace(bools=seen))),
+    )
+    assert _explored_share(cast(EpisodeRecord, record)) == share
 
 
 def test_commands_and_samples_keep_their_period_after_the_robot_has_stood_and_looked() -> None:
