@@ -60,6 +60,7 @@ def _segmentation() -> Iterator[tuple[bool, str]]:
     from app.runtime.start.segmenter_choice import SegmenterChoice
     from navcore.config.perception.inference import InferenceConfig
     from navcore.perception.esanet.inference.onnx_engines import is_installed
+    from navcore.perception.esanet.inference.onnx_file import INSTALL
     from navcore.robot.profile import HUSKY
 
     for package in FASTER:
@@ -68,8 +69,7 @@ def _segmentation() -> Iterator[tuple[bool, str]]:
         else:
             yield (
                 False,
-                f"{package} is missing; not needed, but the network runs faster with it: "
-                "pip install 'bewarenav[fast]'",
+                f"{package} is missing; not needed, but the network runs faster with it: {INSTALL}",
             )
     # All are measured once, and the choice is remembered for every later start.
     thorough = InferenceConfig(trial_s=TRIAL_S, fast_enough_ms=0.0)

@@ -48,7 +48,7 @@ class RayCluster:
             import ray
         except ImportError:
             raise BadConfiguration(
-                "the engine ray needs the package ray: pip install 'bewarenav[fleet]'"
+                "the engine ray needs the package ray: run .venv/bin/pip install -e '.[fleet]'"
             ) from None
         if self.address:
             _check_reachable(self.address)

@@ -27,6 +27,8 @@ from navcore.toml_config import from_table
 if TYPE_CHECKING:
     from navcore.perception.esanet.network.model import EsaNet
 
+INSTALL = "run `make setup`"
+"""How the packages are installed that run and export networks, in messages."""
 SUFFIX = ".onnx"
 INPUTS, OUTPUT, FEATURES = ("rgb", "depth"), "logits", "features"
 OPSET = 17
@@ -73,8 +75,7 @@ def exported(network: EsaNet, card: OnnxCard, *, ranges: Sequence[float] | None 
     """
     if not can_export():
         raise BadConfiguration(
-            "the onnx package is missing, without which nothing is exported: "
-            "pip install 'bewarenav[fast]'"
+            f"the onnx package is missing, without which nothing is exported: {INSTALL}"
         )
     import torch
 

@@ -22,7 +22,7 @@ from navcore.perception.esanet.inference.onnx_engines import (
     has_bf16,
     is_installed,
 )
-from navcore.perception.esanet.inference.onnx_file import can_export
+from navcore.perception.esanet.inference.onnx_file import INSTALL, can_export
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Preprocessor, Size
 
 PRECISIONS = ("int8", "bf16", "f32")
@@ -122,8 +122,8 @@ def open_inference(
     if file.network is None and engine.startswith("torch"):
         raise BadConfiguration("torch does not run ONNX files; choose onnxruntime or openvino")
     raise BadConfiguration(
-        f"{engine} is not installed here, or the onnx package is not "
-        "(pip install 'bewarenav[fast]'), or processor or weights do not support it"
+        f"{engine} is not installed here, or the onnx package is not ({INSTALL}), or processor or "
+        "weights do not support it"
     )
 
 
@@ -152,9 +152,7 @@ def choose(
             "; ".join(trial.text() for trial in trials)
             or "an ONNX file needs onnxruntime or openvino"
         )
-        raise BadConfiguration(
-            f"no engine runs this network ({reasons}): pip install 'bewarenav[fast]'"
-        )
+        raise BadConfiguration(f"no engine runs this network ({reasons}): {INSTALL}")
     least_ms = min(trial.p99_ms for _, trial in good)
     near = [one for one in good if config.clear_advantage * one[1].p99_ms <= least_ms]
     chosen, _ = max(

@@ -296,7 +296,7 @@ def test_a_card_around_something_else_is_refused_by_the_engine() -> None:
                 BadConfiguration, match=f"{engine} cannot run the network: .*({why})"
             ):
                 open_inference(nothing, engine)
-    with pytest.raises(BadConfiguration, match="no engine runs this network"):
+    with pytest.raises(BadConfiguration, match=r"no engine runs this network .*: run `make setup`"):
         choose(network_file(network=None, onnx=with_card(b"", CARD)))
 
 
