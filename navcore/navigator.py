@@ -75,6 +75,9 @@ class TickResult:
     """The route to the goal; None without a goal."""
     motion: Motion
     """The motion until the next frame."""
+    obstacles: tuple[Points, Points] = NO_POINTS, NO_POINTS
+    """What stands near the robot, and where it is forbidden, as the local planner keeps from it:
+    (N, 2) middles of cells, base frame."""
     people: tuple[Track, ...] = ()
     """Tracked people in the map frame."""
     closed: tuple[Zone, ...] = ()
@@ -290,6 +293,7 @@ class Navigator:
             grown_cells=grown_cells,
             route=route,
             motion=self.limit(motion, request.zones, frame.pose, frame.twist),
+            obstacles=self._controller.obstacles,
             people=people,
             closed=keep_outs,
             in_margin=self._controller.in_margin,

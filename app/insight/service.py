@@ -26,7 +26,6 @@ from app.runtime.record.recorder import Recorder
 from app.runtime.record.time_series import TimeSeries
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motions.path_follower import candidates
-from navcore.costmap.local_costmap import nearby, obstacle_masks
 from navcore.errors import NotKnown, Refused
 from navcore.navigator import TickResult
 from navcore.planning.global_planner import goal_tolerance_m
@@ -47,8 +46,6 @@ PERIOD_S = 0.25
 """Period of the thread, seconds."""
 WRITE_PERIOD_S = 1.0
 """Time between two writes of the event log to the disk, seconds: a kill loses no more of it."""
-CANDIDATE_REACH_M = 2.6
-"""Distance beyond which no obstacle can be hit along a motion primitive, metres."""
 MAX_SNAPSHOTS = 8
 """Largest number of images held for corrections by operators."""
 MAX_WAITING = 1024
@@ -176,22 +173,18 @@ class LiveInsight:
         decision = self._decision
         if decision is None:
             return None
-        pose, profile, local = decision.frame.pose, self._controller.profile, self._config.local
-        around = decision.occupancy.around(pose, CANDIDATE_REACH_M)
-        hard, ruled = (
-            nearby(mask, around, pose, CANDIDATE_REACH_M) for mask in obstacle_masks(around)
-        )
+        geometric, forbidden = decision.obstacles
         arcs, free = candidates(
-            geometric=hard,
-            forbidden=ruled,
-            profile=profile,
-            local=local,
-            cell_m=around.spec.resolution_m,
+            geometric=geometric,
+            forbidden=forbidden,
+            profile=self._controller.profile,
+            local=self._config.local,
+            cell_m=decision.occupancy.spec.resolution_m,
             control=self._config.control,
         )
         return Candidates(
             serial=decision.frame.stamp_ns,
-            arcs=pose.to_parent(arcs),
+            arcs=decision.frame.pose.to_parent(arcs),
             free=free,
             chosen=decision.motion.arc,
         )

@@ -83,6 +83,9 @@ class Controller:
         self._motion = IDLE
         self.in_margin = False
         """Whether a margin reaches the body, and what has it does not."""
+        self.obstacles: tuple[Points, Points] = np.empty((0, 2)), np.empty((0, 2))
+        """What stands near the robot, and where it is forbidden: (N, 2) middles of cells, base
+        frame."""
 
     def control(self, task: ControlTask) -> Motion:
         """Compute the motion until the next frame; standing without a track."""
@@ -111,7 +114,10 @@ class Controller:
             kept = task.kept_cells.kept_by(self._profile, pose, besides_m)
             forbidden |= kept_cells(around.spec, kept.cells, kept.growth_m)
             forbidden |= kept_zones(around.spec, task.kept_zones)
-        forbidden_points = nearby(forbidden, around, pose, reach_m)
+        geometric, forbidden_points = (
+            nearby(cells, around, pose, reach_m) for cells in (hard, forbidden)
+        )
+        self.obstacles = np.vstack([geometric, people_points]), forbidden_points
         if len(task.track) == 0 and not task.around:
             trapped = footprint_overlaps(forbidden_points, self._profile, cell_m)
             in_zone = Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
@@ -121,7 +127,7 @@ class Controller:
         people, control = self._config.people, self._config.control
         self._motion = compute_velocity(
             LocalPlannerInput(
-                geometric=nearby(hard, around, pose, reach_m),
+                geometric=geometric,
                 forbidden=forbidden_points,
                 people_cells=people_points,
                 unseen=nearby(unseen, around, pose, reach_m),

@@ -85,6 +85,14 @@ def test_without_a_goal_the_robot_looks_and_stands() -> None:
     assert decision.occupancy.grid.geometric.any()
 
 
+def test_the_result_has_the_obstacles_that_the_motion_keeps_from() -> None:
+    decision = navigator().tick(picture(Box(x=(2, 3), y=(-1, 1), z=(0, 1))), order(zones=(ACROSS,)))
+    standing, forbidden = decision.obstacles
+    assert standing[:, 0].min() == pytest.approx(2.0, abs=0.15)
+    # With the growth of the zone, as the safety gate keeps out of it.
+    assert 1.2 < forbidden[:, 0].min() < 1.55
+
+
 def test_a_goal_in_a_zone_is_blocked_and_the_path_ends_exactly_at_a_free_one() -> None:
     loop = navigator()
     blocked = loop.tick(OPEN, order((1.75, 0.0), zones=(ACROSS,))).route

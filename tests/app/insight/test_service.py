@@ -166,3 +166,19 @@ def test_a_detection_is_told_by_its_label_and_corrected_once(tmp_path: Path) -> 
     insight._update()
     assert insight.detections.all() == ()
     store.close()
+
+
+def test_candidate_motions_end_at_what_the_local_planner_keeps_from(tmp_path: Path) -> None:
+    controller, store, frame = standing_controller(), Store(tmp_path), first_frame()
+    insight = insight_of(store, tmp_path, controller)
+    decision = controller.think(frame, clock=lambda: frame.stamp_ns)
+    assert decision is not None
+    nothing, ahead = np.empty((0, 2)), np.array([[0.9, y] for y in np.arange(-1.0, 1.01, 0.1)])
+    free = []
+    for forbidden in (nothing, ahead):
+        insight.note_decision(dataclasses.replace(decision, obstacles=(nothing, forbidden)))
+        shown = insight.candidates()
+        assert shown is not None
+        free.append(int(shown.free.max()))
+    assert free[0] > 2 * free[1] > 0
+    store.close()
