@@ -214,7 +214,7 @@ class Localisation:
     def _fixed(self, frame: Frame, estimate: LocalisationEstimate) -> LocalisationEstimate:
         """Return the estimate with the absolute positions of a frame, which locate the robot for a
         while."""
-        fresh = list(self._fixes.of(fixes_of(frame, self.tags)))
+        fresh = list(self._fixes.of(fixes_of(frame, self.tags), frame.stamp_ns))
         for fix, alike in fresh:
             if self.tracker.fuse(fix, alike):
                 self._fixed_ns = frame.stamp_ns
