@@ -129,7 +129,7 @@ class Localisation:
                 self._last = self._last @ self._driven.pose.inverse()
         self.tracker.is_confirmed = self._start is None
         estimate = self.tracker.follow(frame, scan)
-        self._loops.note(self.tracker.take_edges())
+        self._loops.note(self.tracker.take_edges(), self.tracker.take_fixes())
         beside, self._beside = self._beside, None
         if beside is not None and estimate.state is not LocalisationState.LOST:
             T_map_driven, covariance = beside
@@ -435,6 +435,7 @@ class Localisation:
 
     def _restart_chain(self) -> None:
         self.tracker.take_edges()
+        self.tracker.take_fixes()
         self._loops.restart()
         self.closures = None
 

@@ -26,6 +26,9 @@ SMALLEST_DAMPING = 1e-9
 """Damping, as a share of the diagonal, that keeps poses without any constraint where they are."""
 LARGEST_DAMPING = 1e8
 """Damping beyond which no smaller cost is expected."""
+_NO_DAMPING = 1e-15
+"""Damping below the rounding of the diagonal. Covariances take no more: where positions in the map
+are weak, even the smallest of the others would be worth more than they are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +41,7 @@ class AbsolutePose:
     """Measured pose of the robot; the heading is arbitrary where it was not measured."""
     information: Matrix
     """(3, 3) inverse of the covariance of x and y in metres along the map's axes and yaw in
-    radians; rows and columns of zeros for what was not measured."""
+    radians; singular for what was not measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,9 +58,9 @@ class PoseGraph:
     """What is known of the constant errors of the odometry; None if it has none."""
     absolute: Sequence[AbsolutePose] = ()
     """Positions in the map that may be wrong."""
-    fixed: frozenset[int] = frozenset()
-    """Pose IDs that never move, such as those of an accepted map. With neither these nor absolute
-    positions the first pose stays."""
+    first_covariance: Matrix | None = None
+    """(3, 3) covariance of the first pose in the map, along its axes; None if nothing is known of
+    it. Without absolute positions that pose stays."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,39 +68,51 @@ class OptimisedGraph:
     """Result of the optimisation."""
 
     poses: Mapping[int, Pose2]
-    """T_map_base by pose ID; those that are fixed are the given values."""
+    """T_map_base by pose ID."""
     accepted_loops: tuple[bool, ...]
     """For each loop whether it was believed."""
-    accepted_absolute: tuple[bool, ...]
-    """For each absolute position whether it was believed."""
     chi2: float
     """Sum of the squared Mahalanobis distances of everything that was believed."""
     steps: int
     """Number of linear systems that were solved."""
+    held: Matrix | None
+    """(3, 3) covariance of the first pose where that stayed, which the equations leave out; None
+    where it took part."""
     _equations: NormalEquations = field(repr=False)
     _state: Floats = field(repr=False)
     _weights: Floats = field(repr=False)
 
     def covariances(self, pose_ids: Sequence[int]) -> dict[int, Matrix]:
-        """Return the (3, 3) marginal covariance of x, y and yaw of poses, along the map's axes,
-        relative to what is fixed; zero for fixed poses. Solves one linear system for each pose."""
+        """Return the (3, 3) marginal covariance of x, y and yaw of poses in the map, along its
+        axes. Solves one linear system for each pose."""
         index = {pose_id: i for i, pose_id in enumerate(self.poses)}
         blocks = self._equations.covariances(
-            self._state, self._weights, [index[pose_id] for pose_id in pose_ids], SMALLEST_DAMPING
+            self._state, self._weights, [index[pose_id] for pose_id in pose_ids], _NO_DAMPING
         )
-        return dict(zip(pose_ids, blocks, strict=True))
+        return {
+            pose_id: block + self._by_first(self.poses[pose_id])
+            for pose_id, block in zip(pose_ids, blocks, strict=True)
+        }
+
+    def _by_first(self, pose: Pose2) -> Matrix:
+        """Return the (3, 3) covariance of a pose that the first, where it stayed, gives to all."""
+        if self.held is None:
+            return np.zeros((3, 3))
+        first, swing = next(iter(self.poses.values())), np.eye(3)
+        swing[:2, 2] = first.y_m - pose.y_m, pose.x_m - first.x_m
+        return np.asarray(swing @ self.held @ swing.T)
 
     def relative_covariance(self, from_id: int, to_id: int) -> Matrix:
         """Return the (3, 3) covariance of the second pose in the frame of the first, as an `Edge`
         has it."""
         index = {pose_id: i for i, pose_id in enumerate(self.poses)}
         return self._equations.relative_covariance(
-            self._state, self._weights, index[from_id], index[to_id], SMALLEST_DAMPING
+            self._state, self._weights, index[from_id], index[to_id], _NO_DAMPING
         )
 
 
 def optimise(graph: PoseGraph, config: PoseGraphConfig = DEFAULT_POSE_GRAPH) -> OptimisedGraph:
-    """Return the poses that fit best, and which loops and absolute positions were believed.
+    """Return the poses that fit best, and which loops were believed.
 
     Deterministic. Raises `BadGeometry` if a factor names an unknown pose or has a covariance that
     is not positive definite.
@@ -106,7 +121,9 @@ def optimise(graph: PoseGraph, config: PoseGraphConfig = DEFAULT_POSE_GRAPH) -> 
     index = {pose_id: i for i, pose_id in enumerate(ids)}
     factors = _factors(graph, index)
     state = np.array([*((p.x_m, p.y_m, p.yaw_rad) for p in graph.poses.values()), (0.0, 0.0, 0.0)])
-    equations = NormalEquations(factors, len(ids), _free(graph, ids))
+    free = np.ones(len(ids) + 1, dtype=bool)
+    free[0], free[-1] = bool(graph.absolute), graph.constant_errors is not None
+    equations = NormalEquations(factors, len(ids), free)
     first_absolute = len(graph.odometry) + len(graph.loops)
     after_absolute = first_absolute + len(graph.absolute)
     trusted = np.ones(len(factors.first), dtype=bool)
@@ -116,11 +133,11 @@ def optimise(graph: PoseGraph, config: PoseGraphConfig = DEFAULT_POSE_GRAPH) -> 
     believed = weights > 0.5
     chi2 = equations.chi2(state)
     return OptimisedGraph(
-        poses=_poses(graph, ids, state),
+        poses=_poses(ids, state),
         accepted_loops=tuple(map(bool, believed[len(graph.odometry) : first_absolute])),
-        accepted_absolute=tuple(map(bool, believed[first_absolute:after_absolute])),
         chi2=float(chi2[believed].sum()),
         steps=solver.steps,
+        held=None if graph.absolute else graph.first_covariance,
         _equations=equations,
         _state=state,
         _weights=weights,
@@ -130,7 +147,7 @@ def optimise(graph: PoseGraph, config: PoseGraphConfig = DEFAULT_POSE_GRAPH) -> 
 def _factors(graph: PoseGraph, index: Mapping[int, int]) -> Factors:
     edges = [*graph.odometry, *graph.loops]
     named = [i for e in edges for i in (e.from_id, e.to_id)] + [a.pose_id for a in graph.absolute]
-    for pose_id in (*named, *graph.fixed):
+    for pose_id in named:
         if pose_id not in index:
             raise BadGeometry(f"pose graph: unknown pose ID {pose_id}; it is none of the poses")
     ends = [(index[e.from_id], index[e.to_id]) for e in edges]
@@ -140,7 +157,13 @@ def _factors(graph: PoseGraph, index: Mapping[int, int]) -> Factors:
     by_errors = [e.by_constant_errors for e in edges] + [np.zeros((3, 3))] * len(graph.absolute)
     try:
         information: list[Matrix] = [np.asarray(np.linalg.inv(e.covariance)) for e in edges]
-        information += [_in_body(a) for a in graph.absolute]
+        information += [_in_body(a.T_map_base, a.information) for a in graph.absolute]
+        if graph.absolute and graph.first_covariance is not None:
+            first = next(iter(graph.poses.values()))
+            ends.append((-1, 0))
+            measured.append(first)
+            information.append(_in_body(first, np.asarray(np.linalg.inv(graph.first_covariance))))
+            by_errors.append(np.zeros((3, 3)))
         if known is not None:  # the last factor says how far they may be from what is known
             ends.append((-1, -1))
             measured.append(IDENTITY)
@@ -164,25 +187,16 @@ def _without(edge: Edge, known: ConstantErrors | None) -> Pose2:
     return edge.T_from_to @ Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
-def _in_body(absolute: AbsolutePose) -> Matrix:
-    """Return the information along the axes of the measured pose, as edges have it."""
+def _in_body(measured: Pose2, information: Matrix) -> Matrix:
+    """Return the information along the axes of a measured pose, as edges have it."""
     rotation = np.eye(3)
-    rotation[:2, :2] = absolute.T_map_base.matrix()[:2, :2]
-    return np.asarray(rotation.T @ absolute.information @ rotation)
+    rotation[:2, :2] = measured.matrix()[:2, :2]
+    return np.asarray(rotation.T @ information @ rotation)
 
 
-def _free(graph: PoseGraph, ids: Sequence[int]) -> Bools:
-    free = np.array([pose_id not in graph.fixed for pose_id in ids], dtype=bool)
-    if not graph.fixed and not graph.absolute:
-        free[:1] = False
-    return np.append(free, graph.constant_errors is not None)
-
-
-def _poses(graph: PoseGraph, ids: Sequence[int], state: Floats) -> dict[int, Pose2]:
+def _poses(ids: Sequence[int], state: Floats) -> dict[int, Pose2]:
     return {
-        pose_id: graph.poses[pose_id]
-        if pose_id in graph.fixed
-        else Pose2(x_m=float(x), y_m=float(y), yaw_rad=wrap_angle(float(yaw)))
+        pose_id: Pose2(x_m=float(x), y_m=float(y), yaw_rad=wrap_angle(float(yaw)))
         for pose_id, (x, y, yaw) in zip(ids, state[:-1], strict=True)
     }
 

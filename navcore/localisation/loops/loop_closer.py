@@ -14,6 +14,7 @@ from navcore.config.localisation.localisation import MatchConfig
 from navcore.config.localisation.pose_graph import LoopClosureConfig, PoseGraphConfig
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.graph.edges import ConstantErrors, Edge
+from navcore.localisation.graph.pose_graph import AbsolutePose
 from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures, close_loops
 from navcore.localisation.scans.scan import Keyframe
 
@@ -26,6 +27,8 @@ class CloseLoops:
     """Keyframes in the order of driving."""
     odometry: tuple[Edge, ...]
     """Edges between consecutive ones."""
+    absolute: tuple[AbsolutePose, ...]
+    """Measured poses of some of them."""
     tried_until: int
     """Number of keyframes that were tried before."""
     loops: tuple[Edge, ...]
@@ -46,6 +49,7 @@ class CloseLoops:
         return close_loops(
             self.keyframes,
             self.odometry,
+            absolute=self.absolute,
             tried_until=self.tried_until,
             loops=self.loops,
             candidates=self.candidates,
@@ -68,13 +72,15 @@ class LoopCloser:
     match_config: MatchConfig
     """How two scans are matched."""
     _edges: list[Edge] = field(default_factory=list)
+    _absolute: list[AbsolutePose] = field(default_factory=list)
     _loops: tuple[Edge, ...] = ()
     _candidates: tuple[Edge, ...] = ()
     _chain: dict[int, None] = field(default_factory=dict)
     _tried: int = 0
 
-    def note(self, edges: tuple[Edge, ...]) -> None:
-        """Take the edges since the last call."""
+    def note(self, edges: tuple[Edge, ...], absolute: tuple[AbsolutePose, ...] = ()) -> None:
+        """Take the edges, and the measured poses of keyframes, since the last call."""
+        self._absolute += absolute
         for edge in edges:
             self._edges.append(edge)
             self._chain.setdefault(edge.from_id)
@@ -95,6 +101,7 @@ class LoopCloser:
         return CloseLoops(
             keyframes=keyframes,
             odometry=tuple(self._edges),
+            absolute=tuple(one for one in self._absolute if one.pose_id in self._chain),
             tried_until=tried,
             loops=self._loops,
             candidates=self._candidates,
@@ -122,7 +129,7 @@ class LoopCloser:
 
     def restart(self) -> None:
         """Begin a new chain: the robot was placed, and no edge leads there."""
-        self._edges, self._loops, self._candidates = [], (), ()
+        self._edges, self._absolute, self._loops, self._candidates = [], [], (), ()
         self._chain, self._tried = {}, 0
 
 

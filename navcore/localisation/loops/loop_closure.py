@@ -46,10 +46,6 @@ class LoopClosures:
     """Those that this call found."""
     candidates: LoopCandidates
     """Matches with which too few others agree so far."""
-    rejected: tuple[Edge, ...]
-    """Matches that the others contradict."""
-    accepted_absolute: tuple[bool, ...]
-    """For each absolute position whether it was believed."""
     graph: OptimisedGraph
     """The optimised graph, for covariances."""
 
@@ -63,7 +59,6 @@ def close_loops(
     candidates: Sequence[Edge] = (),
     constant_errors: ConstantErrors | None = None,
     absolute: Sequence[AbsolutePose] = (),
-    fixed: frozenset[int] = frozenset(),
     config: LoopClosureConfig = DEFAULT_LOOP_CLOSURE,
     graph_config: PoseGraphConfig = DEFAULT_POSE_GRAPH,
     match_config: MatchConfig = DEFAULT_MATCH,
@@ -72,9 +67,9 @@ def close_loops(
     """Return corrected poses if keyframes from index `tried_until` on close loops, with
     `candidates` of the keyframes before them; else what may close one with later keyframes.
 
-    `keyframes` are in the order of driving, `odometry` connects them, and `constant_errors` are
-    those of odometry as far as known. None if cancelled, which is asked before every keyframe.
-    Raises `BadGeometry` for edges of unknown keyframes.
+    `keyframes` are in the order of driving, `odometry` connects them, `constant_errors` are those
+    of odometry as far as known, and `absolute` are measured poses of keyframes. None if cancelled,
+    which is asked before every keyframe. Raises `BadGeometry` for edges of unknown keyframes.
     """
     if len(keyframes) < 2:
         return None
@@ -84,7 +79,7 @@ def close_loops(
         loops=loops,
         constant_errors=constant_errors,
         absolute=absolute,
-        fixed=fixed,
+        first_covariance=keyframes[0].covariance,
     )
     present = optimise(graph, graph_config)
     finder = LoopFinder(keyframes, present, config, match_config)
@@ -104,13 +99,10 @@ def close_loops(
     new = tuple(loop for loop in agreed if believed[loop])
     if not new:
         return waiting
-    accepted = {(loop.from_id, loop.to_id) for loop in new}
     return LoopClosures(
         poses=solved.poses,
         loops=tuple(loop for loop, is_believed in believed.items() if is_believed),
         new_loops=new,
         candidates=waiting,
-        rejected=tuple(one for one in found if (one.from_id, one.to_id) not in accepted),
-        accepted_absolute=solved.accepted_absolute,
         graph=solved,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -9,12 +10,21 @@ import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2
+from navcore.localisation.fresh_fixes import FreshFixes, Source, source_of
 from navcore.localisation.graph.edges import Edge
+from navcore.localisation.graph.pose_graph import AbsolutePose
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
-from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep
+from navcore.localisation.tracking.odometry_model import (
+    OdometryMotion,
+    OdometryStep,
+    in_axes_of,
+)
+from navcore.robot.fix import PositionFix
 
 _CERTAIN: Matrix = np.zeros((3, 3))
+_NEAR_M = 0.5
+"""Distance in metres from a keyframe up to which a fix tells of its pose."""
 
 
 class KnownPoses(Protocol):
@@ -45,6 +55,10 @@ class KeyframeChain:
         self._last: Keyframe | None = None
         self._since = OdometryMotion(IDENTITY, config.odometry)
         self._edges: list[Edge] = []
+        self._absolute: list[AbsolutePose] = []
+        self._fresh = FreshFixes()
+        self._fixed: dict[Source, int] = {}
+        """Keyframe of the last fix of each source that was kept."""
 
     def advance(self, step: OdometryStep) -> None:
         """Follow odometry from the last keyframe."""
@@ -84,6 +98,36 @@ class KeyframeChain:
         taken, self._edges = tuple(self._edges), []
         return taken
 
+    def fix(self, fix: PositionFix, measured: Pose2, rows: Matrix) -> None:
+        """Keep a fix for the pose of the last keyframe, one of each source there, unless the robot
+        has gone on from it. `measured` is T_map_base of the robot now as the fix tells it, and
+        arbitrary where it does not; (M, 3) `rows` is the derivative of the fix by that pose."""
+        last, source = self._last, source_of(fix)
+        if last is None or self._fixed.get(source) == last.pose_id:
+            return
+        moved, noise, _ = self._since.to(IDENTITY)
+        if math.hypot(moved.x_m, moved.y_m) > _NEAR_M:
+            return
+        self._fixed[source] = last.pose_id
+        ((_, alike),) = self._fresh.of([fix], fix.stamp_ns)
+        there, by_last = measured @ moved.inverse(), np.eye(3)
+        by_last[:2, 2] = there.y_m - measured.y_m, measured.x_m - there.x_m
+        covariance = alike * np.asarray(fix.covariance)[: len(rows), : len(rows)]
+        covariance = covariance + rows @ in_axes_of(measured, noise) @ rows.T
+        rows = rows @ by_last
+        self._absolute.append(
+            AbsolutePose(
+                pose_id=last.pose_id,
+                T_map_base=there,
+                information=rows.T @ np.linalg.solve(covariance, rows),
+            )
+        )
+
+    def take_fixes(self) -> tuple[AbsolutePose, ...]:
+        """Return the poses of keyframes that fixes have measured since the last call."""
+        taken, self._absolute = tuple(self._absolute), []
+        return taken
+
     def correct(self, poses: Mapping[int, Pose2]) -> Pose2 | None:
         """Move keyframes to corrected poses; returns T_new_old of the newest, None if it stays."""
         last = self._last
@@ -97,7 +141,7 @@ class KeyframeChain:
 
     def restart(self) -> None:
         """Begin a new chain: the robot was placed, and no edge leads there."""
-        self._last = None
+        self._last, self._fresh, self._fixed = None, FreshFixes(), {}
 
     def _connect(self, last: Keyframe, new: Keyframe, offset: Pose2) -> None:
         """Add the edge by odometry; `offset` is the robot's pose in the frame of the new one."""

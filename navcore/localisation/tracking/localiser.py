@@ -14,9 +14,10 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference, growth
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference, growth, wrap_angle
 from navcore.localisation.estimate import LocalisationEstimate, PlaceCorrection
 from navcore.localisation.graph.edges import ConstantErrors, Edge
+from navcore.localisation.graph.pose_graph import AbsolutePose
 from navcore.localisation.scans.matching import Match
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
@@ -144,6 +145,10 @@ class Localiser:
         """Return the edges between consecutive keyframes since the last call."""
         return self._chain.take_edges()
 
+    def take_fixes(self) -> tuple[AbsolutePose, ...]:
+        """Return the poses of keyframes that fixes have measured since the last call."""
+        return self._chain.take_fixes()
+
     def load(self, keyframes: Iterable[Keyframe]) -> None:
         """Take the keyframes of a saved map, whose poses are constants from now on."""
         self._saved.replace(keyframes)
@@ -225,6 +230,7 @@ class Localiser:
                 self._refused_matches.clear()
         if is_lost or self._matcher.excludes(residual, known + alike * covariance):
             return False
+        self._chain.fix(fix, _measured(self._pose, residual, rows), rows)
         self._filter.fuse_position(residual, rows, alike * covariance)
         return True
 
@@ -478,3 +484,11 @@ class Localiser:
             place_correction=self.place_correction,
             pushed_m=self.pushed_m,
         )
+
+
+def _measured(pose: Pose2, residual: Matrix, rows: Matrix) -> Pose2:
+    """Return the pose that a fix tells: (M,) its difference from what it is at a pose, and (M, 3)
+    the derivative by that. A heading that it does not tell is that of the pose."""
+    turn = float(residual[2]) if len(residual) > 2 else 0.0
+    x, y = (residual[:2] - turn * rows[:2, 2]).tolist()
+    return Pose2(x_m=pose.x_m + x, y_m=pose.y_m + y, yaw_rad=wrap_angle(pose.yaw_rad + turn))

@@ -1,4 +1,4 @@
-"""The pose graph finds the true poses, rejects wrong loops and moves nothing that is fixed."""
+"""The pose graph finds the true poses, and rejects wrong loops and positions."""
 
 from __future__ import annotations
 
@@ -66,16 +66,6 @@ def test_wrong_loops_that_are_trusted_spoil_the_poses() -> None:
     assert largest_error(optimise(trusted).poses, known.true) > 0.5
 
 
-@law(10)
-@given(seed=SEEDS, fixed=st.sets(st.integers(0, 95), min_size=1, max_size=40))
-def test_fixed_poses_never_move(seed: int, fixed: set[int]) -> None:
-    known = known_graph(seed, wrong_share=0.1)
-    graph = dataclasses.replace(known.graph, fixed=frozenset(fixed))
-    found = optimise(graph)
-    assert all(found.poses[i] == graph.poses[i] for i in fixed)
-    assert set(found.poses) == set(graph.poses)
-
-
 def test_the_same_graph_gives_the_same_poses() -> None:
     one, two = (optimise(known_graph(7, wrong_share=0.3).graph) for _ in range(2))
     assert one.poses == two.poses
@@ -93,7 +83,6 @@ def test_a_drifted_graph_is_pulled_to_absolute_positions_but_not_to_a_wrong_one(
     wrong = AbsolutePose(pose_id=50, T_map_base=pose(30.0, -4.0, 2.0), information=information)
     assert largest_error(optimise(graph).poses, known.true) > 0.15
     found = optimise(dataclasses.replace(graph, absolute=[*absolute, wrong]))
-    assert found.accepted_absolute == (True,) * len(absolute) + (False,)
     assert largest_error(found.poses, known.true) < 0.1
 
 
@@ -120,6 +109,26 @@ def test_the_covariance_along_a_chain_is_that_of_the_composed_edges() -> None:
     np.testing.assert_allclose(
         covariances[2], swing @ ODOMETRY @ swing.T + ODOMETRY, rtol=1e-6, atol=1e-12
     )
+
+
+@pytest.mark.parametrize("is_measured", [False, True])
+def test_what_is_unknown_of_the_first_pose_is_unknown_of_all(is_measured: bool) -> None:
+    """Whether it stays, or a position that tells next to nothing lets it move."""
+    true = [pose(0.5 * i, 0.0, 0.0) for i in range(201)]
+    edges = [edge_between(true, i, i + 1, ODOMETRY, np.zeros(3)) for i in range(200)]
+    graph = PoseGraph(poses=dict(enumerate(true)), odometry=edges)
+    start = np.diag([9.0, 4.0, 0.01])
+    weak = AbsolutePose(pose_id=7, T_map_base=true[7], information=1e-9 * np.eye(3))
+    placed = dataclasses.replace(
+        graph, first_covariance=start, absolute=[weak] if is_measured else []
+    )
+    # An error of the first heading swings what is 100 m away.
+    swing = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 100.0], [0.0, 0.0, 1.0]])
+    expected = optimise(graph).covariances([200])[200] + swing @ start @ swing.T
+    found = optimise(placed)
+    np.testing.assert_allclose(found.covariances([200])[200], expected, rtol=1e-4, atol=1e-6)
+    between = optimise(graph).relative_covariance(3, 9)
+    np.testing.assert_allclose(found.relative_covariance(3, 9), between, rtol=1e-3, atol=1e-7)
 
 
 def test_a_loop_makes_the_last_pose_more_certain() -> None:

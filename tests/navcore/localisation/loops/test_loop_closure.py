@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
 from navcore.config.localisation.localisation import MatchConfig
 from navcore.config.localisation.pose_graph import LoopClosureConfig, PoseGraphConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.graph.edges import ConstantErrors, Edge
+from navcore.localisation.graph.pose_graph import AbsolutePose
 from navcore.localisation.loops.loop_closer import LoopCloser
 from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures, close_loops
 from navcore.localisation.scans.scan import Keyframe
@@ -152,12 +155,36 @@ def _xy(pose: Pose2) -> tuple[float, float]:
     return pose.x_m, pose.y_m
 
 
-def test_poses_of_an_accepted_map_stay_when_loops_are_closed() -> None:
-    keyframes, edges, _ = session()
-    fixed = frozenset(k.pose_id for k in keyframes[:20])
-    closed = close_loops(keyframes, edges, fixed=fixed, tried_until=len(keyframes) - 12)
-    assert isinstance(closed, LoopClosures)
-    assert all(closed.poses[k.pose_id] == k.T_map_base for k in keyframes[:20])
+@pytest.mark.long
+def test_measured_poses_of_keyframes_are_kept_to_when_loops_are_closed() -> None:
+    keyframes, edges, true = session()
+    ids = [keyframe.pose_id for keyframe in keyframes]
+    known = dict(zip(ids, true, strict=True))
+    absolute = tuple(
+        AbsolutePose(
+            pose_id=pose_id,
+            T_map_base=known[pose_id],
+            information=np.diag([2500.0, 2500.0, 0.0]),
+        )
+        for pose_id in ids[::5]
+    )
+    errors = ConstantErrors(mean=np.zeros(3), covariance=1e-8 * np.eye(3))
+    placed = {k.pose_id: replace(k, covariance=np.diag([9.0, 9.0, 0.01])) for k in keyframes}
+    farthest, last = [], []
+    for fixes in ((), absolute):
+        closer = LoopCloser(LoopClosureConfig(), PoseGraphConfig(), MatchConfig())
+        closer.note(tuple(edges[:-24]), fixes)
+        closer.next_task(placed.get, errors)
+        closer.note(tuple(edges[-24:]))
+        task = closer.next_task(placed.get, errors)
+        assert task is not None
+        closed = task.run(lambda: False)
+        assert isinstance(closed, LoopClosures)
+        last.append(closed.graph.covariances(ids[-1:])[ids[-1]][0, 0])
+        farthest.append(max(closed.poses[i].distance_to(known[i].x_m, known[i].y_m) for i in ids))
+    assert farthest[0] > 0.3 and farthest[1] < 0.1
+    # A loop tells nothing of where the first keyframe lies in the map.
+    assert last[0] > 9.0 and last[1] < 0.02**2
 
 
 def test_the_same_keyframes_give_the_same_loops_and_poses() -> None:

@@ -182,8 +182,6 @@ def test_after_such_a_correction_loops_of_the_chain_before_are_not_taken(
         loops=(),
         new_loops=(),
         candidates=LoopCandidates(edges=()),
-        rejected=(),
-        accepted_absolute=(),
         graph=OptimisedGraph.__new__(OptimisedGraph),
     )
     localisation.take(late)
