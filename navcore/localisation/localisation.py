@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -410,9 +410,9 @@ class Localisation:
         """Return the poses by ID that closures lead to, and T_new_old of the robot."""
         return with_later(closures.poses, dict(enumerate(self._pose_ids.poses)))
 
-    def correct(self, closures: LoopClosures) -> None:
-        """Apply closures to keyframes and pose; the map was corrected by the same poses."""
-        poses, _ = self.corrected(closures)
+    def correct(self, closures: LoopClosures, poses: Mapping[int, Pose2]) -> None:
+        """Apply closures to keyframes and pose; `poses` are those of `corrected` before the map was
+        corrected by them, as its list of poses has moved since."""
         newest = list(closures.poses)[-1]  # in the order of driving
         self.tracker.correct(poses, (newest, closures.graph.covariances([newest])[newest]))
         self._loops.take(closures)

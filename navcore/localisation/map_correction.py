@@ -114,7 +114,7 @@ class MapCorrection:
         later = {pose_id: poses[pose_id] for pose_id in poses if pose_id >= known}
         if not self._map.apply(prepared, later):
             return None  # the map has changed otherwise: it is prepared again
-        self._localisation.correct(closures)
+        self._localisation.correct(closures, poses)
         return AppliedCorrection(
             before=before,
             after=self._map.poses,
