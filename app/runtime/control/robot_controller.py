@@ -49,7 +49,7 @@ from navcore.safety.gate import (
     wheels_blocked,
 )
 from navcore.safety.keep_out_monitor import KeepOuts
-from navcore.safety.sensor_monitor import SensorFault, SensorMonitor
+from navcore.safety.sensor_monitor import SensorMonitor
 from navcore.safety.stopping import check_stopping
 from web.interface.sites import at_another_site
 
@@ -414,20 +414,16 @@ class RobotController:
         return True
 
     @property
-    def pose_in_doubt(self) -> bool:
-        """Whether odometry has jumped and not come back: the robot stands until `trust_pose`."""
-        return self._watched.fault is SensorFault.POSE or self._mapped.fault is SensorFault.POSE
-
-    @property
     def sensors_in_doubt(self) -> bool:
         """Whether pose or stamps are not trusted: the robot stands until they agree again, or until
-        `trust_pose`."""
+        `trust_pose`. While stamps are not, as after a restart of the robot's driver, no pose is
+        compared: odometry may have begun again as well."""
         return self._watched.fault is not None or self._mapped.fault is not None
 
     def trust_pose(self) -> None:
         """Accept pose and stamp of the next frame, whatever came before, on the operator's word."""
         with self._lock:
-            if self.pose_in_doubt:
+            if self.sensors_in_doubt:
                 self._ask(trust_pose=True)
                 # The new pose does not tell where the obstacles are that are out of view.
                 self._recent_obstacles = RecentObstacles()

@@ -128,9 +128,9 @@ def test_a_reset_keeps_obstacles_out_of_view_unless_the_pose_had_jumped() -> Non
     driver.command(
         lambda: 2 * SECOND, 0.05, newest=picture(stamp_ns=SECOND + 100_000_000, pose=away)
     )
-    assert driver.pose_in_doubt
+    assert driver.sensors_in_doubt
     driver.trust_pose()
-    assert len(driver._recent_obstacles.points) == 0 and not driver.pose_in_doubt
+    assert len(driver._recent_obstacles.points) == 0 and not driver.sensors_in_doubt
 
 
 NEAR = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))

@@ -94,14 +94,17 @@ def test_a_place_that_is_shown_waits_for_a_frame_that_is_believed(refused: Pose2
     assert there.yaw_rad == pytest.approx(shown.yaw_rad)
 
 
-def test_a_jump_of_odometry_that_is_accepted_leaves_the_place_as_uncertain() -> None:
+@pytest.mark.parametrize("restarted_ns", [0, SECOND], ids=["odometry", "clock and odometry"])
+def test_a_jump_of_odometry_that_is_accepted_leaves_the_place_as_uncertain(
+    restarted_ns: int,
+) -> None:
     driver = controller()
     driver.think(OPEN, clock=lambda: SECOND)
-    there = Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.5)
-    driver.think(picture(stamp_ns=SECOND + 100_000_000, pose=there), clock=lambda: 2 * SECOND)
-    assert driver.pose_in_doubt
+    there, then_ns = Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.5), SECOND - restarted_ns
+    driver.think(picture(stamp_ns=then_ns + 100_000_000, pose=there), clock=lambda: 2 * SECOND)
+    assert driver.sensors_in_doubt
     driver.trust_pose()
-    driver.think(picture(stamp_ns=SECOND + 200_000_000, pose=there), clock=lambda: 2 * SECOND)
+    driver.think(picture(stamp_ns=then_ns + 200_000_000, pose=there), clock=lambda: 2 * SECOND)
     assert driver.place.T_map_base.distance_to(there.x_m, there.y_m) < 0.01
     assert driver.place.sigma_along_m(1.0, 0.0) == pytest.approx(3.0, rel=0.05)
     assert math.sqrt(driver.place.covariance[2, 2]) == pytest.approx(0.5, rel=0.1)
@@ -174,7 +177,7 @@ def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_
             Paint(x=(5, 6), y=(0, late_ns / 1e9)), stamp_ns=SECOND + late_ns, pose=there
         )
         driver.think(elsewhere, clock=lambda: 2 * SECOND)
-    assert driver.pose_in_doubt
+    assert driver.sensors_in_doubt
     if accepted:
         driver.trust_pose()
     else:
