@@ -139,15 +139,7 @@ def fit_place(submap: Submap, near: Pose2, place_map: PlaceMap, config: PlaceFit
     """Return the best pose of a submap near a first guess of T_map_base."""
     pose = near
     if not len(submap) or not len(place_map.surfaces):
-        return PlaceFit(
-            T_map_base=near,
-            covariance=np.diag(LEAST_VARIANCE) + np.eye(3) * 1e6,
-            evidence=0.0,
-            score=0.0,
-            fit_share=0.0,
-            through_walls_share=0.0,
-            contradicted_share=0.0,
-        )
+        return evaluate_place(submap, near, place_map, config)
     hessian = np.zeros((3, 3))
     for step in range(config.steps):
         gate = max(config.wide_m * 0.7**step, config.narrow_m)
@@ -187,7 +179,18 @@ def evaluate_place(
     config: PlaceFitConfig,
     hessian: Matrix | None = None,
 ) -> PlaceFit:
-    """Return how well a submap fits at T_map_base, without moving it."""
+    """Return how well a submap fits at T_map_base, without moving it: not at all where nothing is
+    seen, or nothing is on the map."""
+    if not len(submap) or not len(place_map.surfaces):
+        return PlaceFit(
+            T_map_base=pose,
+            covariance=np.diag(LEAST_VARIANCE) + np.eye(3) * 1e6,
+            evidence=0.0,
+            score=0.0,
+            fit_share=0.0,
+            through_walls_share=0.0,
+            contradicted_share=0.0,
+        )
     if hessian is None:
         hessian, _ = _normal_equations(submap, pose, place_map, config.narrow_m, config)
     points, distances, _, found = _associate(submap, pose, place_map, config.narrow_m)

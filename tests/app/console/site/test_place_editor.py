@@ -156,3 +156,17 @@ def test_a_place_that_was_checked_on_the_map_of_another_site_is_not_taken(
     with pytest.raises(OtherSite):
         desk.editor.place(HERE, force=True)
     assert desk.controller._requests.place is None
+
+
+@pytest.mark.parametrize("is_bare", [True, False], ids=["nothing in view", "no map"])
+def test_a_robot_whose_place_nothing_tells_is_placed_on_the_operators_word(is_bare: bool) -> None:
+    desk, shown = Desk(), Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0)
+    seen = picture(*(() if is_bare else ROOM), pose=HERE, stamp_ns=50_000_000)
+    desk.controller.think(seen, clock=lambda: seen.stamp_ns)
+    if not is_bare:
+        desk.controller.navigator.localisation.forget_session()
+    with pytest.raises(Refused, match="is seen"):
+        desk.editor.place(shown, force=False)
+    desk.editor.place(shown, force=True)
+    desk.see()
+    assert desk.controller.place.T_map_base.distance_to(1.0, 0.0) < 0.1
