@@ -89,8 +89,9 @@ class ThreadBackground:
 
     @property
     def is_idle(self) -> bool:
-        """Whether a task would be taken now."""
-        return not self._busy.is_set()
+        """Whether a task would be taken now: not before the outcome of the last one was, or the
+        same work would begin again."""
+        return not self._busy.is_set() and self._outcomes.empty()
 
     def submit(self, task: Task) -> None:
         """Begin a task; only while idle."""
