@@ -399,7 +399,9 @@ class Localisation:
         self.tracker.place(there, before.covariance + np.outer(jump, jump), frame)
         if self._is_lost:
             self.tracker.lose(frame.stamp_ns)
-        self._relocaliser = self._kept = self._last = self._still = self._beside = None
+        self._relocaliser = self._kept = self._still = self._beside = None
+        if self.tracker.scan is not None:  # until then it is a place on the map, not by odometry
+            self._last = None
         self._outdated = self._asked
         self._fixes = FreshFixes()  # as the clock may have jumped as well
         if self._start is not None:

@@ -214,6 +214,20 @@ def test_a_robot_that_is_lost_on_its_first_metres_is_looked_for_where_it_stood_l
     assert estimate.T_map_base.distance_to(STOOD.x_m, STOOD.y_m) < 0.1
 
 
+def test_a_jump_that_was_accepted_when_the_map_was_changed_forgets_no_place_on_the_new_one() -> (
+    None
+):
+    ids, keyframes = kept_map()
+    localisation = Localisation(ids, LocalisationConfig())
+    localisation.load(keyframes, STOOD)
+    localisation.accept_jump(LocalisationEstimate(), frame_at(ROUTE[40], 0))
+    for k in range(1, 40):
+        scan = WORLD.scan(STOOD, np.random.default_rng(k))
+        estimate = localisation.follow(frame_at(ROUTE[40], k), scan)
+    assert estimate.is_known
+    assert estimate.T_map_base.distance_to(STOOD.x_m, STOOD.y_m) < 0.1
+
+
 def test_a_start_is_checked_again_after_a_clock_that_was_set_back_was_accepted() -> None:
     ids, keyframes = kept_map()
     localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
