@@ -89,10 +89,12 @@ def planner_stops(
     is_known = decision is not None and decision.place.is_known
     if intent.search is PlaceSearch.FAILED and not is_known:
         found.append(SEARCH_FAILED)
-    if mission.phase not in MOVING or decision is None:
+    if mission.phase is Phase.IDLE or intent.searching or decision is None:
         return found
-    if decision.place.state in POSE_STOPS:
+    if decision.place.state in POSE_STOPS:  # its mission is paused, and cannot be resumed
         found.append(POSE_STOPS[decision.place.state])
+    if mission.phase not in MOVING:
+        return found
     if tick_state.waits_for_correction:
         text = "The robot stands for a moment so that its place on the map can be corrected."
         found.append(StopReason(cause=Cause.POSE_UNKNOWN, text=text))

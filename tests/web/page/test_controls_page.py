@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 
 import pytest
 from playwright.sync_api import Page, expect
 
 from navcore.geometry.transform import Twist
+from navcore.localisation.estimate import LocalisationState
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, await_map, click_map, eventually, middle_of
 from web.server import ConsoleServer
@@ -92,6 +94,12 @@ def test_a_button_that_would_be_refused_is_off_and_says_why(
     start, reset = page.get_by_test_id("start"), page.get_by_test_id("reset")
     expect(start).to_have_attribute("title", "Add a goal first")
     operations.goals.add(3.0, 0.0)
+    expect(start).to_be_enabled()
+    operations.place.now = dataclasses.replace(operations.place.now, state=LocalisationState.LOST)
+    expect(start).to_have_attribute("title", "The robot does not know where it is")
+    operations.place.now = dataclasses.replace(
+        operations.place.now, state=LocalisationState.LOCATED
+    )
     expect(start).to_be_enabled()
     expect(reset).to_have_attribute("title", "No stop is latched")
     page.get_by_test_id("stop").click()

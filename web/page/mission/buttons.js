@@ -8,16 +8,27 @@ import { attempt, notify } from "../core/toasts.js";
 
 const TITLES = { leave: t("Drive out of the zone by the shortest path") };
 
+// Why no mission drives while the robot does not know its place, by the state of that.
+const UNKNOWN = {
+  checking: t("The robot is still comparing what it sees with the map"),
+  ambiguous: t("The robot does not know where it is"),
+  lost: t("The robot does not know where it is"),
+};
+
 // Reason why an action is not possible now, or "" where it is.
 function refusalsOf(state) {
   const { phase, queue, stop_latched: isStopped } = state;
   const stopped = isStopped ? t("The stop is latched: reset it first") : "";
+  const held = stopped || UNKNOWN[state.place.state] || "";
   const moves = ["driving", "leaving"].includes(phase) || state.goes_on || state.place.searching || state.by_hand;
   return {
     start:
-      stopped || (phase !== "idle" && t("The mission has begun")) || (!queue.length && t("Add a goal first")) || "",
+      stopped ||
+      (phase !== "idle" && t("The mission has begun")) ||
+      (!queue.length && t("Add a goal first")) ||
+      held,
     pause: moves ? "" : t("Nothing drives"),
-    resume: phase === "paused" ? stopped : t("The mission is not paused"),
+    resume: phase === "paused" ? held : t("The mission is not paused"),
     cancel: queue.length > 0 || phase !== "idle" ? "" : t("There is no mission"),
     leave: stopped || (state.in_zone ? "" : t("The robot is in no zone")),
   };

@@ -17,6 +17,7 @@ from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.motion import ControllerState, Motion
 from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.navigator import Stages
@@ -128,6 +129,22 @@ def test_the_pages_read_the_reasons_of_the_newest_command_until_something_change
     assert stopped.cause is Cause.EMERGENCY_STOP
     driver.note_failure(OPEN, RuntimeError("no weights"))
     assert Cause.PLANNER_FAILED in [one.cause for one in driver.reasons(SECOND + REASONS_NS)]
+
+
+@pytest.mark.parametrize("state", [LocalisationState.LOST, LocalisationState.AMBIGUOUS])
+def test_a_paused_mission_of_a_lost_robot_is_not_said_to_be_what_holds_it(
+    state: LocalisationState,
+) -> None:
+    driver = controller((3.0, 0.0))
+    think(driver)
+    driver.change_mission(Mission.pause)
+    decision = driver.tick_state.decision
+    assert decision is not None
+    lost = dataclasses.replace(decision, place=LocalisationEstimate(state=state))
+    driver._tick_state = dataclasses.replace(driver.tick_state, decision=lost)
+    assert causes(command(driver))[0] is Cause.POSE_UNKNOWN
+    driver.change_mission(Mission.cancel)
+    assert not causes(command(driver))
 
 
 def test_a_stale_command_and_a_stale_frame_mean_zero() -> None:
