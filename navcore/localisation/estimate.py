@@ -90,6 +90,9 @@ class LocalisationEstimate:
     first."""
     is_searched: bool = False
     """Whether the robot is lost, and its place is looked for in the whole map."""
+    reason: str = ""
+    """What the search for the place of a lost robot lacks, for the operator; empty before it has
+    told."""
     place_correction: PlaceCorrection | None = None
     """Correction at this frame, None without one; if it is large, it waits until the robot
     stands."""
@@ -119,14 +122,6 @@ class LocalisationEstimate:
         """(2, 2) covariance by motion whose growth since an earlier estimate bounds that of the
         position relative to where it was then."""
         return np.asarray(self.positions[1] + self.offset)
-
-    def sigma_along_m(self, x: float, y: float) -> float:
-        """Return the standard deviation of the position along a direction (x, y), metres."""
-        length = math.hypot(x, y)
-        if length == 0.0:
-            return 0.0
-        direction = np.array([x / length, y / length])
-        return math.sqrt(max(float(direction @ self.covariance[:2, :2] @ direction), 0.0))
 
     @property
     def sigma_m(self) -> float:

@@ -367,13 +367,6 @@ class Localisation:
         return self.tracker.keyframes
 
     @property
-    def proposal(self) -> PlaceProposal | None:
-        """What the search says; None while the place is known."""
-        if self._relocaliser is None or not self._is_lost:
-            return None
-        return self._relocaliser.proposal
-
-    @property
     def scan(self) -> Scan | None:
         """Scan of the newest frame; None before the first."""
         return self.tracker.scan
@@ -491,6 +484,7 @@ def _are_apart(place: Pose2, other: Pose2, config: StartConfig) -> bool:
 
 def _ambiguous(estimate: LocalisationEstimate, proposal: PlaceProposal) -> LocalisationEstimate:
     """Return the estimate of a lost robot with the places that its search has found."""
+    estimate = dataclasses.replace(estimate, reason=proposal.reason)
     if proposal.state is RelocalisationState.SEARCHING or not proposal.candidates:
         return estimate
     return dataclasses.replace(

@@ -64,16 +64,18 @@ class PlaceEditor:
         """Set the robot's pose to where the newest scan fits best near a pose."""
         self._controller.require_standing("show its place")
         site_id, scan = self._controller.intent.site_id, self._scan()
+        stood = self._controller.place.T_driven_base
         found = self._checked(scan, pose)
-        answer = _answer(scan, found)
-        if found.is_accepted:
-            pose, covariance = found.fit.T_map_base, found.fit.covariance
-            self._controller.place_robot(pose, covariance, site_id=site_id)
-        elif force:
+        answer, covariance = _answer(scan, found), found.fit.covariance
+        if not found.is_accepted:
+            if not force:
+                raise Refused(answer.text)
             answer = replace(answer, pose=pose, scan=pose.to_parent(scan.points_base))
-            self._controller.place_robot(pose, UNCHECKED, site_id=site_id)
-        else:
-            raise Refused(answer.text)
+            covariance = UNCHECKED
+        # It may have been driven by hand since the scan: the tables of a large map take seconds.
+        self._controller.require_standing("show its place")
+        moved = stood.inverse() @ self._controller.place.T_driven_base
+        self._controller.place_robot(answer.pose @ moved, covariance, site_id=site_id)
         return answer
 
     def search(self) -> None:
@@ -127,7 +129,12 @@ def require_known(place: LocalisationEstimate) -> None:
 
 
 def in_words(place: LocalisationEstimate) -> str:
-    """Return a sentence on the robot's knowledge of its place."""
+    """Return what the robot knows of its place, and what the search for it lacks."""
+    words = _state_in_words(place)
+    return f"{words} So far: {place.reason}." if place.reason else words
+
+
+def _state_in_words(place: LocalisationEstimate) -> str:
     sigma = f"± {SIGMAS * place.sigma_m:.2f} m"
     match place.state:
         case LocalisationState.LOCATED:

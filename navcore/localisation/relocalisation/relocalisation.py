@@ -56,7 +56,7 @@ class PlaceProposal:
     state: RelocalisationState
     """How far the search has come."""
     reason: str
-    """What is missing, for the operator."""
+    """What is missing, for the operator; empty before the first search, and for nothing."""
     T_map_odom: Pose2 | None = None
     """Pose of odometry's frame in the map at the best place; None without one."""
     covariance: Matrix | None = None
@@ -204,9 +204,7 @@ class Relocaliser:
         self._shares: list[float] = []
         self._tracked_since_ns: int | None = None
         self._now_ns = 0
-        self.proposal = PlaceProposal(
-            state=RelocalisationState.SEARCHING, reason="nothing has been seen yet"
-        )
+        self.proposal = PlaceProposal(state=RelocalisationState.SEARCHING, reason="")
         """What is known now."""
 
     def reconsidered(self) -> Relocaliser:

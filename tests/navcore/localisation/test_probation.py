@@ -217,8 +217,8 @@ def test_what_was_found_on_trial_does_not_place_a_robot_that_is_lost_after_it(ho
         localisation.search(0)
     else:
         localisation._begin_search(may_be_there=False)
-    assert localisation.proposal is not None
-    assert localisation.proposal.state is not RelocalisationState.ACCEPTED
+    assert localisation._relocaliser is not None
+    assert localisation._relocaliser.proposal.state is not RelocalisationState.ACCEPTED
     assert localisation.is_on_trial is (how == "lost")
 
 
@@ -232,7 +232,7 @@ def test_a_lost_robot_whose_odometry_jumps_is_not_placed_by_what_was_found_befor
     localisation.accept_jump(before, jumped)
     localisation.take(late)
     assert localisation.follow(jumped, scan).state is LocalisationState.LOST
-    assert localisation.proposal is None
+    assert localisation._relocaliser is None
 
 
 def test_an_answer_about_the_place_before_says_nothing_of_the_one_that_was_found() -> None:

@@ -111,6 +111,10 @@ def test_a_search_forgets_the_place_and_says_so(desk: Desk) -> None:
     assert desk.controller.place.state in (LocalisationState.LOST, LocalisationState.AMBIGUOUS)
     status = desk.editor.status()
     assert status.searching and "map" in status.text
+    for _ in range(3):
+        desk.see()
+    # What the search lacks is told beside the advice.
+    assert "on the map. So far: " in desk.editor.status().text
     desk.editor.place(HERE, force=False)
     desk.see()
     desk.see()
@@ -156,6 +160,25 @@ def test_a_place_that_was_checked_on_the_map_of_another_site_is_not_taken(
     with pytest.raises(OtherSite):
         desk.editor.place(HERE, force=True)
     assert desk.controller._requests.place is None
+
+
+def test_a_robot_that_is_driven_while_its_place_is_checked_is_placed_where_it_is_then(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    desk = Desk()
+    desk.see()
+    checked = desk.editor._checked
+
+    def drives_meanwhile(*given: Any) -> Any:
+        found = checked(*given)
+        for step in range(1, 11):
+            desk.see(Pose2(x_m=0.02 * step, y_m=0.0, yaw_rad=0.0))
+        return found
+
+    monkeypatch.setattr(desk.editor, "_checked", drives_meanwhile)
+    desk.editor.place(HERE, force=True)
+    desk.see(Pose2(x_m=0.2, y_m=0.0, yaw_rad=0.0))
+    assert desk.controller.place.T_map_base.distance_to(0.2, 0.0) < 0.03
 
 
 @pytest.mark.parametrize("is_bare", [True, False], ids=["nothing in view", "no map"])
