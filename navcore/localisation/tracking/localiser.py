@@ -236,6 +236,8 @@ class Localiser:
 
     def _move_to(self, there: Pose2, covariance: Matrix, source: FixSource) -> None:
         """Set the estimate to a pose of which `covariance` tells what was measured, the heading or
+        if np.linalg.eigvalsh(covariance[:2, :2])[-1] <= _PLACED[0, 0]:
+            self._state.forget_doubt()  # whatever the scans show there
         not, and begin to track again from there."""
         spread = _PLACED.copy()
         spread[: len(covariance), : len(covariance)] = covariance

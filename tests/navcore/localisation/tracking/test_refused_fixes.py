@@ -21,6 +21,7 @@ from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.profile import HUSKY
 from tests.navcore.localisation.plan_worlds import PlanWorld
+from tests.navcore.localisation.starts import ROUTE, WORLD, started
 from tests.navcore.localisation.tracking.test_localiser import PERIOD_S, frame_at
 
 CONFIG = LocalisationConfig()
@@ -189,3 +190,19 @@ def test_after_such_a_correction_loops_of_the_chain_before_are_not_taken(
     monkeypatch.setattr(LoopCloser, "has", lambda chain, closures: True)
     localisation.take(late)
     assert localisation.closures is late
+
+
+@pytest.mark.parametrize(("sigma_m", "is_lost"), [(0.02, False), (1.5, True), (None, True)])
+def test_a_robot_whose_place_exact_fixes_confirm_is_not_lost_by_what_it_sees(
+    sigma_m: float | None, is_lost: bool
+) -> None:
+    localisation, _, _ = started()
+    here = ROUTE[40]
+    elsewhere = WORLD.scan(
+        ROUTE[40] @ Pose2(x_m=0.5, y_m=0.0, yaw_rad=2.0), np.random.default_rng(3)
+    )
+    for k in range(11, 60):
+        fixes = () if sigma_m is None else (fix(k, here, sigma_m),)
+        frame = dataclasses.replace(frame_at(here, k), fixes=fixes)
+        estimate = localisation.follow(frame, elsewhere)
+    assert estimate.is_known is not is_lost
