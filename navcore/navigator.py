@@ -415,6 +415,7 @@ class Navigator:
         and what an operator has drawn stay. Raises `BadConfiguration`, and changes nothing, for a
         pose ID that is unknown or belongs to a loaded map."""
         self.map.correct(poses)
+        self.localisation.move_keyframes(poses)
         self._mapper.follow_correction()
 
     def reset_pose(self) -> None:

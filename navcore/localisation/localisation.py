@@ -423,6 +423,13 @@ class Localisation:
         at_start = StartCheck(self._config.start, self._config.relocalisation).covariance
         return bool((np.diag(covariance) <= np.diag(at_start)).all())
 
+    def move_keyframes(self, poses: Mapping[int, Pose2]) -> None:
+        """Move keyframes of this session to corrected T_map_base by ID, and not the robot; the map
+        was corrected by the same poses. Loops are closed among what is seen from now on alone, as
+        odometry would move the others back."""
+        self.tracker.move_keyframes(poses)
+        self._restart_chain()
+
     def forget_session(self) -> None:
         """Forget the keyframes of this session, which were made at a wrong place."""
         self.tracker.forget_own_map()

@@ -176,6 +176,10 @@ class Localiser:
                     for i, held in self._relative.items()
                 }
 
+    def move_keyframes(self, poses: Mapping[int, Pose2]) -> None:
+        """Move keyframes of this session to corrected poses by ID; the robot stays."""
+        self._chain.correct(poses)
+
     def place(self, T_map_base: Pose2, covariance: Matrix | None, frame: Frame) -> None:
         """Set the pose of the robot at a frame: given by the operator or found by relocalisation;
         the only way on from `LOST`."""
@@ -232,12 +236,12 @@ class Localiser:
             return False
         self._chain.fix(fix, _measured(self._pose, residual, rows), rows)
         self._filter.fuse_position(residual, rows, alike * covariance)
+        if np.linalg.eigvalsh(covariance[:2, :2])[-1] <= _PLACED[0, 0]:
+            self._state.forget_doubt()  # whatever the scans show there
         return True
 
     def _move_to(self, there: Pose2, covariance: Matrix, source: FixSource) -> None:
         """Set the estimate to a pose of which `covariance` tells what was measured, the heading or
-        if np.linalg.eigvalsh(covariance[:2, :2])[-1] <= _PLACED[0, 0]:
-            self._state.forget_doubt()  # whatever the scans show there
         not, and begin to track again from there."""
         spread = _PLACED.copy()
         spread[: len(covariance), : len(covariance)] = covariance

@@ -41,9 +41,13 @@ def test_a_corrected_pose_moves_its_points_at_the_next_tick_and_an_unknown_one_i
         driver.correct_poses(
             {0: Pose2(x_m=0.5, y_m=0.0, yaw_rad=0.0), 5: Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)}
         )
-    driver.correct_poses({0: Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)})
+    moved_to = Pose2(x_m=0.0, y_m=0.5, yaw_rad=0.0)
+    driver.correct_poses({0: moved_to})
     # A frame from elsewhere, so that the old pose's points are not replaced.
     think(driver, picture(stamp_ns=2 * SECOND, pose=Pose2(x_m=-4.0, y_m=0.0, yaw_rad=math.pi)))
+    (keyframe,) = (one for one in driver.navigator.localisation.keyframes if one.pose_id == 0)
+    assert keyframe.T_map_base == moved_to
+    assert driver.place.T_map_base.distance_to(-4.0, 0.0) < 0.05
     after = driver.navigator.map.points
     moved = after.pose_ids == 0
     assert moved.sum() == len(before.points_map) > 0
