@@ -93,6 +93,9 @@ class Localisation:
         """Place of a lost robot that is where odometry has it, as a search has found."""
         self._beside: tuple[Pose2, Matrix] | None = None
         """Place beside the believed one, which the next frame takes over."""
+        self._put_off_m = 0.0
+        """Distance in metres that the robot has to move before a search that has failed is tried
+        again; a radian counts as half a metre."""
 
     def update(
         self, frame: Frame, labels: Labels, people: tuple[Track, ...], ground_m: FloatImage
@@ -129,6 +132,7 @@ class Localisation:
                 self._last = self._last @ self._driven.pose.inverse()
         self.tracker.is_confirmed = self._start is None
         estimate = self.tracker.follow(frame, scan)
+        self._put_off_m -= self.tracker.moved_m
         self._loops.note(self.tracker.take_edges(), self.tracker.take_fixes())
         beside, self._beside = self._beside, None
         if beside is not None and estimate.state is not LocalisationState.LOST:
@@ -314,6 +318,8 @@ class Localisation:
             return self._loops.next_task(
                 self.tracker.own_map.keyframe, self.tracker.constant_errors
             )
+        if self._put_off_m > 0.0:
+            return None
         rules, self._is_asked = self._config.relocalisation, True
         if self._place_map is None:
             return PrepareSearch.of(self.searched_map, rules)
@@ -360,6 +366,10 @@ class Localisation:
             if fit := outcome.beside(self._config.relocalisation):
                 T_base_driven = outcome.task.everything.T_odom_base.inverse()
                 self._beside = fit.T_map_base @ T_base_driven, fit.covariance
+
+    def put_off_search(self) -> None:
+        """Search no more until the robot has moved: the last search has failed."""
+        self._put_off_m = self._config.relocalisation.search_m
 
     @property
     def keyframes(self) -> tuple[Keyframe, ...]:
@@ -413,6 +423,13 @@ class Localisation:
         self._loops.take(closures)
         self.closures = None
 
+    def move_keyframes(self, poses: Mapping[int, Pose2]) -> None:
+        """Move keyframes of this session to corrected T_map_base by ID, and not the robot; the map
+        was corrected by the same poses. Loops are closed among what is seen from now on alone, as
+        odometry would move the others back."""
+        self.tracker.move_keyframes(poses)
+        self._restart_chain()
+
     def _drift_since(self, left: LocalisationEstimate) -> Matrix:
         """Return the (3, 3) covariance by which the driving since an estimate has made the pose
         more uncertain."""
@@ -422,13 +439,6 @@ class Localisation:
         """Return whether a pose is at least as certain as a start is taken to be."""
         at_start = StartCheck(self._config.start, self._config.relocalisation).covariance
         return bool((np.diag(covariance) <= np.diag(at_start)).all())
-
-    def move_keyframes(self, poses: Mapping[int, Pose2]) -> None:
-        """Move keyframes of this session to corrected T_map_base by ID, and not the robot; the map
-        was corrected by the same poses. Loops are closed among what is seen from now on alone, as
-        odometry would move the others back."""
-        self.tracker.move_keyframes(poses)
-        self._restart_chain()
 
     def forget_session(self) -> None:
         """Forget the keyframes of this session, which were made at a wrong place."""
@@ -450,6 +460,7 @@ class Localisation:
         """Forget the place, and look for it in the whole map."""
         self.tracker.lose(stamp_ns)
         self._kept = self._start = self._last = self._probation = None
+        self._put_off_m = 0.0
         self._begin_search(may_be_there=False)
 
     def load(
@@ -476,7 +487,7 @@ class Localisation:
         has_map = len(self.tracker.saved_map) > 0
         self._kept, self._probation, self._beside = kept, None, None
         self._start = self._start_check() if has_map and kept is None else None
-        self._is_asked = False
+        self._is_asked, self._put_off_m = False, 0.0
         self._fixes, self._fixed_ns = FreshFixes(), -FIX_LIFE_NS
         self._last = last if has_map and kept is None else None
         self._may_be_elsewhere = False

@@ -14,7 +14,7 @@ from navcore.config.localisation.localisation import TrackingConfig
 from navcore.geometry.transform import Pose2, Twist
 from navcore.localisation.localisation import Localisation, Outcome, Task
 from navcore.localisation.loops.loop_closure import LoopClosures
-from navcore.localisation.tasks import TaskFailed
+from navcore.localisation.tasks import PrepareSearch, SearchPlaces, TaskFailed
 from navcore.mapping.correction import MapSnapshot, PreparedCorrection, prepare
 from navcore.mapping.point_map import PointMap
 
@@ -84,12 +84,15 @@ class MapCorrection:
 
     def take(self, outcome: Outcome | PreparedCorrection | TaskFailed) -> None:
         """Receive the outcome of a task. Loops whose correction could not be computed are given up;
-        the next ones come with the next keyframes."""
+        the next ones come with the next keyframes. A search that has failed is tried again once the
+        robot has moved."""
         if isinstance(outcome, PreparedCorrection):
             self._prepared = outcome
         elif isinstance(outcome, TaskFailed):
             if isinstance(outcome.task, PrepareCorrection):
                 self._prepared_for = self._localisation.closures = None
+            elif isinstance(outcome.task, PrepareSearch | SearchPlaces):
+                self._localisation.put_off_search()
         else:
             self._localisation.take(outcome)
 

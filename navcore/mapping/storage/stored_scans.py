@@ -74,7 +74,9 @@ def check_scans(scans: StoredScans, poses: int, where: str) -> None:
             and within(scans.origins, -far, far),
             "scan_points": scans.points.shape == (count, 2) and within(scans.points, -far, far),
             "scan_normals": scans.normals.shape == (count, 2) and within(scans.normals, -1.1, 1.1),
-            "scan_variance": len(scans.variance) == count and within(scans.variance, 0, far),
+            "scan_variance": len(scans.variance) == count
+            and within(scans.variance, 0, far)
+            and bool((scans.variance > 0).all()),
         },
         where,
     )

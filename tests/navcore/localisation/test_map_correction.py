@@ -16,7 +16,7 @@ from navcore.localisation.graph.pose_graph import PoseGraph, optimise
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures
 from navcore.localisation.map_correction import MapCorrection, PrepareCorrection
-from navcore.localisation.tasks import TaskFailed
+from navcore.localisation.tasks import PrepareSearch, TaskFailed
 from navcore.mapping.point_map import PointMap
 from tests.navcore.localisation.tracking.test_localiser import ROUTE, WORLD, frame_at
 
@@ -55,6 +55,24 @@ def test_the_robot_and_what_it_has_seen_since_move_with_the_loops_before() -> No
         assert one.T_map_base.y_m == pytest.approx((shift @ before[one.pose_id]).y_m)
     after = localisation.follow(frame_at(ROUTE[79], 80), WORLD.scan(ROUTE[79], rng).emptied())
     assert after.T_map_base.y_m == pytest.approx((shift @ here).y_m, abs=1e-4)
+
+
+def test_a_search_that_fails_is_tried_again_once_the_robot_has_moved() -> None:
+    point_map = empty_map()
+    localisation = Localisation(point_map.pose_ids, LocalisationConfig())
+    correction = MapCorrection(point_map, localisation, TrackingConfig())
+    scan = WORLD.scan(ROUTE[0], np.random.default_rng(3))
+    localisation.follow(frame_at(ROUTE[0], 0), scan)
+    localisation.search(0)
+    task = correction.next_task()
+    assert isinstance(task, PrepareSearch)
+    correction.take(TaskFailed(task=task))
+    for k, pose in enumerate(ROUTE[:3], 1):
+        localisation.follow(frame_at(pose, k), scan)
+        assert correction.next_task() is None
+    for k, pose in enumerate(ROUTE[3:20], 4):
+        localisation.follow(frame_at(pose, k), scan)
+    assert isinstance(correction.next_task(), PrepareSearch)
 
 
 def test_a_correction_that_fails_is_given_up_and_other_work_goes_on() -> None:

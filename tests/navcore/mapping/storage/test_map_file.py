@@ -373,6 +373,7 @@ HUGE = (
         ("scan_points", np.zeros((7, 3), np.float32), "m: scan_points: has values"),
         ("scan_normals", np.full((7, 2), 2, np.float32), "m: scan_normals: has values"),
         ("scan_variance", np.full(7, -1, np.float32), "m: scan_variance: has values"),
+        ("scan_variance", np.zeros(7, np.float32), "m: scan_variance: has values"),
         ("seen", np.zeros((13, 4), dtype=np.uint8), "m: seen: expected (13, 3) bytes"),
         ("volume", GOOD["volume"][1:], "m: volume: has values"),
         ("head", np.frombuffer(b"{", dtype=np.uint8), "m: head: damaged"),
