@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.spatial import KDTree
 
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
+from navcore.mapping.points.placing import pose_rows
 from navcore.planning.route import read_only
 
 STEP_M = 0.05
@@ -30,6 +34,20 @@ class DrivenPath:
     def forget(self) -> None:
         """Forget the positions, as after a change of the map."""
         self.points, self._T_odom_base = np.empty((0, 2)), None
+
+    def follow(self, before: Sequence[Pose2], after: Sequence[Pose2]) -> None:
+        """Move the positions with a correction of the map, T_map_base by pose ID: each with the
+        pose that was nearest to it."""
+        if not before or not len(self.points):
+            return
+        then, now = pose_rows(before), pose_rows(after)
+        nearest = KDTree(then[:, :2]).query(self.points)[1]
+        x, y = (self.points - then[nearest, :2]).T
+        then_cos, then_sin = then[nearest, 2:].T
+        along, aside = then_cos * x + then_sin * y, then_cos * y - then_sin * x
+        cos, sin = now[nearest, 2:].T
+        moved = np.column_stack([cos * along - sin * aside, sin * along + cos * aside])
+        self.points = read_only(now[nearest, :2] + moved)
 
     def add(self, T_map_base: Pose2, T_odom_base: Pose2) -> None:
         """Go on to a pose in the map, which is `T_odom_base` by odometry."""

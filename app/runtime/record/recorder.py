@@ -65,6 +65,8 @@ class Recorder:
         """Called by the think thread after each tick."""
         self.pose = decision.frame.pose
         self.images += 1
+        if decision.correction is not None:
+            self._driven.follow(decision.correction.before, decision.correction.after)
         self._driven.add(self.pose, decision.place.T_map_odom.inverse() @ self.pose)
         if decision.route is not None and decision.route is not self._route:
             self.replans += isinstance(decision.route.outcome, Path)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
 from app.runtime.record.driven_path import DrivenPath
@@ -38,3 +41,13 @@ def test_a_standing_robot_whose_place_is_corrected_to_and_fro_has_driven_nowhere
     for tick in range(10):
         path.add(at(0.3 * (tick % 2)), at(0.0))
     assert path.length_m == 0.0
+
+
+def test_the_path_moves_with_the_map_and_its_length_stays() -> None:
+    path = DrivenPath()
+    for x_m in (0.0, 1.0, 2.0, 3.0):
+        path.add(at(x_m), at(x_m))
+    turned = Pose2(x_m=3.0, y_m=1.0, yaw_rad=math.pi / 2)
+    path.follow((at(0.5), at(3.0)), (at(0.5), turned))
+    np.testing.assert_allclose(path.points, [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0], [3.0, 1.0]])
+    assert path.length_m == pytest.approx(3.0)
