@@ -105,6 +105,12 @@ class ScanMap:
         )
 
     @property
+    def held(self) -> int:
+        """Number of surfaces that take memory: those of scans that were removed are among them
+        until all keyframes are replaced."""
+        return int(self._used[1])
+
+    @property
     def memory_bytes(self) -> int:
         """Memory of surfaces and keyframes in bytes."""
         scans = sum(

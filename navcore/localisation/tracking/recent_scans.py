@@ -27,6 +27,8 @@ _SPACING_M, _SPACING_RAD = 0.4, math.radians(15.0)
 """Motion between two of them."""
 _DRIFT = np.diag([0.05, 0.05, math.radians(1.5)]) ** 2
 """Covariance of odometry over the way that they cover."""
+_MOST_HELD = 32_768
+"""Number of surfaces from which the memory of those is freed that the robot has left behind."""
 _WINDOW_M = 0.15
 """Distance in metres within which the surface of a point is looked for."""
 
@@ -117,6 +119,8 @@ class RecentScans:
         ):
             pose_id, self._kept, self._count = self._count, here, self._count + 1
             self._map.remove(pose_id - _KEPT)
+            if self._map.held > _MOST_HELD:
+                self._map.replace(self._map.keyframes)
         self._map.put(Keyframe(pose_id=pose_id, T_map_base=here, scan=scan))
 
     def clear(self) -> None:

@@ -138,3 +138,17 @@ def test_a_place_where_all_that_is_near_fits_is_not_elsewhere(
     )
     monkeypatch.setattr(recent_scans, "lines_blocked_share", lambda *_, **__: blocked)
     assert is_elsewhere(found, scan, surfaces, config) == elsewhere
+
+
+def test_surfaces_that_were_left_behind_take_no_memory_for_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    most = 3_000
+    monkeypatch.setattr(recent_scans, "_MOST_HELD", most)
+    scans, held, far = RecentScans(LocalisationConfig()), [], 0.0
+    for k in range(60):
+        far += 0.5
+        there = Pose2(x_m=far, y_m=0.0, yaw_rad=0.0) @ HERE
+        scans.add(seen_from(HERE, k), there)
+        held.append(scans._map.held)
+    assert max(held) < 2 * most and min(held[30:]) < most / 2
