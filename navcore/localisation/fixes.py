@@ -1,12 +1,11 @@
-"""Position fixes by tags whose pose in the map is known: given with the site, or learnt from where
-the robot saw them."""
+"""Position fixes by tags whose pose in the map is known, and the pose of a tag that the robot
+sees."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 import numpy as np
 
@@ -16,18 +15,6 @@ from navcore.geometry.transform import Matrix, Pose2
 from navcore.perception.tags import TagDetection, detect_tags
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame
-
-_SHARES = np.linspace(0.0, 1.0, 11)
-"""Weights that covariance intersection tries."""
-
-
-class TagOrigin(StrEnum):
-    """How the pose of a tag is known."""
-
-    GIVEN = "given"
-    """Told with the site; nothing changes it."""
-    LEARNT = "learnt"
-    """By the robot's own pose where it saw the tag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,8 +29,6 @@ class MappedTag:
     """Side of the black square in metres."""
     covariance: Matrix = field(default_factory=lambda: np.zeros((3, 3)))
     """(3, 3) covariance of x and y in metres and yaw in radians of `pose`, along the map's axes."""
-    origin: TagOrigin = TagOrigin.GIVEN
-    """How the pose is known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,44 +37,33 @@ class TagMap:
 
     tags: Mapping[int, MappedTag] = field(default_factory=dict)
     """Tag of each number."""
-    unknown_size_m: float | None = None
-    """Side in metres of tags that are not in the map and may be learnt; None to leave them out."""
 
     def size_of(self, number: int) -> float | None:
-        """Return the side in metres of a tag; None for one that is to be left out."""
+        """Return the side in metres of a tag; None for one that is not on the map."""
         known = self.tags.get(number)
-        return self.unknown_size_m if known is None else known.size_m
-
-    def learnt(self, detection: TagDetection, T_map_base: Pose2, covariance: Matrix) -> TagMap:
-        """Return the map with what one detection tells of its tag, seen from a T_map_base with a
-        (3, 3) covariance.
-
-        A given tag stays as it is. Views of a tag share the errors of the robot's pose, so they are
-        fused by covariance intersection, which holds for any correlation.
-        """
-        known = self.tags.get(detection.id)
-        size_m = self.size_of(detection.id)
-        if size_m is None or (known is not None and known.origin is TagOrigin.GIVEN):
-            return self
-        seen = MappedTag(
-            id=detection.id,
-            pose=T_map_base @ detection.pose,
-            size_m=size_m,
-            covariance=_seen_covariance(detection, T_map_base, covariance),
-            origin=TagOrigin.LEARNT,
-        )
-        tag = seen if known is None else _intersected(known, seen)
-        return TagMap({**self.tags, tag.id: tag}, self.unknown_size_m)
+        return None if known is None else known.size_m
 
 
-def tag_map(tags: Iterable[MappedTag], unknown_size_m: float | None = None) -> TagMap:
+def tag_seen(
+    detection: TagDetection, size_m: float, T_map_base: Pose2, covariance: Matrix
+) -> MappedTag:
+    """Return a tag where one detection has it, seen from a T_map_base with a (3, 3) covariance."""
+    return MappedTag(
+        id=detection.id,
+        pose=T_map_base @ detection.pose,
+        size_m=size_m,
+        covariance=_seen_covariance(detection, T_map_base, covariance),
+    )
+
+
+def tag_map(tags: Iterable[MappedTag]) -> TagMap:
     """Return the map of some tags; raises `BadConfiguration` for two of one number."""
     by_number: dict[int, MappedTag] = {}
     for tag in tags:
         if tag.id in by_number:
             raise BadConfiguration(f"two tags of the map have the number {tag.id}")
         by_number[tag.id] = tag
-    return TagMap(by_number, unknown_size_m)
+    return TagMap(by_number)
 
 
 def tag_fixes(
@@ -162,29 +136,3 @@ def _seen_covariance(detection: TagDetection, T_map_base: Pose2, covariance: Mat
     by_base[:2, 2] = _LEFT @ turn @ (detection.pose.x_m, detection.pose.y_m)
     by_view[:2, :2] = turn
     return np.asarray(by_base @ covariance @ by_base.T + by_view @ detection.covariance @ by_view.T)
-
-
-def _intersected(known: MappedTag, seen: MappedTag) -> MappedTag:
-    """Return the tag by covariance intersection, with the weight of the least trace."""
-    apart = known.pose.inverse() @ seen.pose
-    offset = np.array(
-        [seen.pose.x_m - known.pose.x_m, seen.pose.y_m - known.pose.y_m, apart.yaw_rad]
-    )
-    ours, theirs = np.linalg.inv(known.covariance), np.linalg.inv(seen.covariance)
-    share = min(
-        _SHARES,
-        key=lambda share: float(np.trace(np.linalg.inv((1 - share) * ours + share * theirs))),
-    )
-    covariance = np.linalg.inv((1 - share) * ours + share * theirs)
-    x, y, turn = covariance @ (share * theirs @ offset)
-    return MappedTag(
-        id=known.id,
-        pose=Pose2(
-            x_m=known.pose.x_m + float(x),
-            y_m=known.pose.y_m + float(y),
-            yaw_rad=(known.pose @ Pose2(x_m=0.0, y_m=0.0, yaw_rad=float(turn))).yaw_rad,
-        ),
-        size_m=known.size_m,
-        covariance=covariance,
-        origin=TagOrigin.LEARNT,
-    )

@@ -10,7 +10,7 @@ from app.console.site.site_archive import FURNISHINGS, furnishings_of
 from app.storage.site_store import SiteStore
 from navcore.errors import Refused
 from navcore.geometry.transform import Pose2
-from navcore.localisation.fixes import MappedTag, TagMap, tag_map
+from navcore.localisation.fixes import MappedTag, TagMap, tag_map, tag_seen
 from navcore.navigator import TickResult
 from navcore.perception.tags import detect_tags
 from web.interface.sites import MAX_TAGS, SeenTag, Tag
@@ -75,13 +75,13 @@ def seen_tags(decision: TickResult | None, size_m: float, known: TagMap) -> tupl
     """
     if decision is None or not decision.place.is_known:
         raise Refused("the robot does not know where it is; show it its place first")
-    place, seen = decision.place, TagMap(unknown_size_m=size_m)
-    detections = detect_tags(decision.frame, seen.size_of)
-    for detection in detections:
-        seen = seen.learnt(detection, place.T_map_base, place.covariance)
+    place = decision.place
     return tuple(
-        SeenTag(tag=_tag_of(seen.tags[one.id], one.z_m), known=one.id in known.tags)
-        for one in detections
+        SeenTag(
+            tag=_tag_of(tag_seen(one, size_m, place.T_map_base, place.covariance), one.z_m),
+            known=one.id in known.tags,
+        )
+        for one in detect_tags(decision.frame, lambda number: size_m)
     )
 
 

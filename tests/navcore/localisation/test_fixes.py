@@ -1,9 +1,7 @@
-"""Fixes by tags: the pose and the covariance that follow from a detection, and tags that are
-learnt."""
+"""Fixes by tags: the pose and the covariance that follow from a detection, and those of the tag."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -13,7 +11,7 @@ from hypothesis import strategies as st
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Matrix, Pose2, wrap_angle
-from navcore.localisation.fixes import MappedTag, TagMap, TagOrigin, tag_fixes, tag_map
+from navcore.localisation.fixes import MappedTag, TagMap, tag_fixes, tag_map, tag_seen
 from navcore.perception.tags import TagDetection
 from navcore.robot.fix import FixSource, check_fix
 
@@ -82,50 +80,20 @@ def test_the_covariance_of_a_fix_is_that_of_its_view_and_of_its_tag(
 
 
 @given(POSES, POSES)
-def test_a_tag_is_learnt_where_it_was_seen_and_less_surely_than_the_robot_knew_its_pose(
+def test_a_tag_is_where_it_was_seen_and_less_surely_known_than_the_robots_pose(
     base: Pose2, seen: Pose2
 ) -> None:
     own = np.diag([0.05, 0.04, 0.02]) ** 2
-    learnt = TagMap(unknown_size_m=0.3).learnt(detected(seen), base, own)
-    (tag,) = learnt.tags.values()
-    assert tag.origin is TagOrigin.LEARNT
+    tag = tag_seen(detected(seen), 0.3, base, own)
     np.testing.assert_allclose(as_array(tag.pose), as_array(base @ seen), atol=1e-9)
     expected = propagated(lambda at: as_pose(at) @ seen, as_array(base), own)
     expected += propagated(lambda at: base @ as_pose(at), as_array(seen), VIEW)
     np.testing.assert_allclose(tag.covariance, expected, rtol=1e-4, atol=1e-8)
 
 
-def test_seen_a_hundred_times_from_one_place_a_tag_is_no_surer_than_seen_once() -> None:
-    """The robot's own error is the same in all views; an average would forget that."""
-    base, own = Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.5), np.diag([0.05, 0.04, 0.02]) ** 2
-    seen = detected(Pose2(x_m=2.0, y_m=0.0, yaw_rad=3.0))
-    once = TagMap(unknown_size_m=0.3).learnt(seen, base, own)
-    often = once
-    for _ in range(100):
-        often = often.learnt(seen, base, own)
-    assert np.trace(often.tags[7].covariance) == pytest.approx(np.trace(once.tags[7].covariance))
-
-
-def test_a_better_view_replaces_a_worse_one_and_a_given_tag_is_never_moved() -> None:
-    base, seen = Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.5), detected(Pose2(x_m=2.0, y_m=0.0, yaw_rad=3))
-    rough = TagMap(unknown_size_m=0.3).learnt(
-        seen, base @ Pose2(x_m=0.5, y_m=0.3, yaw_rad=0.1), np.diag([1.0, 1.0, 0.3]) ** 2
-    )
-    fine = rough.learnt(seen, base, np.diag([0.01, 0.01, 0.01]) ** 2)
-    truth = base @ seen.pose
-    assert truth.distance_to(fine.tags[7].pose.x_m, fine.tags[7].pose.y_m) < 0.01
-    told = known(Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
-    assert told.learnt(seen, base, np.eye(3)) is told
-
-
 def test_unknown_tags_are_left_out_and_numbers_are_unique() -> None:
-    assert TagMap().size_of(7) is None and TagMap(unknown_size_m=0.2).size_of(7) == 0.2
-    assert TagMap().learnt(detected(Pose2(x_m=1, y_m=0, yaw_rad=0)), *at_origin()).tags == {}
+    assert TagMap().size_of(7) is None
     assert tag_fixes([detected(Pose2(x_m=1, y_m=0, yaw_rad=0))], TagMap(), 0) == ()
     tag = MappedTag(id=7, pose=Pose2(x_m=0, y_m=0, yaw_rad=0), size_m=0.3)
     with pytest.raises(BadConfiguration, match="number 7"):
         tag_map([tag, tag])
-
-
-def at_origin() -> tuple[Pose2, Matrix]:
-    return Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.pi / 2), np.eye(3)
