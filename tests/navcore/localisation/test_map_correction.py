@@ -18,6 +18,7 @@ from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures
 from navcore.localisation.map_correction import MapCorrection, PrepareCorrection
 from navcore.localisation.tasks import PrepareSearch, TaskFailed
 from navcore.mapping.point_map import PointMap
+from navcore.robot.profile import HUSKY
 from tests.navcore.localisation.tracking.test_localiser import ROUTE, WORLD, frame_at
 
 
@@ -28,7 +29,7 @@ def empty_map() -> PointMap:
 
 def test_the_robot_and_what_it_has_seen_since_move_with_the_loops_before() -> None:
     point_map, rng = empty_map(), np.random.default_rng(3)
-    localisation = Localisation(point_map.pose_ids, LocalisationConfig())
+    localisation = Localisation(point_map.pose_ids, LocalisationConfig(), HUSKY.depth_sensor)
     correction = MapCorrection(point_map, localisation, TrackingConfig())
     for k, pose in enumerate(ROUTE[:80]):
         here = localisation.follow(frame_at(pose, k), WORLD.scan(pose, rng)).T_map_base
@@ -59,7 +60,7 @@ def test_the_robot_and_what_it_has_seen_since_move_with_the_loops_before() -> No
 
 def test_a_search_that_fails_is_tried_again_once_the_robot_has_moved() -> None:
     point_map = empty_map()
-    localisation = Localisation(point_map.pose_ids, LocalisationConfig())
+    localisation = Localisation(point_map.pose_ids, LocalisationConfig(), HUSKY.depth_sensor)
     correction = MapCorrection(point_map, localisation, TrackingConfig())
     scan = WORLD.scan(ROUTE[0], np.random.default_rng(3))
     localisation.follow(frame_at(ROUTE[0], 0), scan)

@@ -218,7 +218,7 @@ def test_a_jump_that_was_accepted_when_the_map_was_changed_forgets_no_place_on_t
     None
 ):
     ids, keyframes = kept_map()
-    localisation = Localisation(ids, LocalisationConfig())
+    localisation = Localisation(ids, LocalisationConfig(), HUSKY.depth_sensor)
     localisation.load(keyframes, STOOD)
     localisation.accept_jump(LocalisationEstimate(), frame_at(ROUTE[40], 0))
     for k in range(1, 40):
