@@ -58,6 +58,7 @@ def list_sites(data: DataOption = Path("data")) -> None:
 @site_cli.command("new")
 def new(name: NameArgument, data: DataOption = Path("data")) -> None:
     """Make an empty site."""
+    _check_name(name)
     with _sites(data, makes=True) as sites:
         sites.make(name)
     typer.echo(f"Site {name} is made; use it with `console --site`.")
@@ -105,6 +106,7 @@ def import_site(name: NameArgument, file: FileArgument, data: DataOption = Path(
     from navcore.files import read_whole
     from web.interface.sites import MAX_ARCHIVE_BYTES
 
+    _check_name(name)
     archive = read_whole(file, at_most=MAX_ARCHIVE_BYTES)
     with _sites(data, makes=True) as sites:
         add(sites, name, archive)
@@ -201,10 +203,18 @@ def import_nav2(
     from app.console.site.site_files import add_nav2
     from navcore.formats import nav2_map
 
+    _check_name(name)
     loaded, pairs = nav2_map.load(map_file), _pairs(point or [])
     with _sites(data, makes=True) as sites:
         add_nav2(sites, name, loaded, pairs=pairs)
     typer.echo(f"Site {name} is made of {map_file}.")
+
+
+def _check_name(name: str) -> None:
+    """Refuse a name that is not allowed before a data folder is made for it."""
+    from app.storage.sites import checked_name
+
+    checked_name(name)
 
 
 def _pose(at: str | None, remove: bool, form: str) -> list[float] | None:

@@ -61,6 +61,15 @@ def test_only_a_new_site_makes_a_new_data_folder(tmp_path: Path) -> None:
     for command in (["list"], ["copy", "a", "b"], ["delete", "a"]):
         with pytest.raises(BadConfiguration, match="is no data folder of a console"):
             site(mistyped, *command)
+    (tmp_path / "hall.zip").write_bytes(b"no archive")
+    cells, spec = (
+        np.zeros((2, 2), np.bool_),
+        GridSpec(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.1, rows=2, cols=2),
+    )
+    nav2_map.save(map_from_cells(occupied=cells, known=~cells, spec=spec), tmp_path / "map.yaml")
+    for command in (["new"], ["import", "hall.zip"], ["import-nav2", "map.yaml"]):
+        with pytest.raises(BadConfiguration, match="site name 'bad/name'"):
+            site(mistyped, command[0], "bad/name", *(str(tmp_path / file) for file in command[1:]))
     assert not mistyped.exists()
     site(mistyped, "new", "hall")
     assert names(mistyped) == ["hall"]
