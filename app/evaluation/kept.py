@@ -1,7 +1,7 @@
 """Campaigns that are kept with the project, so that they can grow over days of work.
 
-    python -m app.evaluation.kept keep runs/office            # and rewrite the tables of results
-    python -m app.evaluation.kept resume office runs/office   # drive on with the same command
+    python -m app.evaluation.kept keep runs/doors           # and rewrite the tables of results
+    python -m app.evaluation.kept resume doors runs/doors   # drive on with the same command
 
 `results/NAME.json` is the summary of a campaign, `results/episodes/NAME.jsonl.xz` its card and the
 reports of its episodes, without the series over time.
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import lzma
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
@@ -21,11 +22,15 @@ import typer
 from app.evaluation.tables.kinds import file_name
 from app.evaluation.tables.pages import RESULTS, rewrite
 from app.fleet.campaign_files import EPISODES, CampaignCard, Report, read_card, recorded
-from navcore.errors import BadConfiguration
+from navcore.errors import BadConfiguration, BewareNavError
 
 FOLDER = "episodes"
 SUFFIX = ".jsonl.xz"
-cli = typer.Typer(help="Campaigns that are kept with the project.", no_args_is_help=True)
+cli = typer.Typer(
+    help="Campaigns that are kept with the project.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
 
 
 @cli.command()
@@ -95,4 +100,8 @@ def _without_series(report: Report) -> Report:
 
 
 if __name__ == "__main__":
-    cli()
+    try:
+        cli()
+    except BewareNavError as error:
+        typer.echo(f"kept: {error}", err=True)
+        sys.exit(2)

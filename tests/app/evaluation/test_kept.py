@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +56,13 @@ def test_what_is_no_ended_campaign_is_refused_and_nothing_kept_is_lost(
     with pytest.raises(BadConfiguration, match="'other' are not kept"):
         resume_campaign("other", tmp_path / "new", tmp_path)
     assert {path: path.read_bytes() for path in kept} == kept and len(kept) == 2
+
+
+def test_a_refusal_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "app.evaluation.kept", "resume", "other", str(tmp_path)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr == "kept: the episodes of 'other' are not kept\n"
 
 
 @pytest.mark.parametrize("name", KEPT)
