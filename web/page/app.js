@@ -12,7 +12,7 @@ import "./core/language_switch.js";
 import { element, loadSetting, saveSetting } from "./core/dom.js";
 import { isNarrow, selectTab } from "./core/page_tabs.js";
 import { delivered } from "./core/stop.js";
-import { notify } from "./core/toasts.js";
+import { dropQuestions, notify } from "./core/toasts.js";
 import { oneAtATime, setMoving } from "./core/link/updates.js";
 import * as camera from "./insight/camera.js";
 import * as drawer from "./insight/drawer.js";
@@ -75,6 +75,7 @@ function showState(next) {
     // What was begun on the map of another site is nowhere on this one.
     setMode("navigate");
     dropOffer();
+    dropQuestions();
     withdraw();
     closeEntry();
     cancelProposal();

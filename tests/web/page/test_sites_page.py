@@ -184,13 +184,21 @@ def test_what_was_begun_at_a_site_ends_with_it(panel: Locator, operations: FakeO
             await propose({ x_m: 0, y_m: 0, yaw_rad: 0 });
         }"""
     )
+    page.evaluate(
+        """async () => {
+            const { ask } = await import("/page/core/toasts.js");
+            ask("Replace the zones?", [{ label: "Replace", run: () => {} }]);
+        }"""
+    )
     begun = [page.locator(f"#{name}") for name in ("change-shown", "entry", "place-proposal")]
+    begun.append(page.get_by_test_id("toast-action").filter(has_text="Replace"))
     for part in begun:
         expect(part).to_be_visible()
     operations.sites.make("Ward 3")
     operations.sites.choose("Ward 3")
     for part in begun:
         expect(part).to_be_hidden()
+    expect(page.get_by_test_id("toasts")).to_contain_text("nothing was changed")
 
 
 def test_another_name_of_the_site_ends_nothing_that_was_begun(

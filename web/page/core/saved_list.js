@@ -3,7 +3,7 @@
 import { get, request } from "./link/api.js";
 import { clearSent, make } from "./dom.js";
 import { t } from "./text/language.js";
-import { attempt, notify } from "./toasts.js";
+import { ask, attempt, notify } from "./toasts.js";
 import { askTwice } from "./twice.js";
 
 // `action` is the last part of the address that loads an entry, `verb` its button, `describe` the
@@ -79,7 +79,7 @@ export function savedList(menu, { path, action, verb, placeholder, describe, onL
     } catch (error) {
       if (!error.body?.there) throw error;
       const replace = () => attempt(() => save(typed, `${address}?replace=true`));
-      notify(error.message, { action: { label: t("Replace"), run: replace }, stays: true });
+      ask(error.message, [{ label: t("Replace"), run: replace }]);
       return;
     }
     notify(t("“{name}” is saved.", { name: typed.trim() }), { good: true });

@@ -2,7 +2,7 @@
 
 import { post } from "./link/api.js";
 import { element, make } from "./dom.js";
-import { capitalised, t } from "./text/language.js";
+import { capitalised, sentence, t } from "./text/language.js";
 
 const box = element("toasts");
 const MAX_SHOWN = 4;
@@ -10,7 +10,8 @@ const GOOD_MS = 2500;
 const BAD_MS = 9000;
 
 // `actions` are what the operator can do about it with one click: `{ label, run }`. A message that
-// `stays` is removed by the caller, to whom it is returned, or by the operator.
+// `stays` is removed by the caller, to whom it is returned, or by the operator; a question that stays,
+// by `dropQuestions`, too.
 export function notify(
   text,
   { good = false, action = null, actions = action ? [action] : [], stays = false } = {},
@@ -32,6 +33,18 @@ export function notify(
   for (const old of passing.slice(0, Math.max(box.children.length - MAX_SHOWN, 0))) old.remove();
   if (!stays) setTimeout(() => toast.remove(), good && !actions.length ? GOOD_MS : BAD_MS);
   return toast;
+}
+
+// A question to the operator about the map of the present site.
+export function ask(text, actions) {
+  notify(text, { actions, stays: true }).asks = true;
+}
+
+// The robot is at another site: what was asked would be done on the map of that one.
+export function dropQuestions() {
+  const asked = [...box.children].filter((toast) => toast.asks);
+  for (const toast of asked) toast.remove();
+  if (asked.length) notify(sentence("the robot is at another site now; nothing was changed"));
 }
 
 function actionButton({ label, run }, toast) {
@@ -56,10 +69,7 @@ export const attemptTwice = (label, action) =>
       await action("");
     } catch (error) {
       if (error.code !== "needs_force") throw error;
-      notify(error.message, {
-        action: { label, run: () => attempt(() => action("?force=true")) },
-        stays: true,
-      });
+      ask(error.message, [{ label, run: () => attempt(() => action("?force=true")) }]);
     }
   });
 

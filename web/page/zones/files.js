@@ -3,7 +3,7 @@
 import { abortableFetch, FILE_S, post, refusalOf } from "../core/link/api.js";
 import { download, element } from "../core/dom.js";
 import { t } from "../core/text/language.js";
-import { attempt, notify } from "../core/toasts.js";
+import { ask, attempt, notify } from "../core/toasts.js";
 
 let refresh = () => {};
 
@@ -33,10 +33,11 @@ async function send(path, body, existing = "ask") {
   } catch (error) {
     if (!error.body?.there) throw error;
     const choose = (label, value) => ({ label, run: () => attempt(() => send(path, body, value)) });
-    notify(`${error.message}.`, {
-      actions: [choose(t("Replace"), "replace"), choose(t("Keep both"), "keep"), choose(t("Skip"), "skip")],
-      stays: true,
-    });
+    ask(`${error.message}.`, [
+      choose(t("Replace"), "replace"),
+      choose(t("Keep both"), "keep"),
+      choose(t("Skip"), "skip"),
+    ]);
     return;
   }
   notify(t("The zones of the file are in force."), { good: true });
