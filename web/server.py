@@ -39,7 +39,7 @@ from web.gateway.guard import Guard
 from web.gateway.problems import JsonResponse
 from web.gateway.site_check import SiteCheck
 from web.gateway.undo_number import UndoNumber
-from web.images.shown_ticks import ShownTicks
+from web.images.shown_images import ShownImages
 from web.interface.operations import RobotService
 from web.interface.wire import build_schemas
 from web.pages import pages_router
@@ -75,7 +75,7 @@ def create_app(
     build_schemas()
     access = access or Access()
     auditor = Auditor(access.audit_log)
-    shown = ShownTicks()
+    shown = ShownImages()
     app = FastAPI(
         title="Operator console",
         version="1",

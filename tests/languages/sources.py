@@ -112,7 +112,7 @@ SENTENCES = (
     "web/gateway/problems.py",
     "web/gateway/request_body.py",
     "web/gateway/sentences.py",
-    "web/images/shown_ticks.py",
+    "web/images/shown_images.py",
     "web/schemas/drafts.py",
     "web/schemas/fields.py",
     "web/api/teach/frames.py",

@@ -21,8 +21,7 @@ from navcore.planning.path import NoPath
 from web.api.nav2_files import OfGrid, on_grid
 from web.api.router import api_router
 from web.gateway.problems import refusals
-from web.images.camera import beware_mask
-from web.images.shown_ticks import ShownTicks
+from web.images.shown_images import ShownImage, ShownImages
 from web.interface.drafts import Preview, ZoneDraft
 from web.interface.operations import Existing, RobotService
 from web.interface.snapshots import TickSnapshot
@@ -47,7 +46,7 @@ ExistingQuery = Annotated[
 ]
 
 
-def drawing_router(operations: RobotService, shown: ShownTicks) -> APIRouter:
+def drawing_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     """Return the routes below `/api/v1`; `shown` are the images that a click may be made on."""
     router = api_router("zones")
 
@@ -142,24 +141,24 @@ def drawing_router(operations: RobotService, shown: ShownTicks) -> APIRouter:
     @router.post("/camera/region", response_model=RegionOut, responses=refusals(404, 409, 422))
     def region(click: ClickIn) -> RegionOut:
         """Return the object at a click into the camera image with its outline on the floor, which
-        can become a zone. A click that names its image is refused once that one is older than some
-        seconds.
+        can become a zone. A click that names its image (`frame`) is refused once newer ones of 5 s
+        have been given out, of large images a little sooner.
 
         A labelled object is found by its pixels, any other by its connected region in the depth
         image.
         """
-        tick = newest() if click.frame is None else shown.named(click.frame)
         beware = operations.beware.list
-        if tick.depth_m is None:
+        image = ShownImage.of(newest(), beware) if click.frame is None else shown.named(click.frame)
+        if image.depth_m is None:
             raise HTTPException(404, "this picture has no distances")
-        height, width = tick.labels.shape
+        height, width = image.class_ids.shape
         found = region_at(
             min(int(click.down * height), height - 1),
             min(int(click.right * width), width - 1),
-            class_ids=np.where(beware_mask(tick, beware), tick.labels, np.uint8(0)),
-            depth_m=tick.depth_m,
-            intrinsics=tick.intrinsics,
-            T_map_camera=tick.T_map_camera,
+            class_ids=image.class_ids,
+            depth_m=image.depth_m,
+            intrinsics=image.intrinsics,
+            T_map_camera=image.T_map_camera,
         )
         outlines, _ = cv2.findContours(
             found.pixels.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE

@@ -286,7 +286,7 @@ def test_a_preview_compares_and_names_what_cuts_the_goal_off(client: httpx.Clien
 
 
 def test_a_click_in_the_picture_finds_what_is_seen_there(
-    client: httpx.Client, operations: FakeOperations
+    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     red = client.post("/api/v1/camera/region", json={"right": 0.5, "down": 0.7}).json()
     assert red["name"] == "red floor" and Polygon(red["footprint"]).area > 0.05
@@ -304,6 +304,12 @@ def test_a_click_in_the_picture_finds_what_is_seen_there(
     operations.step()
     assert client.get("/api/v1/camera.jpg").headers["Frame"] != named["frame"]
     assert client.post("/api/v1/camera/region", json=named).json() == red
+    monkeypatch.setattr("web.images.shown_images.MAX_AGE_S", 0.0)
+    operations.step()
+    newest = client.get("/api/v1/camera.jpg").headers["Frame"]
+    wrong(client.post("/api/v1/camera/region", json=named), 409)
+    named["frame"] = newest
+    assert client.post("/api/v1/camera/region", json=named).status_code == 200
     gone = wrong(client.post("/api/v1/camera/region", json={**named, "frame": "0"}), 409)
     assert "click again" in gone["message"]
     drawn = {"name": "red", "geometry": geometry("Polygon", [red["footprint"]])}

@@ -23,7 +23,7 @@ from web.images.encode import (
     map_png,
     map_yaml,
 )
-from web.images.shown_ticks import ShownTicks, name_of
+from web.images.shown_images import ShownImages, name_of
 from web.images.tiles import TILE, TileVersions, changed_since, tile_cells
 from web.interface.operations import RobotService
 from web.interface.snapshots import TickSnapshot
@@ -45,7 +45,7 @@ WithZones = Annotated[bool, Query(description="Whether keep-out zones are occupi
 RUN_ID = r"^[A-Za-z0-9_][A-Za-z0-9_.:-]{0,99}$"
 
 
-def maps_router(operations: RobotService, shown: ShownTicks) -> APIRouter:
+def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     """Return the routes below `/api/v1`; `shown` notes the camera images that are given out."""
     router = api_router("map and camera")
     png, camera, tinted, labelled, ply = (
@@ -177,7 +177,7 @@ def maps_router(operations: RobotService, shown: ShownTicks) -> APIRouter:
                 (tick.serial, beware.version),
                 lambda: camera_jpg(with_overlay(tick, beware, named=named)),
             )
-        shown.note(tick)
+        shown.note(tick, beware)
         headers = {"Frame": name_of(tick)}
         return Response(data, media_type="image/jpeg", headers=headers)
 
