@@ -27,6 +27,7 @@ from app.runtime.record.time_series import TimeSeries
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.motions.path_follower import candidates
 from navcore.errors import NotKnown, Refused
+from navcore.mission.beware_list import BewareClass
 from navcore.navigator import TickResult
 from navcore.planning.global_planner import goal_tolerance_m
 from navcore.planning.path import Path
@@ -191,11 +192,13 @@ class LiveInsight:
 
     def mark_wrong(self, sighting_id: int, class_name: str | None) -> LabellingState:
         """Mark a detection as wrong, and add its frame to the labelling folder, corrected."""
-        names, said = self._network_classes(class_name)
+        entry = None if class_name is None else self._entry(class_name)
+        said = None if entry is None else entry.detected_as
         with self._correcting:  # of two corrections at once one is refused
-            self.labelling.add(self.detections.view(sighting_id), names=names, said=said)
+            view = self.detections.view(sighting_id)
+            self.labelling.add(view, names=self._network_classes(), said=said)
             self.detections.mark(sighting_id, "wrong")
-        what = f"it is “{class_name}”" if class_name else "it is nothing of the list"
+        what = "it is nothing of the list" if entry is None else f"it is “{entry.title}”"
         self.event_log.note(
             self._now_s(),
             "labelled",
@@ -219,14 +222,14 @@ class LiveInsight:
         self, snapshot: int, class_name: str, box: tuple[int, int, int, int]
     ) -> LabellingState:
         """Add a held image to the labelling folder, with a missed object."""
-        (names, said), decision = self._network_classes(class_name), self._held(snapshot)
+        entry, decision = self._entry(class_name), self._held(snapshot)
         mask = region_in(decision.frame.rgb, box)
         view = packed(decision.frame, decision.labels, self._controller.intent.beware, mask)
-        self.labelling.add(view, names=names, said=said)
+        self.labelling.add(view, names=self._network_classes(), said=entry.detected_as)
         self.event_log.note(
             self._now_s(),
             "labelled",
-            f"A “{class_name}” that was missed was shown to the robot.",
+            f"A “{entry.title}” that was missed was shown to the robot.",
             self._here(),
         )
         return self.labelling.state()
@@ -280,15 +283,18 @@ class LiveInsight:
             None,
         )
 
-    def _network_classes(self, class_name: str | None) -> tuple[dict[int, str], str | None]:
-        """Return the class of the network for each class id of the list, and for the entry of a
-        name: a renamed entry is still trained as the class that detects it."""
-        entries = self._controller.intent.beware.classes
-        named = {entry.name: entry.detected_as for entry in entries}
-        if class_name is not None and class_name not in named:
-            raise NotKnown(f"the beware list has no class {class_name!r:.90}; add it first")
-        detected_as = {entry.class_id: entry.detected_as for entry in entries}
-        return detected_as, None if class_name is None else named[class_name]
+    def _entry(self, class_name: str) -> BewareClass:
+        for entry in self._controller.intent.beware.classes:
+            if entry.name == class_name:
+                return entry
+        raise NotKnown(f"the beware list has no class {class_name!r:.90}; add it first")
+
+    def _network_classes(self) -> dict[int, str]:
+        """Return the class of the network for each class id of the list: a renamed entry is still
+        trained as the class that detects it."""
+        return {
+            entry.class_id: entry.detected_as for entry in self._controller.intent.beware.classes
+        }
 
     def _query(self) -> ExplanationQuery:
         intent, decision = self._controller.intent, self._decision

@@ -22,8 +22,8 @@ def changes_between(before: BewareList, after: BewareList) -> tuple[str, ...]:
     """Return a phrase for everything that differs; empty for lists that say the same."""
     old = {entry.class_id: entry for entry in before.classes}
     new = {entry.class_id: entry for entry in after.classes}
-    told = [f"“{entry.name}” added" for number, entry in new.items() if number not in old]
-    told += [f"“{entry.name}” removed" for number, entry in old.items() if number not in new]
+    told = [f"“{entry.title}” added" for number, entry in new.items() if number not in old]
+    told += [f"“{entry.title}” removed" for number, entry in old.items() if number not in new]
     for number, entry in new.items():
         if number in old:
             told += _changes_of(old[number], entry)
@@ -34,9 +34,9 @@ def changes_between(before: BewareList, after: BewareList) -> tuple[str, ...]:
 
 
 def _changes_of(old: BewareClass, new: BewareClass) -> list[str]:
-    name, told = f"“{old.name}”", []
+    name, told = f"“{old.title}”", []
     if old.name != new.name:
-        told.append(f"{name} renamed to “{new.name}”")
+        told.append(f"“{old.name}” renamed to “{new.name}”")
     if old.enabled != new.enabled:
         told.append(f"{name} switched {'on' if new.enabled else 'off'}")
     for key, (title, factor, unit) in FIELDS.items():

@@ -144,6 +144,18 @@ MORE = (
     "undo",
 )
 """Sentences that the scan of those modules does not find."""
+PAST = (
+    "The camera sees an obstacle {where}, {contact_s:.2f} s before contact: too near to drive on.",
+    "The camera's clock does not advance: an image is dated {back_s:.3f} s before the one that "
+    "preceded it, or the same.",
+    "There is no path to the goal: {why}.",
+    "“{name}” is to be kept away from.",
+    "“{name}” joins the beware list.",
+    "“{name}” leaves the beware list.",
+    "“{name}” need not be kept away from any more.",
+    "“{name}” now has a margin of {margin_m:g} m, least confidence {min_confidence:.0%}.",
+)
+"""Sentences of earlier versions, which stored event logs still have: kept for good."""
 _NUMBER = re.compile(r"[.\d,+]*[fgd%]")
 _SILENT = re.compile(
     r"log\..*|.*(?:\bdatabase|\bconnection|query)\.\w+|Field|Query|Header|Path|Response|api_router"
@@ -171,7 +183,7 @@ def texts(root: Path = REPOSITORY) -> Catalog:
         for path in sorted(root.glob(pattern)):
             for text in sentences_of(path.read_text(encoding="utf-8")):
                 found.add(text, locations=[_at(path, root)], context=ROBOT)
-    for text in MORE:
+    for text in (*MORE, *PAST):
         found.add(text, context=ROBOT)
     return found
 

@@ -66,7 +66,7 @@ class LiveColourRules:
             share = sum(self._taken(frame, entry.colour).mean() for frame in frames) / len(frames)
             if share >= most:
                 raise BadConfiguration(
-                    f"the colour rule of “{entry.name}” takes {share:.0%} of all pixels of the "
+                    f"the colour rule of “{entry.title}” takes {share:.0%} of all pixels of the "
                     "last images; narrow its ranges of hue, saturation or brightness"
                 )
 

@@ -207,4 +207,4 @@ class LiveExamples:
             if entry.class_id in beware.people_ids:
                 raise Refused("that is a person; people are kept clear of anyway")
             more = "" if entry.enabled else "; it is switched off: switch it on in the list"
-            raise Refused(f"that is a “{entry.name}” already{more}")
+            raise Refused(f"that is a “{entry.title}” already{more}")

@@ -140,7 +140,10 @@ def test_a_detection_is_told_by_its_label_and_corrected_once(tmp_path: Path) -> 
     insight, frame = insight_of(store, tmp_path / "labelling", controller), first_frame()
     controller.change(
         lambda state: dataclasses.replace(
-            state, beware=state.beware.edited("cup", label="Tasse", min_confidence=0.5)
+            state,
+            beware=state.beware.edited("cup", label="Tasse", min_confidence=0.5).edited(
+                "book", label="Buch"
+            ),
         )
     )
     decision = controller.think(frame, clock=lambda: frame.stamp_ns)
@@ -157,6 +160,9 @@ def test_a_detection_is_told_by_its_label_and_corrected_once(tmp_path: Path) -> 
     texts = [entry.text for entry in entries if entry.kind == "seen"]
     assert texts == ["First sight of “Tasse” here, 90% sure."]
     assert insight.mark_wrong(seen.id, "book").pictures == 1
+    entries = insight.event_log.page(kinds=(), since=0, limit=9).entries
+    texts = [entry.text for entry in entries if entry.kind == "labelled"]
+    assert texts == [f"Sighting {seen.id} was called wrong: it is “Buch”."]
     with pytest.raises(Refused, match="corrected or rejected before"):
         insight.mark_wrong(seen.id, None)
     assert insight.labelling.state().pictures == 1

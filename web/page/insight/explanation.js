@@ -147,9 +147,9 @@ function offButtons() {
   const entry =
     kind === "class" && shared.beware.classes.find(({ class_id: one }) => String(one) === id);
   if (!(zone || entry) || document.body.dataset.role === "viewer") return [];
-  const name = zone ? zone.properties.name : entry.name;
+  const name = zone ? zone.properties.name : (entry.label ?? entry.name);
   const switchClass = () =>
-    attempt(() => edit("PATCH", `/beware/${encodeURIComponent(name)}`, { enabled: false }));
+    attempt(() => edit("PATCH", `/beware/${encodeURIComponent(entry.name)}`, { enabled: false }));
   const onclick = async () => {
     const made = await (zone ? switchZone(zone, false) : switchClass());
     if (!made) return;

@@ -73,6 +73,11 @@ def test_every_version_says_who_and_what_and_comes_back(tmp_path: Path) -> None:
     editor.restore(0, by="ana")
     assert editor.list.classes == SHIPPED.classes and editor.list.version == 4
     assert changes_between(before, editor.list)
+    labelled = before.edited("blue tape", label="Absperrband")
+    without = dataclasses.replace(labelled, classes=labelled.classes[1:])
+    assert labelled.classes[0].label and changes_between(labelled, without) == (
+        "“Absperrband” removed",
+    )
     editor.undo()
     assert editor.list.classes == before.classes
     with pytest.raises(NotKnown, match="no version 77"):

@@ -113,6 +113,8 @@ def test_what_the_list_knows_is_refused_by_its_name_and_a_person_as_one() -> Non
         with pytest.raises(Refused, match=reason):
             editor.examples.click(*MIDDLE, editor.list)
     editor, _ = console(thing, blue=3)
+    with pytest.raises(Refused, match="a “Teppich” already"):
+        editor.examples.click(*MIDDLE, editor.list.edited("blue", label="Teppich"))
     off = editor.list.edited("blue", enabled=False)
     with pytest.raises(Refused, match="switch it on in the list"):
         editor.examples.click(*MIDDLE, off)
