@@ -385,7 +385,7 @@ class Navigator:
         self.map.scans = lambda: stored(self.localisation.keyframes)
         self.zone_margins = self._zone_margins(frozen=len(self.map.poses) > 0)
         self._trial.begin()
-        self._corrected = None
+        self._corrected, self._taken_back = None, False
 
     def _plan_anew(self) -> None:
         """Plan on a map that was replaced, and on its grid."""

@@ -47,9 +47,14 @@ class BackOff:
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
+    @property
+    def is_running(self) -> bool:
+        """Whether the robot backs off."""
+        return self._thread is not None and self._thread.is_alive()
+
     def start(self) -> None:
         """Begin; raises `Refused` while it goes on, and for the reasons of driving by hand."""
-        if self._thread is not None and self._thread.is_alive():
+        if self.is_running:
             raise Refused("the robot is backing off already")
         # A robot that was leaving an area waits for the operator as soon as it is out of it.
         self._change_mission(
@@ -81,8 +86,8 @@ class BackOff:
             for _ in range(MAX_STEPS):
                 own = self._holder.intent.by_hand
                 ended = self._wait(self._ended)
-                if ended or self._holder.intent.by_hand is not own:
-                    return  # an operator drives, or has stopped the robot
+                if ended or own is None or self._holder.intent.by_hand is not own:
+                    return  # an operator drives, or has stopped or paused the robot
                 if self._pose().distance_to(begin.x_m, begin.y_m) >= DISTANCE_M:
                     break
                 self._drive(BACK)

@@ -225,20 +225,18 @@ class LiveOperations:
         )
 
     @contextmanager
-    def leaving_site(self) -> Iterator[None]:
-        """Hold every edit of the present site; after the block they are refused."""
-        with (
-            self.zones.retired(),
-            self.beware.retired(),
-            self.map_edits.retired(),
-            self.path_settings.retired(),
-        ):
-            yield
+    def leaving_site(self, keep_map: Callable[[], None]) -> Iterator[None]:
+        """Hold every edit of the present site, and call `keep_map` once none changes its map any
+        more; after the block they are refused."""
+        with self.beware.retired(), self.map_edits.retired(), self.path_settings.retired():
+            keep_map()  # by a tick, which may have to move the zones first
+            with self.zones.retired():
+                yield
 
     @contextmanager
     def holding_edits(self) -> Iterator[None]:
         """Hold off every edit that is stored at the present site."""
-        with self.zones.held(), self.beware.held(), self.path_settings.held():
+        with self.beware.held(), self.path_settings.held(), self.zones.held():
             yield
 
     def enter_site(self, site: SiteStore) -> None:
@@ -320,6 +318,7 @@ class LiveOperations:
             phase=intent.mission.phase,
             moving=moving,
             by_hand=by_hand,
+            backs_off=self._back_off.is_running,
             summary=status_message(intent, decision, reasons, moving=moving, by_hand=by_hand),
             stop_latched=intent.stopped_by is not None or self._controller.sensors_in_doubt,
             stop_pressed=intent.stopped_by is not None,
@@ -381,7 +380,7 @@ class LiveOperations:
             mission = intent.mission
             drives = mission.phase in MOVING or mission.goes_on
             # A robot that looks for its place, or backs off, can be paused without a mission.
-            moves = intent.searching or self._controller.hand(self._robot.now_ns()) is not None
+            moves = intent.searching or self._back_off.is_running
             if action != "pause" or drives or not moves:
                 mission = TRANSITIONS[action](mission)
             # Without its command, a robot that backs off ends that: its next one would pause the

@@ -51,7 +51,8 @@ def resume(name: Annotated[str, typer.Argument(metavar="NAME")], folder: Path) -
 def keep_campaign(folder: Path, results: Path = RESULTS) -> str:
     """Copy the summary and the episodes of a campaign into `results`; return its name there.
 
-    Raises `BadConfiguration` for a folder without a summary, or whose summary is of other episodes.
+    Raises `BadConfiguration` for a folder without a summary, whose summary is of other episodes, or
+    of a suite whose episodes have no seeds.
     """
     card = read_card(folder)
     try:
@@ -62,6 +63,10 @@ def keep_campaign(folder: Path, results: Path = RESULTS) -> str:
         raise BadConfiguration(f"{folder} holds no ended campaign: {error}") from None
     by_key = {report[card.key]: report for _, report in recorded(lines)}
     keys = [key for key in card.keys if key in by_key]
+    if card.key != "seed":
+        raise BadConfiguration(
+            f"{folder}: episodes of {card.suite} have no seeds, and are not kept"
+        )
     if summary["seeds"] != keys:
         raise BadConfiguration(f"{folder}: the summary is not of the episodes that are recorded")
     name = file_name(summary)

@@ -11,9 +11,9 @@ TURN_RAD = math.radians(400.0)
 """Turn in radians after which all around has been seen, with an overlap."""
 RATE_RADPS = 0.5
 """Yaw rate in rad/s."""
-LONGEST_NS = round(3 * TURN_RAD / RATE_RADPS * 1e9)
-"""Time in nanoseconds after which a robot that has not turned round by then does not turn any
-more: it is wedged, or what is beside it keeps it from turning."""
+GAIN_RAD, PATIENCE_NS = math.radians(5.0), 20_000_000_000
+"""Turn in radians that the robot gains at least within this time in nanoseconds; else it does not
+turn any more: it is wedged, or what is beside it keeps it from turning."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,22 +24,22 @@ class SearchTurn:
     """Turn so far in radians."""
     pose: Pose2 | None = None
     """T_odom_base of the newest frame; None before the first."""
-    began_ns: int = 0
-    """Stamp in nanoseconds of the first frame."""
-    lasts_ns: int = 0
-    """Time in nanoseconds from the first frame to the newest."""
+    stamp_ns: int = 0
+    """Stamp in nanoseconds of the newest frame."""
+    gained_rad: float = 0.0
+    """Turn in radians at the last frame at which it had gained `GAIN_RAD`."""
+    gained_ns: int = 0
+    """Stamp in nanoseconds of that frame."""
 
     def after(self, pose: Pose2, stamp_ns: int) -> SearchTurn:
         """Return the state after one more frame, by odometry's pose and the frame's stamp."""
         if self.pose is None:
-            return replace(self, pose=pose, began_ns=stamp_ns)
-        turn = wrap_angle(pose.yaw_rad - self.pose.yaw_rad)
-        return replace(
-            self,
-            turned_rad=self.turned_rad + turn,
-            pose=pose,
-            lasts_ns=stamp_ns - self.began_ns,
-        )
+            return replace(self, pose=pose, stamp_ns=stamp_ns, gained_ns=stamp_ns)
+        turned_rad = self.turned_rad + wrap_angle(pose.yaw_rad - self.pose.yaw_rad)
+        turn = replace(self, turned_rad=turned_rad, pose=pose, stamp_ns=stamp_ns)
+        if abs(turned_rad - self.gained_rad) < GAIN_RAD:
+            return turn
+        return replace(turn, gained_rad=turned_rad, gained_ns=stamp_ns)
 
     @property
     def is_over(self) -> bool:
@@ -48,8 +48,8 @@ class SearchTurn:
 
     @property
     def has_failed(self) -> bool:
-        """Whether the robot has tried to turn for so long that it cannot."""
-        return not self.is_over and self.lasts_ns >= LONGEST_NS
+        """Whether the robot has turned no further for so long that it cannot."""
+        return not self.is_over and self.stamp_ns - self.gained_ns >= PATIENCE_NS
 
     @property
     def twist(self) -> Twist:

@@ -51,7 +51,10 @@ class Cause(StrEnum):
 
 
 _SEVERITY = {cause: rank for rank, cause in enumerate(Cause)}
-_FAULT_CAUSES = {SensorFault.STAMP: Cause.BAD_STAMP, SensorFault.POSE: Cause.POSE_JUMP}
+_FAULT_CAUSES = {
+    **dict.fromkeys(SensorFault, Cause.BAD_STAMP),
+    SensorFault.POSE: Cause.POSE_JUMP,
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,7 +26,13 @@ class SensorFault(StrEnum):
     """Why a frame is not trusted."""
 
     STAMP = "stamp"
+    """Dated as the one before, or just before it; the next frame may be right."""
+    CLOCK = "clock"
+    """Dated long before the one that preceded it: the clock was set back, or began again."""
+    FUTURE = "future"
+    """Dated later than the present time."""
     POSE = "pose"
+    """The robot cannot have got there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +76,13 @@ class SensorMonitor:
     def repeats(self) -> bool:
         """Whether the newest frame shows, bit for bit, the image of an earlier one."""
         return self.newest is not None and self.newest.stamp_ns != self.unchanged_since_ns
+
+    @property
+    def awaits_reset(self) -> bool:
+        """Whether a reset lets the robot go on, which may otherwise stand for long. While stamps
+        begin again, as after a restart of the robot's driver, no pose is compared: odometry may
+        have begun again as well."""
+        return self.fault in (SensorFault.CLOCK, SensorFault.POSE)
 
     @property
     def newest_is_trusted(self) -> bool:
@@ -148,7 +161,7 @@ class SensorMonitor:
             f"The camera's clock is wrong: an image is dated {ahead_s:.3f} s in the future; the "
             "robot stands until an image is dated correctly."
         )
-        return dataclasses.replace(self, fault=SensorFault.STAMP, fault_text=text)
+        return dataclasses.replace(self, fault=SensorFault.FUTURE, fault_text=text)
 
     def _doubt_stamp(
         self, frame: Frame, back_s: float, config: SensorMonitorConfig
@@ -158,12 +171,14 @@ class SensorMonitor:
         shown = dataclasses.replace(self._show(frame, config), steady=0)
         if self.fault is SensorFault.POSE:
             return shown
+        is_set_back = back_s > config.max_gap_s or self.fault is SensorFault.CLOCK
         text = (
             "The camera's clock does not advance: an image is dated "
             f"{back_s:.3f} s before the one that preceded it, or the same; the robot stands until "
-            "it advances, or until a reset accepts it."
+            f"it advances{', or until a reset accepts it' * is_set_back}."
         )
-        return dataclasses.replace(shown, fault=SensorFault.STAMP, fault_text=text)
+        fault = SensorFault.CLOCK if is_set_back else SensorFault.STAMP
+        return dataclasses.replace(shown, fault=fault, fault_text=text)
 
     def _check_again(
         self,

@@ -14,7 +14,7 @@ def cached_urdf(name: str, text: str) -> Path:
     and users share it and never read another model. Raises `StorageFailed`."""
     path = (
         Path(tempfile.gettempdir())
-        / f"bewarenav-{name}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf"
+        / f"bewarenav-{name}-{hashlib.sha256(text.encode()).hexdigest()[:24]}.urdf"
     )
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_whole(path, text.encode())  # other processes may be reading it

@@ -35,7 +35,12 @@ def health_router(operations: RobotService) -> APIRouter:
 
 def _lines(state: State) -> Iterator[str]:
     metrics: tuple[tuple[str, str, str, float | None], ...] = (
-        ("stop_latched", "gauge", "1 while the emergency stop holds.", float(state.stop_latched)),
+        (
+            "stop_latched",
+            "gauge",
+            "1 while the emergency stop holds, or pose or clock await a reset.",
+            float(state.stop_latched),
+        ),
         ("moving", "gauge", "1 while a command other than zero is sent.", float(state.moving)),
         (
             "stop_reasons",

@@ -116,6 +116,8 @@ class State:
     the robot away."""
     by_hand: bool = False
     """Whether an operator drives the robot by hand."""
+    backs_off: bool = False
+    """Whether the robot backs off on its own, as it was told to."""
     in_zone: bool = False
     """Whether the robot is in an area that it must not be in; the action `leave` gets it out."""
     segmenter: str

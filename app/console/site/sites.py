@@ -63,8 +63,9 @@ MAX_LISTINGS = 8
 class SiteUser(Protocol):
     """What shows and edits the contents of the site in use; the console's operations are one."""
 
-    def leaving_site(self) -> AbstractContextManager[None]:
-        """Hold every edit of the present site; after the block they are refused."""
+    def leaving_site(self, keep_map: Callable[[], None]) -> AbstractContextManager[None]:
+        """Hold every edit of the present site, and call `keep_map` once none changes its map any
+        more; after the block they are refused."""
 
     def holding_edits(self) -> AbstractContextManager[None]:
         """Hold off every edit that is stored at the present site."""
@@ -337,8 +338,7 @@ class LiveSites:
             self._keeper.use(site.map_file, stored.class_names)
             self._has_entered, self._old_picture = True, self._view.picture
 
-        with self._user.leaving_site():
-            self._keeper.write_now()  # with all that an operator was told is erased
+        with self._user.leaving_site(self._write_map):
             self._store.use(site.name, world=self._world)
             # Until the next tick the robot's place is that on the map of the site before.
             self._has_entered = False
@@ -385,7 +385,11 @@ class LiveSites:
     def _write_map_of(self, name: str) -> None:
         """Write the present map before the site in use is copied."""
         if self._has_own_map and self._store.sites.open(name).name == self.chosen:
-            self._keeper.write_now()
+            self._write_map()
+
+    def _write_map(self) -> None:
+        """Write the present map, with all that an operator was told is erased."""
+        self._keeper.write_now(self._controller.edit_map)
 
     def _present(self) -> CellMap:
         picture = self._view.picture

@@ -415,10 +415,8 @@ class RobotController:
 
     @property
     def sensors_in_doubt(self) -> bool:
-        """Whether pose or stamps are not trusted: the robot stands until they agree again, or until
-        `trust_pose`. While stamps are not, as after a restart of the robot's driver, no pose is
-        compared: odometry may have begun again as well."""
-        return self._watched.fault is not None or self._mapped.fault is not None
+        """Whether the robot stands until pose and stamps agree again, or until `trust_pose`."""
+        return self._watched.awaits_reset or self._mapped.awaits_reset
 
     def trust_pose(self) -> None:
         """Accept pose and stamp of the next frame, whatever came before, on the operator's word."""

@@ -102,11 +102,12 @@ class MapKeeper:
             if _key(point_map) != self._copied:
                 self._copy(point_map, names)
 
-    def write_now(self) -> None:
+    def write_now(self, edit_map: Callable[[Callable[[PointMap], None]], None]) -> None:
         """Write the present map before returning; raises `StorageFailed`, and `Refused` when no
-        tick delivers it."""
+        tick delivers it. `edit_map` has the think thread edit the map before a tick, in order: what
+        was asked of the map before is in the file."""
         self._answered.clear()
-        self._asked.set()
+        edit_map(lambda _: self._asked.set())
         if not self._answered.wait(SNAPSHOT_WAIT_S):
             self._asked.clear()
             raise Refused("the map cannot be kept now, as the camera delivers no image; try again")

@@ -57,8 +57,14 @@ def test_a_robot_that_backs_off_without_a_mission_can_be_paused(
     controller = operations._controller
     controller.change_mission(lambda _: mission)
     operations.drive(BACK)
+    with pytest.raises(Refused, match="only a driving mission"):
+        operations.mission("pause")  # an operator drives by hand
+    operations.back_off()
+    assert operations.state().backs_off
     operations.mission("pause")
     assert controller.intent.by_hand is None and controller.intent.mission == mission
+    operations._back_off.stop()
+    assert not operations.state().backs_off
     with pytest.raises(Refused, match="only a driving mission"):
         operations.mission("pause")
 

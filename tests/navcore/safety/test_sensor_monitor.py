@@ -133,20 +133,29 @@ def test_random_odometry_is_not_trusted_when_it_passes_the_true_pose() -> None:
 @pytest.mark.parametrize("stamp_ns", [PERIOD_NS, 0, -5])
 def test_a_clock_that_stands_or_goes_back_is_not_trusted_until_it_advances(stamp_ns: int) -> None:
     monitor = after(shot(0), shot(1), dataclasses.replace(shot(2), stamp_ns=stamp_ns))
-    assert monitor.fault is SensorFault.STAMP
+    assert monitor.fault is SensorFault.STAMP and not monitor.awaits_reset
     assert Cause.BAD_STAMP in causes(monitor, PERIOD_NS)
     assert monitor.after(shot(3), HUSKY).fault is None
+
+
+def test_a_clock_that_was_set_back_may_be_accepted_by_a_reset() -> None:
+    monitor = after(shot(20), shot(21), shot(3))
+    assert monitor.fault is SensorFault.CLOCK and monitor.awaits_reset
+    assert "until a reset accepts it" in monitor.fault_text
+    assert monitor.after(shot(20), HUSKY).awaits_reset  # while it catches up, too
+    assert monitor.after(shot(22), HUSKY).fault is None
 
 
 def test_an_image_from_the_future_is_refused_and_those_after_it_are_not() -> None:
     monitor, future = after(shot(0), shot(1)), dataclasses.replace(shot(2), stamp_ns=10**15)
     refused = monitor.after(future, HUSKY, now_ns=2 * PERIOD_NS)
-    assert refused.fault is SensorFault.STAMP and not refused.newest_is_trusted
+    assert refused.fault is SensorFault.FUTURE and not refused.awaits_reset
+    assert not refused.newest_is_trusted
     assert "999999.800 s in the future" in refused.fault_text
     good = refused.after(shot(3), HUSKY, now_ns=3 * PERIOD_NS)
     assert good.newest_is_trusted
     first = SensorMonitor().after(future, HUSKY, now_ns=0)
-    assert first.fault is SensorFault.STAMP
+    assert first.fault is SensorFault.FUTURE
     assert first.after(shot(3), HUSKY, now_ns=3 * PERIOD_NS).newest_is_trusted
 
 

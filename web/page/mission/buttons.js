@@ -20,7 +20,7 @@ function refusalsOf(state) {
   const { phase, queue, stop_latched: isStopped } = state;
   const stopped = isStopped ? t("The stop is latched: reset it first") : "";
   const held = stopped || UNKNOWN[state.place.state] || "";
-  const moves = ["driving", "leaving"].includes(phase) || state.goes_on || state.place.searching || state.by_hand;
+  const moves = ["driving", "leaving"].includes(phase) || state.goes_on || state.place.searching || state.backs_off;
   return {
     start:
       stopped ||

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -26,6 +27,7 @@ from navcore.errors import BadConfiguration, Outdated, Refused, StorageFailed
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.erasing import Erasable
 from navcore.mapping.storage import map_file
 from navcore.mission.mission import Mission, Phase
 from navcore.navigator import Navigator
@@ -71,15 +73,17 @@ class Desk:
         self._ticks = 0
 
     @contextmanager
-    def leaving_site(self) -> Iterator[None]:
-        """Hold the edits."""
-        with self.zones.retired(), self.beware.retired():
-            yield
+    def leaving_site(self, keep_map: Callable[[], None]) -> Iterator[None]:
+        """Hold the edits, those of the zones once the map is kept."""
+        with self.beware.retired():
+            keep_map()
+            with self.zones.retired():
+                yield
 
     @contextmanager
     def holding_edits(self) -> Iterator[None]:
         """Hold the edits."""
-        with self.zones.held(), self.beware.held():
+        with self.beware.held(), self.zones.held():
             yield
 
     def enter_site(self, site: SiteStore) -> None:
@@ -154,6 +158,27 @@ def test_each_site_has_its_map_and_its_zones_and_gets_them_back(desk: Desk) -> N
     assert points_in(desk.store.sites.open("hall")) > 10
 
 
+def test_what_was_erased_while_a_tick_ran_is_not_in_the_map_that_is_kept(desk: Desk) -> None:
+    everywhere = np.arange(SPEC.rows * SPEC.cols)
+    point_map, posted = desk.controller.navigator.map, list[Callable[[PointMap], None]]()
+    # The tick has taken what was asked for before.
+
+    def erase(held: PointMap) -> None:
+        held.edits.erase(everywhere, Erasable.BOTH.class_ids)
+
+    posted.append(erase)
+    keeps = threading.Thread(target=lambda: desk.keeper.write_now(posted.append))
+    keeps.start()
+    while len(posted) < 2:
+        time.sleep(0.001)
+    desk.keeper.note_tick(point_map, RED_LIST.names, SECOND)
+    for edit in posted:
+        edit(point_map)
+    desk.keeper.note_tick(point_map, RED_LIST.names, 2 * SECOND)
+    keeps.join(30.0)
+    assert points_in(desk.store.site) == 0 and not keeps.is_alive()
+
+
 def test_the_map_of_the_new_site_replaces_the_old_one_before_the_next_tick(desk: Desk) -> None:
     marked = PointMap(SPEC, MappingConfig()).state()
     prior = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
@@ -182,8 +207,8 @@ def test_a_mission_that_starts_in_the_meantime_is_not_moved_to_another_site(
     desk.zones.add(SQUARE)
     written = desk.keeper.write_now
 
-    def start_meanwhile() -> None:
-        written()
+    def start_meanwhile(*given: Any) -> None:
+        written(*given)
         desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC).start())
 
     monkeypatch.setattr(desk.keeper, "write_now", start_meanwhile)
@@ -207,14 +232,15 @@ def test_what_an_operator_was_told_is_stored_in_the_last_moment_is_at_the_site_t
         desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC))
         enter(*given)
 
-    def write_while_edits_wait() -> None:
+    def write_while_edits_wait(*given: Any) -> None:
         def edit() -> None:
             with pytest.raises(Refused, match="another site"):
-                desk.zones.add(SQUARE)
+                desk.beware.edit(desk.beware.list.classes[0].name, {"enabled": False})
 
+        desk.zones.add(SQUARE)  # a tick may have to move the zones
         late.append(threading.Thread(target=edit))
         late[0].start()
-        written()
+        written(*given)
         late[0].join(0.05)
         assert late[0].is_alive()
 
@@ -224,7 +250,8 @@ def test_what_an_operator_was_told_is_stored_in_the_last_moment_is_at_the_site_t
     desk.choose("hall")
     late[0].join(30.0)
     assert not late[0].is_alive()
-    assert [goal.y_m for goal in mission_of(desk.store.sites.open("default")).queue] == [3.0]
+    left = desk.store.sites.open("default")
+    assert [goal.y_m for goal in mission_of(left).queue] == [3.0] and len(left.zones()) == 1
     assert desk.controller.intent.mission.queue == ()
 
 
