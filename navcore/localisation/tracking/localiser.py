@@ -43,6 +43,10 @@ _COVARIANCES = 256
 """Number of the newest keyframes whose covariances are kept: a closed loop corrects newer ones."""
 _PLACED = np.diag([0.3, 0.3, math.radians(8.0)]) ** 2
 """Covariance of a pose that was given without one."""
+_SURE = np.array([0.1, 0.1, math.radians(5.0)]) ** 2
+"""Largest variances along the map's axes of a fix that takes doubt back. It needs a heading: of a
+robot that was turned by other means than its wheels, the position is right and the scans are not
+where they are expected."""
 _DISPLACED = np.diag([0.25, 0.25, math.radians(6.0)]) ** 2
 """Covariance of a motion without the wheels, or of an error of the saved map."""
 _DOUBTED_S = 0.5
@@ -236,7 +240,7 @@ class Localiser:
             return False
         self._chain.fix(fix, _measured(self._pose, residual, rows), rows)
         self._filter.fuse_position(residual, rows, alike * covariance)
-        if np.linalg.eigvalsh(covariance[:2, :2])[-1] <= _PLACED[0, 0]:
+        if fix.yaw_rad is not None and (np.diag(covariance) <= _SURE).all():
             self._state.forget_doubt()  # whatever the scans show there
         return True
 

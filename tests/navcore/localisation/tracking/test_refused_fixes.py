@@ -49,10 +49,9 @@ def rtk(k: int, at: Pose2) -> list[PositionFix]:
     return [fix(k, at, correlation_s=RTK_S)]
 
 
-def tag(k: int, at: Pose2) -> PositionFix:
-    return fix(
-        k, at, source=FixSource.TAG, yaw_rad=at.yaw_rad, covariance=np.diag([0.02, 0.02, 0.02]) ** 2
-    )
+def tag(k: int, at: Pose2, sigma_m: float = 0.02) -> PositionFix:
+    covariance = np.diag([sigma_m, sigma_m, 0.02]) ** 2
+    return fix(k, at, source=FixSource.TAG, yaw_rad=at.yaw_rad, covariance=covariance)
 
 
 def drive(
@@ -192,17 +191,38 @@ def test_after_such_a_correction_loops_of_the_chain_before_are_not_taken(
     assert localisation.closures is late
 
 
-@pytest.mark.parametrize(("sigma_m", "is_lost"), [(0.02, False), (1.5, True), (None, True)])
-def test_a_robot_whose_place_exact_fixes_confirm_is_not_lost_by_what_it_sees(
-    sigma_m: float | None, is_lost: bool
+@pytest.mark.parametrize(
+    ("seen", "is_lost"),
+    [
+        (tag(0, ROUTE[40]), False),
+        (tag(0, ROUTE[40], 0.2), True),
+        (fix(0, ROUTE[40]), True),
+        (None, True),
+    ],
+)
+def test_scans_that_contradict_the_map_lose_a_robot_unless_sure_fixes_confirm_its_heading_too(
+    seen: PositionFix | None, is_lost: bool
 ) -> None:
+    """A robot that was turned round sees what it does not expect where RTK confirms its place."""
     localisation, _, _ = started()
-    here = ROUTE[40]
-    elsewhere = WORLD.scan(
-        ROUTE[40] @ Pose2(x_m=0.5, y_m=0.0, yaw_rad=2.0), np.random.default_rng(3)
-    )
+    here, is_known = ROUTE[40], []
+    elsewhere = WORLD.scan(here @ Pose2(x_m=0.5, y_m=0.0, yaw_rad=2.0), np.random.default_rng(3))
     for k in range(11, 60):
-        fixes = () if sigma_m is None else (fix(k, here, sigma_m),)
-        frame = dataclasses.replace(frame_at(here, k), fixes=fixes)
-        estimate = localisation.follow(frame, elsewhere)
-    assert estimate.is_known is not is_lost
+        frame = frame_at(here, k)
+        if seen is not None:
+            frame = dataclasses.replace(
+                frame, fixes=(dataclasses.replace(seen, stamp_ns=frame.stamp_ns),)
+            )
+        is_known.append(localisation.follow(frame, elsewhere).is_known)
+    assert is_known[0] and all(is_known) is not is_lost
+
+
+def test_a_push_that_scans_show_is_followed_although_fixes_without_heading_come_meanwhile() -> None:
+    localisation, _, _ = started()
+    expected = ROUTE[40]
+    turned = expected @ Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.radians(12.0))
+    rng = np.random.default_rng(3)
+    for k in range(11, 60):
+        frame = dataclasses.replace(frame_at(expected, k), fixes=(fix(k, expected),))
+        estimate = localisation.follow(frame, WORLD.scan(turned, rng))
+    assert estimate.T_map_base.yaw_rad == pytest.approx(turned.yaw_rad, abs=math.radians(2.0))
