@@ -61,6 +61,9 @@ class PoseGraph:
     first_covariance: Matrix | None = None
     """(3, 3) covariance of the first pose in the map, along its axes; None if nothing is known of
     it. Without absolute positions that pose stays."""
+    first: Pose2 | None = None
+    """T_map_base from which the first pose deviates by that covariance, whatever the first guess
+    is; None for the first guess."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -159,7 +162,7 @@ def _factors(graph: PoseGraph, index: Mapping[int, int]) -> Factors:
         information: list[Matrix] = [np.asarray(np.linalg.inv(e.covariance)) for e in edges]
         information += [_in_body(a.T_map_base, a.information) for a in graph.absolute]
         if graph.absolute and graph.first_covariance is not None:
-            first = next(iter(graph.poses.values()))
+            first = graph.first or next(iter(graph.poses.values()))
             ends.append((-1, 0))
             measured.append(first)
             information.append(_in_body(first, np.asarray(np.linalg.inv(graph.first_covariance))))

@@ -29,6 +29,8 @@ class CloseLoops:
     """Edges between consecutive ones."""
     absolute: tuple[AbsolutePose, ...]
     """Measured poses of some of them."""
+    first: Pose2
+    """T_map_base that the first one had when it was made, which its covariance is of."""
     tried_until: int
     """Number of keyframes that were tried before."""
     loops: tuple[Edge, ...]
@@ -50,6 +52,7 @@ class CloseLoops:
             self.keyframes,
             self.odometry,
             absolute=self.absolute,
+            first=self.first,
             tried_until=self.tried_until,
             loops=self.loops,
             candidates=self.candidates,
@@ -76,6 +79,7 @@ class LoopCloser:
     _loops: tuple[Edge, ...] = ()
     _candidates: tuple[Edge, ...] = ()
     _chain: dict[int, None] = field(default_factory=dict)
+    _first: Pose2 | None = None
     _tried: int = 0
 
     def note(self, edges: tuple[Edge, ...], absolute: tuple[AbsolutePose, ...] = ()) -> None:
@@ -98,10 +102,13 @@ class LoopCloser:
         keyframes = tuple(one for one in found if one is not None)
         if len(keyframes) < len(found):
             return None
+        if self._first is None:  # no loop has corrected it yet
+            self._first = keyframes[0].T_map_base
         return CloseLoops(
             keyframes=keyframes,
             odometry=tuple(self._edges),
             absolute=tuple(one for one in self._absolute if one.pose_id in self._chain),
+            first=self._first,
             tried_until=tried,
             loops=self._loops,
             candidates=self._candidates,
@@ -130,7 +137,7 @@ class LoopCloser:
     def restart(self) -> None:
         """Begin a new chain: the robot was placed, and no edge leads there."""
         self._edges, self._absolute, self._loops, self._candidates = [], [], (), ()
-        self._chain, self._tried = {}, 0
+        self._chain, self._first, self._tried = {}, None, 0
 
 
 def with_later(

@@ -59,6 +59,7 @@ def close_loops(
     candidates: Sequence[Edge] = (),
     constant_errors: ConstantErrors | None = None,
     absolute: Sequence[AbsolutePose] = (),
+    first: Pose2 | None = None,
     config: LoopClosureConfig = DEFAULT_LOOP_CLOSURE,
     graph_config: PoseGraphConfig = DEFAULT_POSE_GRAPH,
     match_config: MatchConfig = DEFAULT_MATCH,
@@ -68,8 +69,10 @@ def close_loops(
     `candidates` of the keyframes before them; else what may close one with later keyframes.
 
     `keyframes` are in the order of driving, `odometry` connects them, `constant_errors` are those
-    of odometry as far as known, and `absolute` are measured poses of keyframes. None if cancelled,
-    which is asked before every keyframe. Raises `BadGeometry` for edges of unknown keyframes.
+    of odometry as far as known, and `absolute` are measured poses of keyframes. `first` is the
+    T_map_base of the first keyframe that its covariance is of; None if it was not corrected since.
+    None if cancelled, which is asked before every keyframe. Raises `BadGeometry` for edges of
+    unknown keyframes.
     """
     if len(keyframes) < 2:
         return None
@@ -80,6 +83,7 @@ def close_loops(
         constant_errors=constant_errors,
         absolute=absolute,
         first_covariance=keyframes[0].covariance,
+        first=first or keyframes[0].T_map_base,
     )
     present = optimise(graph, graph_config)
     finder = LoopFinder(keyframes, present, config, match_config)

@@ -187,6 +187,24 @@ def test_measured_poses_of_keyframes_are_kept_to_when_loops_are_closed() -> None
     assert last[0] > 9.0 and last[1] < 0.02**2
 
 
+def test_the_first_keyframe_is_held_to_where_it_was_made_after_loops_have_moved_it() -> None:
+    keyframes, edges, _ = session()
+    errors = ConstantErrors(mean=np.zeros(3), covariance=1e-8 * np.eye(3))
+    made = {k.pose_id: replace(k, covariance=np.diag([0.01, 0.01, 0.001])) for k in keyframes}
+    closer = LoopCloser(LoopClosureConfig(), PoseGraphConfig(), MatchConfig())
+    closer.note(tuple(edges[:-24]))
+    closer.next_task(made.get, errors)
+    closer.note(tuple(edges[-24:]))
+    shift = Pose2(x_m=0.0, y_m=0.4, yaw_rad=0.0)
+    moved = {i: replace(k, T_map_base=shift @ k.T_map_base) for i, k in made.items()}
+    task = closer.next_task(moved.get, errors)
+    assert task is not None and task.first == keyframes[0].T_map_base
+    closer.restart()
+    closer.note(tuple(edges))
+    task = closer.next_task(moved.get, errors)
+    assert task is not None and task.first == moved[keyframes[0].pose_id].T_map_base
+
+
 def test_the_same_keyframes_give_the_same_loops_and_poses() -> None:
     keyframes, edges, _ = session()
     one, two = (close_loops(keyframes, edges, tried_until=len(keyframes) - 12) for _ in range(2))
