@@ -181,8 +181,10 @@ class Localiser:
                 }
 
     def move_keyframes(self, poses: Mapping[int, Pose2]) -> None:
-        """Move keyframes of this session to corrected poses by ID; the robot stays."""
+        """Move keyframes of this session to corrected poses by ID; the robot stays, and odometry
+        does not tell how it lies to them: a new chain begins."""
         self._chain.correct(poses)
+        self._chain.restart()
 
     def place(self, T_map_base: Pose2, covariance: Matrix | None, frame: Frame) -> None:
         """Set the pose of the robot at a frame: given by the operator or found by relocalisation;

@@ -343,6 +343,20 @@ def test_consecutive_keyframes_have_edges_by_odometry() -> None:
         assert math.hypot(*error[:2]) < 0.15
 
 
+def test_no_edge_leads_on_from_keyframes_that_were_moved_without_the_robot() -> None:
+    trip = new_trip()
+    for _ in trip.go(ROUTE[:40], ROUTE[:40]):
+        pass
+    shift = Pose2(x_m=0.0, y_m=0.3, yaw_rad=0.0)
+    moved = {one.pose_id: shift @ one.T_map_base for one in trip.localiser.keyframes}
+    trip.localiser.move_keyframes(moved)
+    trip.localiser.take_edges()
+    for _ in trip.go(ROUTE[40:60], ROUTE[40:60]):
+        pass
+    edges = trip.localiser.take_edges()
+    assert edges and not any(edge.from_id in moved for edge in edges)
+
+
 def test_after_a_correction_of_keyframes_the_robot_is_as_uncertain_as_it_has_become_since() -> None:
     trip, dark = new_trip(), PlanWorld([(90.0, 90.0, 91.0, 91.0)])
     *_, (then, _) = trip.go(ROUTE[:60], ROUTE[:60])
