@@ -23,6 +23,7 @@ from navcore.localisation.loops.loop_closer import CloseLoops, LoopCloser, with_
 from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures
 from navcore.localisation.relocalisation.place_map import PlaceMap
 from navcore.localisation.relocalisation.relocalisation import (
+    SEARCH_FAILED,
     PlaceProposal,
     RelocalisationState,
     Relocaliser,
@@ -153,13 +154,16 @@ class Localisation:
         if not self._is_searching:
             self._relocaliser = None
             return estimate
-        return self._searched(estimate, frame)
+        estimate = self._searched(estimate, frame)
+        if self._is_lost and self._put_off_m > 0.0:
+            return dataclasses.replace(estimate, reason=SEARCH_FAILED)
+        return estimate
 
     def _begin_search(self, *, may_be_there: bool) -> None:
         """Look for a lost robot, which `may_be_there` where odometry has it: only its own scans of
         the last metres have said otherwise."""
         self._is_lost, self._may_be_there, self._still = True, may_be_there, None
-        self._beside = None
+        self._beside, self._put_off_m = None, 0.0
         if self._relocaliser is not None:  # what it has found is what led here
             self._relocaliser = self._relocaliser.reconsidered()
         if not len(self.tracker.saved_map):
@@ -460,7 +464,6 @@ class Localisation:
         """Forget the place, and look for it in the whole map."""
         self.tracker.lose(stamp_ns)
         self._kept = self._start = self._last = self._probation = None
-        self._put_off_m = 0.0
         self._begin_search(may_be_there=False)
 
     def load(

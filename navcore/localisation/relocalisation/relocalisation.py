@@ -34,6 +34,8 @@ from navcore.localisation.scans.scan import Scan
 
 SMOOTHED_SCANS = 5
 """Scans over which the share of fitting points is averaged."""
+SEARCH_FAILED = "the search failed; drive on or turn round to search again"
+"""What is missing after a search that could not be computed."""
 
 
 class RelocalisationState(StrEnum):

@@ -19,6 +19,7 @@ from navcore.localisation.map_correction import MapCorrection, PrepareCorrection
 from navcore.localisation.tasks import PrepareSearch, TaskFailed
 from navcore.mapping.point_map import PointMap
 from navcore.robot.profile import HUSKY
+from tests.navcore.localisation.starts import started
 from tests.navcore.localisation.tracking.test_localiser import ROUTE, WORLD, frame_at
 
 
@@ -69,10 +70,25 @@ def test_a_search_that_fails_is_tried_again_once_the_robot_has_moved() -> None:
     assert isinstance(task, PrepareSearch)
     correction.take(TaskFailed(task=task))
     for k, pose in enumerate(ROUTE[:3], 1):
-        localisation.follow(frame_at(pose, k), scan)
-        assert correction.next_task() is None
+        estimate = localisation.follow(frame_at(pose, k), scan)
+        assert correction.next_task() is None and "search failed" in estimate.reason
     for k, pose in enumerate(ROUTE[3:20], 4):
-        localisation.follow(frame_at(pose, k), scan)
+        estimate = localisation.follow(frame_at(pose, k), scan)
+    assert isinstance(correction.next_task(), PrepareSearch) and not estimate.reason
+
+
+def test_a_robot_that_becomes_lost_is_searched_although_a_search_before_has_failed() -> None:
+    localisation, _, _ = started()
+    correction = MapCorrection(empty_map(), localisation, TrackingConfig())
+    task = correction.next_task()  # of the place, which is on trial
+    assert isinstance(task, PrepareSearch)
+    correction.take(TaskFailed(task=task))
+    assert correction.next_task() is None
+    here = ROUTE[40]
+    elsewhere = WORLD.scan(here @ Pose2(x_m=0.5, y_m=0.0, yaw_rad=2.0), np.random.default_rng(3))
+    for k in range(11, 60):
+        estimate = localisation.follow(frame_at(here, k), elsewhere)
+    assert estimate.is_lost and not estimate.reason
     assert isinstance(correction.next_task(), PrepareSearch)
 
 
