@@ -173,9 +173,13 @@ class SensorMonitor:
             return shown
         is_set_back = back_s > config.max_gap_s or self.fault is SensorFault.CLOCK
         text = (
-            "The camera's clock does not advance: an image is dated "
+            "The camera's clock was set back: an image is dated "
+            f"{back_s:.3f} s before the one that preceded it; the robot stands until it advances, "
+            "or until a reset accepts it."
+            if is_set_back
+            else "The camera's clock does not advance: an image is dated "
             f"{back_s:.3f} s before the one that preceded it, or the same; the robot stands until "
-            f"it advances{', or until a reset accepts it' * is_set_back}."
+            "it advances."
         )
         fault = SensorFault.CLOCK if is_set_back else SensorFault.STAMP
         return dataclasses.replace(shown, fault=fault, fault_text=text)
