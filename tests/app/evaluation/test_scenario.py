@@ -88,7 +88,7 @@ def test_the_segmenter_has_the_perception_of_the_configuration_wherever_it_is_co
     )
     asked = list[PerceptionConfig]()
 
-    def composed(*_: object, config: PerceptionConfig) -> Perception:
+    def composed(*_: object, config: PerceptionConfig, **__: object) -> Perception:
         asked.append(config)
         return colour_perception(config=config)
 

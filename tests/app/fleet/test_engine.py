@@ -80,7 +80,7 @@ def test_a_share_that_does_not_exist_is_refused(text: str) -> None:
 
 def test_without_ray_the_message_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(BadConfiguration, match=r"bewarenav\[fleet\]"):
+    with pytest.raises(BadConfiguration, match=r"pip install -e '\.\[fleet\]'"):
         list(run(RayCluster(), square, [1]))
 
 

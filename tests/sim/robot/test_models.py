@@ -12,6 +12,7 @@ import yourdfpy
 from navcore.robot.profile import load_profile
 from sim.robot.husky import WHEELS, husky_urdf
 from sim.robot.jackal import JACKAL_CHASSIS
+from sim.robot.urdf_cache import cached_urdf
 
 
 def test_the_urdf_loads_with_all_its_meshes_outside_of_pybullet() -> None:
@@ -30,7 +31,7 @@ def test_every_user_of_the_machine_can_read_the_adapted_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    path = husky_urdf()
+    path = cached_urdf("husky", "<robot/>")
     assert path.parent == tmp_path and path.stat().st_mode & 0o777 == 0o644
 
 

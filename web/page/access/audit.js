@@ -57,7 +57,11 @@ export function suggestNames(known) {
 
 export const refresh = () => load();
 
+// Number of the newest request: the answers of those before it show what is not asked for any more.
+let newest = 0;
+
 async function load(before) {
+  const number = ++newest;
   older.disabled = true; // a second click would append the same page once more
   const query = new URLSearchParams({ count: PAGE_SIZE });
   if (before) query.set("before", before);
@@ -70,12 +74,13 @@ async function load(before) {
   }
   await attempt(async () => {
     const entries = await get(`/audit?${query}`);
+    if (number !== newest) return;
     if (!before) list.replaceChildren();
     list.append(...entries.map(itemOf));
     older.hidden = entries.length < PAGE_SIZE;
     empty.hidden = list.children.length > 0;
   });
-  older.disabled = false;
+  if (number === newest) older.disabled = false;
 }
 
 function itemOf(entry) {

@@ -13,11 +13,12 @@ let pending = null;
 export const pendingStore = () => pending;
 
 export function finish() {
-  if (!isDrawing() || pending || !isReadable()) return;
+  if (!isDrawing() || pending) return;
   if (!isComplete()) {
     note(t("The zone is not complete: {missing}.", { missing: missingOf(draft) }), true);
     return;
   }
+  if (!isReadable()) return;
   pending = store().finally(() => {
     pending = null;
   });

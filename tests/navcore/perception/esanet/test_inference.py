@@ -525,7 +525,7 @@ def test_an_engine_that_is_not_there_is_refused_with_the_remedy(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(choice, "is_installed", lambda package: False)
-    with pytest.raises(BadConfiguration, match=r"openvino is not installed.*bewarenav\[fast\]"):
+    with pytest.raises(BadConfiguration, match=r"openvino is not installed.*make setup"):
         open_inference(network_file(), "openvino")
     engine, trials = open_inference(network_file(), "torch", threads=1)
     assert (engine.name, trials) == ("torch f32", ())
