@@ -24,6 +24,7 @@ from app.evaluation.campaign import write_summary
 from app.evaluation.perception.detection import TEST_SHARD
 from app.evaluation.perception.one_click import Site, site_of, views
 from app.runtime.record.provenance import command_line, machine, version
+from app.teaching.frames.frame_record import UNITS_PER_M
 from app.teaching.training.comparison import LEAST_IOU
 from app.teaching.training.paired_counts import PairedCounts
 from app.teaching.training.plan import HELD_EVERY
@@ -71,6 +72,8 @@ class TeachingSuite:
             raise BadConfiguration(f"{weights}: only a .safetensors file can be taught a class")
         self.start = load(weights)
         self.known = self.start.card.num_classes
+        self.depth = self.start.card.depth.in_unit(UNITS_PER_M)
+        """Statistics of the network's depth in millimetres, the unit of all images here."""
         self.recipe = recipe or TeachingRecipe(seed=seed)
         self._images = self._teacher(grown_network(self.start, ("thing",)))
         names = self.start.card.class_names
@@ -102,9 +105,7 @@ class TeachingSuite:
         for frame in learned:
             only = np.where(frame.labels == self.known + 1, frame.labels, 0).astype(np.uint8)
             annotated = dataclasses.replace(frame, labels=only)
-            teacher.captured.append(
-                teacher.encoded(annotated, self.start.card.depth, own_labels=True)
-            )
+            teacher.captured.append(teacher.encoded(annotated, self.depth, own_labels=True))
         for _ in teacher.losses():
             pass
         here = self._counted(teacher, self._judged(others))
@@ -145,7 +146,7 @@ class TeachingSuite:
 
     def _encoded(self, sample: Sample) -> Encoded:
         """Encode an image: with one thing more, the same whichever it is."""
-        return self._images.encoded(sample, self.start.card.depth)
+        return self._images.encoded(sample, self.depth)
 
     def _judged(self, samples: Iterable[Sample]) -> list[_Judged]:
         judged = []
@@ -162,7 +163,7 @@ class TeachingSuite:
         for frame, labels in views(renderer, site, thing, rng, FRAMES):
             known = labels_of(self.start.card.class_names)[labels]
             truth = np.where(labels == UNSEEN_LABEL, self.known + 1, known).astype(np.uint8)
-            depth_mm = np.round(frame.depth_m * 1000).astype(np.uint16)
+            depth_mm = np.round(frame.depth_m * UNITS_PER_M).astype(np.uint16)
             yield Sample(rgb=frame.rgb, depth=depth_mm, labels=truth)
 
     def _counted(self, teacher: ClassTeacher, images: Sequence[_Judged]) -> PairedCounts:

@@ -10,6 +10,7 @@ from app.teaching.training.paired_counts import PairedCounts
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
 from navcore.learning.training.evaluation import InferenceSettings, predict
+from navcore.perception.esanet.network.preprocess import DepthStatistics
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork
 from web.interface.teaching import NOTHING_NAME, ClassFigures
 
@@ -23,21 +24,21 @@ def compared(
     captured: Sequence[Sample],
     rendered: Sequence[Sample],
     inference: InferenceSettings,
+    depth: DepthStatistics,
     on_progress: Callable[[int], None] = lambda done: None,
 ) -> tuple[list[ClassFigures], float | None]:
     """Return the figures per class, and the share of the captured pixels without an annotation on
     which both networks agree (None without such pixels).
 
-    The labels of both are those of `new`, whose first classes are those of `old`. An annotated
-    class is judged on the captured images. Where their annotation names nothing, the old network's
-    own label is the truth, except for an annotated class, of which the annotation tells more: there
-    it is void. All other classes are judged on the rendered images, whose labels are exact.
+    The labels of both are those of `new`, whose first classes are those of `old`; `depth` are the
+    statistics of both in the unit of the images. An annotated class is judged on the captured
+    images. Where their annotation names nothing, the old network's own label is the truth, except
+    for an annotated class, of which the annotation tells more: there it is void. All other classes
+    are judged on the rendered images, whose labels are exact.
     """
 
     def found_by_both(sample: Sample) -> tuple[LabelArray, LabelArray]:
-        was, now = (
-            predict(one.network, [sample], inference, one.card.depth)[0] for one in (old, new)
-        )
+        was, now = (predict(one.network, [sample], inference, depth)[0] for one in (old, new))
         return was, now
 
     classes = len(new.card.class_names)

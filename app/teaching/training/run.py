@@ -34,6 +34,7 @@ from navcore.learning.teaching.class_teaching import ClassTeacher, grown_network
 from navcore.learning.teaching.taught_rows import Encoded
 from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.learning.training.evaluation import InferenceSettings
+from navcore.learning.training.initial_weights import with_depth_of
 from navcore.learning.training.metrics import confusion_matrix, mean_iou
 from navcore.perception.esanet.network.limits import STRIDE
 from navcore.perception.esanet.network.preprocess import Size, check_size
@@ -59,8 +60,8 @@ class TeachingRun:
         self.recipe: TeachingRecipe = self.plan.recipe
         self.progress: RunProgress = dataclasses.replace(read_progress(folder), message="")
         self._written_s = -WRITE_EVERY_S
-        self.dataset: Dataset = load_dataset(folder / DATA_NAME)
         self.start = load(Path(self.plan.start_path))
+        self.dataset: Dataset = with_depth_of(self.start, load_dataset(folder / DATA_NAME))
         size = self._working_size()
         self.inference = InferenceSettings(size=size, batch=1)
         self.grown = grown_network(self.start, self.plan.class_names)
@@ -121,7 +122,7 @@ class TeachingRun:
         self, teacher: ClassTeacher, rehearsed: Sequence[Sample]
     ) -> list[tuple[Sample, Encoded]]:
         """Encode all images; return the held-back ones with what came of them."""
-        statistics, total = self.start.card.depth, len(self.dataset) + len(rehearsed)
+        statistics, total = self.dataset.card.depth, len(self.dataset) + len(rehearsed)
         done, held = 0, []
         for split in ("train", "valid"):
             for sample in self.captured(split):
@@ -172,6 +173,7 @@ class TeachingRun:
             list(self.captured("valid")),
             tests,
             self.inference,
+            self.dataset.card.depth,
             lambda done: self._tell("comparing", done, len(tests) + self.dataset.count("valid")),
         )
         target = self.folder / MODEL_NAME

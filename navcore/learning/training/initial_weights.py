@@ -51,14 +51,9 @@ def transferred_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard
 
 
 def with_depth_of(start: TrainedNetwork, dataset: Dataset) -> Dataset:
-    """Return the data set with the depth statistics of `start`, in its own unit: with others the
-    network would take every distance for another one."""
-    depth, units_per_m = start.card.depth, dataset.card.depth.units_per_m
-    factor = units_per_m / depth.units_per_m
-    same = dataclasses.replace(
-        depth, mean=depth.mean * factor, std=depth.std * factor, units_per_m=units_per_m
-    )
-    return dataclasses.replace(dataset, card=dataclasses.replace(dataset.card, depth=same))
+    """Return the data set with the depth statistics of `start`, in its own unit."""
+    depth = start.card.depth.in_unit(dataset.card.depth.units_per_m)
+    return dataclasses.replace(dataset, card=dataclasses.replace(dataset.card, depth=depth))
 
 
 def _common_classes(known: WeightsCard, wanted: WeightsCard) -> list[tuple[int, int]]:

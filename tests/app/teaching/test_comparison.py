@@ -81,7 +81,7 @@ def test_what_the_old_network_found_falsely_is_no_truth(monkeypatch: pytest.Monk
         rgb=np.zeros((20, 20, 3), dtype=np.uint8), depth=labels.astype(np.uint16), labels=labels
     )
     inference = InferenceSettings(size=Size(height=32, width=32))
-    figures, _ = compared(old, new, [sample], [], inference)
+    figures, _ = compared(old, new, [sample], [], inference, NYUV2_DEPTH)
     (cup,) = (one for one in figures if one.name == "cup")
     assert cup.pixels == 25 and cup.new == round(25 / 27, 4)
     assert not_found(figures, ("cup",)) == ()

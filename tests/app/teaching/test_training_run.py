@@ -46,22 +46,29 @@ def one_thread() -> Iterator[None]:
     torch.set_num_threads(before)
 
 
-@pytest.fixture(scope="module")
-def start(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small network with random weights."""
-    path = tmp_path_factory.mktemp("start") / "start.safetensors"
+def small_network(path: Path, *, units_per_m: float = 1000.0) -> Path:
+    """Write a small network with random weights, the same for any unit of its depth, and return
+    its file."""
     torch.manual_seed(0)
     card = WeightsCard(
         variant="r18-nbt1d",
         num_classes=len(CLASSES),
         width=0.125,
         class_names=CLASSES,
-        depth=DepthStatistics(mean=2000.0, std=1000.0, units_per_m=1000.0),
+        depth=DepthStatistics(
+            mean=2.0 * units_per_m, std=1.0 * units_per_m, units_per_m=units_per_m
+        ),
         source_sha256="0" * 64,
         size=Size(height=64, width=96),
     )
     save(build("r18-nbt1d", len(CLASSES), width=0.125).eval(), card, path, half=True)
     return path
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small network with random weights."""
+    return small_network(tmp_path_factory.mktemp("start") / "start.safetensors")
 
 
 @pytest.fixture
@@ -105,6 +112,22 @@ def test_a_taught_class_leaves_the_weights_of_all_others_as_they_are(
     for key, tensor in new.items():
         kept = tensor[: len(CLASSES)] if tensor.shape != old[key].shape else tensor
         assert torch.equal(kept, old[key]), key
+
+
+def test_a_start_whose_depth_is_in_another_unit_learns_the_same(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    other = small_network(tmp_path / "eighths.safetensors", units_per_m=8000.0)
+    folders = [
+        planned(tmp_path / f"taught {number}", frames, path)
+        for number, path in enumerate((start, other))
+    ]
+    made = [TeachingRun(folder).run() for folder in folders]
+    one, eighths = (load(folder / MODEL_NAME) for folder in folders)
+    assert eighths.card.depth.units_per_m == 8000.0
+    learned, expected = (of.network.state_dict() for of in (eighths, one))
+    assert all(torch.equal(learned[key], expected[key]) for key in expected)
+    assert made[0].figures == made[1].figures and made[0].kept_share == made[1].kept_share
 
 
 def test_a_resumed_run_ends_as_an_uninterrupted_one(

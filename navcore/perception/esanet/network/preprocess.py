@@ -3,6 +3,7 @@ depth."""
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,6 +38,14 @@ class DepthStatistics:
     raw: bool = True
     """Whether a depth of 0 means "not measured" and is set to the mean; off for in-painted
     ("refined") depth."""
+
+    def in_unit(self, units_per_m: float) -> DepthStatistics:
+        """Return the same statistics for images in another unit: with those of its own the network
+        would take every distance for another one."""
+        factor = units_per_m / self.units_per_m
+        return dataclasses.replace(
+            self, mean=self.mean * factor, std=self.std * factor, units_per_m=units_per_m
+        )
 
 
 NYUV2_DEPTH = DepthStatistics(mean=2841.949, std=1417.259, units_per_m=1000.0)
