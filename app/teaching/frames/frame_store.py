@@ -45,11 +45,12 @@ from navcore.learning.data.images import (
     DepthArray,
     LabelArray,
     RgbArray,
+    encode_grey,
+    encode_rgb,
+    png_size,
     read_depth,
     read_labels,
     read_rgb,
-    write_grey,
-    write_rgb,
 )
 from navcore.learning.data.writer import write_text
 from navcore.perception.esanet.network.preprocess import DepthStatistics
@@ -244,8 +245,8 @@ class FrameStore:
                 (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
         (self.folder / record.path).parent.mkdir(parents=True, exist_ok=True)
         self._write_card(_added(self._sums(), record.sums), class_names)
-        write_rgb(colours, rgb)
-        write_grey(depth, depth_mm)
+        write_whole(colours, encode_rgb(rgb))
+        write_whole(depth, encode_grey(depth_mm))
         write_whole(label, _as_npy(labels))
         write_whole(self.folder / record.path, record.as_json())
 
@@ -312,7 +313,8 @@ class FrameStore:
 
     def _open(self) -> dict[str, _Stored]:
         """Return the frames by name, read from the folder of an earlier session at first; a frame
-        that a crash left incomplete, or that is damaged, is left out."""
+        that a crash left incomplete is left out, and so is one with a damaged file, as far as the
+        ends of the images show it: to read them whole would take seconds."""
         if self._stored is not None:
             return self._stored
         found: dict[str, _Stored] = {}
@@ -324,8 +326,9 @@ class FrameStore:
                 with contextlib.suppress(BadConfiguration, OSError):
                     record = read_record(path)
                     labels = read_labels(self.folder / record.files[2])
-                    self._size_of(record)
-                    if int(labels.max(initial=0)) <= len(self._class_names):
+                    sizes = {png_size(self.folder / image) for image in record.files[:2]}
+                    is_known = int(labels.max(initial=0)) <= len(self._class_names)
+                    if is_known and sizes == {labels.shape} == {(record.height, record.width)}:
                         found[record.id] = _Stored(record=record, labels=_occurring(labels))
         self._stored = found
         self._bytes_used = sum(self._size_of(one.record) for one in found.values())

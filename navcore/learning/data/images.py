@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from pathlib import Path
 from typing import BinaryIO
@@ -21,6 +22,7 @@ RgbArray = npt.NDArray[np.uint8]
 DepthArray = npt.NDArray[np.uint16]
 LabelArray = npt.NDArray[np.uint8]
 _PNG_START = b"\x89PNG\r\n\x1a\n"
+_PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _JPEG_START = b"\xff\xd8"
 _NPY_HEADER_BYTES = 10_000
 
@@ -131,6 +133,19 @@ def image_size(content: bytes) -> tuple[int, int] | None:
         width, height = struct.unpack(">II", content[16:24])
         return height, width
     return _jpeg_size(content) if content.startswith(_JPEG_START) else None
+
+
+def png_size(path: Path) -> tuple[int, int] | None:
+    """Return (height, width) of a PNG file; None for any other file, and for one that is missing or
+    cut off. Only its beginning and its end are read."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(24)
+            file.seek(-len(_PNG_END), os.SEEK_END)
+            is_whole = file.read() == _PNG_END
+    except OSError:
+        return None
+    return image_size(head) if head.startswith(_PNG_START) and is_whole else None
 
 
 def _jpeg_size(content: bytes) -> tuple[int, int] | None:

@@ -6,6 +6,7 @@ import dataclasses
 import gc
 import io
 import itertools
+import os
 import threading
 import time
 import zipfile
@@ -121,6 +122,37 @@ def test_a_deleted_frame_is_gone_and_a_damaged_one_is_left_out(store: FrameStore
     assert len(load_dataset(store.folder)) == 1
     with pytest.raises(NotKnown):
         again.annotation("000001")
+
+
+@pytest.mark.parametrize("kind", ["rgb", "depth"])
+@pytest.mark.parametrize("left", [0, 0.5], ids=["empty", "cut off"])
+def test_a_frame_whose_image_was_cut_off_by_a_crash_is_left_out(
+    store: FrameStore, kind: str, left: float
+) -> None:
+    for x_m, brightness in ((1.0, 120), (3.0, 60)):
+        store.add_frame(frame_at(x_m, brightness=brightness), "drive")
+    image = store.folder / f"train/{kind}/000001.png"
+    content = image.read_bytes()
+    image.write_bytes(content[: int(left * len(content))])
+    assert [one.id for one in FrameStore(store.folder).all()] == ["000002"]
+    dataset = load_dataset(store.folder)
+    assert dataset.count("train") == 1
+    dataset.read("train", 0)
+
+
+def test_a_frame_that_is_stored_is_whole_also_after_a_loss_of_power(
+    store: FrameStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced, fsync = list[str](), os.fsync
+
+    def noted(handle: int) -> None:
+        synced.append(os.readlink(f"/proc/self/fd/{handle}"))
+        fsync(handle)
+
+    monkeypatch.setattr(os, "fsync", noted)
+    store.add_frame(frame_at(1.0), "drive")
+    for kind in ("rgb", "depth", "label", "camera"):
+        assert any(f"train/{kind}/.000001." in path for path in synced), kind
 
 
 def test_no_frame_gets_the_name_of_a_deleted_one(store: FrameStore) -> None:
