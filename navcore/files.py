@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+import lzma
 import os
 import shutil
 import stat
 import tempfile
+import zipfile
+import zlib
 from contextlib import suppress
 from pathlib import Path
 
 from navcore.errors import BadConfiguration, StorageFailed
+
+DAMAGED_ZIP = (
+    OSError,
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    EOFError,
+    ValueError,
+    OverflowError,
+    RuntimeError,
+)
+"""What is raised where a zip archive that comes from anywhere is opened and read."""
 
 
 def read_whole(path: Path, *, at_most: int) -> bytes:

@@ -9,29 +9,24 @@ from __future__ import annotations
 import shutil
 import tempfile
 import zipfile
-import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO, cast
+from typing import IO, BinaryIO, cast
 
-from app.teaching.frames.frame_record import UNITS_PER_M
-from app.teaching.frames.frame_store import FrameStore, NoDepth
+from app.teaching.frames.frame_record import UNITS_PER_M, has_depth
+from app.teaching.frames.frame_store import FrameStore, Upload
 from navcore.errors import BadConfiguration, Refused, StorageFailed
-from navcore.files import link_or_copy
-from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS
+from navcore.files import DAMAGED_ZIP, link_or_copy
+from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Split
 from navcore.learning.data.dataset import Dataset, load_dataset
+from navcore.learning.data.importers import MAX_ENTRIES
 from web.interface.teaching import MAX_FRAMES_BYTES, Annotation
 
+PART_BYTES = 1 << 20
+"""Size of the parts in which a file is unpacked."""
 _LINKS, _UNPACKED = ".export-", ".import-"
 _LISTS = {f"{split}_{kind}.txt" for split in SPLITS for kind in KINDS}
-_FAILURES = (
-    zipfile.BadZipFile,
-    zlib.error,
-    EOFError,
-    ValueError,
-    RuntimeError,
-    NotImplementedError,
-)
 
 
 def exported(store: FrameStore) -> BinaryIO:
@@ -111,41 +106,64 @@ def _add_all(store: FrameStore, dataset: Dataset) -> int:
             f"depth in {dataset.card.depth.units_per_m:g} units per metre, expected {UNITS_PER_M:g}"
         )
     places = [(split, index) for split in SPLITS for index in range(dataset.count(split))]
-    for split, index in places:
-        dataset.read(split, index)  # all of them before the first is stored
-    added: list[str] = []
-    with store.held():
-        try:
-            for split, index in places:
-                sample = dataset.read(split, index)
-                annotation = Annotation(class_names=dataset.card.class_names, labels=sample.labels)
-                with suppress(NoDepth):  # one from before such images were refused
-                    added.append(store.add_images(sample.rgb, sample.depth, annotation).id)
-        except BaseException:
-            for name in added:
-                store.delete(name)
-            raise
-    return len(added)
+    store.refuse_unless_fit([_size_of(dataset, *place) for place in places])
+    # All of them are read before the first is stored; without depth are some of before such images
+    # were refused.
+    with_depth = [place for place in places if has_depth(dataset.read(*place).depth)]
+    return store.add_uploads(_upload(dataset, *place) for place in with_depth)
+
+
+def _size_of(dataset: Dataset, split: Split, index: int) -> int:
+    return sum((dataset.folder / path).stat().st_size for path in dataset.files[split][index])
+
+
+def _upload(dataset: Dataset, split: Split, index: int) -> Upload:
+    sample = dataset.read(split, index)
+    annotation = Annotation(class_names=dataset.card.class_names, labels=sample.labels)
+    return Upload(rgb=sample.rgb, depth_mm=sample.depth, annotation=annotation)
 
 
 def _unpack(packed: BinaryIO, folder: Path) -> None:
     """Write the entries of an archive below a folder."""
-    try:
-        with zipfile.ZipFile(packed) as archive:
-            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-            if sum(entry.file_size for entry in entries) > MAX_FRAMES_BYTES:
-                raise BadConfiguration(f"the archive unpacks to more than {MAX_FRAMES_BYTES} bytes")
-            for entry in entries:
-                target = folder / _inside(entry.filename)
+    with _reading(), zipfile.ZipFile(packed) as archive:
+        entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+        if len(entries) > MAX_ENTRIES:
+            raise BadConfiguration(
+                f"the archive has {len(entries)} files, at most {MAX_ENTRIES} are read"
+            )
+        if sum(entry.file_size for entry in entries) > MAX_FRAMES_BYTES:
+            raise BadConfiguration(f"the archive unpacks to more than {MAX_FRAMES_BYTES} bytes")
+        for entry in entries:
+            target = folder / _inside(entry.filename)
+            with archive.open(entry) as file, _writing():
                 target.parent.mkdir(parents=True, exist_ok=True)
-                with archive.open(entry) as file, target.open("wb") as out:
-                    shutil.copyfileobj(file, out)
-    except BadConfiguration:
-        raise
-    except _FAILURES as error:
+                with target.open("wb") as out:
+                    while part := _part(file):
+                        out.write(part)
+
+
+@contextmanager
+def _reading() -> Iterator[None]:
+    """Say in words what is damaged in an archive."""
+    try:
+        yield
+    except DAMAGED_ZIP as error:
         raise BadConfiguration(f"the archive is damaged: {error!s:.200}") from None
+
+
+@contextmanager
+def _writing() -> Iterator[None]:
+    """Say in words that the disk is full."""
+    try:
+        yield
     except OSError as error:
         raise StorageFailed(f"the archive cannot be unpacked: {error.strerror or error}") from None
+
+
+def _part(file: IO[bytes]) -> bytes:
+    """Return the next bytes of an entry; empty at its end."""
+    with _reading():
+        return file.read(PART_BYTES)
 
 
 def _inside(name: str) -> str:

@@ -94,6 +94,17 @@ def depth_mm_of(frame: Frame) -> DepthArray:
     return np.asarray(np.clip(millimetres, 0, 65535), dtype=np.uint16)
 
 
+def has_depth(depth_mm: DepthArray) -> bool:
+    """Return whether an image can be learned from: whether its (H, W) depth has a spread."""
+    sums = DepthSums()
+    sums.add(depth_mm)
+    try:
+        sums.statistics(units_per_m=UNITS_PER_M)
+    except BadConfiguration:
+        return False
+    return True
+
+
 def record_of(
     name: str,
     rgb: RgbArray,

@@ -14,7 +14,7 @@ import dataclasses
 import io
 import json
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -64,10 +64,35 @@ _LAST_ID = "last_id"
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class _Stored:
-    """A frame of the folder, and the labels that occur in its annotation."""
+    """A frame of the folder, the labels that occur in its annotation, and the size of its images
+    and labels in bytes."""
 
     record: FrameRecord
     labels: tuple[int, ...]
+    size_bytes: int
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _New:
+    """A frame to store, whose labels are numbers of `class_names`."""
+
+    record: FrameRecord
+    rgb: RgbArray
+    depth_mm: DepthArray
+    labels: LabelArray
+    class_names: list[str]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Upload:
+    """An uploaded image with its annotation."""
+
+    rgb: RgbArray
+    """(H, W, 3) colours."""
+    depth_mm: DepthArray
+    """(H, W) depth in millimetres, 0 = not measured."""
+    annotation: Annotation
+    """Its annotation."""
 
 
 class NoDepth(Refused):
@@ -82,7 +107,7 @@ class FrameStore:
         self._lock = threading.RLock()
         self._stored: dict[str, _Stored] | None = None
         self._class_names: list[str] = [NOTHING_NAME]
-        self._bytes_used = self._last_id = 0
+        self._last_id = 0
         self.dropped = 0
         """Number of near-duplicates that were not kept since the start."""
 
@@ -95,8 +120,7 @@ class FrameStore:
     def bytes_used(self) -> int:
         """Size of the stored frames in bytes."""
         with self._lock:
-            self._open()
-            return self._bytes_used
+            return sum(one.size_bytes for one in self._open().values())
 
     def add_frame(self, frame: Frame, source: FrameSource) -> CapturedFrame | None:
         """Store a frame that is placed in the map; None for a near-duplicate of a stored one.
@@ -109,31 +133,63 @@ class FrameStore:
             if self._is_known(record):
                 self.dropped += 1
                 return None
-            labels = np.zeros_like(depth_mm, dtype=np.uint8)
-            return self._add(record, frame.rgb, depth_mm, labels, self._class_names)
+            new = _New(
+                record=record,
+                rgb=frame.rgb,
+                depth_mm=depth_mm,
+                labels=np.zeros_like(depth_mm, dtype=np.uint8),
+                class_names=self._class_names,
+            )
+            return self._add([new])[0]
 
-    def add_images(
-        self, rgb: RgbArray, depth_mm: DepthArray, annotation: Annotation
-    ) -> CapturedFrame:
-        """Store an uploaded image with its annotation, near-duplicate or not."""
+    def add_uploads(self, uploads: Iterable[Upload]) -> int:
+        """Store uploaded images, near-duplicates or not, and return their number: all or none.
+
+        Raises `Refused` when the folder is full, `NoDepth`, `BadConfiguration` for an annotation
+        that does not fit, `StorageFailed`.
+        """
+
+        def new(upload: Upload) -> _New:
+            record = record_of(self._next_name(), upload.rgb, upload.depth_mm, "upload")
+            labels, class_names = self._labels_of(record, upload.annotation)
+            return _New(
+                record=record,
+                rgb=upload.rgb,
+                depth_mm=upload.depth_mm,
+                labels=labels,
+                class_names=class_names,
+            )
+
         with self._lock:
-            record = record_of(self._next_name(), rgb, depth_mm, "upload")
-            return self._add(record, rgb, depth_mm, *self._labels_of(record, annotation))
+            return len(self._add(map(new, uploads)))
+
+    def refuse_unless_fit(self, sizes_bytes: Sequence[int]) -> None:
+        """Raise `Refused` where images of these sizes do not fit into the folder."""
+        with self._lock:
+            frames, used_bytes = len(self._open()), self.bytes_used
+        rules, count, more_bytes = self.rules, len(sizes_bytes), sum(sizes_bytes)
+        if (
+            frames + count > rules.max_frames
+            or used_bytes + more_bytes - max(sizes_bytes, default=0) >= rules.max_bytes
+        ):
+            raise Refused(
+                f"{count} images of {more_bytes / 1e6:.0f} MB do not fit into the folder of "
+                f"captured frames: it has {frames} ({used_bytes / 1e6:.0f} MB) of at most "
+                f"{rules.max_frames} ({rules.max_bytes / 1e6:.0f} MB); delete frames that are not "
+                "needed"
+            )
 
     def delete(self, name: str) -> None:
         """Delete a frame: first its record, so that a crash leaves no half of it listed."""
         with self._lock:
             record = self._known(name).record
-            size = self._size_of(record)
             try:
-                for path in (record.path, *record.files):
-                    (self.folder / path).unlink(missing_ok=True)
+                self._unlink(record)
             except OSError as error:
                 raise StorageFailed(
                     f"{self.folder}: the frame cannot be deleted: {error.strerror or error}"
                 ) from error
             del self._open()[name]
-            self._bytes_used -= size
             self._publish()
 
     def images(self, name: str) -> tuple[RgbArray, DepthArray]:
@@ -160,8 +216,7 @@ class FrameStore:
         with self._lock:
             stored = self._known(name)
             labels, class_names = self._labels_of(stored.record, annotation)
-            # First: no label without the name of its class.
-            self._write_card(self._sums(), class_names)
+            self._write_card(class_names)  # first: no label without the name of its class
             write_whole(self.folder / stored.record.files[2], _as_npy(labels))
             self._class_names = class_names
             self._open()[name] = dataclasses.replace(stored, labels=_occurring(labels))
@@ -187,68 +242,66 @@ class FrameStore:
         """Return the lock under which nothing in the folder changes."""
         return self._lock
 
-    def _add(
-        self,
-        record: FrameRecord,
-        rgb: RgbArray,
-        depth_mm: DepthArray,
-        labels: LabelArray,
-        class_names: list[str],
-    ) -> CapturedFrame:
-        """Store a frame whose labels are numbers of `class_names`; nothing of it stays when that
-        fails."""
-        stored = self._open()
-        if len(stored) >= self.rules.max_frames or self._bytes_used >= self.rules.max_bytes:
-            raise Refused(
-                f"the folder of captured frames is full ({len(stored)} frames, "
-                f"{self._bytes_used / 1e6:.0f} MB); delete frames that are not needed"
-            )
+    def _add(self, frames: Iterable[_New]) -> list[CapturedFrame]:
+        """Store frames; nothing of them stays when that fails."""
+        stored, class_names = self._open(), self._class_names
+        added: list[FrameRecord] = []
         try:
-            record.sums.statistics(units_per_m=UNITS_PER_M)
-        except BadConfiguration as error:
-            raise NoDepth(f"the image cannot be learned from: {error}") from None
-        self._last_id = int(record.id)
-        before = self._class_names
-        try:
-            self._write(record, rgb, depth_mm, labels, class_names)
-            stored[record.id] = _Stored(record=record, labels=_occurring(labels))
-            self._class_names = class_names
+            for new in frames:
+                self._check(new.record)
+                added.append(new.record)
+                self._last_id = int(new.record.id)
+                self._write(new)
+                self._class_names = new.class_names
+                stored[new.record.id] = self._with_size(new.record, new.labels)
             self._publish()
-            self._bytes_used += self._size_of(record)
         except BaseException as error:
-            stored.pop(record.id, None)
-            self._class_names = before
-            for path in (record.path, *record.files):
+            self._class_names = class_names
+            for record in added:
+                stored.pop(record.id, None)
                 with contextlib.suppress(OSError):
-                    (self.folder / path).unlink(missing_ok=True)
-            with contextlib.suppress(OSError, StorageFailed):
-                self._publish()  # the lists may name it already
+                    self._unlink(record)
+            if added:
+                with contextlib.suppress(OSError, StorageFailed):
+                    self._publish()  # the lists may name them already
             if isinstance(error, OSError | StorageFailed):
                 raise StorageFailed(
                     f"the frame cannot be stored, those stored before are intact: {error}"
                 ) from error
             raise
-        return self._shown(stored[record.id])
+        return [self._shown(stored[record.id]) for record in added]
 
-    def _write(
-        self,
-        record: FrameRecord,
-        rgb: RgbArray,
-        depth_mm: DepthArray,
-        labels: LabelArray,
-        class_names: list[str],
-    ) -> None:
+    def _check(self, record: FrameRecord) -> None:
+        """Raise `Refused` for a frame that cannot be stored."""
+        if len(self._open()) >= self.rules.max_frames or self.bytes_used >= self.rules.max_bytes:
+            raise Refused(
+                f"the folder of captured frames is full ({len(self._open())} frames, "
+                f"{self.bytes_used / 1e6:.0f} MB); delete frames that are not needed"
+            )
+        try:
+            record.sums.statistics(units_per_m=UNITS_PER_M)
+        except BadConfiguration as error:
+            raise NoDepth(f"the image cannot be learned from: {error}") from None
+
+    def _write(self, new: _New) -> None:
         """Write the files of a frame, its record last."""
-        colours, depth, label = (self.folder / path for path in record.files)
+        colours, depth, label = (self.folder / path for path in new.record.files)
+        record = self.folder / new.record.path
         for split in SPLITS:
             for kind in KINDS:
                 (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
-        (self.folder / record.path).parent.mkdir(parents=True, exist_ok=True)
-        self._write_card(_added(self._sums(), record.sums), class_names)
-        write_whole(colours, encode_rgb(rgb))
-        write_whole(depth, encode_grey(depth_mm))
-        write_whole(label, _as_npy(labels))
-        write_whole(self.folder / record.path, record.as_json())
+        record.parent.mkdir(parents=True, exist_ok=True)
+        if new.class_names != self._class_names or not self._open():
+            self._write_card(new.class_names)  # first: no label without the name of its class
+        write_whole(colours, encode_rgb(new.rgb))
+        write_whole(depth, encode_grey(new.depth_mm))
+        write_whole(label, _as_npy(new.labels))
+        write_whole(record, new.record.as_json())
+
+    def _unlink(self, record: FrameRecord) -> None:
+        """Remove the files of a frame, its record first; raises `OSError`."""
+        for path in (record.path, *record.files):
+            (self.folder / path).unlink(missing_ok=True)
 
     def _labels_of(
         self, record: FrameRecord, annotation: Annotation
@@ -329,9 +382,8 @@ class FrameStore:
                     sizes = {png_size(self.folder / image) for image in record.files[:2]}
                     is_known = int(labels.max(initial=0)) <= len(self._class_names)
                     if is_known and sizes == {labels.shape} == {(record.height, record.width)}:
-                        found[record.id] = _Stored(record=record, labels=_occurring(labels))
+                        found[record.id] = self._with_size(record, labels)
         self._stored = found
-        self._bytes_used = sum(self._size_of(one.record) for one in found.values())
         if found:
             self._publish()
         return found
@@ -347,14 +399,9 @@ class FrameStore:
                 f"{self.folder / CARD_NAME} cannot be read: {error}; move the folder away"
             ) from None
 
-    def _size_of(self, record: FrameRecord) -> int:
-        return sum((self.folder / path).stat().st_size for path in record.files)
-
-    def _sums(self) -> DepthSums:
-        sums = DepthSums()
-        for one in self._open().values():
-            sums = _added(sums, one.record.sums)
-        return sums
+    def _with_size(self, record: FrameRecord, labels: LabelArray) -> _Stored:
+        size_bytes = sum((self.folder / path).stat().st_size for path in record.files)
+        return _Stored(record=record, labels=_occurring(labels), size_bytes=size_bytes)
 
     def _publish(self) -> None:
         """Write the lists and the card."""
@@ -366,9 +413,12 @@ class FrameStore:
                     self.folder / f"{split}_{kind}.txt", "".join(f"{line}\n" for line in lines)
                 )
         if listed:
-            self._write_card(self._sums(), self._class_names)
+            self._write_card(self._class_names)
 
-    def _write_card(self, sums: DepthSums, class_names: list[str]) -> None:
+    def _write_card(self, class_names: list[str]) -> None:
+        sums = DepthSums()
+        for one in self._open().values():
+            sums.include(one.record.sums)
         sizes = {(one.record.height, one.record.width) for one in self._open().values()}
         card = DatasetCard(
             class_names=tuple(class_names),
@@ -381,14 +431,6 @@ class FrameStore:
             },
         )
         write_text(self.folder / CARD_NAME, json.dumps(dataclasses.asdict(card), indent=1))
-
-
-def _added(one: DepthSums, other: DepthSums) -> DepthSums:
-    return DepthSums(
-        pixels=one.pixels + other.pixels,
-        total=one.total + other.total,
-        squares=one.squares + other.squares,
-    )
 
 
 def _statistics(sums: DepthSums) -> DepthStatistics:

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
+from navcore.files import DAMAGED_ZIP
 from navcore.learning.data.card import MAX_CLASSES, Sample, Split
 from navcore.learning.data.images import (
     MAX_FILE_BYTES,
@@ -84,7 +85,7 @@ class CvatArchive:
         self.path, self._depth_dir, self._rgb_dir = path, depth_dir, rgb_dir
         try:
             self._archive = zipfile.ZipFile(path)
-        except (OSError, zipfile.BadZipFile, NotImplementedError, ValueError) as error:
+        except DAMAGED_ZIP as error:
             raise BadConfiguration(
                 f"{path}: not readable as a zip archive: {error!s:.200}"
             ) from None
@@ -210,14 +211,7 @@ class CvatArchive:
         try:
             with self._archive.open(entry) as file:
                 content = file.read(MAX_FILE_BYTES + 1)
-        except (
-            OSError,
-            zipfile.BadZipFile,
-            RuntimeError,
-            NotImplementedError,
-            EOFError,
-            ValueError,
-        ) as error:
+        except DAMAGED_ZIP as error:
             raise BadConfiguration(f"{self.path}: {key} is damaged: {error!s:.200}") from None
         if len(content) > MAX_FILE_BYTES:
             raise BadConfiguration(

@@ -12,21 +12,25 @@ import time
 import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
 
-from app.teaching.frames import frame_store, live_frames
+from app.teaching.frames import frame_archive, frame_store, live_frames
 from app.teaching.frames.frame_archive import add_archive, exported
-from app.teaching.frames.frame_store import FrameStore
+from app.teaching.frames.frame_store import FrameStore, Upload
 from app.teaching.frames.live_frames import LiveFrames
 from app.teaching.frames.rules import CaptureRules
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
+from navcore.files import write_whole
 from navcore.learning.data.card import DepthSums
 from navcore.learning.data.dataset import load_dataset
+from navcore.learning.data.images import DepthArray, RgbArray
 from navcore.learning.data.writer import write_text
 from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH, frame_at
+from tests.damaged_zip import METHODS, with_damaged_entry
 from web.interface.teaching import Annotation
 
 
@@ -35,6 +39,11 @@ def block_of(name: str) -> Annotation:
     labels = np.zeros((HEIGHT, WIDTH), dtype=np.uint8)
     labels[BLOCK] = 1
     return Annotation(class_names=(name,), labels=labels)
+
+
+def upload(rgb: RgbArray, depth_mm: DepthArray) -> Upload:
+    """Return an uploaded image in which a shoe is annotated."""
+    return Upload(rgb=rgb, depth_mm=depth_mm, annotation=block_of("shoe"))
 
 
 @pytest.fixture
@@ -146,13 +155,21 @@ def test_a_frame_that_is_stored_is_whole_also_after_a_loss_of_power(
     synced, fsync = list[str](), os.fsync
 
     def noted(handle: int) -> None:
-        synced.append(os.readlink(f"/proc/self/fd/{handle}"))
+        synced.append(str(Path(f"/proc/self/fd/{handle}").readlink()))
         fsync(handle)
 
     monkeypatch.setattr(os, "fsync", noted)
     store.add_frame(frame_at(1.0), "drive")
     for kind in ("rgb", "depth", "label", "camera"):
         assert any(f"train/{kind}/.000001." in path for path in synced), kind
+
+
+def test_a_frame_that_lacks_a_file_can_be_deleted(store: FrameStore) -> None:
+    store.add_frame(frame_at(1.0), "drive")
+    (store.folder / "train/depth/000001.png").unlink()
+    store.delete("000001")
+    assert store.all() == [] and store.bytes_used == 0
+    assert not list(store.folder.glob("*/*/000001*"))
 
 
 def test_no_frame_gets_the_name_of_a_deleted_one(store: FrameStore) -> None:
@@ -187,7 +204,7 @@ def test_a_class_of_an_annotation_that_was_not_stored_is_none(
         with pytest.raises(StorageFailed):
             store.annotate("000001", block_of("shoe"))
         with pytest.raises(StorageFailed):
-            store.add_images(*store.images("000001"), block_of("shoe"))
+            store.add_uploads([upload(*store.images("000001"))])
     assert store.annotation("000001").class_names == ("background",)
     assert store.annotate("000001", block_of("cup")).class_names == ("cup",)
 
@@ -200,7 +217,7 @@ def without_depth() -> tuple[np.ndarray, np.ndarray]:
 def test_an_image_without_depth_is_refused_beside_others_too(store: FrameStore) -> None:
     store.add_frame(frame_at(1.0), "drive")
     with pytest.raises(Refused, match="cannot be learned from"):
-        store.add_images(*without_depth(), block_of("shoe"))
+        store.add_uploads([upload(*without_depth())])
     assert len(store.all()) == 1
 
 
@@ -210,7 +227,7 @@ def test_images_without_depth_of_an_earlier_release_can_outlive_the_others(
     store.add_frame(frame_at(1.0), "drive")
     with monkeypatch.context() as earlier:
         earlier.setattr(DepthSums, "statistics", lambda *_, units_per_m: NYUV2_DEPTH)
-        store.add_images(*without_depth(), block_of("shoe"))
+        store.add_uploads([upload(*without_depth())])
     store.delete("000001")
     assert [one.id for one in FrameStore(store.folder).all()] == ["000002"]
     assert store.annotate("000002", block_of("cup")).class_names == ("cup",)
@@ -251,7 +268,7 @@ def test_a_frame_without_depth_ends_no_capture_and_is_left_out_of_an_archive(
     frames.close()
     with monkeypatch.context() as earlier:
         earlier.setattr(DepthSums, "statistics", lambda *_, units_per_m: NYUV2_DEPTH)
-        store.add_images(*without_depth(), block_of("shoe"))
+        store.add_uploads([upload(*without_depth())])
         store.add_frame(frame_at(1.0, brightness=40), "drive")
         archive = exported(store)
     with archive:
@@ -320,6 +337,94 @@ def test_a_damaged_archive_is_refused_whole(
     with pytest.raises(BadConfiguration, match=said):
         add_archive(other, content)
     assert other.all() == []
+
+
+def archive_of(store: FrameStore, *names: str) -> BinaryIO:
+    """Return an archive with frames in which each of some classes is annotated."""
+    for number, name in enumerate(names):
+        frame = store.add_frame(frame_at(float(number), brightness=20 + 40 * number), "drive")
+        assert frame is not None
+        store.annotate(frame.id, block_of(name))
+    return exported(store)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_archive_with_a_damaged_stream_of_any_compression_is_refused_in_words(
+    store: FrameStore, tmp_path: Path, method: int
+) -> None:
+    with archive_of(store, "shoe") as archive:
+        damaged = with_damaged_entry(archive.read(), "train/depth/000001.png", method)
+    with pytest.raises(BadConfiguration, match="the archive is damaged"):
+        add_archive(FrameStore(tmp_path / "other"), io.BytesIO(damaged))
+
+
+def test_an_archive_of_very_many_files_is_refused(
+    store: FrameStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with archive_of(store, "shoe") as archive:
+        monkeypatch.setattr(frame_archive, "MAX_ENTRIES", 5)
+        with pytest.raises(BadConfiguration, match="the archive has 13 files, at most 5"):
+            add_archive(FrameStore(tmp_path / "other"), archive)
+
+
+@pytest.mark.parametrize(
+    "room", [CaptureRules(max_frames=3), CaptureRules(max_bytes=10_000)], ids=["images", "bytes"]
+)
+def test_an_archive_that_does_not_fit_is_refused_before_anything_is_stored(
+    store: FrameStore, tmp_path: Path, room: CaptureRules, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = FrameStore(tmp_path / "other", room)
+    other.add_frame(frame_at(1.0), "drive")
+    before = sorted(path for path in other.folder.rglob("*") if path.is_file())
+    monkeypatch.setattr(other, "add_uploads", None)
+    with (
+        archive_of(store, "shoe", "bag", "cup") as archive,
+        pytest.raises(Refused, match="3 images of 0 MB do not fit"),
+    ):
+        add_archive(other, archive)
+    assert sorted(path for path in other.folder.rglob("*") if path.is_file()) == before
+
+
+def test_an_archive_is_published_once_and_not_with_each_of_its_images(
+    store: FrameStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = list[str]()
+
+    def noted(path: Path, text: str) -> None:
+        written.append(path.name)
+        write_text(path, text)
+
+    other = FrameStore(tmp_path / "other")
+    with archive_of(store, "shoe", "shoe", "shoe", "shoe") as archive:
+        monkeypatch.setattr(frame_store, "write_text", noted)
+        assert add_archive(other, archive) == 4
+    assert written.count("train_rgb.txt") == 1
+    assert {one.class_names for one in FrameStore(other.folder).all()} == {("shoe",)}
+
+
+def test_of_an_archive_that_cannot_be_stored_whole_nothing_stays(
+    store: FrameStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = FrameStore(tmp_path / "other")
+    other.add_frame(frame_at(9.0, brightness=200), "drive")
+
+    def full(path: Path, data: bytes) -> None:
+        if path.name == "000003.npy":
+            raise StorageFailed(f"{path} cannot be written: No space left on device")
+        write_whole(path, data)
+
+    with archive_of(store, "shoe", "bag", "cup") as archive:
+        monkeypatch.setattr(frame_store, "write_whole", full)
+        with pytest.raises(StorageFailed, match="No space left"):
+            add_archive(other, archive)
+    assert [one.id for one in other.all()] == ["000001"] == names_after_a_start(other)
+    assert load_dataset(other.folder).count("train") == 1
+    assert other.annotation("000001").class_names == ("background",)
+
+
+def names_after_a_start(store: FrameStore) -> list[str]:
+    """Return the names of the frames that the next start finds."""
+    return [one.id for one in FrameStore(store.folder).all()]
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -18,6 +18,7 @@ from navcore.errors import BadConfiguration
 from navcore.learning.data import importers as imports
 from navcore.learning.data.images import write_grey, write_rgb
 from navcore.learning.data.importers import CvatArchive, LabelmeFolder
+from tests.damaged_zip import METHODS, with_damaged_entry
 
 LABELMAP = "# label:color_rgb:parts:actions\nbackground:0,0,0::\nbook:200,10,20::\ncup:0,90,0::\n"
 RGB = np.full((20, 30, 3), 77, dtype=np.uint8)
@@ -176,6 +177,17 @@ def test_a_damaged_archive_or_a_missing_depth_is_refused(tmp_path: Path, depth_d
     (depth_dir / "a.png").unlink()
     with pytest.raises(BadConfiguration, match="no file for image 'room/a'"):
         list(CvatArchive(archive(tmp_path / "a.zip"), depth_dir=depth_dir))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_damaged_stream_of_any_compression_is_refused_in_words(
+    method: int, tmp_path: Path, depth_dir: Path
+) -> None:
+    path = archive(tmp_path / "a.zip")
+    damaged = with_damaged_entry(path.read_bytes(), "JPEGImages/room/a.png", method)
+    path.write_bytes(damaged)
+    with pytest.raises(BadConfiguration, match=r"a\.zip: JPEGImages/room/a\.png is damaged"):
+        list(CvatArchive(path, depth_dir=depth_dir))
 
 
 def labelme(folder: Path, **changes: object) -> Path:
