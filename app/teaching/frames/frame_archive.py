@@ -6,26 +6,31 @@ anything is unpacked, and every image is read before the first is stored.
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import IO, BinaryIO, cast
+from typing import IO, BinaryIO, cast, get_args
 
-from app.teaching.frames.frame_record import UNITS_PER_M, has_depth
+from app.teaching.frames.frame_record import UNITS_PER_M, TrainingSplit, has_depth
 from app.teaching.frames.frame_store import FrameStore, Upload
 from navcore.errors import BadConfiguration, Refused, StorageFailed
 from navcore.files import DAMAGED_ZIP, link_or_copy
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Split
 from navcore.learning.data.dataset import Dataset, load_dataset
 from navcore.learning.data.importers import MAX_ENTRIES
+from navcore.learning.data.writer import write_text
 from web.interface.teaching import MAX_FRAMES_BYTES, Annotation
 
 PART_BYTES = 1 << 20
 """Size of the parts in which a file is unpacked."""
 _LINKS, _UNPACKED = ".export-", ".import-"
+_SPLITS = "splits"
+"""Key of the card's source: splits of the frames in trainings, by name."""
 _LISTS = {f"{split}_{kind}.txt" for split in SPLITS for kind in KINDS}
 
 
@@ -42,7 +47,7 @@ def exported(store: FrameStore) -> BinaryIO:
         with _folder_in(store, _LINKS) as name:
             folder = Path(name)
             with store.held():
-                files = _linked(store.folder, folder)
+                files = _linked(store, folder)
             content = empty_file(store)
             with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
                 for path in files:
@@ -69,15 +74,19 @@ def _folder_in(store: FrameStore, prefix: str) -> tempfile.TemporaryDirectory[st
     return tempfile.TemporaryDirectory(prefix=prefix, dir=store.folder)
 
 
-def _linked(source: Path, folder: Path) -> list[str]:
-    """Link the data set in `source` into a folder and return the paths of its files."""
-    dataset = load_dataset(source)
+def _linked(store: FrameStore, folder: Path) -> list[str]:
+    """Link the frames into a folder, with a card that says which were trained on and which were
+    held back, and return the paths of the files."""
+    dataset = load_dataset(store.folder)
     images = [path for listed in dataset.files.values() for triple in listed for path in triple]
-    files = [CARD_NAME, *sorted(_LISTS), *images]
+    files = [*sorted(_LISTS), *images]
     for path in files:
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        link_or_copy(source / path, folder / path)
-    return files
+        link_or_copy(store.folder / path, folder / path)
+    card = dataclasses.asdict(dataset.card)
+    card["source"] |= {_SPLITS: store.splits()}
+    write_text(folder / CARD_NAME, json.dumps(card, indent=1))
+    return [CARD_NAME, *files]
 
 
 def add_archive(store: FrameStore, file: BinaryIO) -> int:
@@ -110,17 +119,41 @@ def _add_all(store: FrameStore, dataset: Dataset) -> int:
     # All of them are read before the first is stored; without depth are some of before such images
     # were refused.
     with_depth = [place for place in places if has_depth(dataset.read(*place).depth)]
-    return store.add_uploads(_upload(dataset, *place) for place in with_depth)
+    splits = _splits_of(dataset)
+    return store.add_uploads(_upload(dataset, *place, splits) for place in with_depth)
 
 
 def _size_of(dataset: Dataset, split: Split, index: int) -> int:
     return sum((dataset.folder / path).stat().st_size for path in dataset.files[split][index])
 
 
-def _upload(dataset: Dataset, split: Split, index: int) -> Upload:
+def _splits_of(dataset: Dataset) -> dict[str, TrainingSplit]:
+    """Return the splits of frames in trainings before their export, by name: those that the card
+    tells, and held back is what another data set does not train on."""
+    told = dataset.card.source.get(_SPLITS)
+    known = told.items() if isinstance(told, dict) else ()
+    splits: dict[str, TrainingSplit] = {
+        name: split for name, split in known if split in get_args(TrainingSplit)
+    }
+    held = [
+        dataset.name(split, index)
+        for split in SPLITS
+        for index in range(dataset.count(split))
+        if split != "train"
+    ]
+    return splits | dict.fromkeys(held, "valid")
+
+
+def _upload(
+    dataset: Dataset, split: Split, index: int, splits: Mapping[str, TrainingSplit]
+) -> Upload:
     sample = dataset.read(split, index)
-    annotation = Annotation(class_names=dataset.card.class_names, labels=sample.labels)
-    return Upload(rgb=sample.rgb, depth_mm=sample.depth, annotation=annotation)
+    return Upload(
+        rgb=sample.rgb,
+        depth_mm=sample.depth,
+        annotation=Annotation(class_names=dataset.card.class_names, labels=sample.labels),
+        split=splits.get(dataset.name(split, index)),
+    )
 
 
 def _unpack(packed: BinaryIO, folder: Path) -> None:

@@ -21,6 +21,8 @@ from navcore.robot.frame import Frame
 from navcore.toml_config import from_table
 from web.interface.teaching import FrameSource
 
+TrainingSplit = Literal["train", "valid"]
+"""Split of a frame in trainings: trained on, or held back."""
 MAX_RECORD_BYTES = 100_000
 UNITS_PER_M = 1000.0
 """Unit of the depth images: millimetres."""
@@ -53,7 +55,7 @@ class FrameRecord:
     T_map_camera: tuple[float, ...] | None = None
     """Pose of the camera in the map frame, a 4 × 4 matrix row by row; None for an uploaded
     image."""
-    split: Literal["train", "valid"] | None = None
+    split: TrainingSplit | None = None
     """Split of the frame in all trainings; None before the first one."""
     stamp_ns: int | None = None
     """Time of capture in nanoseconds of the robot's clock; None for an uploaded image."""

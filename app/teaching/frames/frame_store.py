@@ -16,19 +16,19 @@ import json
 import threading
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from app.teaching.frames.frame_record import (
     UNITS_PER_M,
     FrameRecord,
+    TrainingSplit,
     depth_mm_of,
     read_record,
     record_of,
 )
 from app.teaching.frames.rules import CaptureRules
-from app.teaching.frames.thumbnails import is_near_duplicate
+from app.teaching.frames.thumbnails import is_near_duplicate, near_duplicates
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import write_whole
 from navcore.learning.data.card import (
@@ -39,7 +39,6 @@ from navcore.learning.data.card import (
     Counts,
     DatasetCard,
     DepthSums,
-    Split,
 )
 from navcore.learning.data.images import (
     DepthArray,
@@ -93,6 +92,8 @@ class Upload:
     """(H, W) depth in millimetres, 0 = not measured."""
     annotation: Annotation
     """Its annotation."""
+    split: TrainingSplit | None = None
+    """Split of the image in trainings elsewhere; None before the first one."""
 
 
 class NoDepth(Refused):
@@ -150,7 +151,10 @@ class FrameStore:
         """
 
         def new(upload: Upload) -> _New:
-            record = record_of(self._next_name(), upload.rgb, upload.depth_mm, "upload")
+            name = self._next_name()
+            record = dataclasses.replace(
+                record_of(name, upload.rgb, upload.depth_mm, "upload"), split=upload.split
+            )
             labels, class_names = self._labels_of(record, upload.annotation)
             return _New(
                 record=record,
@@ -222,13 +226,20 @@ class FrameStore:
             self._open()[name] = dataclasses.replace(stored, labels=_occurring(labels))
             return self._shown(self._open()[name])
 
-    def splits(self) -> dict[str, Split]:
-        """Return the splits of the frames that a training has used, by name."""
+    def splits(self) -> dict[str, TrainingSplit]:
+        """Return the splits of the frames that a training has used, here or before an import, by
+        name."""
         with self._lock:
             records = {name: stored.record for name, stored in self._open().items()}
         return {name: record.split for name, record in records.items() if record.split}
 
-    def note_splits(self, splits: Mapping[str, Literal["train", "valid"]]) -> None:
+    def near_duplicates(self) -> list[set[str]]:
+        """Return the groups of stored frames that show the same, by name, as imports leave them."""
+        with self._lock:
+            looks = {name: stored.record.look for name, stored in self._open().items()}
+        return near_duplicates(looks, self.rules)
+
+    def note_splits(self, splits: Mapping[str, TrainingSplit]) -> None:
         """Store the splits of frames for later trainings; raises `StorageFailed`."""
         with self._lock:
             for name, split in splits.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -46,3 +47,19 @@ def is_near_duplicate(one: Look, other: Look, rules: CaptureRules) -> bool:
         one.pose.distance_to(other.pose.x_m, other.pose.y_m) < rules.step_m
         and abs(wrap_angle(one.pose.yaw_rad - other.pose.yaw_rad)) < rules.step_rad
     )
+
+
+def near_duplicates(looks: Mapping[str, Look], rules: CaptureRules) -> list[set[str]]:
+    """Return the groups of two or more frames that show the same, by name; one that is like two
+    frames joins their groups."""
+    names, group_of = list(looks), dict[str, set[str]]()
+    grey = np.array([look.thumbnail.ravel() for look in looks.values()], dtype=np.int16)
+    for i, name in enumerate(names):
+        group = {name}
+        differences = np.abs(grey[:i] - grey[i]).mean(axis=1)
+        for j in np.flatnonzero(differences < max(rules.same, rules.alike)):
+            if is_near_duplicate(looks[name], looks[names[j]], rules):
+                group |= group_of[names[j]]
+        group_of.update(dict.fromkeys(group, group))
+    groups = {id(group): group for group in group_of.values()}
+    return [group for group in groups.values() if len(group) > 1]

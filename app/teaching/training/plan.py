@@ -2,7 +2,8 @@
 
 The images are linked into the folder of the run as a data set, annotated ones only: what is
 deleted or annotated later does not change a run that has begun. A quarter of the frames of a class
-is held back and never trained on, in no later run either.
+is held back and never trained on, in no later run either, nor after an export and an import: the
+split goes with a frame, and with what shows the same.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.teaching.frames.frame_record import TrainingSplit
 from app.teaching.frames.frame_store import FrameStore
 from app.teaching.json_files import json_of
 from navcore.errors import BadConfiguration, Refused, StorageFailed
@@ -62,16 +64,19 @@ def taught_names(frames: Sequence[CapturedFrame]) -> tuple[str, ...]:
 
 
 def held_back(
-    frames: Sequence[CapturedFrame], before: Mapping[str, Split] | None = None
+    frames: Sequence[CapturedFrame],
+    before: Mapping[str, TrainingSplit] | None = None,
+    near_duplicates: Sequence[Set[str]] = (),
 ) -> set[str]:
     """Return the ids of the frames to hold back, a quarter of those of each class.
 
     `before` are the splits of the frames in earlier trainings. They stay, so that no network is
     judged by what it, or the one that it starts from, was trained on; only a class of which all
-    frames were trained on has one of these held back. Raises `Refused` when there are too few
-    frames of a class.
+    frames were trained on has one of these held back. Of each group of `near_duplicates` all
+    frames that were in no training go the same way, that of the others if there are any. Raises
+    `Refused` when there are too few frames of a class.
     """
-    names, before = taught_names(frames), before or {}
+    names, before = taught_names(frames), _with_near_duplicates(before or {}, near_duplicates)
     if not names:
         raise Refused(
             "nothing is annotated; mark the pixels of a class in at least "
@@ -86,20 +91,37 @@ def held_back(
                 "needed: two to learn from and one to check with"
             )
     filled: set[str] = set()
+    together = {one: group for group in near_duplicates for one in group}
     for showing in sorted(by_class, key=len):
-        missing = len(showing[1::HELD_EVERY]) - len(held.intersection(showing))
+        wanted = len(showing[1::HELD_EVERY])
         new = [one for one in showing if one not in held and one not in before]
         if not new and not held.intersection(showing):
-            missing, new = 1, showing
+            wanted, new = 1, showing
         # Those of a rarer class last, which has its quarter already.
         others = [[one for one in new if (one in filled) == late] for late in (False, True)]
-        held.update([one for part in others for one in _spread(part)][: max(0, missing)])
+        for one in (one for part in others for one in _spread(part)):
+            if len(held.intersection(showing)) < wanted:
+                held |= together.get(one, {one})
         filled.update(showing)
+    held &= {frame.id for frame in frames}
     for name in names:
         left = [f.id for f in frames if name in f.class_names and f.id not in held]
         if not left:
             raise Refused(f"{name}: all frames that show it are held back; annotate one more of it")
     return held
+
+
+def _with_near_duplicates(
+    before: Mapping[str, TrainingSplit], groups: Sequence[Set[str]]
+) -> dict[str, TrainingSplit]:
+    """Return the splits, with those of frames that show the same as one that was in a training; as
+    one that was trained on, if there is one."""
+    splits = dict(before)
+    for group in groups:
+        known = {before[one] for one in group if one in before}
+        for one in group if known else ():
+            splits.setdefault(one, "train" if "train" in known else "valid")
+    return splits
 
 
 def _spread(ids: Sequence[str]) -> list[str]:
@@ -120,7 +142,7 @@ def prepare(
         for name in asked:
             if name not in taught_names(frames):
                 raise Refused(f"{name}: no pixel of any captured frame is annotated as it")
-        held = held_back(frames, store.splits())
+        held = held_back(frames, store.splits(), store.near_duplicates())
         plan = dataclasses.replace(plan, class_names=taught_names(frames))
         try:
             _link(folder / DATA_NAME, store.folder, frames, held)

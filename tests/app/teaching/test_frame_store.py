@@ -88,6 +88,14 @@ def test_a_near_duplicate_by_pose_and_image_is_dropped(
     assert store.dropped == (0 if kept else 1)
 
 
+def test_near_duplicates_are_found_whatever_brought_them(store: FrameStore) -> None:
+    for x_m, brightness in ((1.0, 120), (3.0, 60)):
+        store.add_frame(frame_at(x_m, brightness=brightness), "drive")
+    assert store.near_duplicates() == []
+    store.add_uploads([upload(*store.images(name)) for name in ("000001", "000002", "000001")])
+    assert store.near_duplicates() == [{"000001", "000003", "000005"}, {"000002", "000004"}]
+
+
 def test_without_the_rules_nothing_is_dropped(tmp_path: Path) -> None:
     store = FrameStore(tmp_path, CaptureRules(alike=0.0, same=0.0))
     assert store.add_frame(frame_at(1.0), "drive") is not None

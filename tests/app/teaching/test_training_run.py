@@ -14,6 +14,8 @@ import pytest
 import torch
 
 import navcore.files
+from app.teaching.frames.frame_archive import add_archive, exported
+from app.teaching.frames.frame_record import TrainingSplit
 from app.teaching.frames.frame_store import FrameStore
 from app.teaching.networks import versions
 from app.teaching.networks.versions import MODEL_NAME, VersionStore
@@ -24,7 +26,6 @@ from app.teaching.training.lock import holder_of
 from app.teaching.training.plan import PLAN_NAME, TrainingPlan, held_back, prepare, read_plan
 from app.teaching.training.run import STATE_NAME, Cancelled, TeachingRun
 from navcore.errors import Refused, StorageFailed
-from navcore.learning.data.card import Split
 from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet import build
 from navcore.perception.esanet.network.preprocess import DepthStatistics, Size
@@ -163,7 +164,7 @@ def shown(number: int, *names: str) -> CapturedFrame:
     )
 
 
-def splits_of(frames: Sequence[CapturedFrame], held: set[str]) -> dict[str, Split]:
+def splits_of(frames: Sequence[CapturedFrame], held: set[str]) -> dict[str, TrainingSplit]:
     """Return the splits that a training leaves."""
     return {one.id: "valid" if one.id in held else "train" for one in frames}
 
@@ -178,6 +179,44 @@ def test_a_frame_that_was_trained_on_is_never_held_back_nor_the_other_way_round(
     more = held_back([*left, *(shown(i, "shoe") for i in range(20, 31))], before)
     assert held - {"5"} <= more and len(more) == 6
     assert not any(before.get(one) == "train" for one in more)
+
+
+def test_frames_that_show_the_same_are_of_one_split() -> None:
+    frames = [shown(i, "shoe") for i in range(8)]
+    assert held_back(frames) == {"1", "5"}
+    assert held_back(frames, near_duplicates=[{"1", "4"}]) == {"1", "4"}
+    assert held_back(frames, near_duplicates=[{"0", "1", "gone"}, {"5", "7"}]) == {"0", "1"}
+
+
+def test_what_shows_the_same_as_a_frame_of_a_training_has_its_split() -> None:
+    frames = [shown(i, "shoe") for i in range(8)]
+    before: dict[str, TrainingSplit] = {"0": "train", "2": "valid"}
+    assert held_back(frames, before, [{"0", "1"}]) == {"2", "4"}
+    assert held_back(frames, before, [{"1", "2"}]) == {"1", "2"}
+    assert "1" not in held_back(frames, before, [{"0", "1", "2"}])
+
+
+def test_an_import_never_trains_on_what_was_held_back(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    planned(tmp_path / "taught 1", frames, start)
+    other = FrameStore(tmp_path / "other")
+    with exported(frames) as archive:
+        assert add_archive(other, archive) == 4
+    other.delete("000001")  # of those that are left another one would be held back
+    planned(tmp_path / "taught 2", other, start)
+    assert [name for name, split in other.splits().items() if split == "valid"] == ["000002"]
+
+
+def test_a_second_import_of_an_image_does_not_move_it_into_the_other_split(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    with exported(frames) as before_the_training:
+        planned(tmp_path / "taught 1", frames, start)
+        assert add_archive(frames, before_the_training) == 4
+    assert len(frames.all()) == 8 and len(frames.splits()) == 4
+    planned(tmp_path / "taught 2", frames, start)
+    assert list(frames.splits().values()) == 2 * ["train", "valid", "train", "train"]
 
 
 def test_of_a_class_that_was_only_trained_on_one_frame_is_held_back() -> None:
