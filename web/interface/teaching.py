@@ -275,7 +275,8 @@ class Networks(Protocol):
 
     @property
     def previous(self) -> str | None:
-        """Name of the version that was in use before; None without one."""
+        """Name of the version that was in use before, `colour rules` where no network was; None
+        where nothing was."""
 
     @property
     def exchange(self) -> str | None:
@@ -299,7 +300,8 @@ class Networks(Protocol):
 
     def import_file(self) -> BinaryIO:
         """Return an empty file on the disk of the versions, for a weights file that arrives, which
-        the caller closes; raises `StorageFailed`."""
+        the caller closes; raises `Refused` until the file of the last one is closed,
+        `StorageFailed`."""
 
     def add(self, name: str, file: BinaryIO) -> NetworkVersion:
         """Store an uploaded weights file as a version; raises `BadConfiguration` for a damaged

@@ -178,7 +178,8 @@ class NetworksOut(BaseModel):
     used: str | None
     """Version in use; null while the colour rules drive alone."""
     previous: str | None
-    """Version that was in use before, to which one can roll back; null without one."""
+    """Version that was in use before, to which one can roll back, `colour rules` where no network
+    was; null where nothing was."""
     exchange: str | None
     """Version that is being prepared; null while none is."""
     trouble: str | None

@@ -30,7 +30,8 @@ class LivePerception:
 
     @property
     def warning(self) -> str | None:
-        """Why the network does not run; None when it does or was not asked for."""
+        """Why the network that was asked for, or was in use last, does not run; None when it does
+        or none was."""
         return self._now.warning
 
     def exchange(self, perception: Perception) -> None:

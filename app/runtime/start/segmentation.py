@@ -71,7 +71,8 @@ class Perception:
     """Everything that determines the labels: hash of the weights, image size and precision.
     Campaigns with the same identity are comparable."""
     warning: str | None = None
-    """Why the network does not run, for the operator; None when it does or was not asked for."""
+    """Why the network that was asked for, or was in use last, does not run, for the operator; None
+    when it does or none was."""
     trials: tuple[EngineBenchmark, ...] = ()
     """Measurements of the engines, from which one was chosen."""
     image_ms: float | None = None

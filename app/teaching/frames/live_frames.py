@@ -6,7 +6,6 @@ import contextlib
 import logging
 import queue
 import threading
-import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import BinaryIO
@@ -18,6 +17,7 @@ from app.teaching.frames import frame_archive
 from app.teaching.frames.frame_record import UNITS_PER_M
 from app.teaching.frames.frame_store import FrameStore, NoDepth
 from app.teaching.frames.rules import CaptureRules, RegionRules
+from app.teaching.single_file import SingleFile
 from navcore.errors import BadConfiguration, BewareNavError, Refused, StorageFailed
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.perception.region_growing import alike_at
@@ -62,10 +62,10 @@ class LiveFrames:
         self._ending = threading.Event()
         self._guard = threading.Lock()
         self._noted: Pose2 | None = None
-        self._exporting = threading.Lock()
-        # Weak: the file of an answer that was never read, or of a request, is closed with it.
-        self._exported: Callable[[], BinaryIO | None] = lambda: None
-        self._imported: Callable[[], BinaryIO | None] = lambda: None
+        self._exported = SingleFile(
+            "the images are being exported already; wait until that has ended"
+        )
+        self._imported = SingleFile("images are being imported already; wait until that has ended")
 
     def state(self) -> FrameFolderState:
         """Return what the folder holds."""
@@ -159,27 +159,15 @@ class LiveFrames:
 
     def export(self) -> BinaryIO:
         """Return a file with all frames as a zip archive."""
-        with self._exporting:
-            last = self._exported()
-            if last is not None and not last.closed:
-                raise Refused("the images are being exported already; wait until that has ended")
-            file = frame_archive.exported(self.store)
-            self._exported = weakref.ref(file)
-            return file
+        return self._exported.open(lambda: frame_archive.exported(self.store))
 
     def import_file(self) -> BinaryIO:
         """Return an empty file for an archive that arrives."""
-        with self._guard:
-            last = self._imported()
-            if last is not None and not last.closed:
-                raise Refused("images are being imported already; wait until that has ended")
-            try:
-                file = frame_archive.empty_file(self.store)
-            except OSError as error:
-                said = f"the archive cannot be stored: {error.strerror or error}"
-                raise StorageFailed(said) from error
-            self._imported = weakref.ref(file)
-            return file
+        try:
+            return self._imported.open(lambda: frame_archive.empty_file(self.store))
+        except OSError as error:
+            said = f"the archive cannot be stored: {error.strerror or error}"
+            raise StorageFailed(said) from error
 
     def add_archive(self, file: BinaryIO) -> int:
         """Add the frames of an archive."""

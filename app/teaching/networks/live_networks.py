@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
 import logging
@@ -22,12 +23,14 @@ from app.runtime.start.live_perception import LivePerception
 from app.runtime.start.segmentation import SLOW_MS, SLOWER, Perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.networks.versions import (
+    COLOUR_RULES,
     MODEL_NAME,
     START,
     VersionStore,
     check_version_name,
     write_version,
 )
+from app.teaching.single_file import SingleFile
 from navcore.errors import BadConfiguration, BewareNavError, Refused, StorageFailed
 from navcore.files import sync_folder
 from navcore.perception.esanet.inference.network_file import SHIPPED
@@ -35,6 +38,8 @@ from web.interface.teaching import NetworkVersion
 
 CHECK_S = 120.0
 """Time limit of the check of an uploaded file, seconds."""
+NICENESS = 19
+"""The lowest priority, of that check."""
 MAX_HEADER_BYTES = 1 << 20
 JOIN_S = 30.0
 """Longest wait for an exchange at the end, seconds."""
@@ -59,16 +64,20 @@ def composed_at_start(
     versions: VersionStore, choice: SegmenterChoice, compose: Compose
 ) -> ComposedPerception:
     """Compose the version that was in use last, unless other weights or the colour rules were asked
-    for; that of the start when it cannot run any more."""
-    used = versions.used()
-    if used and used[-1] != START and choice.weights is None and choice.kind != "colour":
-        try:
-            weights = versions.weights_of(used[-1])
-            taught = dataclasses.replace(choice, kind="network", weights=weights)
-            return ComposedPerception(perception=compose(taught), used=used[-1])
-        except BewareNavError as error:
-            log.warning("the network %r cannot be used: %s", used[-1], error)
-    return ComposedPerception(perception=compose(choice), used=START)
+    for; that of the start, with a warning, when it cannot run any more."""
+    name = (versions.used() or [START])[-1]
+    if name in (START, COLOUR_RULES) or choice.weights is not None or choice.kind == "colour":
+        return ComposedPerception(perception=compose(choice), used=START)
+    try:
+        weights = versions.weights_of(name)
+        taught = dataclasses.replace(choice, kind="network", weights=weights)
+        return ComposedPerception(perception=compose(taught), used=name)
+    except Exception as error:
+        warning = f"the network {name!r}, which was in use, cannot be used: {_said(error)}"
+        log.warning("%s", warning, exc_info=not isinstance(error, BewareNavError))
+    perception = compose(choice)
+    perception = dataclasses.replace(perception, warning=perception.warning or warning)
+    return ComposedPerception(perception=perception, used=START)
 
 
 class LiveNetworks:
@@ -88,8 +97,13 @@ class LiveNetworks:
         frame before it is used."""
         self.versions = versions
         self._live, self._choice, self._compose, self._try = live, choice, compose, try_out
-        self._used = [name for name in versions.used() if used != START] or [START]
-        self._before: Perception | None = None
+        used = COLOUR_RULES if live.now.choice.kind == "colour" else used
+        before = versions.used()
+        self._history = versions.history_of(before if before[-1:] == [used] else [used])
+        self._before: tuple[str, Perception] | None = None
+        self._imported = SingleFile(
+            "a network is being uploaded already; wait until that has ended"
+        )
         self._exchange: str | None = None
         self._trouble: str | None = None
         self._lock, self._checking = threading.Lock(), threading.Lock()
@@ -98,12 +112,15 @@ class LiveNetworks:
     @property
     def used(self) -> str | None:
         """Name of the version in use; None while the colour rules drive alone."""
-        return None if self._live.now.choice.kind == "colour" else self._used[-1]
+        used = self._history[-1]
+        return None if used == COLOUR_RULES else used
 
     @property
     def previous(self) -> str | None:
-        """Name of the version that was in use before; None without one."""
-        return self._used[-2] if len(self._used) > 1 else None
+        """Name of the version that was in use before, `COLOUR_RULES` for none; None where nothing
+        was."""
+        history = self._history
+        return history[-2] if len(history) > 1 else None
 
     @property
     def exchange(self) -> str | None:
@@ -118,13 +135,11 @@ class LiveNetworks:
     def all(self) -> Sequence[NetworkVersion]:
         """Return all versions, that of the start first."""
         weights = self._choice.weights or SHIPPED
-        start = []
-        if weights.is_file():
-            start = [
-                NetworkVersion(
-                    name=START, origin="start", sha256=_sha256(weights), class_names=_names(weights)
-                )
-            ]
+        try:
+            found = weights.stat()
+            start = [_version_of_start(weights, found.st_mtime_ns, found.st_size)]
+        except OSError:
+            start = []
         return [*start, *self.versions.all()]
 
     def start_of(self, name: str | None) -> tuple[str, Path]:
@@ -148,7 +163,7 @@ class LiveNetworks:
         with self._lock:
             if self._exchange is not None:
                 raise Refused(f"the network {self._exchange!r} is being prepared; wait for it")
-            if name == self._used[-1] and self.used is not None:
+            if name == self.used:
                 raise Refused(f"the network {name!r} is in use already")
             self._begin(name, choice)
 
@@ -157,21 +172,28 @@ class LiveNetworks:
         with self._lock:
             if self._exchange is not None:
                 raise Refused(f"the network {self._exchange!r} is being prepared; wait for it")
-            name, before = self.previous, self._before
+            self._history = self.versions.history_of(self._history)
+            name = self.previous
             if name is None:
                 raise Refused("no other network was in use before")
-            if before is not None:
-                self._take(before, self._used[:-1])
-                self._before = None
-                return name
-            self._begin(name, self._choice_of(name), self._used[:-1])
+            if self._before is not None and self._before[0] == name:
+                self._take(self._before[1], self._history[:-1])
+            elif name == COLOUR_RULES:
+                choice = dataclasses.replace(self._choice, kind="colour", weights=None)
+                self._begin(name, choice, back=True)
+            else:
+                self._begin(name, self._choice_of(name), back=True)
         return name
 
     def import_file(self) -> BinaryIO:
         """Return an empty file for a network that arrives."""
-        try:
+
+        def file() -> BinaryIO:
             self.versions.folder.mkdir(parents=True, exist_ok=True)
             return cast(BinaryIO, tempfile.TemporaryFile(dir=self.versions.folder))
+
+        try:
+            return self._imported.open(file)
         except OSError as error:
             raise StorageFailed(
                 f"the network cannot be stored: {error.strerror or error}"
@@ -225,13 +247,12 @@ class LiveNetworks:
         with self._lock:
             if name == START:
                 raise Refused("the network of the start is no version that can be deleted")
-            if name in (self._used[-1], self._exchange):
+            if name in (self.used, self._exchange):
                 raise Refused(f"the network {name!r} is in use; use another one first")
             self.versions.delete(name)
-            kept = [used for used in self._used if used != name]
-            if kept != self._used:
-                self._used, self._before = kept, None
-                self.versions.note_used(kept)
+            before, self._history = self._history, self.versions.history_of(self._history)
+            if self._history != before:
+                self.versions.note_used(self._history)
 
     def close(self) -> None:
         """Wait for an exchange that is going on."""
@@ -244,10 +265,10 @@ class LiveNetworks:
             raise Refused(f"there is a version {name!r} already; take another name")
         self.versions.refuse_if_full()
 
-    def _begin(self, name: str, choice: SegmenterChoice, used: Sequence[str] | None = None) -> None:
-        """Begin to prepare a version; the lock is held."""
+    def _begin(self, name: str, choice: SegmenterChoice, *, back: bool = False) -> None:
+        """Begin to prepare a version, or with `back` the one before; the lock is held."""
         thread = threading.Thread(
-            target=self._prepare, args=(name, choice, used), name="exchange", daemon=True
+            target=self._prepare, args=(name, choice, back), name="exchange", daemon=True
         )
         self._exchange, self._trouble = name, None
         try:
@@ -257,25 +278,21 @@ class LiveNetworks:
             raise Refused(f"the network cannot be prepared: {error}") from None
         self._thread = thread
 
-    def _prepare(
-        self, name: str, choice: SegmenterChoice, used: Sequence[str] | None = None
-    ) -> None:
+    def _prepare(self, name: str, choice: SegmenterChoice, back: bool) -> None:
         try:
             perception = self._composed(choice)
-            if used is None:  # the way back is to what this robot has driven with
+            if not back:  # the way back is to what this robot has driven with
                 self._require_fast(perception)
             self._try(perception)
             with self._lock:
-                before = self._live.now
-                self._take(perception, list(used or (*self._used, name)))
-                self._before = before if used is None else None
+                before = self._history[-1], self._live.now
+                self._take(perception, self._history[:-1] if back else [*self._history, name])
+                self._before = None if back else before
             log.info("the network %r is in use: %s", name, perception.title)
-        except BewareNavError as error:
-            self._trouble = str(error)
-            log.warning("the network %r is not used: %s", name, error)
         except Exception as error:
-            self._trouble = f"{type(error).__name__}: {error}"
-            log.exception("the network %r is not used", name)
+            self._trouble = _said(error)
+            unknown = not isinstance(error, BewareNavError)
+            log.warning("the network %r is not used: %s", name, error, exc_info=unknown)
         finally:
             self._exchange = None
 
@@ -283,7 +300,7 @@ class LiveNetworks:
         """Compose with the engine in use, measured with this network alone; with the best one, also
         in place of a named one, where that fails, or decides otherwise than torch in f32."""
         now = self._live.now.choice
-        if now.kind != "network":
+        if "colour" in (now.kind, choice.kind):
             return self._compose(choice)
         try:
             return self._compose(
@@ -311,11 +328,13 @@ class LiveNetworks:
                 f"network, {now.engine} {used_ms:.0f} ms with the one in use: use a smaller network"
             )
 
-    def _take(self, perception: Perception, used: list[str]) -> None:
-        """Use a perception from the next frame on: first on disk, so that a restart keeps it."""
-        self.versions.note_used(used)
+    def _take(self, perception: Perception, history: Sequence[str]) -> None:
+        """Use a perception from the next frame on: first on disk, so that a restart keeps it. The
+        lock is held."""
+        names = self.versions.history_of(history)
+        self.versions.note_used(names)
         self._live.exchange(perception)
-        self._used = used
+        self._history, self._before = names, None
 
     def _choice_of(self, name: str) -> SegmenterChoice:
         """Return the options of a version: the network or a failure, never the colour rules."""
@@ -333,9 +352,14 @@ def _median_ms(perception: Perception) -> float:
     return times_ms.get(perception.choice.engine, perception.image_ms or 0.0)
 
 
+def _said(error: Exception) -> str:
+    return str(error) if isinstance(error, BewareNavError) else f"{type(error).__name__}: {error}"
+
+
 def _check(path: Path) -> None:
     """Raise `BadConfiguration` for a file that is no network."""
-    command = [sys.executable, "-m", "app", "weights", "info", str(path)]
+    lowest = ["nice", "-n", str(NICENESS)]
+    command = [*lowest, sys.executable, "-m", "app", "weights", "info", str(path)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=CHECK_S, check=False)
     except subprocess.TimeoutExpired:
@@ -344,6 +368,14 @@ def _check(path: Path) -> None:
         lines = done.stderr.decode(errors="replace").strip().splitlines()
         said = lines[-1].replace(f"{path}: ", "") if lines else "is no network"
         raise BadConfiguration(f"the file: {said:.300}")
+
+
+@functools.lru_cache(maxsize=1)
+def _version_of_start(weights: Path, mtime_ns: int, size_bytes: int) -> NetworkVersion:
+    """Return the network of the start; the file is read again when its time or size changes."""
+    return NetworkVersion(
+        name=START, origin="start", sha256=_sha256(weights), class_names=_names(weights)
+    )
 
 
 def _sha256(path: Path) -> str:

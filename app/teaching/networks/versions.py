@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 
 from app.teaching.json_files import json_of
@@ -20,6 +22,8 @@ MAX_VERSIONS = 40
 """Number of versions from which none is added: each takes some 20 MB."""
 START = "start"
 """Name of the network that the console was started with."""
+COLOUR_RULES = "colour rules"
+"""What drove without a network, in the history of the networks in use."""
 
 
 class VersionStore:
@@ -52,8 +56,8 @@ class VersionStore:
     def new_name(self) -> str:
         """Return the name of the next training, `taught 1`, `taught 2`, …"""
         prefix = "taught "
-        taken = [path.name.removeprefix(prefix) for path in self.folder.glob("*")]
-        return f"{prefix}{max((int(name) for name in taken if name.isdigit()), default=0) + 1}"
+        taken = [path.name.removeprefix(prefix) for path in self.folder.glob(f"{prefix}*")]
+        return f"{prefix}{max((int(name) for name in taken if name.isdecimal()), default=0) + 1}"
 
     def delete(self, name: str) -> None:
         """Delete a version: first its description, so that a crash leaves no half of it listed."""
@@ -73,6 +77,13 @@ class VersionStore:
         except (BadConfiguration, ValueError, TypeError):
             return []
 
+    def history_of(self, names: Sequence[str]) -> list[str]:
+        """Return the versions that were in use, the present one last, without those that are gone
+        and without a step from one to itself."""
+        known = {START, COLOUR_RULES, *(one.name for one in self.all())}
+        kept = [*(name for name in names[:-1] if name in known), *names[-1:]]
+        return [name for name, _ in groupby(kept)]
+
     def note_used(self, names: list[str]) -> None:
         """Store the versions that were in use, the present one last."""
         try:
@@ -84,7 +95,7 @@ class VersionStore:
 
 def check_version_name(name: str) -> None:
     """Raise `BadConfiguration` unless a version can have this name."""
-    if not re.fullmatch(PATTERN, name) or name == START:
+    if not re.fullmatch(PATTERN, name) or name in (START, COLOUR_RULES):
         raise BadConfiguration(
             f"{name!r:.60} cannot be the name of a version; expected up to 40 letters, digits, "
             "blanks, - and _"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import shutil
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -18,7 +19,13 @@ from app.runtime.start.segmentation import Perception, colour_perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from app.teaching.networks import live_networks
 from app.teaching.networks.live_networks import Compose, LiveNetworks, composed_at_start
-from app.teaching.networks.versions import MODEL_NAME, START, VersionStore, write_version
+from app.teaching.networks.versions import (
+    COLOUR_RULES,
+    MODEL_NAME,
+    START,
+    VersionStore,
+    write_version,
+)
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.mission.beware_list import BewareClass, BewareList, default_beware_list
 from navcore.perception.esanet.inference.selection import EngineBenchmark
@@ -297,12 +304,166 @@ def test_a_version_that_is_gone_blocks_no_exchange(tmp_path: Path) -> None:
     live = LivePerception(perception_of(SegmenterChoice()))
     networks = networks_of(versions, live, used="taught 3")
     shutil.rmtree(tmp_path / "taught 2")
-    with pytest.raises(NotKnown):
-        networks.roll_back()
-    assert networks.exchange is None
-    networks.use(START)
+    assert networks.roll_back() == START
     eventually(lambda: networks.exchange is None)
-    assert networks.used == START
+    assert (networks.used, versions.used()) == (START, [START])
+
+
+def used_in_turn(networks: LiveNetworks, *numbers: int) -> None:
+    """Use versions `taught N`, one after the other."""
+    for number in numbers:
+        networks.use(f"taught {number}")
+        eventually(lambda: networks.exchange is None)
+
+
+def test_the_way_back_over_a_deleted_version_leads_to_another_one(tmp_path: Path) -> None:
+    versions = store_of(tmp_path, 2, 3)
+    live = LivePerception(perception_of(SegmenterChoice()))
+    networks = networks_of(versions, live)
+    used_in_turn(networks, 2, 3, 2)
+    networks.delete("taught 3")
+    assert versions.used() == [START, "taught 2"] and networks.previous == START
+    assert networks.roll_back() == START
+    eventually(lambda: networks.exchange is None)
+    assert (networks.used, label_of(live)) == (START, 1) and networks.previous is None
+
+
+def test_what_a_crash_left_of_a_deleted_version_in_the_history_blocks_no_way_back(
+    tmp_path: Path,
+) -> None:
+    versions = store_of(tmp_path, 2, 3)
+    versions.note_used([START, "taught 2", "taught 9", "taught 2", "taught 3"])
+    live = LivePerception(perception_of(SegmenterChoice()))
+    networks = networks_of(versions, live, used="taught 3")
+    for name in ("taught 2", START):
+        assert networks.previous == name == networks.roll_back()
+        eventually(lambda: networks.exchange is None)
+        assert networks.used == name
+
+
+def test_a_version_that_is_deleted_while_another_one_is_prepared_is_gone_from_the_history(
+    tmp_path: Path,
+) -> None:
+    versions, composing, deleted = store_of(tmp_path, 2, 3, 4), threading.Event(), threading.Event()
+    versions.note_used(["taught 2", "taught 3", "taught 4"])
+
+    def slowly(choice: SegmenterChoice) -> Perception:
+        composing.set()
+        assert deleted.wait(10)
+        return perception_of(choice)
+
+    live = LivePerception(perception_of(SegmenterChoice()))
+    networks = networks_of(versions, live, used="taught 4", compose=slowly)
+    assert networks.roll_back() == "taught 3"
+    assert composing.wait(10)
+    networks.delete("taught 2")
+    with pytest.raises(Refused, match="in use"):
+        networks.delete("taught 3")
+    deleted.set()
+    eventually(lambda: networks.exchange is None)
+    assert (networks.used, networks.previous, versions.used()) == ("taught 3", None, ["taught 3"])
+
+
+@pytest.mark.parametrize("is_restarted", [False, True])
+def test_the_way_back_leads_to_the_colour_rules_where_they_drove(
+    tmp_path: Path, is_restarted: bool
+) -> None:
+    versions, live = store_of(tmp_path, 2), LivePerception(colour_perception())
+
+    def compose(choice: SegmenterChoice) -> Perception:
+        return colour_perception() if choice.kind == "colour" else perception_of(choice)
+
+    networks = networks_of(versions, live, compose=compose)
+    assert networks.used is None and networks.previous is None
+    for name in (START, "taught 2"):
+        networks.use(name)
+        eventually(lambda: networks.exchange is None)
+    assert versions.used() == [COLOUR_RULES, START, "taught 2"]
+    if is_restarted:
+        networks = networks_of(versions, live, used="taught 2", compose=compose)
+    for name, title in ((START, "network 1"), (COLOUR_RULES, "colour rules")):
+        assert networks.roll_back() == name
+        eventually(lambda: networks.exchange is None)
+        assert (live.title, versions.used()[-1]) == (title, name)
+    assert networks.used is None and networks.previous is None
+    with pytest.raises(NotKnown):
+        networks.use(COLOUR_RULES)
+    with pytest.raises(BadConfiguration, match="name of a version"):
+        networks.add(COLOUR_RULES, io.BytesIO())
+
+
+@pytest.mark.parametrize(
+    ("failure", "said"),
+    [
+        (BadConfiguration("the weights are damaged"), "the weights are damaged"),
+        (OSError(5, "Input/output error"), "OSError: [Errno 5] Input/output error"),
+        (RuntimeError("no engine"), "RuntimeError: no engine"),
+    ],
+)
+def test_a_start_without_the_network_that_was_in_use_says_so(
+    tmp_path: Path, failure: Exception, said: str
+) -> None:
+    versions = store_of(tmp_path, 2)
+    versions.note_used([START, "taught 2"])
+
+    def compose(choice: SegmenterChoice) -> Perception:
+        if choice.weights is not None:
+            raise failure
+        return perception_of(choice)
+
+    started = composed_at_start(versions, SegmenterChoice(), compose)
+    expected = f"the network 'taught 2', which was in use, cannot be used: {said}"
+    assert (started.used, started.perception.warning) == (START, expected)
+    assert started.perception.title == "network 1"
+
+
+def test_one_network_is_uploaded_at_a_time(tmp_path: Path) -> None:
+    networks = networks_of(VersionStore(tmp_path), LivePerception(perception_of(SegmenterChoice())))
+    with networks.import_file(), pytest.raises(Refused, match="uploaded already"):
+        networks.import_file()
+    networks.import_file().close()
+
+
+def test_an_upload_is_checked_at_the_lowest_priority(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "python"
+    program.write_text("#!/bin/sh\nnice >&2\nexit 1\n", encoding="utf-8")
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program))
+    with pytest.raises(BadConfiguration, match="the file: 19"):
+        live_networks._check(tmp_path / MODEL_NAME)
+
+
+def test_the_network_of_the_start_is_read_again_only_when_it_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weights, hashed = tmp_path / "own.safetensors", list[Path]()
+    weights.write_bytes(b"weights")
+    sha256 = live_networks._sha256
+
+    def noted(path: Path) -> str:
+        hashed.append(path)
+        return sha256(path)
+
+    monkeypatch.setattr(live_networks, "_sha256", noted)
+    networks = networks_of(
+        VersionStore(tmp_path / "versions"),
+        LivePerception(perception_of(SegmenterChoice())),
+        choice=dataclasses.replace(NETWORK, weights=weights),
+    )
+    first, again = (networks.all()[0].sha256 for _ in range(2))
+    assert first == again and hashed == [weights]
+    weights.write_bytes(b"other weights")
+    assert networks.all()[0].sha256 != first
+    weights.unlink()
+    assert networks.all() == []
+
+
+def test_a_version_with_the_number_of_a_year_is_none_of_the_trainings(tmp_path: Path) -> None:
+    versions = store_of(tmp_path, 2)
+    (tmp_path / "2025").mkdir()
+    assert versions.new_name() == "taught 3"
 
 
 def test_an_upload_that_is_checked_holds_no_exchange_up(

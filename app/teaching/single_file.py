@@ -1,0 +1,30 @@
+"""Temporary files of which one is open at a time."""
+
+from __future__ import annotations
+
+import threading
+import weakref
+from collections.abc import Callable
+from typing import BinaryIO
+
+from navcore.errors import Refused
+
+
+class SingleFile:
+    """Opens a file unless the last one that it opened is still open; thread-safe."""
+
+    def __init__(self, refusal: str) -> None:
+        """`refusal`: sentence by which a second one is refused."""
+        self._refusal, self._lock = refusal, threading.Lock()
+        # Weak: the file of an answer that was never read, or of a request, is closed with it.
+        self._last: Callable[[], BinaryIO | None] = lambda: None
+
+    def open(self, make: Callable[[], BinaryIO]) -> BinaryIO:
+        """Return what `make` opens; raises `Refused` until the last one is closed."""
+        with self._lock:
+            last = self._last()
+            if last is not None and not last.closed:
+                raise Refused(self._refusal)
+            file = make()
+            self._last = weakref.ref(file)
+            return file
