@@ -22,6 +22,10 @@ NICENESS = 19
 
 def main(folder: Path) -> int:
     """Run the training in a folder."""
+    # Ctrl-C reaches the whole group of the terminal; the console then ends this process itself.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(OSError):  # where memory is short, a training is given up first
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
     os.nice(NICENESS)
     with RunLock(folder) as is_mine:
@@ -32,9 +36,9 @@ def _run(folder: Path) -> int:
     import cv2
     import torch
 
-    from app.teaching.training.progress import read_progress, write_progress
+    from app.teaching.training.progress import note_end
     from app.teaching.training.run import Cancelled, TeachingRun
-    from navcore.errors import BewareNavError, StorageFailed
+    from navcore.errors import BewareNavError
 
     asked = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: asked.set())
@@ -44,18 +48,13 @@ def _run(folder: Path) -> int:
         torch.set_num_threads(run.plan.threads)
         run.run()
     except Cancelled:
-        progress = read_progress(folder)
-        progress.phase = "cancelled"
-        write_progress(folder, progress)
+        note_end(folder, "cancelled")
         return CANCELLED
     except Exception as error:
         logging.exception("the training failed")
-        progress = read_progress(folder)
-        progress.phase = "failed"
         known = isinstance(error, BewareNavError)
-        progress.message = str(error) if known else f"{type(error).__name__}: {error}"[:300]
-        with contextlib.suppress(StorageFailed):  # on a full disk, which the log says
-            write_progress(folder, progress)
+        said = str(error) if known else f"{type(error).__name__}: {error}"[:300]
+        note_end(folder, "failed", said)
         return FAILED
     return DONE
 

@@ -67,6 +67,7 @@ SENTENCES = (
     "app/teaching/networks/live_networks.py",
     "app/teaching/training/plan.py",
     "app/teaching/training/live_trainings.py",
+    "app/teaching/training/run.py",
     "app/teaching/networks/versions.py",
     "app/teaching/single_file.py",
     "navcore/control/motion.py",

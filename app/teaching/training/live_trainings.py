@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import shutil
@@ -14,10 +15,10 @@ from pathlib import Path
 
 from app.teaching.frames.frame_store import FrameStore
 from app.teaching.networks.versions import VERSION_NAME, VersionStore, read_version
-from app.teaching.training.lock import ask_to_end, holder_of
+from app.teaching.training.lock import end_holder, holder_of
 from app.teaching.training.plan import PLAN_NAME, TrainingPlan, prepare, read_plan
 from app.teaching.training.progress import LOOKS_NAME, RunProgress, read_progress, write_progress
-from navcore.errors import BadConfiguration, NotKnown, Refused
+from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.toml_config import from_table
 from web.interface.teaching import TrainingOrder, TrainingPhase, TrainingRun
@@ -26,6 +27,8 @@ END_S = 20.0
 """Longest wait for a run that was asked to end, seconds; then it is killed. What it has saved
 stays."""
 LOG_NAME = "training.log"
+ENDED = ("done", "failed", "cancelled")
+"""Phases of a run that has ended."""
 log = logging.getLogger(__name__)
 Start = Callable[[str | None], tuple[str, Path]]
 """Function that gives name and weights file of a version, by default of the one in use."""
@@ -82,7 +85,7 @@ class LiveTrainings:
         with self._lock:
             self._refuse_while_running()
             folder = self._newest_folder()
-            if folder is None or (folder / VERSION_NAME).exists():
+            if folder is None or _is_complete(folder):
                 raise Refused("there is no training to resume")
             self._launch(folder)
             return self._shown(folder)
@@ -91,15 +94,20 @@ class LiveTrainings:
         """Return a validation image of the newest run."""
         folder = self._newest_folder()
         path = None if folder is None else folder / LOOKS_NAME / f"{number}.png"
-        if path is None or not path.is_file():
-            raise NotKnown("the training has no such image yet")
-        return path.read_bytes()
+        try:
+            if path is not None:
+                return path.read_bytes()
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            raise StorageFailed(f"{path}: {error.strerror or error}") from None
+        raise NotKnown("the training has no such image yet")
 
     def close(self) -> None:
         """End the run of this console; it can be resumed at the next start."""
         with self._lock:
-            folder = self._newest_folder()
-            if self._process is not None and folder is not None:
+            folder, process = self._newest_folder(), self._process
+            if process is not None and process.poll() is None and folder is not None:
                 self._end(folder)
 
     def _launch(self, folder: Path) -> None:
@@ -108,35 +116,41 @@ class LiveTrainings:
         progress.phase, progress.message = "waiting", ""
         write_progress(folder, progress)
         environment = {**os.environ, "CUDA_VISIBLE_DEVICES": ""}
-        with (folder / LOG_NAME).open("ab") as output:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "app.teaching", str(folder)],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-                env=environment,
-            )
+        try:
+            with (folder / LOG_NAME).open("ab") as output:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "app.teaching", str(folder)],
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=output,
+                    env=environment,
+                )
+        except OSError as error:
+            raise StorageFailed(
+                f"the training cannot be started: {error.strerror or error}"
+            ) from error
         log.info("training %s: process %d", folder.name, self._process.pid)
 
     def _end(self, folder: Path) -> None:
+        """End the process of a run, of this console or of an earlier one."""
         process = self._process
-        if process is None or process.poll() is not None:
-            pid = holder_of(folder)
-            if pid is not None:
-                ask_to_end(pid)
-            return
-        process.terminate()
+        if process is not None and process.poll() is None:
+            process.terminate()
+            try:
+                process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
         try:
-            process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+            end_holder(folder, END_S)
+        except OSError as error:
+            raise Refused(f"the training cannot be ended: {error.strerror or error}") from None
         self._note_end(folder)
 
     def _note_end(self, folder: Path) -> None:
         """Say of a run whose process ended without a word that it can be resumed."""
         progress = read_progress(folder)
-        if progress.phase not in ("done", "failed", "cancelled"):
+        if progress.phase not in ENDED:
             progress.phase = "cancelled"
             write_progress(folder, progress)
 
@@ -154,13 +168,15 @@ class LiveTrainings:
         """Remove the runs that no version came of: only the newest one can be resumed."""
         for path in self._versions.folder.glob(f"*/{PLAN_NAME}"):
             folder = path.parent
-            if folder != but and not (folder / VERSION_NAME).exists() and not holder_of(folder):
+            if folder != but and not _is_complete(folder) and not holder_of(folder):
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _newest_folder(self) -> Path | None:
-        folders = list(self._versions.folder.glob(f"*/{PLAN_NAME}"))
-        newest = max(folders, key=lambda path: path.stat().st_mtime_ns, default=None)
-        return None if newest is None else newest.parent
+        times_ns: dict[Path, int] = {}
+        for path in self._versions.folder.glob(f"*/{PLAN_NAME}"):
+            with contextlib.suppress(OSError):  # it is being deleted
+                times_ns[path.parent] = path.stat().st_mtime_ns
+        return max(times_ns, key=times_ns.__getitem__, default=None)
 
     def _shown(self, folder: Path) -> TrainingRun:
         running = self._is_running(folder)
@@ -172,21 +188,27 @@ class LiveTrainings:
             name=plan.name,
             start_name=plan.start_name,
             class_names=plan.class_names,
-            phase=_phase(progress, running=running),
+            phase=_phase(folder, progress, running=running),
             done=progress.done,
             of=progress.of,
             losses=tuple(progress.losses),
             mious=tuple(progress.mious),
             looks=progress.looks,
-            message=progress.message or _silent_end(progress, running=running),
+            message="" if _is_complete(folder) else _message(progress, running=running),
             running=running,
             not_found=_not_found(folder),
         )
 
 
+def _is_complete(folder: Path) -> bool:
+    """Return whether a run has become a version, whatever its progress says: the disk may have been
+    full by then."""
+    return (folder / VERSION_NAME).exists()
+
+
 def _not_found(folder: Path) -> tuple[str, ...]:
     """Return the classes that the network of a run does not find; empty before it is done."""
-    if not (folder / VERSION_NAME).exists():
+    if not _is_complete(folder):
         return ()
     try:
         return read_version(folder).not_found
@@ -194,15 +216,16 @@ def _not_found(folder: Path) -> tuple[str, ...]:
         return ()
 
 
-def _phase(progress: RunProgress, *, running: bool) -> TrainingPhase:
+def _phase(folder: Path, progress: RunProgress, *, running: bool) -> TrainingPhase:
     """Return the phase; a process that ended without a word has failed."""
-    ended = progress.phase in ("done", "failed", "cancelled")
-    return progress.phase if running or ended else "failed"
+    if _is_complete(folder):
+        return "done"
+    return progress.phase if running or progress.phase in ENDED else "failed"
 
 
-def _silent_end(progress: RunProgress, *, running: bool) -> str:
-    if running or progress.phase in ("done", "failed", "cancelled"):
-        return ""
+def _message(progress: RunProgress, *, running: bool) -> str:
+    if running or progress.message or progress.phase in ENDED:
+        return progress.message
     return "the process of the training ended, or the console was stopped; resume it"
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from app.teaching.json_files import json_of
-from navcore.errors import BadConfiguration
+from navcore.errors import BadConfiguration, StorageFailed
 from navcore.files import read_whole, write_whole
 from navcore.toml_config import from_table
 from web.interface.teaching import CurvePoint, TrainingPhase
@@ -29,7 +30,7 @@ class RunProgress:
     losses: list[CurvePoint] = field(default_factory=list)
     """Mean loss since the point before, by step."""
     mious: list[CurvePoint] = field(default_factory=list)
-    """Mean IoU of the held-back frames, by step."""
+    """Mean IoU of the taught classes in the held-back frames, by step."""
     looks: int = 0
     """Number of validation images."""
     message: str = ""
@@ -53,3 +54,11 @@ def read_progress(folder: Path) -> RunProgress:
         return RunProgress(**table)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise BadConfiguration(f"{path}: not readable: {error!s:.200}") from None
+
+
+def note_end(folder: Path, phase: TrainingPhase, message: str = "") -> None:
+    """Write how a run ended; on a full disk only its log says it."""
+    with contextlib.suppress(StorageFailed, BadConfiguration):
+        progress = read_progress(folder)
+        progress.phase, progress.message = phase, message
+        write_progress(folder, progress)
