@@ -216,7 +216,7 @@ class TrainingRun:
     losses: tuple[CurvePoint, ...]
     """Mean loss since the point before, by step."""
     mious: tuple[CurvePoint, ...]
-    """Mean IoU of the held-back frames, by step."""
+    """Mean IoU of the taught classes in the held-back frames, by step."""
     looks: int
     """Number of validation images."""
     message: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from app.teaching.training.paired_counts import PairedCounts
 from navcore.learning.data.card import Sample
@@ -32,9 +33,8 @@ def compared(
 
     The labels of both are those of `new`, whose first classes are those of `old`; `depth` are the
     statistics of both in the unit of the images. An annotated class is judged on the captured
-    images. Where their annotation names nothing, the old network's own label is the truth, except
-    for an annotated class, of which the annotation tells more: there it is void. All other classes
-    are judged on the rendered images, whose labels are exact.
+    images, with the truth of `truth_of`. All other classes are judged on the rendered images, whose
+    labels are exact.
     """
 
     def found_by_both(sample: Sample) -> tuple[LabelArray, LabelArray]:
@@ -51,9 +51,7 @@ def compared(
         silent = sample.labels == 0
         alike += int((silent & (was == now)).sum())
         unnamed += int(silent.sum())
-        own = np.where(np.isin(was + 1, annotated), 0, was + 1)
-        truth = np.where(silent, own, sample.labels).astype(np.uint8)
-        on_captured.add(truth, was, now)
+        on_captured.add(truth_of(sample.labels, was + 1, annotated), was, now)
         on_progress(done := done + 1)
     for sample in rendered:
         was, now = found_by_both(sample)
@@ -66,6 +64,16 @@ def compared(
         known = index < len(old.card.class_names)
         figures.append(_figures(pair, index, name, known=known, captured=is_captured))
     return figures, round(alike / unnamed, 4) if unnamed else None
+
+
+def truth_of(
+    annotation: LabelArray, own: npt.NDArray[np.integer], annotated: Sequence[int]
+) -> LabelArray:
+    """Return the true labels (h, w) of an annotated image: its annotation and, where that names
+    nothing, the old network's own label, except for the labels `annotated` in any image: of those
+    the annotations tell more, and there it is void."""
+    silent = np.where(np.isin(own, annotated), 0, own)
+    return np.where(annotation > 0, annotation, silent).astype(np.uint8)
 
 
 def not_found(figures: Sequence[ClassFigures], taught: Sequence[str]) -> tuple[str, ...]:

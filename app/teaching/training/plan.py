@@ -27,7 +27,7 @@ from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.toml_config import from_table
 from web.interface.teaching import NOTHING_NAME, CapturedFrame
 
-PLAN_NAME, DATA_NAME = "plan.json", "data"
+PLAN_NAME, DATA_NAME, START_NAME = "plan.json", "data", "start.safetensors"
 MAX_PLAN_BYTES = 1_000_000
 LEAST_FRAMES = 3
 """Smallest number of annotated frames that show a class: two to learn from, one held back."""
@@ -44,7 +44,7 @@ class TrainingPlan:
     start_name: str
     """Name of the version that it starts from."""
     start_path: str
-    """Weights file that it starts from."""
+    """Weights file that it starts from, relative to the folder of the run, which has a copy."""
     class_names: tuple[str, ...]
     """Annotated classes, those that the network knows among them."""
     created_unix_s: float
@@ -132,20 +132,23 @@ def _spread(ids: Sequence[str]) -> list[str]:
 def prepare(
     folder: Path, store: FrameStore, plan: TrainingPlan, asked: Sequence[str] = ()
 ) -> TrainingPlan:
-    """Put a run down in a new folder and return its plan with the annotated classes.
+    """Put a run down in a new folder, with a copy of the network that it starts from, and return
+    its plan with the annotated classes.
 
     `asked` are classes that must be among them. Raises `Refused` for too few frames and a class
     without pixels, `StorageFailed` when the disk is full; then nothing is left of the folder.
     """
     with store.held():
         frames = [frame for frame in store.all() if frame.annotated]
+        names = taught_names(frames)
         for name in asked:
-            if name not in taught_names(frames):
+            if name.casefold() not in (one.casefold() for one in names):
                 raise Refused(f"{name}: no pixel of any captured frame is annotated as it")
         held = held_back(frames, store.splits(), store.near_duplicates())
-        plan = dataclasses.replace(plan, class_names=taught_names(frames))
         try:
             _link(folder / DATA_NAME, store.folder, frames, held)
+            shutil.copyfile(plan.start_path, folder / START_NAME)
+            plan = dataclasses.replace(plan, class_names=names, start_path=START_NAME)
             store.note_splits({one.id: "valid" if one.id in held else "train" for one in frames})
             write_whole(folder / PLAN_NAME, json_of(plan))
         except OSError as error:

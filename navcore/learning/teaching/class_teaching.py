@@ -39,7 +39,7 @@ from torch import Tensor
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
-from navcore.learning.teaching.taught_rows import Encoded, TaughtRows
+from navcore.learning.teaching.taught_rows import IMAGES_AT_ONCE, Encoded, TaughtRows
 from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.learning.training.batches import plain_batch
 from navcore.learning.training.initial_weights import transferred_network
@@ -54,6 +54,8 @@ ENOUGH = 0.02
 """Share of the loss that a round must take off for another one to follow."""
 HISTORY = 20
 """Number of steps that L-BFGS remembers."""
+STEP_BYTES_PER_PIXEL = 120
+"""Memory of a step for each pixel of the images that are looked at together, measured."""
 
 
 def grown_network(start: TrainedNetwork, names: Sequence[str]) -> TrainedNetwork:
@@ -90,6 +92,14 @@ def grown_network(start: TrainedNetwork, names: Sequence[str]) -> TrainedNetwork
             for parameter in upsampling.parameters():
                 parameter[count:] = parameter[:count].mean(dim=0)
     return TrainedNetwork(network=network.eval(), card=grown)
+
+
+def memory_needed(network: EsaNet, size: Size, images: int) -> int:
+    """Return about how many bytes the encoded images and the steps of a training take besides the
+    network."""
+    pixels = size.height * size.width
+    encoded = network.decoder.conv_out.in_channels * pixels // 16 * 2 + pixels * (2 + 1)
+    return images * encoded + IMAGES_AT_ONCE * STEP_BYTES_PER_PIXEL * pixels
 
 
 class ClassTeacher:

@@ -13,7 +13,8 @@ from torch.nn import functional
 from navcore.learning.data.images import LabelArray
 from navcore.perception.esanet.network.decoder import Decoder
 
-_IMAGES_AT_ONCE = 16
+IMAGES_AT_ONCE = 16
+"""Number of images that the loss looks at together."""
 _LEAST_DEVIATION = 1e-3
 """Smallest standard deviation that a feature is divided by."""
 
@@ -114,8 +115,8 @@ def _chunks(
     numbers[0] = -1
     for place, number in enumerate(taught):
         numbers[number + 1] = place
-    for at in range(0, len(images), _IMAGES_AT_ONCE):
-        some = images[at : at + _IMAGES_AT_ONCE]
+    for at in range(0, len(images), IMAGES_AT_ONCE):
+        some = images[at : at + IMAGES_AT_ONCE]
         yield (
             torch.stack([image.features for image in some]).float(),
             torch.stack([image.others for image in some]).float(),

@@ -14,7 +14,7 @@ from torch.nn import functional
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
-from navcore.learning.teaching.class_teaching import ClassTeacher, grown_network
+from navcore.learning.teaching.class_teaching import ClassTeacher, grown_network, memory_needed
 from navcore.learning.teaching.taught_rows import TaughtRows
 from navcore.learning.teaching.teaching_recipe import TeachingRecipe
 from navcore.perception.esanet.inference.network_file import SHIPPED
@@ -83,6 +83,15 @@ def test_a_class_is_found_where_it_was_never_seen_whatever_the_random_state(
         assert found(teacher, start, SHOE, sample(100)) > 0.9
         ends.append(teacher.network.decoder.conv_out.weight)
     assert torch.equal(*ends)
+
+
+def test_the_memory_of_a_training_grows_by_what_is_kept_of_each_image(
+    start: TrainedNetwork,
+) -> None:
+    teacher = taught(start, "shoe")
+    needed = [memory_needed(teacher.network, SIZE, count) for count in (0, 6)]
+    kept = [(one.features.nbytes, one.others.nbytes, one.labels.nbytes) for one in teacher.captured]
+    assert needed[1] - needed[0] == np.sum(kept)
 
 
 def test_two_classes_are_taught_at_once(start: TrainedNetwork) -> None:
