@@ -22,6 +22,7 @@ import torch
 from scipy.optimize import minimize_scalar
 from torch.nn import functional
 
+from navcore.errors import BadConfiguration
 from navcore.learning.training.batches import CachedSplit, plain_batch
 from navcore.learning.training.evaluation import InferenceSettings, logits_of
 from navcore.perception.esanet.network.model import EsaNet
@@ -54,8 +55,13 @@ def calibrate(
     *,
     on_progress: Callable[[int], None] = lambda count: None,
 ) -> Calibration:
-    """Shift and scale the network's logits in place so that they fit the images best."""
+    """Shift and scale the network's logits in place so that they fit the images best; raises
+    `BadConfiguration`, and changes nothing, where no pixel is labelled."""
     logits, classes, weights = _collected(network, images, inference, on_progress)
+    if not len(classes):
+        raise BadConfiguration(
+            f"calibration: nothing is labelled in the {images.split} images; choose another split"
+        )
     offsets = best_offsets(logits, classes, weights)
     temperature = best_temperature(logits + offsets.astype(np.float32), classes, weights)
     last = network.decoder.upsample2.conv

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 import torch
 
+from navcore.errors import BadConfiguration
+from navcore.learning.data.dataset import DatasetWriter, load_dataset
 from navcore.learning.training.batches import CachedSplit, plain_batch
 from navcore.learning.training.calibration import best_offsets, best_temperature, calibrate
 from navcore.learning.training.evaluation import InferenceSettings, logits_of
 from navcore.learning.training.metrics import confusion_matrix, mean_iou
 from navcore.perception.esanet import build
 from navcore.perception.esanet.network.preprocess import Size
-from tests.navcore.learning.made import data_set
+from tests.navcore.learning.made import NAMES, data_set, sample
 
 
 def score(logits: np.ndarray, classes: np.ndarray, weights: np.ndarray) -> float:
@@ -61,6 +63,20 @@ def test_a_network_that_is_too_sure_becomes_as_sure_as_it_is_right(temperature: 
     classes = (rng.random((20_000, 1)) > likely.cumsum(axis=1)).sum(axis=1).clip(0, 2)
     found = best_temperature(temperature * honest, classes, np.ones(20_000))
     assert found == pytest.approx(temperature, rel=0.05)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_split_without_labels_leaves_the_network_as_it_is(tmp_path: Path) -> None:
+    writer = DatasetWriter(tmp_path, class_names=NAMES)
+    one = sample(1)
+    writer.add("valid", "0", one.rgb, one.depth, np.zeros_like(one.labels))
+    writer.finish()
+    images = CachedSplit(load_dataset(tmp_path), "valid", cache_mb=0)
+    network = build("r18-nbt1d", 2, width=0.125).eval()
+    before = {key: value.clone() for key, value in network.state_dict().items()}
+    with pytest.raises(BadConfiguration, match="nothing is labelled in the valid images"):
+        calibrate(network, images, InferenceSettings(size=Size(height=64, width=64)))
+    assert all(torch.equal(value, before[key]) for key, value in network.state_dict().items())
 
 
 def test_what_is_calibrated_names_the_same_classes_less_surely(tmp_path: Path) -> None:
