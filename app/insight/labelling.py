@@ -32,7 +32,7 @@ from navcore.learning.data.card import (
     Files,
     check_labels,
 )
-from navcore.learning.data.class_names import BEWARE_CLASSES
+from navcore.learning.data.class_names import BACKGROUND, BEWARE_CLASSES
 from navcore.learning.data.images import read_depth, read_labels, read_rgb, write_grey, write_rgb
 from navcore.learning.data.writer import write_text
 from navcore.mission.beware_list import NOTHING
@@ -40,7 +40,6 @@ from web.interface.insight import LabellingState
 
 MAX_PICTURES = 500
 MAX_BYTES = 500_000_000
-BACKGROUND = "background"
 UNITS_PER_M = 1000.0
 """Unit of the depth images: millimetres."""
 RIM_PX = 3

@@ -14,9 +14,10 @@ from typing import BinaryIO, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from navcore.learning.data.class_names import BACKGROUND
 from web.interface.wire import served
 
-NOTHING_NAME = "background"
+NOTHING_NAME = BACKGROUND
 """Name of the class of everything that is no object of the beware list."""
 FrameSource = Literal["operator", "drive", "upload"]
 """What captured a frame: a click, the capture while driving, an upload."""
@@ -214,7 +215,7 @@ class TrainingRun:
     of: int
     """Their number in total."""
     losses: tuple[CurvePoint, ...]
-    """Mean loss since the point before, by step."""
+    """Least loss since the point before, by step."""
     mious: tuple[CurvePoint, ...]
     """Mean IoU of the taught classes in the held-back frames, by step."""
     looks: int

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+BACKGROUND = "background"
+"""Class of everything that is none of the others."""
 BEWARE_CLASSES: tuple[str, ...] = (
-    "background",
+    BACKGROUND,
     "book",
     "cup",
     "bottle",

@@ -25,6 +25,7 @@ import numpy.typing as npt
 from navcore.errors import BadConfiguration
 from navcore.files import DAMAGED_ZIP
 from navcore.learning.data.card import MAX_CLASSES, Sample, Split
+from navcore.learning.data.class_names import BACKGROUND
 from navcore.learning.data.images import (
     MAX_FILE_BYTES,
     LabelArray,
@@ -47,7 +48,6 @@ _SPLIT_OF: dict[str, Split] = {
     "validation": "valid",
     "test": "test",
 }
-BACKGROUND = "background"
 _VOID_NAMES = ("void", "unlabeled", "_background_", "__ignore__")
 NO_CLASSES = (BACKGROUND, *_VOID_NAMES)
 
@@ -250,9 +250,9 @@ class LabelmeFolder:
             raise BadConfiguration(f"{folder}: no labelme file (*.json) is there")
         if len(self._files) > MAX_ENTRIES:
             raise BadConfiguration(f"{folder}: more than {MAX_ENTRIES} files")
-        occurring = {shape["label"] for path in self._files for shape in _shapes(path)} - set(
-            _VOID_NAMES
-        )
+        occurring = {
+            shape["label"] for path in self._files for shape in _shapes(path, _document(path))
+        } - set(_VOID_NAMES)
         names = tuple(class_names) or tuple(sorted(occurring))
         self.class_names = (
             (BACKGROUND, *names) if keep_background and BACKGROUND not in names else names
@@ -269,7 +269,7 @@ class LabelmeFolder:
         for path in self._files:
             document = _document(path)
             rgb = self._rgb(path, document)
-            labels = self._drawn(path, rgb.shape[:2])
+            labels = self._drawn(path, document, rgb.shape[:2])
             sample = _sample(rgb, _depth(self._depth_dir, path.stem), labels, str(path))
             yield ImportedSample(split=self._split, name=flat_name(path.stem), sample=sample)
 
@@ -286,12 +286,12 @@ class LabelmeFolder:
             raise BadConfiguration(f"{path}: neither imageData nor imagePath is there")
         return read_rgb(_within(path.parent, _safe(named, str(path))))
 
-    def _drawn(self, path: Path, shape: tuple[int, ...]) -> LabelArray:
+    def _drawn(self, path: Path, document: dict[str, Any], shape: tuple[int, ...]) -> LabelArray:
         """Return the labels (H, W) with each polygon filled."""
         labels = np.full(
             shape, self.class_names.index(BACKGROUND) + 1 if self._keeps else 0, dtype=np.uint8
         )
-        for drawn in _shapes(path):
+        for drawn in _shapes(path, document):
             number = (
                 0 if drawn["label"] in _VOID_NAMES else self.class_names.index(drawn["label"]) + 1
             )
@@ -333,8 +333,8 @@ def _polygon(path: Path, drawn: dict[str, Any]) -> npt.NDArray[np.int32]:
     return np.asarray(np.floor(corners), dtype=np.int32)
 
 
-def _shapes(path: Path) -> list[dict[str, Any]]:
-    shapes = _document(path).get("shapes")
+def _shapes(path: Path, document: dict[str, Any]) -> list[dict[str, Any]]:
+    shapes = document.get("shapes")
     if not isinstance(shapes, list) or not all(
         isinstance(shape, dict) and _named(shape) for shape in shapes
     ):

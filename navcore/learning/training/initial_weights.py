@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 
 import torch
@@ -24,8 +25,8 @@ def new_network(recipe: Recipe, num_classes: int) -> EsaNet:
 
 
 def transferred_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard) -> EsaNet:
-    """Return a network for the classes of `card` with the weights of `start`, random for new
-    classes.
+    """Return a network of its own for the classes of `card` with the weights of `start`, random for
+    new classes.
 
     Raises `BadConfiguration` if the two differ in more than their classes.
     """
@@ -36,7 +37,7 @@ def transferred_network(start: TrainedNetwork, recipe: Recipe, card: WeightsCard
             f"training: cannot start from a network {has}; the recipe asks for {asked}"
         )
     if known.class_names == wanted.class_names:
-        return start.network
+        return copy.deepcopy(start.network)
     network = new_network(recipe, wanted.num_classes)
     rows = _common_classes(known, wanted)
     by_class = wanted.architecture.class_tensors()

@@ -21,7 +21,6 @@ from navcore.learning.data.images import (
     read_labels,
     write_rgb,
 )
-from navcore.perception.esanet.network.preprocess import DepthStatistics
 from tests.navcore.learning.made import NAMES, data_set, sample
 
 
@@ -229,4 +228,3 @@ def test_depth_without_spread_is_no_depth(tmp_path: Path) -> None:
     writer.add("train", "a", one.rgb, np.zeros_like(one.depth), one.labels)
     with pytest.raises(BadConfiguration, match="no spread"):
         writer.finish()
-    assert DepthStatistics(mean=1.0, std=1.0, units_per_m=1.0).raw

@@ -322,10 +322,9 @@ def test_a_run_goes_on_from_trained_weights(tmp_path: Path) -> None:
         weights.load(tmp_path / "first" / MODEL_NAME).network.state_dict(),
     )
     second.run()
-    assert not same(
-        second.network.state_dict(),
-        weights.load(tmp_path / "first" / MODEL_NAME).network.state_dict(),
-    )
+    first_weights = weights.load(tmp_path / "first" / MODEL_NAME).network.state_dict()
+    assert not same(second.network.state_dict(), first_weights)
+    assert same(start.network.state_dict(), first_weights)
     with pytest.raises(
         BadConfiguration, match="another recipe or other data"
     ):  # the start is part of what a run is
