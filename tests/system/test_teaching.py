@@ -32,8 +32,8 @@ from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.network.preprocess import Size
 from navcore.perception.esanet.weights import weights_file
 from tests.app.teaching.shoe_room import (
-    LOOKS,
     SHOE,
+    VIEWPOINTS,
     annotated_frames,
     frames_of_the_shoe,
     room_file,
@@ -163,16 +163,18 @@ def test_a_class_is_taught_and_avoided(
         # With the network of the start it would drive over the shoe, which is on the list already.
         post("/api/v1/beware", json={"name": "shoe", "margin_m": 0.1})
         eventually(lambda: off_the_line_m(program) < 0.1)
-        assert add(program, frames) == len(LOOKS)
+        assert add(program, frames) == len(VIEWPOINTS)
         page.reload()
 
         def stored() -> list[dict[str, Any]]:
             return list(program.get("/api/v1/teach/frames").json()["frames"])
 
         shown = {one["id"]: at for one in stored() if (at := shoe_at(program, one["id"]))}
-        assert len(shown) == len(LOOKS), f"the shoe is in {len(shown)} of {len(stored())} frames"
+        assert len(shown) == len(VIEWPOINTS), (
+            f"the shoe is in {len(shown)} of {len(stored())} frames"
+        )
         page.get_by_test_id("capture").click()
-        eventually(lambda: len(stored()) == len(LOOKS) + 1)
+        eventually(lambda: len(stored()) == len(VIEWPOINTS) + 1)
         page.get_by_test_id("class").select_option("shoe")
         page.get_by_test_id("rehearsal").fill("16")
         chosen = list(shown.items())
@@ -219,7 +221,7 @@ def test_a_training_shows_its_curves_and_is_cancelled_and_resumed_in_the_page(
             return dict(program.get("/api/v1/teach/training").json()["run"])
 
         program.post("/api/v1/beware", json={"name": "shoe", "margin_m": 0.1})
-        assert add(program, frames) == len(LOOKS)
+        assert add(program, frames) == len(VIEWPOINTS)
         page.reload()
         expect(cancel).to_be_hidden()
         expect(resume).to_be_hidden()

@@ -145,7 +145,7 @@ class TrainingIn(Closed):
     class_names: Annotated[tuple[Name, ...], Field(max_length=250)] = ()
     """Classes that must be annotated; the training takes all that are."""
     steps: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
-    """Largest number of steps; it ends before when the loss falls no more."""
+    """Largest number of steps; it ends before when the loss hardly falls any more."""
     rehearsal: Annotated[int, Field(strict=True, ge=0, le=1000)] | None = None
     """Number of rendered images for rehearsal, and as many others for comparison."""
     size: SizeIn | None = None

@@ -90,10 +90,11 @@ def _linked(store: FrameStore, folder: Path) -> list[str]:
 
 
 def add_archive(store: FrameStore, file: BinaryIO) -> int:
-    """Add the frames of an archive, an open file, and return their number; all or none.
+    """Add the frames of an archive, an open file, and return their number; all that have depth, or
+    none.
 
-    Raises `BadConfiguration` with what is damaged, `Refused` when they do not fit into the folder.
-    It is unpacked there; one archive at a time can be added.
+    Raises `BadConfiguration` with what is damaged, `Refused` when they do not fit into the folder,
+    `StorageFailed`. It is unpacked there; one archive at a time can be added.
     """
     try:
         unpacked = _folder_in(store, _UNPACKED)

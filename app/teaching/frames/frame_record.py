@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from app.teaching.frames.thumbnails import SIZE, Look, thumbnail_of
+from app.teaching.frames.thumbnails import SIZE, Fingerprint, thumbnail_of
 from app.teaching.json_files import json_of
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole
@@ -66,10 +66,10 @@ class FrameRecord:
         return DepthSums(pixels=self.pixels, total=self.total, squares=self.squares)
 
     @property
-    def look(self) -> Look:
+    def fingerprint(self) -> Fingerprint:
         """What is compared to find near-duplicates."""
         grey = np.frombuffer(bytes.fromhex(self.thumbnail), dtype=np.uint8)
-        return Look(pose=self.pose, thumbnail=grey.reshape(SIZE[::-1]))
+        return Fingerprint(pose=self.pose, thumbnail=grey.reshape(SIZE[::-1]))
 
     @property
     def files(self) -> Files:

@@ -236,8 +236,10 @@ class FrameStore:
     def near_duplicates(self) -> list[set[str]]:
         """Return the groups of stored frames that show the same, by name, as imports leave them."""
         with self._lock:
-            looks = {name: stored.record.look for name, stored in self._open().items()}
-        return near_duplicates(looks, self.rules)
+            fingerprints = {
+                name: stored.record.fingerprint for name, stored in self._open().items()
+            }
+        return near_duplicates(fingerprints, self.rules)
 
     def note_splits(self, splits: Mapping[str, TrainingSplit]) -> None:
         """Store the splits of frames for later trainings; raises `StorageFailed`."""
@@ -365,9 +367,9 @@ class FrameStore:
         return found
 
     def _is_known(self, record: FrameRecord) -> bool:
-        look = record.look
+        fingerprint = record.fingerprint
         return any(
-            is_near_duplicate(look, other.record.look, self.rules)
+            is_near_duplicate(fingerprint, other.record.fingerprint, self.rules)
             for other in self._open().values()
         )
 

@@ -31,8 +31,8 @@ from web.interface.teaching import (
 
 JOIN_S = 2.0
 """Longest wait for the end of the thread, seconds."""
-LOOK_S = 0.2
-"""Time after which the waiting thread looks whether it shall end, seconds."""
+POLL_S = 0.2
+"""Time after which the waiting thread asks whether it shall end, seconds."""
 DEFAULT, REGION = CaptureRules(), RegionRules()
 log = logging.getLogger(__name__)
 
@@ -174,7 +174,7 @@ class LiveFrames:
         return frame_archive.add_archive(self.store, file)
 
     def _has_moved(self, pose: Pose2) -> bool:
-        """Return whether the robot has moved enough for another look to be worth comparing."""
+        """Return whether the robot has moved enough for another frame to be worth comparing."""
         last, rules = self._noted, self.store.rules
         return (
             last is None
@@ -185,7 +185,7 @@ class LiveFrames:
     def _run(self) -> None:
         while not self._ending.is_set():
             try:
-                frame = self._waiting.get(timeout=LOOK_S)
+                frame = self._waiting.get(timeout=POLL_S)
             except queue.Empty:
                 continue
             try:

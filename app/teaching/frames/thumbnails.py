@@ -18,7 +18,7 @@ Thumbnail = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Look:
+class Fingerprint:
     """What is compared of a frame."""
 
     pose: Pose2 | None
@@ -33,7 +33,7 @@ def thumbnail_of(rgb: npt.NDArray[np.uint8]) -> Thumbnail:
     return np.asarray(cv2.resize(grey, SIZE, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def is_near_duplicate(one: Look, other: Look, rules: CaptureRules) -> bool:
+def is_near_duplicate(one: Fingerprint, other: Fingerprint, rules: CaptureRules) -> bool:
     """Return whether two frames show the same: like images from poses that are near, or nearly the
     same image from anywhere."""
     difference = float(
@@ -49,16 +49,16 @@ def is_near_duplicate(one: Look, other: Look, rules: CaptureRules) -> bool:
     )
 
 
-def near_duplicates(looks: Mapping[str, Look], rules: CaptureRules) -> list[set[str]]:
+def near_duplicates(fingerprints: Mapping[str, Fingerprint], rules: CaptureRules) -> list[set[str]]:
     """Return the groups of two or more frames that show the same, by name; one that is like two
     frames joins their groups."""
-    names, group_of = list(looks), dict[str, set[str]]()
-    grey = np.array([look.thumbnail.ravel() for look in looks.values()], dtype=np.int16)
+    names, group_of = list(fingerprints), dict[str, set[str]]()
+    grey = np.array([one.thumbnail.ravel() for one in fingerprints.values()], dtype=np.int16)
     for i, name in enumerate(names):
         group = {name}
         differences = np.abs(grey[:i] - grey[i]).mean(axis=1)
         for j in np.flatnonzero(differences < max(rules.same, rules.alike)):
-            if is_near_duplicate(looks[name], looks[names[j]], rules):
+            if is_near_duplicate(fingerprints[name], fingerprints[names[j]], rules):
                 group |= group_of[names[j]]
         group_of.update(dict.fromkeys(group, group))
     groups = {id(group): group for group in group_of.values()}

@@ -28,7 +28,7 @@ class RunProgress:
     of: int = 0
     """Their number in total."""
     losses: list[CurvePoint] = field(default_factory=list)
-    """Mean loss since the point before, by step."""
+    """Least loss since the point before, by step."""
     mious: list[CurvePoint] = field(default_factory=list)
     """Mean IoU of the taught classes in the held-back frames, by step."""
     looks: int = 0

@@ -18,7 +18,8 @@ POSES_PER_WORLD = 4
 RIM_PX = 33
 """Side in pixels of the square by which objects of rendered images are widened."""
 _SEEDS, _FIRST_SEED = 300, 10
-"""Number of seeds of rendered images, and the first one: data sets are made from lower ones."""
+"""Number of seeds of rendered images, and the first one. Training images are of the split `train`:
+no world of the split `test` of any seed is among them."""
 
 
 def rendered(split: Split, count: int, class_names: Sequence[str], seed: int) -> Iterator[Sample]:

@@ -23,10 +23,10 @@ import torch
 
 from app.teaching.networks.versions import MODEL_NAME, write_version
 from app.teaching.training.comparison import compared, not_found, truth_of
-from app.teaching.training.looks import AT_MOST, write_looks
 from app.teaching.training.plan import DATA_NAME, START_NAME, TrainingPlan, read_plan
 from app.teaching.training.progress import RunProgress, read_progress, write_progress
 from app.teaching.training.rehearsal import around_objects, rendered
+from app.teaching.training.validation_images import AT_MOST, write_validation_images
 from navcore.errors import BadConfiguration, StorageFailed
 from navcore.files import write_whole
 from navcore.learning.data.card import Sample
@@ -182,7 +182,7 @@ class TeachingRun:
         if not np.isnan(taught).all():  # at the working size nothing may be left of small objects
             miou = round(float(np.nanmean(taught)), 4)
             self.progress.mious.append(CurvePoint(step=teacher.step, value=miou))
-        self.progress.looks = write_looks(
+        self.progress.looks = write_validation_images(
             self.folder, self._validation, found[:AT_MOST], self.grown.card.class_names
         )
         self._save_state(teacher)

@@ -19,7 +19,7 @@ TINT = 0.55
 """Share of the tint in the pixels of a class."""
 
 
-def write_looks(
+def write_validation_images(
     folder: Path,
     images: Sequence[RgbArray],
     found: Sequence[LabelArray],

@@ -8,12 +8,12 @@ image is encoded once.
 The upsampling behind the convolution is linear and is not trained, so the logit of a taught class
 is a linear function of its row, and the cross entropy is convex in the rows: multinomial logistic
 regression, with one minimum that L-BFGS with a line search (Nocedal & Wright, "Numerical
-Optimization", 2006, chapter 7) finds in some 20 steps, from zero weights and without a learning
-rate. What is learned depends on the images alone. (Training the upsampling as well, from random
-weights by stochastic steps, makes the logit a product of three layers: with one seed of four the
-first steps, in which the random class had to be silenced, halved the kernels of the upsampling, and
-120 steps later the class was still found nowhere. Where it was found, cups lost up to 0.3 of their
-IoU to it.)
+Optimization", 2006, chapter 7) finds in some 20 steps, without a learning rate; they begin at the
+rows of the start, of a new class at zero. What is learned depends on the images alone. (Training
+the upsampling as well, from random weights by stochastic steps, makes the logit a product of three
+layers: with one seed of four the first steps, in which the random class had to be silenced, halved
+the kernels of the upsampling, and 120 steps later the class was still found nowhere. Where it was
+found, cups lost up to 0.3 of their IoU to it.)
 
 What was known is not unlearned, because every pixel that an annotation says nothing about is a
 target, too: the label that the network itself gave before (Li & Hoiem, "Learning without
@@ -27,7 +27,6 @@ image shows are rehearsed on images with known labels.
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -79,8 +78,6 @@ def grown_network(start: TrainedNetwork, names: Sequence[str]) -> TrainedNetwork
         # No input of a convolution changes, so those that run on bytes keep their ranges.
         ranges=card.ranges,
     )
-    if not new:
-        return TrainedNetwork(network=copy.deepcopy(start.network).eval(), card=grown)
     network = transferred_network(start, Recipe(variant=card.variant, width=card.width), grown)
     decoder, count = network.decoder, card.num_classes
     modules = (decoder.decoder_module_1, decoder.decoder_module_2, decoder.decoder_module_3)
@@ -141,7 +138,7 @@ class ClassTeacher:
         """Return what of an image does not depend on the taught rows, its labels the targets.
 
         With `own_labels`, before the first step, void becomes the label that the network gives, and
-        stays void where that is a taught class with a confidence below `sure`.
+        stays void where that is a taught class with a confidence below `confidence_threshold`.
         """
         batch = plain_batch([sample], self.size, statistics)
         decoder, labels = self.network.decoder, batch.labels[0].numpy()
@@ -204,7 +201,7 @@ class ClassTeacher:
         def evaluate() -> float:
             on_evaluation()
             self._optimiser.zero_grad()
-            values.append(self._rows.loss(images, self.recipe.pull))
+            values.append(self._rows.loss(images, self.recipe.l2_penalty))
             return values[-1]
 
         steps = min(ROUND, self.recipe.steps - self.step)
@@ -221,6 +218,6 @@ class ClassTeacher:
         """Return the labels (h, w) that the start gives for logits (C, h, w)."""
         confidence, classes = torch.softmax(logits[: self._known], dim=0).max(dim=0)
         unsure = torch.isin(classes, torch.tensor(self._rows.taught)) & (
-            confidence < self.recipe.sure
+            confidence < self.recipe.confidence_threshold
         )
         return np.asarray(torch.where(unsure, 0, classes + 1).to(torch.uint8).numpy())

@@ -63,11 +63,11 @@ class TaughtRows:
             for tensor, value in zip(self._output.parameters(), self.values(), strict=True):
                 tensor[self.taught] = value
 
-    def loss(self, images: Sequence[Encoded], pull: float) -> float:
-        """Return the mean cross entropy of all labelled pixels plus `pull` · |change of the
+    def loss(self, images: Sequence[Encoded], l2_penalty: float) -> float:
+        """Return the mean cross entropy of all labelled pixels plus `l2_penalty` · |change of the
         weights|², and add its gradient to that of `moved`."""
         total = sum(int((image.labels > 0).sum()) for image in images)
-        penalty = pull * self.moved[0].square().sum()
+        penalty = l2_penalty * self.moved[0].square().sum()
         torch.autograd.backward(penalty)
         value = float(penalty.detach())
         for features, others, targets in _chunks(images, self.taught):

@@ -12,11 +12,12 @@ class TeachingRecipe:
     """Configuration of the teaching of classes."""
 
     steps: int = ranged(1, 100_000, default=60)
-    """Largest number of steps of L-BFGS; it ends before when the loss falls no more."""
-    pull: float = ranged(0.0, 1.0, default=1e-4)
-    """Weight of the squared change of the rows of the taught classes, in units of the features'
-    deviation."""
-    sure: float = ranged(0.0, 1.0, default=0.6)
+    """Largest number of steps of L-BFGS; it ends before when five steps take less than 2 % off the
+    loss."""
+    l2_penalty: float = ranged(0.0, 1.0, default=1e-4)
+    """Weight of the squared change of the rows of the taught classes in the loss, in units of the
+    features' deviation."""
+    confidence_threshold: float = ranged(0.0, 1.0, default=0.6)
     """Confidence from which the network's own label of a taught class is a target where the
     annotation says nothing; its label of any other class always is."""
     rehearsal: int = ranged(0, 1000, default=40)

@@ -140,8 +140,8 @@ def epoch_batches(
     """Return the image indexes of each step: a new order every epoch, without an incomplete last
     batch.
 
-    Each rank gets its own part of every batch, so that all ranks together take the steps of a
-    single process.
+    Each rank gets its own part of every batch, so that all ranks together see the images of a
+    single process at each step.
     """
     if batch % ranks:
         raise BadConfiguration(

@@ -1,5 +1,5 @@
-"""Checkpoints of a training run, written after every epoch, from which a killed run continues
-identically."""
+"""Checkpoints of a training run, written after every epoch, from which a killed run continues:
+identically where its images are those of a data set."""
 
 from __future__ import annotations
 

@@ -119,7 +119,8 @@ class Recipe:
     validate_every: int = ranged(1, 100_000, default=1)
     """Number of epochs between two validations; the last epoch is always validated."""
     seed: int = ranged(0, 2**32 - 1, default=0)
-    """Random seed; the same seed gives the same run on the same machine."""
+    """Random seed; with the images of a data set the same seed gives the same run on the same
+    machine."""
 
     def __post_init__(self) -> None:
         variant_named(self.variant)

@@ -1,7 +1,8 @@
 """Training of the network, epoch by epoch (`Training.run`).
 
-Every random choice depends only on the recipe's seed, the epoch and the index of the image, so that
-a resumed run draws the same as an uninterrupted one.
+With the images of a data set every random choice depends only on the recipe's seed, the epoch and
+the index of the image, so that a resumed run draws the same as an uninterrupted one. Another source
+of images may draw otherwise.
 """
 
 from __future__ import annotations
@@ -53,7 +54,9 @@ MODEL_NAME, STATE_NAME = "model.safetensors", "state.pt"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
-    """How the machine runs a training; nothing here changes the result, except for rounding."""
+    """How the machine runs a training. With the images of a data set nothing here changes the
+    result but by rounding, and by the batch norm of several processes, each of which normalises its
+    own part of a batch."""
 
     device: torch.device
     """Device that computes."""

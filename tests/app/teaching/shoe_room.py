@@ -35,7 +35,7 @@ colour = [30, 120, 130]
 """
 """The shoe is lower than what counts as an obstacle, and no class of the shipped network. What that
 one mistakes it for is switched off: the robot has to know it for a shoe."""
-LOOKS = (
+VIEWPOINTS = (
     *((1.7, -0.5, 0.3), (1.7, 0.0, -0.25), (1.7, 0.5, 0.1), (2.1, -0.3, -0.35)),
     *((2.1, 0.25, 0.4), (2.25, -0.4, 0.15), (2.25, 0.05, -0.4), (2.25, 0.4, 0.3)),
 )
@@ -50,10 +50,10 @@ def room_file(folder: Path) -> Path:
 
 
 def frames_of_the_shoe(folder: Path, world: Path) -> FrameStore:
-    """Return a folder of frames from the poses of `LOOKS`."""
+    """Return a folder of frames from the poses of `VIEWPOINTS`."""
     store = FrameStore(folder, CaptureRules(alike=0.0, same=0.0))
     with Simulator(load_scenario(str(world)), seed=0) as simulator:
-        for away_m, turn_rad, aside_rad in LOOKS:
+        for away_m, turn_rad, aside_rad in VIEWPOINTS:
             x_m = SHOE[0] - away_m * math.cos(turn_rad)
             y_m = SHOE[1] - away_m * math.sin(turn_rad)
             simulator.teleport(Pose2(x_m=x_m, y_m=y_m, yaw_rad=turn_rad + aside_rad))

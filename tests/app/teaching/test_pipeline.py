@@ -18,7 +18,7 @@ from navcore.learning.training.evaluation import InferenceSettings, predict
 from navcore.perception.esanet.inference.network_file import SHIPPED
 from navcore.perception.esanet.network.preprocess import Size
 from navcore.perception.esanet.weights.weights_file import load
-from tests.app.teaching.shoe_room import LOOKS, frames_of_the_shoe, room_file, shoe_in
+from tests.app.teaching.shoe_room import VIEWPOINTS, frames_of_the_shoe, room_file, shoe_in
 from web.interface.teaching import Annotation
 
 SIZE = Size(height=256, width=416)
@@ -59,7 +59,7 @@ def test_a_class_is_captured_marked_taught_and_found(tmp_path: Path) -> None:
 
     # The file that the robot would use finds the shoe, where the shipped network finds something
     # else.
-    newest = frames.all()[len(LOOKS) - 1].id
+    newest = frames.all()[len(VIEWPOINTS) - 1].id
     rgb, depth = frames.store.images(newest)
     truth = frames.annotation(newest).labels > 0
     sample = Sample(rgb=rgb, depth=depth, labels=truth.astype(np.uint8))

@@ -160,8 +160,8 @@ def test_what_no_annotation_names_stays_what_it_was_however_unsure_the_network_i
 ) -> None:
     grown, image = grown_network(start, ("shoe",)), sample(0)
 
-    def targets(sure: float, *taught: int) -> LabelArray:
-        recipe = TeachingRecipe(sure=sure)
+    def targets(threshold: float, *taught: int) -> LabelArray:
+        recipe = TeachingRecipe(confidence_threshold=threshold)
         teacher = ClassTeacher(grown.network, SIZE, recipe, taught, known=KNOWN)
         return teacher.encoded(image, start.card.depth, own_labels=True).labels
 
