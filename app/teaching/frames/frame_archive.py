@@ -153,6 +153,7 @@ def _upload(
         rgb=sample.rgb,
         depth_mm=sample.depth,
         annotation=Annotation(class_names=dataset.card.class_names, labels=sample.labels),
+        uncoloured=sample.uncoloured,
         split=splits.get(dataset.name(split, index)),
     )
 

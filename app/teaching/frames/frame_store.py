@@ -43,6 +43,7 @@ from navcore.learning.data.card import (
 from navcore.learning.data.images import (
     DepthArray,
     LabelArray,
+    MaskArray,
     RgbArray,
     encode_grey,
     encode_rgb,
@@ -80,6 +81,7 @@ class _New:
     depth_mm: DepthArray
     labels: LabelArray
     class_names: list[str]
+    uncoloured: MaskArray | None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,6 +94,8 @@ class Upload:
     """(H, W) depth in millimetres, 0 = not measured."""
     annotation: Annotation
     """Its annotation."""
+    uncoloured: MaskArray | None = None
+    """(H, W) pixels whose colour is not known; None where all are."""
     split: TrainingSplit | None = None
     """Split of the image in trainings elsewhere; None before the first one."""
 
@@ -140,6 +144,7 @@ class FrameStore:
                 depth_mm=depth_mm,
                 labels=np.zeros_like(depth_mm, dtype=np.uint8),
                 class_names=self._class_names,
+                uncoloured=frame.uncoloured,
             )
             return self._add([new])[0]
 
@@ -162,6 +167,7 @@ class FrameStore:
                 depth_mm=upload.depth_mm,
                 labels=labels,
                 class_names=class_names,
+                uncoloured=upload.uncoloured,
             )
 
         with self._lock:
@@ -306,7 +312,7 @@ class FrameStore:
         record.parent.mkdir(parents=True, exist_ok=True)
         if new.class_names != self._class_names or not self._open():
             self._write_card(new.class_names)  # first: no label without the name of its class
-        write_whole(colours, encode_rgb(new.rgb))
+        write_whole(colours, encode_rgb(new.rgb, uncoloured=new.uncoloured))
         write_whole(depth, encode_grey(new.depth_mm))
         write_whole(label, _as_npy(new.labels))
         write_whole(record, new.record.as_json())

@@ -48,10 +48,12 @@ def compared(
     annotated = [label for label in marked if new.card.class_names[label - 1] != NOTHING_NAME]
     for sample in captured:
         was, now = found_by_both(sample)
-        silent = sample.labels == 0
+        truth, silent = truth_of(sample.labels, was + 1, annotated), sample.labels == 0
+        if sample.uncoloured is not None:
+            truth, silent = np.where(sample.uncoloured, 0, truth), silent & ~sample.uncoloured
         alike += int((silent & (was == now)).sum())
         unnamed += int(silent.sum())
-        on_captured.add(truth_of(sample.labels, was + 1, annotated), was, now)
+        on_captured.add(truth, was, now)
         on_progress(done := done + 1)
     for sample in rendered:
         was, now = found_by_both(sample)

@@ -11,7 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from navcore.errors import BadConfiguration
-from navcore.learning.data.images import DepthArray, LabelArray, RgbArray
+from navcore.learning.data.images import DepthArray, LabelArray, MaskArray, RgbArray
 from navcore.perception.esanet.network.preprocess import DepthStatistics
 from navcore.toml_config import ranged
 
@@ -67,7 +67,7 @@ class DatasetCard:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sample:
-    """A labelled RGB-D image; the three arrays have the same height and width."""
+    """A labelled RGB-D image; the arrays have the same height and width."""
 
     rgb: RgbArray
     """(H, W, 3) uint8 colours."""
@@ -75,6 +75,9 @@ class Sample:
     """(H, W) uint16 depth in data set units, 0 = not measured."""
     labels: LabelArray
     """(H, W) uint8 labels, 0 = void, else class + 1."""
+    uncoloured: MaskArray | None = None
+    """(H, W) pixels whose colour is not known, so that no label of them counts; None where all
+    are, and after a change of the image."""
 
 
 @dataclass(slots=True, kw_only=True)

@@ -5,8 +5,8 @@ RGB-D.
     valid_{rgb,depth,label}.txt           an extension: the split that chooses the best epoch
     dataset.json                          an extension: the card with class names and depth
 
-Colours are PNG or JPEG, depth is 16-bit PNG (0 = not measured), labels are `.npy` uint8: 0 = void,
-else class + 1.
+Colours are PNG or JPEG, transparent where they are not known, depth is 16-bit PNG (0 = not
+measured), labels are `.npy` uint8: 0 = void, else class + 1.
 """
 
 from __future__ import annotations
@@ -33,7 +33,14 @@ from navcore.learning.data.card import (
     check_labels,
     check_sample,
 )
-from navcore.learning.data.images import LabelArray, read_depth, read_labels, read_rgb
+from navcore.learning.data.images import (
+    LabelArray,
+    decode_rgb,
+    decode_uncoloured,
+    read_bytes,
+    read_depth,
+    read_labels,
+)
 from navcore.learning.data.writer import DatasetWriter
 from navcore.perception.esanet.network.preprocess import DepthStatistics
 from navcore.toml_config import from_table
@@ -72,9 +79,12 @@ class Dataset:
         rgb_path, depth_path, label_path = (
             _inside(self.folder, path) for path in self.files[split][index]
         )
-        rgb, depth, labels = read_rgb(rgb_path), read_depth(depth_path), read_labels(label_path)
+        content = read_bytes(rgb_path)
+        rgb = decode_rgb(content, str(rgb_path))
+        depth, labels = read_depth(depth_path), read_labels(label_path)
         check_sample(rgb, depth, labels, len(self.card.class_names), str(rgb_path))
-        return Sample(rgb=rgb, depth=depth, labels=labels)
+        uncoloured = decode_uncoloured(content, str(rgb_path))
+        return Sample(rgb=rgb, depth=depth, labels=labels, uncoloured=uncoloured)
 
     def read_labels(self, split: Split, index: int) -> LabelArray:
         """Read only the labels (H, W); raises `BadConfiguration` as `read` does."""

@@ -21,8 +21,11 @@ MAX_FILE_BYTES = 1 << 27
 RgbArray = npt.NDArray[np.uint8]
 DepthArray = npt.NDArray[np.uint16]
 LabelArray = npt.NDArray[np.uint8]
+MaskArray = npt.NDArray[np.bool_]
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
+_WITH_ALPHA = b"\x06"
+"""Colour type of a PNG with red, green, blue and alpha."""
 _JPEG_START = b"\xff\xd8"
 _NPY_HEADER_BYTES = 10_000
 
@@ -53,6 +56,15 @@ def decode_rgb(content: bytes, where: str) -> RgbArray:
     `where`."""
     image = _decode(content, where, cv2.IMREAD_COLOR)
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def decode_uncoloured(content: bytes, where: str) -> MaskArray | None:
+    """Return the transparent pixels (H, W) of the bytes of an image, whose colour is not known;
+    None of an image without transparency. Raises `BadConfiguration` naming `where`."""
+    if not content.startswith(_PNG_START) or content[25:26] != _WITH_ALPHA:
+        return None
+    image = _decode(content, where, cv2.IMREAD_UNCHANGED)
+    return np.asarray(image[..., 3] == 0) if image.ndim == 3 and image.shape[2] == 4 else None
 
 
 def decode_depth(content: bytes, where: str) -> DepthArray:
@@ -87,9 +99,15 @@ def read_labels(path: Path) -> LabelArray:
     return np.ascontiguousarray(labels, dtype=np.uint8)
 
 
-def encode_rgb(rgb: RgbArray, *, jpeg_quality: int | None = None) -> bytes:
-    """Return (H, W, 3) RGB as PNG, or as JPEG of a quality with full colour resolution."""
+def encode_rgb(
+    rgb: RgbArray, *, jpeg_quality: int | None = None, uncoloured: MaskArray | None = None
+) -> bytes:
+    """Return (H, W, 3) RGB as PNG, or as JPEG of a quality with full colour resolution. Pixels
+    (H, W) whose colour is not known are transparent in a PNG."""
     bgr = np.ascontiguousarray(rgb[..., ::-1])
+    if uncoloured is not None:
+        alpha = np.where(uncoloured, np.uint8(0), np.uint8(255))
+        bgr = np.dstack([bgr, alpha])
     if jpeg_quality is None:
         return _encoded(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 3])
     sampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]

@@ -27,6 +27,7 @@ image shows are rehearsed on images with known labels.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -40,6 +41,7 @@ from navcore.learning.data.card import Sample
 from navcore.learning.data.images import LabelArray
 from navcore.learning.teaching.taught_rows import IMAGES_AT_ONCE, Encoded, TaughtRows
 from navcore.learning.teaching.teaching_recipe import TeachingRecipe
+from navcore.learning.training.augmentation import resized
 from navcore.learning.training.batches import plain_batch
 from navcore.learning.training.initial_weights import transferred_network
 from navcore.learning.training.recipe import Recipe
@@ -137,8 +139,9 @@ class ClassTeacher:
     ) -> Encoded:
         """Return what of an image does not depend on the taught rows, its labels the targets.
 
-        With `own_labels`, before the first step, void becomes the label that the network gives, and
-        stays void where that is a taught class with a confidence below `confidence_threshold`.
+        Pixels without a colour are void. With `own_labels`, before the first step, other void
+        becomes the label that the network gives, and stays void where that is a taught class with a
+        confidence below `confidence_threshold`.
         """
         batch = plain_batch([sample], self.size, statistics)
         decoder, labels = self.network.decoder, batch.labels[0].numpy()
@@ -149,6 +152,9 @@ class ClassTeacher:
             others = torch.logsumexp(logits[0, stay], dim=0)
         if own_labels:
             labels = np.where(labels > 0, labels, self._own_labels(logits[0]))
+        if sample.uncoloured is not None:
+            unknown = dataclasses.replace(sample, labels=sample.uncoloured.view(np.uint8))
+            labels = np.where(resized(unknown, self.size).labels, 0, labels).astype(np.uint8)
         return Encoded(features=features[0].half(), others=others.half(), labels=labels)
 
     def predicted(self, image: Encoded, among: int | None = None) -> LabelArray:

@@ -87,6 +87,29 @@ def test_what_the_old_network_found_falsely_is_no_truth(monkeypatch: pytest.Monk
     assert not_found(figures, ("cup",)) == ()
 
 
+def test_a_pixel_without_a_colour_counts_neither_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    old, new = network("background", "cup"), network("background", "cup")
+    labels = np.zeros((20, 20), dtype=np.uint8)
+    labels[:10] = CUP + 1
+    was = np.zeros_like(labels)
+    now = np.where(labels, CUP, 0).astype(np.uint8)
+    uncoloured = np.zeros(labels.shape, dtype=np.bool_)
+    uncoloured[:, 15:] = True
+    now[uncoloured] = 0  # half a cup and half of what is none
+    now[15:, 15:] = CUP
+    found = {id(old.network): was, id(new.network): now}
+    monkeypatch.setattr(comparison, "predict", lambda one, *_: [found[id(one)]])
+    sample = Sample(
+        rgb=np.zeros((20, 20, 3), dtype=np.uint8),
+        depth=labels.astype(np.uint16),
+        labels=labels,
+        uncoloured=uncoloured,
+    )
+    inference = InferenceSettings(size=Size(height=32, width=32))
+    figures, kept = compared(old, new, [sample], [], inference, NYUV2_DEPTH)
+    assert (figures[CUP].pixels, figures[CUP].new, kept) == (150, 1.0, 1.0)
+
+
 def test_a_taught_class_without_enough_of_its_pixels_is_not_found() -> None:
     figures = [
         ClassFigures(name="cup", pixels=10, old=0.1, new=0.1, images="rendered"),

@@ -356,6 +356,24 @@ def archive_of(store: FrameStore, *names: str) -> BinaryIO:
     return exported(store)
 
 
+def test_pixels_without_a_colour_are_known_as_such_also_after_an_export_and_an_import(
+    store: FrameStore, tmp_path: Path
+) -> None:
+    frame, uncoloured = frame_at(1.0), np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    uncoloured[10:20, 5:9] = True
+    rgb = np.where(uncoloured[..., None], np.uint8(0), frame.rgb)
+    store.add_frame(dataclasses.replace(frame, rgb=rgb, uncoloured=uncoloured), "drive")
+    other = FrameStore(tmp_path / "other")
+    with exported(store) as archive:
+        add_archive(other, archive)
+    for folder in (store.folder, other.folder):
+        read = load_dataset(folder).read("train", 0)
+        assert np.array_equal(read.rgb, rgb) and read.uncoloured is not None
+        assert np.array_equal(read.uncoloured, uncoloured)
+    store.add_frame(frame_at(3.0, brightness=60), "drive")
+    assert load_dataset(store.folder).read("train", 1).uncoloured is None
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_an_archive_with_a_damaged_stream_of_any_compression_is_refused_in_words(
     store: FrameStore, tmp_path: Path, method: int

@@ -173,6 +173,16 @@ def test_what_no_annotation_names_stays_what_it_was_however_unsure_the_network_i
     assert not targets(1.0, *range(KNOWN))[~marked].any()
 
 
+def test_a_pixel_without_a_colour_is_no_target(start: TrainedNetwork) -> None:
+    grown, image = grown_network(start, ("shoe",)), sample(0)
+    uncoloured = np.zeros(image.labels.shape, dtype=np.bool_)
+    uncoloured[:, np.nonzero(image.labels)[1].min() :] = True  # the shoe and what is beside it
+    image = dataclasses.replace(image, uncoloured=uncoloured)
+    teacher = ClassTeacher(grown.network, SIZE, TeachingRecipe(), [KNOWN], known=KNOWN)
+    targets = teacher.encoded(image, start.card.depth, own_labels=True).labels
+    assert np.array_equal(targets == 0, uncoloured)
+
+
 def test_a_known_class_is_taught_from_what_it_was(start: TrainedNetwork) -> None:
     grown = grown_network(start, ("Cup",))
     assert grown.card.class_names == start.card.class_names
