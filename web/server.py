@@ -81,11 +81,14 @@ def create_app(
         version="1",
         description=_ABOUT,
         docs_url=None,
+        openapi_url=None,
         redoc_url=None,
         default_response_class=JsonResponse,
     )
     routers = [
-        pages_router(),  # first: most requests ask for their files, and routes are tried in order
+        pages_router(
+            lambda: app.openapi()
+        ),  # first: most requests ask for their files, and routes are tried in order
         mission_router(operations),
         zones_router(operations),
         drawing_router(operations, shown),

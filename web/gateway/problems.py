@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import threading
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from pydantic.json_schema import models_json_schema
+from pydantic_core import to_json
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
@@ -91,21 +93,17 @@ class JsonResponse(Response):
     media_type = "application/json"
 
     def render(self, content: Any) -> bytes:
-        """Return ASCII, so that no surrogate can fail the encoding."""
+        """Return the bytes of JSON."""
         try:
-            return _json(content)
-        except ValueError:
-            return _json(finite(content))
+            return to_json(content, inf_nan_mode="null")
+        except ValueError:  # a lone surrogate cannot be written but as ASCII
+            return json.dumps(finite(content), separators=(",", ":")).encode()
 
 
 class ProblemResponse(JsonResponse):
     """Refusal by RFC 9457."""
 
     media_type = MEDIA_TYPE
-
-
-def _json(content: Any) -> bytes:
-    return json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":")).encode()
 
 
 def finite(value: Any) -> Any:
@@ -170,20 +168,13 @@ def _position(point: tuple[float, float]) -> dict[str, float]:
 def install(app: FastAPI) -> None:
     """Make the app answer every failure in this shape, and describe the shape in OpenAPI."""
     without = app.openapi
+    building = threading.Lock()
 
     def openapi() -> dict[str, Any]:
-        document = without()
-        _, known = models_json_schema([(Problem, "serialization")], ref_template=_SCHEMAS)
-        schemas: dict[str, Any] = document["components"]["schemas"]
-        schemas |= known["$defs"]
-        # FastAPI names its own shape wherever no refusal of a value is described; none is sent.
-        for name in ("HTTPValidationError", "ValidationError"):
-            schemas.pop(name, None)
-        for path in document["paths"].values():
-            for operation in path.values():
-                if "422" in operation["responses"]:
-                    operation["responses"]["422"] = RESPONSES[422]
-        return document
+        with building:
+            if app.openapi_schema is None:
+                app.openapi_schema = _with_problems(without())
+            return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]
 
@@ -208,6 +199,21 @@ def install(app: FastAPI) -> None:
             "internal_error",
             "the console failed; the robot is not affected, its log says more",
         )
+
+
+def _with_problems(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the description of an API with the shape of refusals."""
+    _, known = models_json_schema([(Problem, "serialization")], ref_template=_SCHEMAS)
+    schemas: dict[str, Any] = document["components"]["schemas"]
+    schemas |= known["$defs"]
+    # FastAPI names its own shape wherever no refusal of a value is described; none is sent.
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    for path in document["paths"].values():
+        for operation in path.values():
+            if "422" in operation["responses"]:
+                operation["responses"]["422"] = RESPONSES[422]
+    return document
 
 
 def _invalid(errors: Sequence[Any]) -> ProblemResponse:

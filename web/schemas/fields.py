@@ -59,6 +59,13 @@ def _printable(text: str) -> str:
     return text
 
 
+def hand_over(value: Any) -> Any:
+    """Return a value as it is. Called for each entry of what may be large, because the interpreter
+    changes threads between the steps of Python code alone: compiled code that reads or checks many
+    megabytes would hold up the event loop, and with it a stop, from any thread."""
+    return value
+
+
 def number(low: float, high: float) -> Any:
     """Return the constraints of a finite JSON number in [low, high]."""
     return Field(strict=True, allow_inf_nan=False, ge=low, le=high)

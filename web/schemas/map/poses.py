@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from web.schemas.fields import Closed, Metres, number
+from web.schemas.fields import Closed, Metres, hand_over, number
 
 MAX_POSES = 100_000
 """Largest number of corrected poses in a request."""
@@ -30,7 +30,10 @@ class NumberedPose(Closed):
 class PosesIn(Closed):
     """Corrected poses; the others stay."""
 
-    poses: Annotated[list[NumberedPose], Field(min_length=1, max_length=MAX_POSES)]
+    poses: Annotated[
+        list[Annotated[NumberedPose, BeforeValidator(hand_over)]],
+        Field(min_length=1, max_length=MAX_POSES),
+    ]
     """Corrected poses in any order."""
 
 
