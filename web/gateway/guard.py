@@ -15,7 +15,6 @@ The guard is plain ASGI and wraps the whole app, so that no route can omit it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from typing import BinaryIO
 
 from fastapi import WebSocketDisconnect
@@ -32,7 +31,7 @@ from web.auth.roles import SCOPE_KEY, Visitor
 from web.gateway.login import LOGIN_PATH, Login, cookie_header
 from web.gateway.origin_check import check_origin
 from web.gateway.problems import problem
-from web.gateway.request_body import Spools, bounded_body, replayed
+from web.gateway.request_body import Spools, bounded_body, close, replayed
 from web.gateway.security_headers import with_headers
 from web.gateway.websockets import POLICY_VIOLATION
 
@@ -96,8 +95,11 @@ class Guard:
                 send = self._auditor.watching(
                     send, scope, visitor, body if isinstance(body, bytes) else b""
                 )
-        with nullcontext() if isinstance(body, bytes | Response) else body:
+        try:
             await (answer or self._app)(scope, receive, send)
+        finally:
+            if not isinstance(body, bytes | Response):
+                await close(body)
 
     def _refusal(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
         """Return the refusal of an unknown visitor or of a role without the right, or None."""

@@ -373,3 +373,28 @@ def test_no_json_value_makes_an_edit_of_the_map_fail(
     answer = lasting[0].post(f"/api/v1/{path}", content=dumped(value), headers=JSON)
     assert answer.status_code < 500, (path, value, answer.text)
     answer.json()
+
+
+@pytest.mark.parametrize(
+    "framing", ["Content-Length: 10", f"Content-Length: {10**9}", "Transfer-Encoding: chunked"]
+)
+def test_a_stop_does_not_wait_for_its_body(
+    framing: str, server: ConsoleServer, operations: FakeOperations
+) -> None:
+    host = server.url.removeprefix("http://")
+    name, port = host.split(":")
+    with socket.create_connection((name, int(port)), timeout=5) as connection:
+        connection.sendall(
+            f"POST /api/v1/stop HTTP/1.1\r\nHost: {host}\r\n{framing}\r\n\r\n".encode()
+        )
+        assert connection.recv(100).startswith(b"HTTP/1.1 200")
+    assert operations.stops == ["REST"]
+
+
+def test_what_a_stop_says_in_its_body_matters_neither_for_it_nor_for_what_follows(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    for body in (b"{", b"[" * 5_000_000, b""):
+        assert client.post("/api/v1/stop", content=body, headers=JSON).status_code == 200
+        assert client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0}).status_code == 201
+    assert len(operations.stops) == 3

@@ -62,11 +62,12 @@ class _Archive(StreamingResponse):
             async with asyncio.timeout(STALL_S):
                 await send(message)
 
-        with self._file:
-            try:
-                await super().stream_response(send_in_time)
-            except TimeoutError:
-                log.warning("an export ends: its client has taken no part within %g s", STALL_S)
+        try:
+            await super().stream_response(send_in_time)
+        except TimeoutError:
+            log.warning("an export ends: its client has taken no part within %g s", STALL_S)
+        finally:
+            await asyncio.to_thread(self._file.close)
 
 
 def teach_frames_router(operations: RobotService) -> APIRouter:
