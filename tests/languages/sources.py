@@ -105,6 +105,7 @@ SENTENCES = (
     "web/auth/audit_text.py",
     "web/auth/authenticator.py",
     "web/auth/control_lease.py",
+    "web/auth/rate_limit.py",
     "web/auth/roles.py",
     "web/auth/users.py",
     "web/gateway/etag.py",

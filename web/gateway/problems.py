@@ -74,6 +74,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
             "versions are in the body)",
         ),
         (422, "A value is wrong; the answer names it and the reason"),
+        (429, "Too many tries of a password; `Retry-After` says how many seconds to wait"),
         (503, "The store failed; the values stored before are intact"),
     )
 }
@@ -240,16 +241,17 @@ def _reason(error: Mapping[str, Any]) -> str:
 
 
 def _where(location: Sequence[Any]) -> str:
-    return _clean(".".join(_parts(location)), MAX_WHERE)
+    return _clean(".".join(map(str, _parts(location))), MAX_WHERE)
 
 
-def _parts(location: Sequence[Any]) -> list[str]:
+def _parts(location: Sequence[Any]) -> list[str | int]:
     # The tags of the unions of zones and geometries are not part of the request.
-    parts = [str(part) for part in location]
     return [
         part
-        for i, part in enumerate(parts)
-        if not (part in _TAGS and i > 0 and parts[i - 1] in ("body", "zone", "geometry", "drawn"))
+        for i, part in enumerate(location)
+        if not (
+            part in _TAGS and i > 0 and location[i - 1] in ("body", "zone", "geometry", "drawn")
+        )
     ]
 
 

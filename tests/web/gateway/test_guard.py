@@ -95,6 +95,7 @@ def test_driving_is_refused_to_a_visitor_who_is_not_in_control(accounts: Account
     expected |= {("PUT", "/api/v1/goals/order"), ("PUT", "/api/v1/mission/loop")}
     expected |= {("POST", "/api/v1/missions/xxxxxxxxxxxxxxxx/load")}
     expected |= {("POST", "/api/v1/mission/back-off"), ("POST", "/api/v1/localisation/search")}
+    expected |= {("POST", "/api/v1/pose")}
     expected |= {("POST", "/api/v1/sites/xxxxxxxxxxxxxxxx/choose")}
     expected |= {("POST", "/api/v1/mission/xxxxxxxxxxxxxxxx"), ("POST", "/api/v1/stop/reset")}
     assert refused == expected
