@@ -26,7 +26,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from web.auth.audit import Auditor
 from web.auth.authenticator import Authenticator, PasswordAuthenticator
 from web.auth.control_lease import ControlLeases, NotInControl
-from web.auth.permissions import LOGOUT, requirement_of
+from web.auth.permissions import LOGOUT, is_deliberate, requirement_of
 from web.auth.roles import SCOPE_KEY, Visitor
 from web.gateway.login import LOGIN_PATH, Login, cookie_header
 from web.gateway.origin_check import check_origin
@@ -75,7 +75,11 @@ class Guard:
         )
         body: bytes | BinaryIO | Response = b""
         if answer is None:
-            visitor = self._authenticator.authenticate(headers, _cookie(scope, headers))
+            visitor = self._authenticator.authenticate(
+                headers,
+                _cookie(scope, headers),
+                renews=is_deliberate(scope["method"], scope["path"]),
+            )
             is_login = self._login is not None and (scope["method"], scope["path"]) == (
                 "POST",
                 LOGIN_PATH,
@@ -106,7 +110,7 @@ class Guard:
         if visitor is None:
             assert self._login is not None
             return self._login.ask(scope, headers.get("accept", ""))
-        need = requirement_of(scope["method"], scope["path"])
+        need = requirement_of(scope["method"], scope["path"], scope["query_string"])
         if not visitor.role.may(need.role):
             said = f"{visitor.name} is {_article(visitor.role)}; this needs {_article(need.role)}"
             return problem(403, "not_allowed", said)
@@ -117,10 +121,11 @@ class Guard:
         """Return the refusal of a visitor who is not in control but has to be, or the answer to a
         log-out; None for none."""
         assert visitor is not None
-        self._control.heartbeat(visitor)
+        if is_deliberate(scope["method"], scope["path"]):
+            self._control.heartbeat(visitor)
         if self._login is not None and (scope["method"], scope["path"]) == ("POST", LOGOUT):
             return self._login.log_out(_cookie(scope, headers), _cookie_name(scope))
-        if requirement_of(scope["method"], scope["path"]).control:
+        if requirement_of(scope["method"], scope["path"], scope["query_string"]).control:
             try:
                 self._control.claim(visitor)
             except NotInControl as error:
