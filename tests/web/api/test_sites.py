@@ -18,6 +18,9 @@ YAML = (
 )
 PICTURE = base64.b64encode(b"P5 20 20 255\n" + bytes([254] * 400)).decode()
 
+RING = [[0, 0], [1, 0], [1, 1], [0, 0]]
+ZONE: dict[str, Any] = {"name": "wet", "geometry": {"type": "Polygon", "coordinates": [RING]}}
+
 
 def names(client: httpx.Client) -> list[str]:
     return [site["name"] for site in client.get("/api/v1/sites").json()["sites"]]
@@ -41,12 +44,10 @@ def test_a_site_is_made_chosen_renamed_copied_and_deleted(client: httpx.Client) 
 
 def test_what_is_meant_for_the_map_of_another_site_changes_nothing(client: httpx.Client) -> None:
     there = {"Site-Id": client.get("/api/v1/state").json()["site_id"]}
-    corners = [[0, 0], [1, 0], [1, 1], [0, 0]]
-    zone = {"name": "wet", "geometry": {"type": "Polygon", "coordinates": [corners]}}
     goal = {"x_m": -4.0, "y_m": 3.0}
     client.post("/api/v1/sites", json={"name": "hall"})
     client.post("/api/v1/sites/hall/choose")
-    for path, body in (("goals", goal), ("zones", zone)):
+    for path, body in (("goals", goal), ("zones", ZONE)):
         refused = client.post(f"/api/v1/{path}", json=body, headers=there)
         assert (refused.status_code, refused.json()["error"]["code"]) == (409, "other_site")
     assert client.post("/api/v1/stop", headers=there).is_success, "wherever the robot is"
@@ -58,7 +59,50 @@ def test_what_is_meant_for_the_map_of_another_site_changes_nothing(client: httpx
     here = {"Site-Id": state["site_id"]}
     client.patch("/api/v1/sites/hall", json={"name": "nave"}, headers=here)
     assert client.post("/api/v1/goals", json=goal, headers=here).status_code == 201
-    assert client.post("/api/v1/zones", json=zone, headers=here).status_code == 201
+    assert client.post("/api/v1/zones", json=ZONE, headers=here).status_code == 201
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "method", "path", "body"),
+    [
+        ("goals", "add", "POST", "goals", {"x_m": -4.0, "y_m": 3.0}),
+        ("goals", "loop", "PUT", "mission/loop", {"loop": True}),
+        ("goals", "save", "PUT", "missions/night", None),
+        ("zones", "add", "POST", "zones", ZONE),
+        ("zones", "save_set", "PUT", "zone-sets/night", None),
+        ("beware", "edit", "PATCH", "beware/cup", {"margin_m": 0.5}),
+        ("map_edits", "erase", "POST", "map/erase", {"geometry": ZONE["geometry"]}),
+        ("path_settings", "set_unknown_price", "PUT", "path/settings", {"unknown_price": 2.0}),
+        ("edits", "undo", "POST", "edits/undo", None),
+    ],
+)
+def test_an_edit_is_refused_where_the_site_has_changed_between_its_check_and_its_turn(
+    owner: str,
+    name: str,
+    method: str,
+    path: str,
+    body: dict[str, Any] | None,
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    client.post("/api/v1/zones", json=ZONE)
+    before = client.get("/api/v1/edits").json()
+    here = {"Site-Id": client.get("/api/v1/state").json()["site_id"]}
+    operations.sites.make("hall")
+    editor = getattr(operations, owner)
+    act = getattr(editor, name)
+
+    def in_turn(*given: Any, **named: Any) -> Any:
+        operations.sites.choose("hall")
+        return act(*given, **named)
+
+    monkeypatch.setattr(editor, name, in_turn)
+    refused = client.request(method, f"/api/v1/{path}", json=body, headers=here)
+    assert (refused.status_code, refused.json()["error"]["code"]) == (409, "other_site")
+    assert client.get("/api/v1/edits").json() == before
+    assert client.get("/api/v1/goals").json()["queue"] == []
+    assert client.get("/api/v1/missions").json() == client.get("/api/v1/zone-sets").json() == []
 
 
 def test_the_site_stays_while_a_mission_drives(client: httpx.Client) -> None:
