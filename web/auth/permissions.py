@@ -43,7 +43,7 @@ _BY_ANYONE = {
     ("PUT", f"{_API}/me/password"),
 }
 _ADMINS = re.compile(rf"{_API}/users(/|$)")
-_OPERATORS = re.compile(rf"{_API}/(audit(/|$)|teach/frames\.zip$)")
+_OPERATORS = re.compile(rf"{_API}/(audit(/|$)|teach/frames\.zip$|sites/.+/(export|nav2)$)")
 """Reads that tell of users, and those that are work for the computer of the robot."""
 _DRIVES = re.compile(
     rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/load|sites/.+/choose"

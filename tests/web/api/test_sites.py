@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import base64
+import io
 import math
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from navcore.errors import Refused
 from tests.web.fake_operations import FakeOperations
+from web.api.archive import OneAtATime
 from web.gateway.request_body import MAX_BODY_BYTES
+from web.server import ConsoleServer
 
 YAML = (
     "image: map.pgm\nresolution: 0.1\norigin: [-1.0, -1.0, 0.0]\nnegate: 0\n"
@@ -189,6 +194,38 @@ def test_a_site_and_its_nav2_map_are_files_to_download(client: httpx.Client) -> 
         assert answer.headers["content-type"] == "application/zip"
         assert "default" in answer.headers["content-disposition"] and b"default" in answer.content
         assert client.get(f"/api/v1/sites/elsewhere/{kind}").status_code == 404
+
+
+def test_one_site_is_exported_at_a_time(
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def pack(name: str) -> bytes:
+        inner.append(httpx.get(f"{server.url}/api/v1/sites/default/nav2", trust_env=False))
+        return b"zip"
+
+    inner = list[httpx.Response]()
+    monkeypatch.setattr(operations.sites, "export", pack)
+    assert client.get("/api/v1/sites/default/export").content == b"zip"
+    assert inner[0].status_code == 409 and "exported already" in inner[0].text
+    assert client.get("/api/v1/sites/default/nav2").is_success
+    assert client.get("/api/v1/sites/elsewhere/export").status_code == 404
+    assert client.get("/api/v1/sites/default/export").is_success
+
+
+def test_an_archive_counts_as_one_until_its_answer_has_ended() -> None:
+    one = OneAtATime("wait")
+    first = one.made(lambda: io.BytesIO(b"1"))
+    with pytest.raises(Refused, match="wait"):
+        one.made(io.BytesIO)
+    first.close()
+    with pytest.raises(OSError):
+        one.made(lambda: io.BytesIO(Path("/no/such/file").read_bytes()))
+    second = one.made(io.BytesIO)
+    del second  # an answer that was never begun
+    one.made(io.BytesIO)
 
 
 def test_a_nav2_map_is_placed_by_two_points(

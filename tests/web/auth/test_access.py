@@ -440,6 +440,7 @@ def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() ->
     assert requirement_of("POST", "/api/v1/stop").role is Role.VIEWER
     assert requirement_of("GET", "/api/v1/teach/frames.zip").role is Role.OPERATOR
     assert requirement_of("GET", "/api/v1/teach/frames").role is Role.VIEWER
+    assert requirement_of("GET", "/api/v1/sites/a hall/export").role is Role.OPERATOR
 
 
 def client_id(name: str, kind: str = "page") -> Visitor:
