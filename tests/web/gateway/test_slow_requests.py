@@ -15,6 +15,7 @@ from typing import Any
 import fastapi.applications
 import httpx
 import pytest
+from websockets.sync.client import connect
 
 import web.schemas.fields
 from navcore.geometry.transform import Pose2
@@ -105,6 +106,17 @@ def test_a_stop_gets_through_while_the_disk_keeps_the_file_of_an_upload_waiting(
 ) -> None:
     with stopped_within(operations.teaching.networks, "import_file", server, monkeypatch):
         client.post("/api/v1/teach/networks?name=mine", content=b"weights")
+
+
+def test_a_stop_gets_through_while_the_3d_view_works_on_a_message_of_its_page(
+    server: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = server.url.replace("http", "ws") + f"/api/v1/viewer/{'a' * 16}"
+    with (
+        stopped_within(server._viewer, "receive", server, monkeypatch),
+        connect(link, proxy=None) as page,
+    ):
+        page.send(json.dumps({"type": "draft", "mode": "goal", "corners": [], "path": []}))
 
 
 @pytest.mark.parametrize("is_large", [False, True])
