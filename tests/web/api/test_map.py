@@ -179,6 +179,24 @@ def test_a_program_puts_past_poses_right_and_an_unknown_one_moves_nothing(
     assert client.get("/api/v1/map/poses").json()["poses"][1] == moved
 
 
+def test_a_page_gets_all_tiles_from_another_start_of_the_console(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    before = client.get("/api/v1/map/tiles").json()
+    same = client.get(f"/api/v1/map/tiles?since={before['version']}").json()
+    assert before["changed"] and same["changed"] == []
+    restarted = ConsoleServer(operations, port=0)
+    restarted.start()
+    try:
+        for _ in range(2):
+            url = f"{restarted.url}/api/v1/map/tiles?since={before['version']}"
+            after = httpx.get(url, trust_env=False, timeout=60.0).json()
+            told = [tile[:2] for tile in after["changed"]]
+            assert told == [tile[:2] for tile in before["changed"]]
+    finally:
+        restarted.stop()
+
+
 def test_a_map_that_grows_says_so_in_the_state_the_map_and_all_its_tiles(
     client: httpx.Client, operations: FakeOperations
 ) -> None:

@@ -55,9 +55,10 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
         LatestOnly[bytes](),
         LatestOnly[bytes](),
     )
-    tiles = TileVersions()
-    # Versions begin again with another start of the console, whose pictures are others.
-    start = secrets.token_hex(4)
+    # Another start of the console has other pictures. Its versions begin anywhere, so that one of
+    # an earlier start is older than all of them, or newer.
+    start = secrets.randbits(52)
+    tiles = TileVersions(start)
 
     def newest() -> TickSnapshot:
         tick = operations.picture()
@@ -81,7 +82,7 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
         """Return an image of all layers, y upwards, two pixels per cell and side."""
         tick, beware = newest(), operations.beware.list
         key = (tick.grid_version, beware.version)
-        tag = f'"{start}-{tick.grid_version}-{beware.version}"'
+        tag = f'"{start:x}-{tick.grid_version}-{beware.version}"'
         return unless_known(
             request, tag, lambda: png.get(key, lambda: map_png(tick, beware)), "image/png"
         )
@@ -89,14 +90,20 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     @router.get("/map/tiles", response_model=TilesOut, responses=_NOTHING_YET)
     def get_tiles(
         since: Annotated[
-            int, Query(ge=0, le=2**53, description="Version of the previous answer.")
+            int,
+            Query(
+                ge=0,
+                le=2**53,
+                description="Version of the previous answer; one of an earlier start of the "
+                "console, or 0, asks for all tiles.",
+            ),
         ] = 0,
     ) -> TilesOut:
         """Return the tiles that have changed since an earlier answer; row 0 is at the least y."""
         tick = newest()
         version, versions = tiles.update(tick, operations.beware.list)
         spec = tick.grid_spec
-        # A version larger than the newest is from before a restart: then all tiles are sent.
+        # A version larger than the newest is of an earlier start.
         changed = list(changed_since(versions, since if since <= version else 0))
         return TilesOut(
             version=version,
