@@ -59,7 +59,7 @@ camera image and state.
 
 Lengths are metres of the map frame, angles radians. Numbers that are not finite are null.
 Every refusal has the fields of RFC 9457 and `{"error": {"code", "message", "where"}}`, and changes
-nothing.
+nothing; control that was free is then still taken by a request that drives.
 The state arrives by websocket at `/api/v1/events`, ten times a second and on every change."""
 
 

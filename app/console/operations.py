@@ -358,7 +358,7 @@ class LiveOperations:
             grid_spec=picture.grid_spec if picture else None,
         )
 
-    def picture(self) -> TickSnapshot | None:
+    def newest_tick(self) -> TickSnapshot | None:
         """Return the values of the newest tick; None before the first."""
         return self._recorder.picture
 

@@ -53,24 +53,28 @@ class Archive(StreamingResponse):
             await asyncio.to_thread(self._file.close)
 
 
-class OneAtATime:
-    """Maker of one archive at a time: until its file is closed, another one is refused."""
+class OneSiteAtATime:
+    """Maker of one archive of a site at a time: until its file is closed, another one is
+    refused."""
 
-    def __init__(self, said: str) -> None:
-        """`said`: why another one is refused."""
-        self._said, self._making = said, threading.Lock()
+    def __init__(self) -> None:
+        self._making = threading.Lock()
         self._last: Callable[[], BinaryIO | None] = lambda: None
 
     def made(self, make: Callable[[], BinaryIO]) -> BinaryIO:
         """Return what `make` makes; raises `Refused`."""
         if not self._making.acquire(blocking=False):
-            raise Refused(self._said)
+            raise _busy()
         try:
             last = self._last()
             if last is not None and not last.closed:
-                raise Refused(self._said)
+                raise _busy()
             file = make()
             self._last = weakref.ref(file)
             return file
         finally:
             self._making.release()
+
+
+def _busy() -> Refused:
+    return Refused("a site is being exported already; wait until that has ended")

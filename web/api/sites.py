@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import base64
 import io
 from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
-from navcore.errors import BadConfiguration, NotKnown
-from web.api.archive import Archive, OneAtATime
+from navcore.errors import NotKnown
+from web.api.archive import Archive, OneSiteAtATime
 from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.interface.operations import RobotService
-from web.interface.sites import SITE_NAME, MapChanges, Nav2Files, SeenTag, Site
+from web.interface.sites import SITE_NAME, MapChanges, SeenTag, Site
 from web.schemas.sites import AcceptIn, Nav2ImportIn, SiteChangesIn, SiteIn, SitesOut, TagIn
 
 SiteName = Annotated[str, Path(pattern=SITE_NAME)]
@@ -25,7 +24,7 @@ _EDITS = refusals(404, 409, 422, 503)
 def sites_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
     router = api_router("sites")
-    exports = OneAtATime("a site is being exported already; wait until that has ended")
+    exports = OneSiteAtATime()
 
     def archive(pack: Callable[[], bytes], name: str) -> Response:
         return Archive(exports.made(lambda: io.BytesIO(pack())), name)
@@ -56,13 +55,8 @@ def sites_router(operations: RobotService) -> APIRouter:
     def import_nav2(body: Nav2ImportIn) -> Site:
         """Make a site of a Nav2 map, placed by two points. Its obstacles count until the camera
         sees their floor free, and it is the accepted map."""
-        try:
-            image = base64.b64decode(body.picture, validate=True)
-        except ValueError:
-            raise BadConfiguration("body.picture: is not base64") from None
-        files = Nav2Files(yaml=body.yaml.encode(errors="replace"), image=image)
         pairs = None if body.alignment is None else body.alignment.pairs()
-        return operations.sites.add_nav2(body.name, files, pairs=pairs)
+        return operations.sites.add_nav2(body.name, body.files(), pairs=pairs)
 
     @router.get("/sites/{name}", response_model=Site, responses=refusals(404))
     def get_site(name: SiteName) -> Site:

@@ -36,6 +36,7 @@ from navcore.errors import (
     Refused,
     StorageFailed,
 )
+from web.auth.permissions import SAFE, STOP
 from web.gateway.sentences import sentence_of
 from web.schemas.problem import Problem, ProblemBody
 
@@ -70,8 +71,8 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
         (404, "Nothing has this id, or no value is known yet"),
         (
             409,
-            "Refused in the present state, or changed by another operator meanwhile (then both "
-            "versions are in the body)",
+            "Refused in the present state, without control or at another site, or changed by "
+            "another operator meanwhile (then both versions are in the body)",
         ),
         (422, "A value is wrong; the answer names it and the reason"),
         (429, "Too many tries of a password; `Retry-After` says how many seconds to wait"),
@@ -210,10 +211,12 @@ def _with_problems(document: dict[str, Any]) -> dict[str, Any]:
     # FastAPI names its own shape wherever no refusal of a value is described; none is sent.
     for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
-    for path in document["paths"].values():
-        for operation in path.values():
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
             if "422" in operation["responses"]:
                 operation["responses"]["422"] = RESPONSES[422]
+            if method.upper() not in SAFE and path != STOP:  # of control, and of the site
+                operation["responses"]["409"] = RESPONSES[409]
     return document
 
 

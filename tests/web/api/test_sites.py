@@ -13,7 +13,7 @@ import pytest
 
 from navcore.errors import Refused
 from tests.web.fake_operations import FakeOperations
-from web.api.archive import OneAtATime
+from web.api.archive import OneSiteAtATime
 from web.gateway.request_body import MAX_BODY_BYTES
 from web.server import ConsoleServer
 
@@ -216,9 +216,9 @@ def test_one_site_is_exported_at_a_time(
 
 
 def test_an_archive_counts_as_one_until_its_answer_has_ended() -> None:
-    one = OneAtATime("wait")
+    one = OneSiteAtATime()
     first = one.made(lambda: io.BytesIO(b"1"))
-    with pytest.raises(Refused, match="wait"):
+    with pytest.raises(Refused, match="exported already"):
         one.made(io.BytesIO)
     first.close()
     with pytest.raises(OSError):

@@ -153,7 +153,7 @@ def test_only_tiles_that_changed_are_sent_again() -> None:
 def test_a_tile_of_the_floor_that_changes_keeps_its_node_which_has_a_place() -> None:
     # A node that is made again is drawn at the origin for a frame.
     operations = FakeOperations()
-    tick = operations.picture()
+    tick = operations.newest_tick()
     assert tick is not None
     listed = operations.beware.list
     scene = Scene(state=operations.state(), tick=tick, zones=(), beware=listed)
@@ -173,7 +173,7 @@ def test_a_tile_of_the_floor_that_changes_keeps_its_node_which_has_a_place() -> 
 
 
 def test_the_overview_shows_the_area_that_was_seen() -> None:
-    tick = FakeOperations().picture()
+    tick = FakeOperations().newest_tick()
     assert tick is not None
     spec, seen = tick.grid_spec, np.zeros_like(tick.seen)
     seen[20:100, 10:30] = seen[50, 10:60] = True
