@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import hashlib
 import mimetypes
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
 from web.auth.roles import CurrentVisitor, Visitor
 from web.gateway.etag import unless_known
+from web.gateway.problems import JsonResponse
 from web.languages.catalog import CATALOGS, ENGLISH, language_of
 
 FOLDER = Path(__file__).with_name("page")
@@ -24,8 +27,8 @@ _TYPES = {
 _TRANSLATED = ("index.html", "runs.html", "teach.html")
 
 
-def pages_router() -> APIRouter:
-    """Return the routes of `/`, its files, and the description of the API."""
+def pages_router(openapi: Callable[[], Mapping[str, Any]]) -> APIRouter:
+    """Return the routes of `/`, its files, and the description of the API, `openapi`."""
     router = APIRouter(include_in_schema=False)
     files = {
         path.relative_to(FOLDER).as_posix(): path.read_bytes()
@@ -68,6 +71,12 @@ def pages_router() -> APIRouter:
     async def docs(request: Request) -> Response:
         """Return the page that shows `/openapi.json`."""
         return file(request, "docs.html")
+
+    @router.get("/openapi.json", response_class=JsonResponse)
+    def description() -> Response:
+        """Return the description of the API. A plain function, and so in the pool: the first one
+        takes seconds to make."""
+        return JsonResponse(openapi())
 
     @router.get("/page/{name:path}")
     async def static(request: Request, name: str) -> Response:

@@ -59,7 +59,7 @@ camera image and state.
 
 Lengths are metres of the map frame, angles radians. Numbers that are not finite are null.
 Every refusal has the fields of RFC 9457 and `{"error": {"code", "message", "where"}}`, and changes
-nothing.
+nothing; control that was free is then still taken by a request that drives.
 The state arrives by websocket at `/api/v1/events`, ten times a second and on every change."""
 
 
@@ -81,11 +81,14 @@ def create_app(
         version="1",
         description=_ABOUT,
         docs_url=None,
+        openapi_url=None,
         redoc_url=None,
         default_response_class=JsonResponse,
     )
     routers = [
-        pages_router(),  # first: most requests ask for their files, and routes are tried in order
+        pages_router(
+            lambda: app.openapi()
+        ),  # first: most requests ask for their files, and routes are tried in order
         mission_router(operations),
         zones_router(operations),
         drawing_router(operations, shown),

@@ -14,6 +14,7 @@ from typing import Generic, Protocol, TypeVar
 
 from navcore.errors import Refused
 from web.interface.drafts import EditHistory
+from web.interface.meant_site import require_meant_site
 from web.interface.own_edits import note_edit
 from web.interface.sites import at_another_site
 
@@ -67,10 +68,12 @@ class EditStack(Generic[Step]):
 
     @contextmanager
     def editing(self) -> Iterator[None]:
-        """Hold off other edits; raises `Refused` when the editor is retired."""
+        """Hold off other edits; raises `OtherSite` when the editor is retired, or the present
+        request is meant for another site."""
         with self._lock:
             if self._is_retired:
                 raise at_another_site()
+            require_meant_site()
             yield
 
     @property

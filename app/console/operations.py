@@ -55,6 +55,7 @@ from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import GateDecision
 from web.interface.beware import ListPreview
 from web.interface.drafts import Preview, PreviewDraft
+from web.interface.meant_site import require_meant_site
 from web.interface.operations import MissionAction
 from web.interface.snapshots import Cloud, State, TickSnapshot
 
@@ -357,7 +358,7 @@ class LiveOperations:
             grid_spec=picture.grid_spec if picture else None,
         )
 
-    def picture(self) -> TickSnapshot | None:
+    def newest_tick(self) -> TickSnapshot | None:
         """Return the values of the newest tick; None before the first."""
         return self._recorder.picture
 
@@ -371,6 +372,7 @@ class LiveOperations:
         """Apply a transition of the mission."""
 
         def edit(intent: OperatorState) -> OperatorState:
+            require_meant_site()
             if intent.stopped_by is not None and action in ("start", "resume", "leave"):
                 raise Refused(
                     f"the emergency stop by {intent.stopped_by} is latched; reset it first"
@@ -471,6 +473,7 @@ class LiveOperations:
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
         """Correct past poses, by pose ID; the map follows."""
+        require_meant_site()
         self._controller.correct_poses(poses)
 
     # Previews and past runs

@@ -132,7 +132,7 @@ def bench_console(access: Access | None = None) -> Iterator[BenchConsole]:
             faults=faults,
             now_s=now_s,
         )
-        wait_until(lambda: operations.picture() is not None)
+        wait_until(lambda: operations.newest_tick() is not None)
         yield console
 
 

@@ -130,7 +130,8 @@ ROWS = (
     ),
     Promise(
         number=12,
-        fault="emergency stop during teleoperation; planner hung, database locked, cloud streaming",
+        fault="emergency stop during teleoperation; planner hung, database locked, cloud "
+        "streaming, 20 MB uploaded",
         promise="latched zero, p99 within 50 ms idle and 150 ms loaded (wall clock)",
         measure=teleop.emergency_stops,
         trials=40,

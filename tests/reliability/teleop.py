@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import sqlite3
 import threading
@@ -143,13 +144,19 @@ def _teleoperated(console: BenchConsole) -> Iterator[None]:
 
 @contextmanager
 def _loaded(console: BenchConsole) -> Iterator[None]:
-    """Hang the planner, lock the database and stream the cloud."""
-    ended = threading.Event()
-    console.faults.append(
-        Fault(sensor="planner", kind="hang", from_s=console.now_s(), until_s=console.now_s() + 1.0)
-    )
-    locker = sqlite3.connect(console.store.path, isolation_level=None)
-    locker.execute("BEGIN IMMEDIATE")
+    """Upload large files; once the first was answered, hang the planner, lock the database and
+    stream the cloud, too."""
+    ended, answered = threading.Event(), threading.Event()
+
+    def upload() -> None:
+        headers = {"Content-Type": "application/json"}
+        with console.client() as writer:
+            while not ended.is_set():
+                try:
+                    writer.post("/api/v1/zones/import", content=_large(), headers=headers)
+                except httpx.HTTPError:
+                    continue
+                answered.set()
 
     def stream() -> None:
         with console.client() as reader:
@@ -163,14 +170,35 @@ def _loaded(console: BenchConsole) -> Iterator[None]:
                 except httpx.HTTPError:
                     continue
 
-    try:
-        with _in_background(stream, ended):
-            yield
-    finally:
-        locker.close()
+    with _in_background(upload, ended):
+        wait_until(answered.is_set)
+        now_s = console.now_s()
+        console.faults.append(
+            Fault(sensor="planner", kind="hang", from_s=now_s, until_s=now_s + 1.0)
+        )
+        locker = sqlite3.connect(console.store.path, isolation_level=None)
+        locker.execute("BEGIN IMMEDIATE")
+        try:
+            with _in_background(stream, ended):
+                yield
+        finally:
+            locker.close()
 
 
 RING = [[2.0, -3.0], [2.2, -3.0], [2.2, -2.8]]
+
+
+@functools.cache
+def _large() -> bytes:
+    """Return a file of 20 MB with as many zones as are imported at once; the first is none, so
+    that it is read whole and refused."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 1000)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)]).tolist()
+    features = [
+        {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [corners]}}
+        for corners in (RING[:1], *[ring] * 499)
+    ]
+    return json.dumps({"type": "FeatureCollection", "features": features}).encode()
 
 
 @contextmanager

@@ -204,7 +204,7 @@ class FakeOperations:
     def state(self) -> State:
         """Return the newest snapshot."""
         with self._lock:
-            reasons, picture = self._reasons(), self.picture()
+            reasons, picture = self._reasons(), self.newest_tick()
             moving = self._intent.mission.goal is not None and not reasons
             return State(
                 stamp_s=0.1 * self._counts["serial"],
@@ -246,7 +246,7 @@ class FakeOperations:
                 grid_spec=picture.grid_spec if picture else None,
             )
 
-    def picture(self) -> TickSnapshot | None:
+    def newest_tick(self) -> TickSnapshot | None:
         """Return the values of the newest tick."""
         with self._lock:
             return self._picture

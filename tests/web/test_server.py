@@ -279,11 +279,17 @@ def test_a_viewer_that_sends_nonsense_is_cut_off_and_the_others_go_on(
         scene(good, {"/floor/0_0"})
 
 
-def test_a_viewer_cannot_open_the_public_tunnel_nor_upload(operations: FakeOperations) -> None:
-    viewer = Viewer(operations)
-    heard = {kind.__name__ for kind in viewer._server._websock_server._incoming_handlers}
-    viewer.close()
-    assert heard <= {"ScenePointerMessage", "SceneNodeClickMessage", "SceneNodeDragMessage"}
+def test_a_viewer_cannot_open_the_public_tunnel_nor_upload(server: ConsoleServer) -> None:
+    assert server._viewer is not None
+    sockets = server._viewer._server._websock_server
+    with viewer_of(server) as viewer:
+        viewer.send(camera())
+        scene(viewer, {"/floor/0_0"})
+        (client,) = server._viewer._server.get_clients().values()
+        kinds = (*sockets._incoming_handlers, *client._websock_connection._incoming_handlers)
+        heard = {kind.__name__ for kind in kinds}
+    clicks = {"ScenePointerMessage", "SceneNodeClickMessage", "SceneNodeDragMessage"}
+    assert "ViewerCameraMessage" in heard and heard <= {"ViewerCameraMessage", *clicks}
 
 
 def test_a_click_in_the_viewer_reaches_its_own_page_as_a_point_on_the_floor(

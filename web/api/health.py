@@ -49,7 +49,12 @@ def _lines(state: State) -> Iterator[str]:
             float(len(state.reasons)),
         ),
         ("goals_waiting", "gauge", "Goals still to reach.", float(len(state.queue))),
-        ("goals_reached_total", "counter", "Goals reached.", float(state.reached_count)),
+        (
+            "goals_reached_total",
+            "counter",
+            "Goals reached by the mission; the next one counts from 0.",
+            float(state.reached_count),
+        ),
         ("travelled_metres_total", "counter", "Distance driven.", state.travelled_m),
         ("explored_square_metres", "gauge", "Area of the floor seen.", state.explored_m2),
         ("replans_total", "counter", "Paths planned.", float(state.replans)),

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import base64
+import io
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
-from navcore.errors import BadConfiguration, NotKnown
+from navcore.errors import NotKnown
+from web.api.archive import Archive, OneSiteAtATime
 from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.interface.operations import RobotService
-from web.interface.sites import SITE_NAME, MapChanges, Nav2Files, SeenTag, Site
+from web.interface.sites import SITE_NAME, MapChanges, SeenTag, Site
 from web.schemas.sites import AcceptIn, Nav2ImportIn, SiteChangesIn, SiteIn, SitesOut, TagIn
 
 SiteName = Annotated[str, Path(pattern=SITE_NAME)]
@@ -22,6 +24,10 @@ _EDITS = refusals(404, 409, 422, 503)
 def sites_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
     router = api_router("sites")
+    exports = OneSiteAtATime()
+
+    def archive(pack: Callable[[], bytes], name: str) -> Response:
+        return Archive(exports.made(lambda: io.BytesIO(pack())), name)
 
     def find(name: str) -> Site:
         for site in operations.sites.all():
@@ -49,13 +55,8 @@ def sites_router(operations: RobotService) -> APIRouter:
     def import_nav2(body: Nav2ImportIn) -> Site:
         """Make a site of a Nav2 map, placed by two points. Its obstacles count until the camera
         sees their floor free, and it is the accepted map."""
-        try:
-            image = base64.b64decode(body.picture, validate=True)
-        except ValueError:
-            raise BadConfiguration("body.picture: is not base64") from None
-        files = Nav2Files(yaml=body.yaml.encode(errors="replace"), image=image)
         pairs = None if body.alignment is None else body.alignment.pairs()
-        return operations.sites.add_nav2(body.name, files, pairs=pairs)
+        return operations.sites.add_nav2(body.name, body.files(), pairs=pairs)
 
     @router.get("/sites/{name}", response_model=Site, responses=refusals(404))
     def get_site(name: SiteName) -> Site:
@@ -99,14 +100,14 @@ def sites_router(operations: RobotService) -> APIRouter:
 
     @router.get("/sites/{name}/export", response_class=Response, responses=_EDITS)
     def export_site(name: SiteName) -> Response:
-        """Return a site as a zip archive for `sites/import`."""
-        return _file(operations.sites.export(find(name).name), f"{name}.site.zip")
+        """Return a site as a zip archive for `sites/import`. Operators only, one at a time."""
+        return archive(lambda: operations.sites.export(find(name).name), f"{name}.site.zip")
 
     @router.get("/sites/{name}/nav2", response_class=Response, responses=_EDITS)
     def export_nav2(name: SiteName) -> Response:
-        """Return a zip of Nav2 files: `map.yaml` without the zones, `keepout_mask.yaml` beside
-        it."""
-        return _file(operations.sites.export_nav2(find(name).name), f"{name}.nav2.zip")
+        """Return a zip of Nav2 files: `map.yaml` without the zones, `keepout_mask.yaml` beside it.
+        Operators only, one archive at a time."""
+        return archive(lambda: operations.sites.export_nav2(find(name).name), f"{name}.nav2.zip")
 
     @router.get("/tags/seen", response_model=list[SeenTag], responses=refusals(409))
     def seen_tags(
@@ -128,8 +129,3 @@ def sites_router(operations: RobotService) -> APIRouter:
         return operations.sites.accept(body.listing, body.areas)
 
     return router
-
-
-def _file(data: bytes, name: str) -> Response:
-    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
-    return Response(data, media_type="application/zip", headers=headers)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, HTTPException, Path, Request
 
 from navcore.errors import BadConfiguration, NotKnown, Refused
 from web.api.router import api_router
 from web.auth.authenticator import Authenticator, PasswordAuthenticator
+from web.auth.rate_limit import TooManyTries, address_of
 from web.auth.roles import CurrentVisitor, Role
 from web.auth.users import User, hash_password, is_password, new_token, new_user
 from web.gateway.problems import refusals
@@ -53,15 +54,28 @@ def access_router(authenticator: Authenticator) -> APIRouter:
         """Return the visitor as the console knows them."""
         return VisitorOut.model_validate(visitor)
 
-    @router.put("/me/password", status_code=204, responses=_REFUSALS)
-    def change_own_password(body: OwnPasswordIn, visitor: CurrentVisitor) -> None:
-        """Change the visitor's own password; every session of this user ends."""
-        known = user(visitor.name)
-        if not is_password(body.present, known.password_hash):
+    @router.put("/me/password", status_code=204, responses=_REFUSALS | refusals(429))
+    async def change_own_password(
+        body: OwnPasswordIn, visitor: CurrentVisitor, request: Request
+    ) -> None:
+        """Change the visitor's own password; every session of this user ends. Tries count with
+        those of logging in."""
+
+        def changed() -> bool:
+            known = user(visitor.name)
+            if not is_password(body.present, known.password_hash):
+                return False
+            password_hash = hash_password(body.password)
+            change(known.name, password_hash=password_hash, instead_of=known.password_hash)
+            return True
+
+        try:
+            is_right = await locked().tries.attempt(address_of(request.scope), changed)
+        except TooManyTries as error:
+            wait = {"Retry-After": str(error.wait_s)}
+            raise HTTPException(429, str(error), wait) from None
+        if not is_right:
             raise Refused("the present password is another")
-        change(
-            known.name, password_hash=hash_password(body.password), instead_of=known.password_hash
-        )
 
     @router.put("/me/language", status_code=204, responses=_REFUSALS)
     def change_own_language(body: LanguageIn, visitor: CurrentVisitor) -> None:
@@ -69,7 +83,7 @@ def access_router(authenticator: Authenticator) -> APIRouter:
         will be logged in."""
         if body.language not in CATALOGS:
             known = ", ".join(sorted(CATALOGS))
-            raise BadConfiguration(f"language {body.language!r}: the console has {known}")
+            raise BadConfiguration(f"language: the console has {known}")
         change(user(visitor.name).name, language=body.language)
 
     @router.get("/users", response_model=list[UserOut], responses=refusals(409))

@@ -42,7 +42,7 @@ def viewer_link_router(viewer: Viewer | None) -> APIRouter:
             await socket.close(BAD_MESSAGE)
         finally:
             if viewer.links.drop(page_id, mailbox):
-                viewer.forget(page_id)
+                await asyncio.to_thread(viewer.forget, page_id)
 
     return router
 
@@ -59,4 +59,5 @@ async def _receive(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
         if message["type"] == "websocket.disconnect":
             return
         received = PageMessage.validate_json(message.get("text") or "")
-        viewer.receive(page_id, received)
+        # It waits for a lock and may look through the map, and a stop must not wait for that.
+        await asyncio.to_thread(viewer.receive, page_id, received)

@@ -3,7 +3,6 @@ image."""
 
 from __future__ import annotations
 
-import base64
 from typing import Annotated
 
 import cv2
@@ -19,12 +18,12 @@ from navcore.mapping.storage.prior_map import prior_layer
 from navcore.perception.region_growing import region_at
 from navcore.planning.path import NoPath
 from web.api.nav2_files import OfGrid, on_grid
+from web.api.newest_tick import newest_tick
 from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.images.shown_images import ShownImage, ShownImages
 from web.interface.drafts import Preview, ZoneDraft
 from web.interface.operations import Existing, RobotService
-from web.interface.snapshots import TickSnapshot
 from web.interface.wire import polyline
 from web.schemas.drafts import (
     ClickIn,
@@ -49,12 +48,6 @@ ExistingQuery = Annotated[
 def drawing_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     """Return the routes below `/api/v1`; `shown` are the images that a click may be made on."""
     router = api_router("zones")
-
-    def newest() -> TickSnapshot:
-        tick = operations.picture()
-        if tick is None:
-            raise HTTPException(404, "the camera has delivered no picture yet")
-        return tick
 
     def all_zones() -> ZonesOut:
         return ZonesOut.of(operations.zones.stored, operations.zones.history)
@@ -90,12 +83,9 @@ def drawing_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     def import_mask(mask: MaskImportIn, existing: ExistingQuery = "ask") -> ZonesOut:
         """Add the occupied parts of a Nav2 keep-out mask as zones, all or none, as one edit: on its
         own grid, which may reach beyond the map, or in the map's cells where its own are finer."""
-        try:
-            image = base64.b64decode(mask.picture, validate=True)
-        except ValueError:
-            raise BadConfiguration("mask.picture: is not base64") from None
-        nav2_map = read(mask.yaml.encode(errors="replace"), image, "mask")
-        spec, present = nav2_map.spec, newest().grid_spec
+        files = mask.files()
+        nav2_map = read(files.yaml, files.image, "mask")
+        spec, present = nav2_map.spec, newest_tick(operations).grid_spec
         cells = nav2_map.cells(State.OCCUPIED)
         if spec.resolution_m < present.resolution_m:
             # Else each staircase and speck of a fine mask would be one of a zone.
@@ -126,7 +116,7 @@ def drawing_router(operations: RobotService, shown: ShownImages) -> APIRouter:
         """Return the enabled keep-out zones as a Nav2 keep-out mask: 0 closed, 254 free, row 0 at
         the top. It covers the map and all of these zones."""
         zones = operations.zones.stored
-        spec = mask_spec(zones, newest().grid_spec)
+        spec = mask_spec(zones, newest_tick(operations).grid_spec)
         headers, cells = on_grid(spec, grid), closed_cells(zones, spec)
         image = map_from_cells(occupied=cells, known=np.ones_like(cells), spec=spec).image
         return Response(encode(image), media_type="image/x-portable-graymap", headers=headers)
@@ -134,7 +124,7 @@ def drawing_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     @router.get("/zones.yaml", response_class=Response, responses=refusals(404, 409, 422))
     def get_mask_yaml(grid: OfGrid = None) -> Response:
         """Return Nav2's description of `zones.pgm`."""
-        spec = mask_spec(operations.zones.stored, newest().grid_spec)
+        spec = mask_spec(operations.zones.stored, newest_tick(operations).grid_spec)
         headers, text = on_grid(spec, grid), yaml_text(description_of(spec), "zones.pgm")
         return Response(text, media_type="application/yaml", headers=headers)
 
@@ -148,7 +138,11 @@ def drawing_router(operations: RobotService, shown: ShownImages) -> APIRouter:
         image.
         """
         beware = operations.beware.list
-        image = ShownImage.of(newest(), beware) if click.frame is None else shown.named(click.frame)
+        image = (
+            ShownImage.of(newest_tick(operations), beware)
+            if click.frame is None
+            else shown.named(click.frame)
+        )
         if image.depth_m is None:
             raise HTTPException(404, "this picture has no distances")
         height, width = image.class_ids.shape

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from starlette.types import Message, Scope, Send
 
-from web.auth.permissions import SAFE, STOP
+from web.auth.permissions import SAFE, SILENT, STOP
 from web.auth.roles import Visitor
 
 log = logging.getLogger(__name__)
@@ -22,18 +22,6 @@ MAX_DETAIL_BYTES = 4000
 """Largest body that is logged, bytes."""
 MAX_DEPTH = 20
 """Largest nesting of JSON that is logged."""
-_DRAFTS = (
-    "preview",
-    "beware/preview",
-    "beware/colour",
-    "beware/colour/looks",
-    "beware/example",
-    "beware/example/click",
-    "beware/example/looks",
-)
-SILENT = frozenset(f"/api/v1/{path}" for path in _DRAFTS)
-"""Requests that change nothing and come with every move of a slider or click of a draft: they are
-not logged."""
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 

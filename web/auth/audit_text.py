@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from web.auth.permissions import POSE, only_checks
+
 RULES: tuple[tuple[str, str, str], ...] = (
     ("POST", r"/stop", "pressed STOP"),
     ("POST", r"/stop/reset", "reset the stop"),
@@ -57,7 +59,6 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("POST", r"/map/undo", "took back the last edit of the map"),
     ("POST", r"/map/redo", "repeated an edit of the map"),
     ("POST", r"/map/changes/accept", "accepted changes of the map"),
-    ("POST", r"/pose\?check=true", "compared what the robot sees with a place on the map"),
     ("POST", r"/pose", "placed the robot on the map"),
     ("POST", r"/localisation/search", "had the robot search for its place"),
     ("POST", r"/sites", "made the site {given}"),
@@ -108,10 +109,10 @@ def describe_entry(entry: Mapping[str, Any]) -> str:
     method, address = str(entry.get("method", "")), str(entry.get("path", ""))
     parts = urlsplit(address)
     below = unquote(parts.path).removeprefix("/api/v1")
-    whole = f"{below}?{parts.query}"
+    if (method, parts.path) == ("POST", POSE) and only_checks(parts.query):
+        return "compared what the robot sees with a place on the map"
     for expected, pattern, text in RULES:
-        matched = whole if r"\?" in pattern else below
-        found = re.fullmatch(pattern, matched) if method == expected else None
+        found = re.fullmatch(pattern, below) if method == expected else None
         if found is not None:
             given = _name_in(entry.get("detail"))
             return text.format(given=given, **found.groupdict()).rstrip()

@@ -14,6 +14,7 @@ from urllib.parse import unquote
 from starlette.datastructures import Headers
 
 from navcore.errors import StorageFailed
+from web.auth.rate_limit import PasswordTries
 from web.auth.roles import Role, Visitor
 from web.auth.sessions import Sessions
 from web.auth.users import User, Users, hash_password, hash_token, is_password
@@ -44,15 +45,18 @@ def _own_name(headers: Headers) -> str | None:
 class Authenticator(Protocol):
     """Authentication of the visitors of a console."""
 
-    def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
-        """Return the visitor of a request; None when a log-in is needed."""
+    def authenticate(
+        self, headers: Headers, cookie: str, *, renews: bool = False
+    ) -> Visitor | None:
+        """Return the visitor of a request; None when a log-in is needed. With `renews`, the
+        visitor's session is not idle."""
 
     def issue_client_cookie(self, cookie: str) -> str | None:
         """Return the cookie for a browser that opens the page; None when it has one, or gets it by
         logging in."""
 
     def refresh(self) -> None:
-        """Read the users again; called about once a second."""
+        """Read the users again; called periodically."""
 
 
 class AnonymousAuthenticator:
@@ -65,7 +69,9 @@ class AnonymousAuthenticator:
         self._names: dict[str, str] = {}
         self._given = 0
 
-    def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
+    def authenticate(
+        self, headers: Headers, cookie: str, *, renews: bool = False
+    ) -> Visitor | None:
         """Return the page of a cookie; a client without a cookie is a program."""
         if not _CLIENT_ID.fullmatch(cookie):
             return Visitor(name="a program", role=Role.ADMIN, client_id="program", logged_in=False)
@@ -112,19 +118,22 @@ class PasswordAuthenticator:
     def __init__(self, users: Users, sessions: Sessions | None = None) -> None:
         self.users = users
         self.sessions = sessions or Sessions()
+        self.tries = PasswordTries()
         self._known: dict[str, User] = {}
         self._by_token: dict[str, User] = {}
         self._no_user = hash_password(secrets.token_urlsafe(16))
         self.refresh()
 
-    def authenticate(self, headers: Headers, cookie: str) -> Visitor | None:
+    def authenticate(
+        self, headers: Headers, cookie: str, *, renews: bool = False
+    ) -> Visitor | None:
         """Authenticate by bearer token, else by session."""
         scheme, _, given = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
             # Looked up by its hash, so that the time of the look-up reveals nothing of a token.
             user = self._by_token.get(hash_token(given.strip()))
             return None if user is None else self._visitor(user, f"program {user.name}")
-        found = self.sessions.find(cookie)
+        found = self.sessions.find(cookie, renews=renews)
         return None if found is None else self._visitor(found[0], f"page {found[1]}")
 
     def _visitor(self, user: User, client_id: str) -> Visitor:
@@ -135,6 +144,10 @@ class PasswordAuthenticator:
     def issue_client_cookie(self, cookie: str) -> str | None:
         """Return None: the cookie comes with the log-in."""
         return None
+
+    def knows(self, name: str) -> bool:
+        """Return whether an account has this name."""
+        return name in self._known
 
     def log_in(self, name: str, password: str) -> str | None:
         """Return the cookie of a new session, or None; takes about 0.1 s in either case."""

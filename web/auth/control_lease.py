@@ -18,7 +18,7 @@ from web.auth.roles import Role, Visitor
 PAGE_LEASE_S = 3.0
 """Duration of a page's lease in seconds; a page renews it twice a second."""
 PROGRAM_LEASE_S = 30.0
-"""Duration of a program's lease in seconds; its requests renew it."""
+"""Duration of a program's lease in seconds; its requests renew it, but for those that read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,11 +74,19 @@ class ControlLeases:
             self._renew(visitor)
 
     def heartbeat(self, visitor: Visitor) -> None:
-        """Renew the lease if the visitor holds it."""
+        """Renew the lease if the visitor holds it, and still may."""
         with self._lock:
             self._expire()
-            if self._lease.is_held_by(visitor):
+            if self._lease.is_held_by(visitor) and visitor.role.may(Role.OPERATOR):
                 self._renew(visitor)
+
+    def keep(self, visitor: Visitor) -> None:
+        """Renew the lease; raises `NotInControl` when the visitor does not hold it."""
+        with self._lock:
+            self._expire()
+            if not self._lease.is_held_by(visitor):
+                raise NotInControl("only the one in control can keep it")
+            self._renew(visitor)
 
     def take(self, visitor: Visitor) -> None:
         """Take control, even from another client."""

@@ -9,12 +9,31 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from pydantic import TypeAdapter, ValidationError
+from starlette.datastructures import QueryParams
+
 from web.auth.roles import Role
 
 _API = "/api/v1"
 SAFE = ("GET", "HEAD", "OPTIONS")
 STOP = f"{_API}/stop"
 LOGOUT = "/logout"
+POSE = f"{_API}/pose"
+_DRAFTS = (
+    "preview",
+    "beware/preview",
+    "beware/colour",
+    "beware/colour/looks",
+    "beware/example",
+    "beware/example/click",
+    "beware/example/looks",
+    "control/keep",
+)
+SILENT = frozenset(f"{_API}/{path}" for path in _DRAFTS)
+"""Requests that change nothing and come with every move of a slider, click of a draft or sign of
+life: they are not logged."""
+_PAGES = ("/", "/runs", "/teach", "/docs")
+_FLAG = TypeAdapter(bool)
 _BY_ANYONE = {
     ("POST", STOP),
     ("POST", f"{_API}/preview"),
@@ -24,11 +43,11 @@ _BY_ANYONE = {
     ("PUT", f"{_API}/me/password"),
 }
 _ADMINS = re.compile(rf"{_API}/users(/|$)")
-_OPERATORS = re.compile(rf"{_API}/(audit(/|$)|teach/frames\.zip$)")
+_OPERATORS = re.compile(rf"{_API}/(audit(/|$)|teach/frames\.zip$|sites/.+/(export|nav2)$)")
 """Reads that tell of users, and those that are work for the computer of the robot."""
 _DRIVES = re.compile(
     rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/load|sites/.+/choose"
-    r"|localisation/search)/?"
+    r"|localisation/search|pose)/?"
 )
 _NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}
 """Stopping is always allowed."""
@@ -44,9 +63,9 @@ class Requirement:
     """Whether the visitor must be in control, because the request drives the robot."""
 
 
-def requirement_of(method: str, path: str) -> Requirement:
-    """Return the requirement of a method and path; a websocket counts as GET, its handler checks
-    the messages."""
+def requirement_of(method: str, path: str, query: bytes | str = b"") -> Requirement:
+    """Return the requirement of a request; a websocket counts as GET, its handler checks the
+    messages."""
     if _ADMINS.match(path):
         return Requirement(role=Role.ADMIN)
     if method in SAFE:
@@ -54,4 +73,21 @@ def requirement_of(method: str, path: str) -> Requirement:
     if (method, path) in _BY_ANYONE:
         return Requirement(role=Role.VIEWER)
     drives = _DRIVES.fullmatch(path) is not None and path not in _NEEDS_NO_CONTROL
+    if path == POSE and only_checks(query):
+        drives = False
     return Requirement(role=Role.OPERATOR, control=drives)
+
+
+def only_checks(query: bytes | str) -> bool:
+    """Return whether a request for a place of the robot only asks how well it fits, as its route
+    takes the query."""
+    try:
+        return _FLAG.validate_python(QueryParams(query).get("check", False))
+    except ValidationError:
+        return False
+
+
+def is_deliberate(method: str, path: str) -> bool:
+    """Return whether a visitor makes a request, not an open page by itself, nor a program that
+    watches: it changes something, or opens a page."""
+    return path in _PAGES if method in SAFE else path not in SILENT

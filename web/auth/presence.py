@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 from typing import Literal
 
 from navcore.errors import Refused
@@ -19,28 +20,33 @@ JOIN_S = 2.0
 
 
 class PresenceMonitor:
-    """Thread that calls `check` twice a second."""
+    """Threads that call `check`, and refresh the accounts, twice a second: the accounts may wait
+    for a disk, and the pause for nothing."""
 
     def __init__(self, operations: RobotService, access: Access, unattended: Unattended) -> None:
         self._operations, self._access, self._unattended = operations, access, unattended
         self._attended = False
         self._ended = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._threads: tuple[threading.Thread, ...] = ()
 
     def start(self) -> None:
-        """Start the thread."""
-        self._thread = threading.Thread(target=self._run, name="presence", daemon=True)
-        self._thread.start()
+        """Start the threads."""
+        acts = {"presence": self.check, "accounts": self._access.authenticator.refresh}
+        self._threads = tuple(
+            threading.Thread(target=self._run, args=(act,), name=name, daemon=True)
+            for name, act in acts.items()
+        )
+        for thread in self._threads:
+            thread.start()
 
     def stop(self) -> None:
-        """End the thread."""
+        """End the threads."""
         self._ended.set()
-        if self._thread is not None:
-            self._thread.join(JOIN_S)
+        for thread in self._threads:
+            thread.join(JOIN_S)
 
     def check(self) -> None:
-        """Refresh the accounts, and pause the mission if the operator in control has left."""
-        self._access.authenticator.refresh()
+        """Pause the mission if the operator in control has left."""
         attended = self._access.control.now.holder is not None
         left, self._attended = self._attended and not attended, attended
         if left and self._unattended == "pause":
@@ -50,9 +56,9 @@ class PresenceMonitor:
                 return  # no mission drives, or is about to go on
             log.warning("the operator in control has left; the mission is paused")
 
-    def _run(self) -> None:
+    def _run(self, act: Callable[[], None]) -> None:
         while not self._ended.wait(PERIOD_S):
             try:
-                self.check()
+                act()
             except Exception:
-                log.exception("the presence check failed; it continues")
+                log.exception("a periodic check of the operators failed; it continues")

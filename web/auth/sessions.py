@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from web.auth.users import User
 
 MAX_IDLE_S = 12 * 3600.0
-"""Time without a request after which a session ends, seconds."""
+"""Time without a deliberate request after which a session ends, seconds."""
 MAX_AGE_S = 7 * 24 * 3600.0
 """Largest age of a session in seconds."""
 MAX_SESSIONS = 1000
@@ -49,8 +49,9 @@ class Sessions:
                 self._sessions.popitem(last=False)
         return cookie
 
-    def find(self, cookie: str) -> tuple[User, str] | None:
-        """Return user and client id of a valid cookie and renew its session; None for any other."""
+    def find(self, cookie: str, *, renews: bool = False) -> tuple[User, str] | None:
+        """Return user and client id of a valid cookie, None for any other. With `renews`, its
+        session is not idle."""
         now = self._clock()
         with self._lock:
             session = self._sessions.get(cookie)
@@ -59,8 +60,9 @@ class Sessions:
             if now - session.seen_s > MAX_IDLE_S or now - session.began_s > MAX_AGE_S:
                 del self._sessions[cookie]
                 return None
-            session.seen_s = now
-            self._sessions.move_to_end(cookie)
+            if renews:
+                session.seen_s = now
+                self._sessions.move_to_end(cookie)
             return session.user, session.client_id
 
     def end(self, cookie: str) -> None:

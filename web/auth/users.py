@@ -70,9 +70,7 @@ class Users(Protocol):
 def new_user(name: str, role: Role, password: str) -> User:
     """Return a new user; raises `BadConfiguration` for an invalid name or password."""
     if NAME.fullmatch(name) is None:
-        raise BadConfiguration(
-            f"user name {name!r:.60}: expected 1 to 40 letters, digits, dots, dashes, @ or _"
-        )
+        raise BadConfiguration("user name: expected 1 to 40 letters, digits, dots, dashes, @ or _")
     return User(name=name, role=role, password_hash=hash_password(password))
 
 

@@ -29,7 +29,7 @@ def unless_known(
     return Response(make(), media_type=media_type, headers=headers)
 
 
-def _expected(
+async def _expected(
     if_match: Annotated[str | None, Header(description="ETag of the edited version.")] = None,
 ) -> int | None:
     if if_match is None or if_match.strip() == "*":

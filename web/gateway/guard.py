@@ -15,7 +15,6 @@ The guard is plain ASGI and wraps the whole app, so that no route can omit it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from typing import BinaryIO
 
 from fastapi import WebSocketDisconnect
@@ -27,12 +26,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from web.auth.audit import Auditor
 from web.auth.authenticator import Authenticator, PasswordAuthenticator
 from web.auth.control_lease import ControlLeases, NotInControl
-from web.auth.permissions import LOGOUT, requirement_of
+from web.auth.permissions import LOGOUT, is_deliberate, requirement_of
 from web.auth.roles import SCOPE_KEY, Visitor
 from web.gateway.login import LOGIN_PATH, Login, cookie_header
 from web.gateway.origin_check import check_origin
 from web.gateway.problems import problem
-from web.gateway.request_body import Spools, bounded_body, replayed
+from web.gateway.request_body import Spools, bounded_body, close, replayed
 from web.gateway.security_headers import with_headers
 from web.gateway.websockets import POLICY_VIOLATION
 
@@ -76,7 +75,11 @@ class Guard:
         )
         body: bytes | BinaryIO | Response = b""
         if answer is None:
-            visitor = self._authenticator.authenticate(headers, _cookie(scope, headers))
+            visitor = self._authenticator.authenticate(
+                headers,
+                _cookie(scope, headers),
+                renews=is_deliberate(scope["method"], scope["path"]),
+            )
             is_login = self._login is not None and (scope["method"], scope["path"]) == (
                 "POST",
                 LOGIN_PATH,
@@ -96,15 +99,18 @@ class Guard:
                 send = self._auditor.watching(
                     send, scope, visitor, body if isinstance(body, bytes) else b""
                 )
-        with nullcontext() if isinstance(body, bytes | Response) else body:
+        try:
             await (answer or self._app)(scope, receive, send)
+        finally:
+            if not isinstance(body, bytes | Response):
+                await close(body)
 
     def _refusal(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
         """Return the refusal of an unknown visitor or of a role without the right, or None."""
         if visitor is None:
             assert self._login is not None
             return self._login.ask(scope, headers.get("accept", ""))
-        need = requirement_of(scope["method"], scope["path"])
+        need = requirement_of(scope["method"], scope["path"], scope["query_string"])
         if not visitor.role.may(need.role):
             said = f"{visitor.name} is {_article(visitor.role)}; this needs {_article(need.role)}"
             return problem(403, "not_allowed", said)
@@ -115,10 +121,11 @@ class Guard:
         """Return the refusal of a visitor who is not in control but has to be, or the answer to a
         log-out; None for none."""
         assert visitor is not None
-        self._control.heartbeat(visitor)
+        if is_deliberate(scope["method"], scope["path"]):
+            self._control.heartbeat(visitor)
         if self._login is not None and (scope["method"], scope["path"]) == ("POST", LOGOUT):
             return self._login.log_out(_cookie(scope, headers), _cookie_name(scope))
-        if requirement_of(scope["method"], scope["path"]).control:
+        if requirement_of(scope["method"], scope["path"], scope["query_string"]).control:
             try:
                 self._control.claim(visitor)
             except NotInControl as error:

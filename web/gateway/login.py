@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import base64
 import hashlib
 from pathlib import Path
@@ -14,9 +13,9 @@ from starlette.types import Scope
 
 from web.auth.audit import Auditor
 from web.auth.authenticator import PasswordAuthenticator
+from web.auth.rate_limit import TooManyTries, address_of
 from web.gateway.origin_check import single
 from web.gateway.problems import problem
-from web.gateway.rate_limit import RateLimiter
 from web.languages.catalog import CATALOGS, language_of
 
 LOGIN_PATH = "/login"
@@ -33,15 +32,8 @@ _CSP = (
 class Login:
     """Log-in of unknown visitors."""
 
-    def __init__(
-        self,
-        authenticator: PasswordAuthenticator,
-        auditor: Auditor,
-        limiter: RateLimiter | None = None,
-    ) -> None:
+    def __init__(self, authenticator: PasswordAuthenticator, auditor: Auditor) -> None:
         self._authenticator, self._auditor = authenticator, auditor
-        self._limiter = limiter or RateLimiter()
-        self._one_at_a_time = asyncio.Semaphore(1)
 
     def ask(self, scope: Scope, accept: str) -> Response:
         """Return 401, with the log-in form for a browser."""
@@ -56,26 +48,27 @@ class Login:
         """Return the answer to a sent form with name and password."""
         form = parse_qs(body[:2000].decode("utf-8", "replace"))
         name, password = single(form.get("name", [])) or "", single(form.get("password", [])) or ""
-        address = str((scope.get("client") or ("?", 0))[0])
-        wait_s = self._limiter.wait_s(address)
+        address, authenticator = address_of(scope), self._authenticator
         words = CATALOGS[language_of(Headers(scope=scope))]
-        if wait_s:
+        try:
+            cookie = await authenticator.tries.attempt(
+                address, lambda: authenticator.log_in(name, password)
+            )
+        except TooManyTries as error:
             return _page(
                 scope,
-                words.text("Too many tries; wait {wait_s} s.", wait_s=wait_s),
+                words.text("Too many tries; wait {wait_s} s.", wait_s=error.wait_s),
                 status=429,
-                headers={"Retry-After": str(wait_s)},
+                headers={"Retry-After": str(error.wait_s)},
             )
-        async with self._one_at_a_time:  # hashing is slow and needs memory on purpose
-            cookie = await asyncio.to_thread(self._authenticator.log_in, name, password)
-        who = name if name.isprintable() and len(name) <= 40 else "unknown"
+        # A password that was typed as the name must not be readable in the log.
+        who = name if authenticator.knows(name) else "unknown"
         status = 401 if cookie is None else 200
         await self._auditor.note(
             {"who": who, "method": "POST", "path": LOGIN_PATH, "status": status, "from": address}
         )
         if cookie is None:
             return _page(scope, words.text("That name or password is wrong."))
-        self._limiter.refund(address)
         response = RedirectResponse("/", status_code=303)
         response.headers.append("Set-Cookie", cookie_header(cookie_name, cookie, scope))
         return response

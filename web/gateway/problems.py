@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import threading
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from pydantic.json_schema import models_json_schema
+from pydantic_core import to_json
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
@@ -34,6 +36,7 @@ from navcore.errors import (
     Refused,
     StorageFailed,
 )
+from web.auth.permissions import SAFE, STOP
 from web.gateway.sentences import sentence_of
 from web.schemas.problem import Problem, ProblemBody
 
@@ -68,10 +71,11 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
         (404, "Nothing has this id, or no value is known yet"),
         (
             409,
-            "Refused in the present state, or changed by another operator meanwhile (then both "
-            "versions are in the body)",
+            "Refused in the present state, without control or at another site, or changed by "
+            "another operator meanwhile (then both versions are in the body)",
         ),
         (422, "A value is wrong; the answer names it and the reason"),
+        (429, "Too many tries of a password; `Retry-After` says how many seconds to wait"),
         (503, "The store failed; the values stored before are intact"),
     )
 }
@@ -91,21 +95,17 @@ class JsonResponse(Response):
     media_type = "application/json"
 
     def render(self, content: Any) -> bytes:
-        """Return ASCII, so that no surrogate can fail the encoding."""
+        """Return the bytes of JSON."""
         try:
-            return _json(content)
-        except ValueError:
-            return _json(finite(content))
+            return to_json(content, inf_nan_mode="null")
+        except ValueError:  # a lone surrogate cannot be written but as ASCII
+            return json.dumps(finite(content), separators=(",", ":")).encode()
 
 
 class ProblemResponse(JsonResponse):
     """Refusal by RFC 9457."""
 
     media_type = MEDIA_TYPE
-
-
-def _json(content: Any) -> bytes:
-    return json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":")).encode()
 
 
 def finite(value: Any) -> Any:
@@ -170,20 +170,13 @@ def _position(point: tuple[float, float]) -> dict[str, float]:
 def install(app: FastAPI) -> None:
     """Make the app answer every failure in this shape, and describe the shape in OpenAPI."""
     without = app.openapi
+    building = threading.Lock()
 
     def openapi() -> dict[str, Any]:
-        document = without()
-        _, known = models_json_schema([(Problem, "serialization")], ref_template=_SCHEMAS)
-        schemas: dict[str, Any] = document["components"]["schemas"]
-        schemas |= known["$defs"]
-        # FastAPI names its own shape wherever no refusal of a value is described; none is sent.
-        for name in ("HTTPValidationError", "ValidationError"):
-            schemas.pop(name, None)
-        for path in document["paths"].values():
-            for operation in path.values():
-                if "422" in operation["responses"]:
-                    operation["responses"]["422"] = RESPONSES[422]
-        return document
+        with building:
+            if app.openapi_schema is None:
+                app.openapi_schema = _with_problems(without())
+            return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]
 
@@ -210,6 +203,23 @@ def install(app: FastAPI) -> None:
         )
 
 
+def _with_problems(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the description of an API with the shape of refusals."""
+    _, known = models_json_schema([(Problem, "serialization")], ref_template=_SCHEMAS)
+    schemas: dict[str, Any] = document["components"]["schemas"]
+    schemas |= known["$defs"]
+    # FastAPI names its own shape wherever no refusal of a value is described; none is sent.
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            if "422" in operation["responses"]:
+                operation["responses"]["422"] = RESPONSES[422]
+            if method.upper() not in SAFE and path != STOP:  # of control, and of the site
+                operation["responses"]["409"] = RESPONSES[409]
+    return document
+
+
 def _invalid(errors: Sequence[Any]) -> ProblemResponse:
     details = [
         {"where": _where(error.get("loc", ())), "message": _reason(error)} for error in errors[:10]
@@ -234,16 +244,17 @@ def _reason(error: Mapping[str, Any]) -> str:
 
 
 def _where(location: Sequence[Any]) -> str:
-    return _clean(".".join(_parts(location)), MAX_WHERE)
+    return _clean(".".join(map(str, _parts(location))), MAX_WHERE)
 
 
-def _parts(location: Sequence[Any]) -> list[str]:
+def _parts(location: Sequence[Any]) -> list[str | int]:
     # The tags of the unions of zones and geometries are not part of the request.
-    parts = [str(part) for part in location]
     return [
         part
-        for i, part in enumerate(parts)
-        if not (part in _TAGS and i > 0 and parts[i - 1] in ("body", "zone", "geometry", "drawn"))
+        for i, part in enumerate(location)
+        if not (
+            part in _TAGS and i > 0 and location[i - 1] in ("body", "zone", "geometry", "drawn")
+        )
     ]
 
 

@@ -15,6 +15,7 @@ from starlette.responses import Response
 from starlette.types import Message, Receive, Scope
 
 from navcore.errors import BewareNavError
+from web.auth.permissions import SAFE, STOP
 from web.gateway.problems import problem, refusal
 from web.interface.sites import MAX_ARCHIVE_BYTES
 from web.interface.teaching import MAX_FRAMES_BYTES, MAX_UPLOAD_BYTES
@@ -50,8 +51,8 @@ async def bounded_body(
     scope: Scope, receive: Receive, spools: Spools
 ) -> bytes | BinaryIO | Response:
     """Return the whole body, as an open file where `spools` opens one, or the refusal of one that
-    is too large, too slow or cut off."""
-    if scope["method"] in ("GET", "HEAD", "OPTIONS"):
+    is too large, too slow or cut off. That of a stop is left unread: nothing in it could matter."""
+    if scope["method"] in SAFE or scope["path"] == STOP:
         return b""
     path = "labels" if _LABELS.fullmatch(scope["path"]) else scope["path"]
     at_most, limit_s = LARGE_BODIES.get(path, (MAX_BODY_BYTES, BODY_TIMEOUT_S))
@@ -59,13 +60,13 @@ async def bounded_body(
     if not length.isdigit() or len(length) > 12 or int(length) > at_most:
         return _too_large(at_most)
     try:
-        body = spools.get(path, io.BytesIO)()
+        body = await asyncio.to_thread(spools[path]) if path in spools else io.BytesIO()
     except BewareNavError as error:
         return refusal(error)
     try:
         async with asyncio.timeout(limit_s):
             refused = await _receive(body, receive, at_most)
-        body.seek(0)
+        await _beside(body, body.seek, 0)
     except TimeoutError:
         refused = problem(408, "too_slow", f"the body did not arrive within {limit_s:g} s", "body")
     except OSError as error:
@@ -73,9 +74,23 @@ async def bounded_body(
         refused = problem(503, "storage_failed", said, "body")
     if refused is None:
         return body.read() if isinstance(body, io.BytesIO) else body
-    with suppress(OSError):  # on a full disk, of what is written at the close
-        body.close()
+    await close(body)
     return refused
+
+
+async def close(body: BinaryIO) -> None:
+    """Close the file of a body."""
+    with suppress(OSError):  # on a full disk, of what is written at the close
+        await _beside(body, body.close)
+
+
+async def _beside(body: BinaryIO, act: Callable[..., object], *given: object) -> None:
+    """Do something with a body; what is on the disk in a thread, so that no disk delays the event
+    loop."""
+    if isinstance(body, io.BytesIO):
+        act(*given)
+    else:
+        await asyncio.to_thread(act, *given)
 
 
 async def _receive(body: BinaryIO, receive: Receive, at_most: int) -> Response | None:
@@ -89,10 +104,7 @@ async def _receive(body: BinaryIO, receive: Receive, at_most: int) -> Response |
             return _too_large(at_most)
         if message["type"] != "http.request":
             return problem(400, "cut_off", "the connection ended before the body", "body")
-        if isinstance(body, io.BytesIO):
-            body.write(part)
-        else:
-            await asyncio.to_thread(body.write, part)  # no disk delays the event loop
+        await _beside(body, body.write, part)
         if not message.get("more_body"):
             return None
 

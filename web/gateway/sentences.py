@@ -46,8 +46,16 @@ EXPECTED = {
     "string_pattern_mismatch": "another form of text",
     "timezone_aware": "a time with its time zone",
     "datetime_from_date_parsing": "a time with its time zone",
+    "datetime_parsing": "a time with its time zone",
+    "int_parsing_size": "a whole number",
 }
 """What was expected, by the kind of the error."""
+ALTERNATIVES = {
+    "literal_error": "expected",
+    "enum": "expected",
+    "union_tag_invalid": "expected_tags",
+}
+"""Where pydantic lists what it expected, by the kind of the error."""
 BOUNDS = {
     "greater_than_equal": ("ge", "{label}: at least {limit}."),
     "less_than_equal": ("le", "{label}: at most {limit}."),
@@ -62,9 +70,12 @@ COUNTS = {
 }
 
 
-def sentence_of(error: Mapping[str, Any], parts: Sequence[str]) -> str:
-    """Return the sentence for an error of pydantic at the key path `parts`."""
+def sentence_of(error: Mapping[str, Any], parts: Sequence[str | int]) -> str:
+    """Return the sentence for an error of pydantic at the key path `parts`, with the indices of
+    lists as whole numbers."""
     kind, context = str(error.get("type")), error.get("ctx") or {}
+    if kind == "union_tag_not_found":
+        kind, parts = "missing", [*parts, "type"]
     label = _label(parts)
     if kind == "missing":
         return f"{_capital(label)} is missing."
@@ -79,22 +90,24 @@ def sentence_of(error: Mapping[str, Any], parts: Sequence[str]) -> str:
         name, text = BOUNDS[kind]
         limit = f"{_number(context.get(name))}{_unit(parts)}"
         return text.format(label=_capital(label), limit=limit)
-    if kind in ("literal_error", "enum"):
-        return f"{_capital(label)}: expected {context.get('expected')}."
+    if kind in ALTERNATIVES:
+        return f"{_capital(label)}: expected {context.get(ALTERNATIVES[kind])}."
     if kind in EXPECTED:
         expected = "a colour as #rrggbb" if parts[-1:] == ["colour"] else EXPECTED[kind]
         return f"{_capital(label)}: expected {expected}."
-    text = str(error.get("msg", "is not valid")).removeprefix("Value error, ")
+    if kind != "value_error":
+        return f"{_capital(label)} is not valid."
+    text = str(error.get("msg")).removeprefix("Value error, ")
     # A check of this project that is a sentence by itself, or a phrase about the value.
-    return text if text[:1].isupper() and kind == "value_error" else f"{_capital(label)}: {text}."
+    return text if text[:1].isupper() else f"{_capital(label)}: {text}."
 
 
-def _label(parts: Sequence[str]) -> str:
+def _label(parts: Sequence[str | int]) -> str:
     """Return the name of a value, with the number of its entry in a list."""
-    names = [part for part in parts if not part.isdigit()]
+    names = [part for part in parts if isinstance(part, str)]
     name = names[-1] if names and names[-1] not in ("body", "query", "path") else "request"
     label = LABELS.get(name, name.removesuffix(_suffix(name)).replace("_", " "))
-    entry = next((int(part) + 1 for part in parts if part.isdigit()), None)
+    entry = next((part + 1 for part in parts if isinstance(part, int)), None)
     return label if entry is None else f"{label} of entry {entry}"
 
 
@@ -103,8 +116,8 @@ def _suffix(name: str) -> str:
     return max(found, key=len, default="")
 
 
-def _unit(parts: Sequence[str]) -> str:
-    suffix = _suffix(parts[-1]) if parts else ""
+def _unit(parts: Sequence[str | int]) -> str:
+    suffix = _suffix(str(parts[-1])) if parts else ""
     return f" {UNITS[suffix]}" if suffix else ""
 
 

@@ -1,5 +1,6 @@
 """Header of a request that names the site whose map it is meant for: where the robot is at another
-one by now, a zone or a goal would be somewhere else."""
+one by now, a zone or a goal would be somewhere else. It is checked before the handler, and again
+where the edit is made."""
 
 from __future__ import annotations
 
@@ -9,9 +10,10 @@ from collections.abc import Callable
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from navcore.errors import OtherSite
 from web.auth.permissions import SAFE
 from web.gateway.problems import problem
-from web.interface.sites import at_another_site
+from web.interface.meant_site import mean_site, require_meant_site
 
 HEADER = "Site-Id"
 _ANYWHERE = re.compile(r"/api/v1/(stop(/.*)?|mission/(pause|cancel)|control/.*|me/.*|teach/.*)")
@@ -31,9 +33,10 @@ class SiteCheck:
         named = Headers(scope=scope).get(HEADER) if is_edit else None
         if named is not None and _ANYWHERE.fullmatch(scope["path"]):
             named = None
-        answer = (
-            self._app
-            if named is None or named == self._present()
-            else problem(409, "other_site", str(at_another_site()), HEADER)
-        )
-        await answer(scope, receive, send)
+        mean_site(None if named is None else lambda: self._present() == named)
+        try:
+            require_meant_site()
+        except OtherSite as error:
+            await problem(409, "other_site", str(error), HEADER)(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)

@@ -23,12 +23,13 @@ Part = tuple[int, int, int, int]
 class TileVersions:
     """Versions of the tiles, from comparing each tick with the last; safe from any thread."""
 
-    def __init__(self) -> None:
+    def __init__(self, before: int = 0) -> None:
+        """All versions are larger than `before`."""
         self._lock = threading.Lock()
         self._key: Hashable = None
         self._layers: dict[Hashable, CellMask] = {}
         self._versions: npt.NDArray[np.int64] = np.zeros((0, 0), dtype=np.int64)
-        self._newest = 0
+        self._newest = before
 
     def update(self, tick: TickSnapshot, beware: BewareList) -> tuple[int, npt.NDArray[np.int64]]:
         """Return the newest version, and (tile rows, tile columns) the version of the last change

@@ -239,7 +239,7 @@ class RobotService(Protocol):
     def state(self) -> State:
         """Return the newest snapshot."""
 
-    def picture(self) -> TickSnapshot | None:
+    def newest_tick(self) -> TickSnapshot | None:
         """Return the values of the newest tick; None before the first."""
 
     def cloud(self) -> Cloud | None:

@@ -25,12 +25,11 @@ from web.schemas.drafts import PathPreviewOut, difference
 from web.schemas.fields import Body, Changes, Closed, Entry, Limits, body_model
 
 BewareEntry = Annotated[BewareClass, Body(ignored=("display", "found_by"))]
-BewareChanges = Annotated[
-    Mapping[str, object], Changes(body_model(BewareClass, omitted=("class_id",)), OPTIONAL)
-]
+_NewClass = body_model(BewareClass, "NewBewareClass", omitted=("class_id",))
+BewareChanges = Annotated[Mapping[str, object], Changes(_NewClass, OPTIONAL)]
 """Changed fields of one class; null removes an optional one. A new name keeps what is on the
 map."""
-NewEntry = Annotated[Mapping[str, object], Entry(body_model(BewareClass, omitted=("class_id",)))]
+NewEntry = Annotated[Mapping[str, object], Entry(_NewClass)]
 """Fields of a new class, without its id."""
 Rule = Annotated[ColourRule, Body()]
 Example = Annotated[Prototype, Body()]

@@ -29,6 +29,7 @@ from typing_extensions import TypedDict
 from navcore.config.planning import PlanningConfig
 from navcore.mission.prototype import MAX_CHANNELS
 from navcore.toml_config import from_table
+from web.interface.sites import FAR_M
 from web.interface.wire import DOCUMENTED, descriptions
 
 
@@ -44,8 +45,6 @@ class Limits(TypedDict):
 
 MAX_NAME = 80
 """Largest length of a name in characters."""
-FAR_M = 1e6
-"""Largest coordinate in metres; larger ones than any map's could overflow later arithmetic."""
 MAX_ANGLE_RAD = 100.0
 """Largest angle in radians."""
 
@@ -57,6 +56,13 @@ def _printable(text: str) -> str:
     if not text.isprintable():
         raise ValueError("expected printable text")
     return text
+
+
+def hand_over(value: Any) -> Any:
+    """Return a value as it is. Called for each entry of what may be large, because the interpreter
+    changes threads between the steps of Python code alone: compiled code that reads or checks many
+    megabytes would hold up the event loop, and with it a stop, from any thread."""
+    return value
 
 
 def number(low: float, high: float) -> Any:
@@ -84,6 +90,17 @@ class Closed(BaseModel):
     """Body whose unknown keys are refused by name."""
 
     model_config = DOCUMENTED | ConfigDict(extra="forbid", frozen=True)
+
+
+class PoseIn(Closed):
+    """Pose of the robot in the map, T_map_base."""
+
+    x_m: Metres
+    """x in metres of the map frame."""
+    y_m: Metres
+    """y in metres of the map frame."""
+    yaw_rad: Radians
+    """Heading in radians, counter-clockwise from x."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,9 +173,14 @@ class Entry:
 
 
 def body_model(
-    kind: type[Any], *, omitted: tuple[str, ...] = (), ignored: tuple[str, ...] = ()
+    kind: type[Any],
+    name: str | None = None,
+    *,
+    omitted: tuple[str, ...] = (),
+    ignored: tuple[str, ...] = (),
 ) -> type[Closed]:
-    """Return the body of a dataclass without some fields, with further keys that are ignored."""
+    """Return the body of a dataclass without some fields, with further keys that are ignored.
+    `name`: that of the body, by default the one of the dataclass with `In`."""
     texts, hints = descriptions(kind), typing.get_type_hints(kind)
     fields: dict[str, Any] = {
         name: (StrictStr | None, Field(None, description="Ignored.")) for name in ignored
@@ -170,7 +192,9 @@ def body_model(
                 _constrained(hints[field.name], field.metadata),
                 Field(default, description=texts.get(field.name)),
             )
-    return create_model(kind.__name__, __base__=Closed, __doc__=kind.__doc__, **fields)
+    return create_model(
+        name or f"{kind.__name__}In", __base__=Closed, __doc__=kind.__doc__, **fields
+    )
 
 
 def _constrained(hint: Any, metadata: Mapping[str, Any]) -> Any:

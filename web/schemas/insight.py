@@ -85,7 +85,7 @@ class SnapshotOut(BaseModel):
     """Id of the image."""
 
 
-class ExampleIn(Closed):
+class MissedObjectIn(Closed):
     """Object that was missed in a held image."""
 
     snapshot: Annotated[int, Field(strict=True, ge=0, le=2**53)]

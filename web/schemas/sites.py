@@ -12,9 +12,9 @@ from navcore.mission.mission import MAX_GOALS
 from web.interface.sites import MAX_TAGS, SITE_NAME, PointPair, Site, SiteChanges, Tag
 from web.interface.wire import DOCUMENTED
 from web.schemas.beware import BewareEntry
-from web.schemas.fields import Body, Closed, Corner, Metres, Name, Radians, UnknownPrice
+from web.schemas.fields import Body, Closed, Corner, Name, PoseIn, UnknownPrice
 from web.schemas.mission.mission import GoalIn
-from web.schemas.zones import MAX_IMAGE_FILE, MAX_IMPORT, ImportedFeatureIn
+from web.schemas.zones import MAX_IMPORT, ImportedFeatureIn, Nav2FilesIn
 
 SiteName = Annotated[StrictStr, Field(pattern=SITE_NAME)]
 TagIn = Annotated[Tag, Body()]
@@ -28,17 +28,6 @@ class SiteIn(Closed):
 
     name: SiteName
     """1 to 40 letters, digits, blanks, `-` and `_`, beginning with a letter or digit."""
-
-
-class PoseIn(Closed):
-    """Pose in the map frame."""
-
-    x_m: Metres
-    """x in metres of the map frame."""
-    y_m: Metres
-    """y in metres of the map frame."""
-    yaw_rad: Radians
-    """Heading in radians, counter-clockwise from x."""
 
 
 class SiteChangesIn(Closed):
@@ -75,15 +64,11 @@ class AlignmentIn(Closed):
         return self.on_map, self.on_site
 
 
-class Nav2ImportIn(Closed):
+class Nav2ImportIn(Nav2FilesIn):
     """Content of the two files of a Nav2 map, and where it lies."""
 
     name: SiteName
     """Name of the new site."""
-    yaml: Annotated[StrictStr, Field(max_length=20_000)]
-    """Text of the YAML file."""
-    picture: Annotated[StrictStr, Field(max_length=MAX_IMAGE_FILE)]
-    """PGM or PNG file in base64."""
     alignment: AlignmentIn | None = None
     """Where the map lies; null if its frame is that of the site."""
 

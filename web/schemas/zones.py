@@ -7,6 +7,7 @@ and know neither the radius of a Point nor the width of a LineString.
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
@@ -21,10 +22,12 @@ from pydantic import (
     model_validator,
 )
 
+from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import MAX_MARGIN_M
 from navcore.mission.zone import MAX_CORNERS, MAX_LIMIT_MPS, MIN_LIMIT_MPS, Zone, ZoneKind
 from navcore.mission.zone_shapes import MAX_BENDS, Circle, Corridor, Shape
 from web.interface.drafts import EditHistory, ZoneDraft
+from web.interface.sites import Nav2Files
 from web.interface.wire import DOCUMENTED
 from web.schemas.fields import Closed, Corner, Metres, Name, number
 
@@ -233,13 +236,26 @@ class ZoneImportIn(_Open):
         return value
 
 
-class MaskImportIn(Closed):
-    """Content of the two files of a Nav2 keep-out mask."""
+class Nav2FilesIn(Closed):
+    """Content of the two files of a Nav2 map."""
 
     yaml: Annotated[StrictStr, Field(max_length=20_000)]
     """Text of the YAML file."""
     picture: Annotated[StrictStr, Field(max_length=MAX_IMAGE_FILE)]
     """PGM or PNG file in base64."""
+
+    def files(self) -> Nav2Files:
+        """Return the files; raises `BadConfiguration`."""
+        try:
+            image = base64.b64decode(self.picture, validate=True)
+        except ValueError:
+            raise BadConfiguration("body.picture: is not base64") from None
+        return Nav2Files(yaml=self.yaml.encode(errors="replace"), image=image)
+
+
+class MaskImportIn(Nav2FilesIn):
+    """Content of the two files of a Nav2 keep-out mask."""
+
     name: Name = "Mask"
     """Name of the zones."""
 

@@ -51,14 +51,11 @@ def floor_below(pointer: Pointer, camera: viser.CameraHandle) -> Point | None:
 def overview(tick: TickSnapshot) -> tuple[Place, Place]:
     """Return eye and target of a view from −y onto the observed area."""
     spec = tick.grid_spec
-    seen = np.argwhere(tick.seen)
+    rows, cols = (np.flatnonzero(tick.seen.any(axis=axis)) for axis in (1, 0))
     x, y, width, height = _extent(spec)
-    if len(seen):
-        (low, left), (high, right) = (
-            spec.centres(seen).min(axis=0)[::-1],
-            spec.centres(seen).max(axis=0)[::-1],
-        )
-        x, y, width, height = (left + right) / 2, (low + high) / 2, right - left, high - low
+    if len(rows):
+        corners = spec.centres(np.array([[rows[0], cols[0]], [rows[-1], cols[-1]]]))
+        (x, y), (width, height) = corners.mean(axis=0).tolist(), np.ptp(corners, axis=0).tolist()
     away = min(max(width, 1.3 * height, 9.0), 40.0)
     return (x - 0.1 * away, y - 0.6 * away, 0.58 * away), (x, y - 0.1 * away, 0.0)
 

@@ -183,7 +183,7 @@ class Viewer:
             self._wake.clear()
 
     def _push(self) -> None:
-        tick = self._operations.picture()
+        tick = self._operations.newest_tick()
         if tick is None:
             return
         now = time.monotonic()
@@ -281,7 +281,7 @@ class Viewer:
         self._server.initial_camera.look_at = target
 
     def _move_camera(self, client: viser.ClientHandle, move: CameraMove) -> None:
-        tick = self._operations.picture()
+        tick = self._operations.newest_tick()
         if tick is None:
             return
         eye, target = view_of(move, tick, self._operations.state().pose, client.camera)

@@ -154,7 +154,7 @@ class _World:
             segmenter_warning=None,
         )
 
-    def picture(self) -> TickSnapshot | None:
+    def newest_tick(self) -> TickSnapshot | None:
         """Return the newest map."""
         return self._picture
 

@@ -19,6 +19,7 @@ from navcore.mission.mission import Goal, Mission, checked_together
 from navcore.mission.zone import Zone, zone_masks
 from navcore.mission.zone_growth import distance_m
 from web.interface.drafts import GoalChanges, SavedMission
+from web.interface.meant_site import require_meant_site
 from web.interface.sites import at_another_site
 from web.interface.snapshots import TickSnapshot
 
@@ -89,6 +90,7 @@ class Goals:
 
     def save(self, name: str, *, replace: bool = True) -> None:
         """Save the waiting goals under a name."""
+        require_meant_site()
         self._saved.save(name, self._holder.intent.mission, replace=replace)
 
     def load(self, name: str) -> None:
@@ -100,12 +102,14 @@ class Goals:
 
     def forget(self, name: str) -> None:
         """Delete a saved mission."""
+        require_meant_site()
         self._saved.delete(name)
 
     def _change(self, edit: Callable[[Mission], Mission]) -> Mission:
         def changed(state: OperatorState) -> OperatorState:
             if state.site_id != self._site_id:
                 raise at_another_site()
+            require_meant_site()
             return dataclasses.replace(state, mission=edit(state.mission))
 
         return self._holder.change(changed).mission

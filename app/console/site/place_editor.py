@@ -21,6 +21,7 @@ from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tasks import PrepareSearch
 from navcore.mission.mission import Goal, checked
 from web.interface.localisation import PlaceCheck, PlaceOut
+from web.interface.meant_site import require_meant_site
 
 SIGMAS = 2.0
 """Standard deviations of the ellipse that is shown."""
@@ -64,6 +65,7 @@ class PlaceEditor:
         """Set the robot's pose to where the newest scan fits best near a pose."""
         self._controller.require_standing("show its place")
         site_id, scan = self._controller.intent.site_id, self._scan()
+        require_meant_site()
         stood = self._controller.place.T_driven_base
         found = self._checked(scan, pose)
         answer, covariance = _answer(scan, found), found.fit.covariance
@@ -80,6 +82,7 @@ class PlaceEditor:
 
     def search(self) -> None:
         """Look for the robot's place in the whole map while it turns round."""
+        require_meant_site()
         self._controller.search_place()
 
     def _scan(self) -> Scan:

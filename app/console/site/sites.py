@@ -32,6 +32,7 @@ from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
+from web.interface.meant_site import require_meant_site
 from web.interface.sites import (
     AreaOut,
     MapChanges,
@@ -268,6 +269,7 @@ class LiveSites:
         """Take areas of a listing over into the accepted map: what the operator saw, not what the
         robot sees now."""
         with self._lock:
+            require_meant_site()
             if listing is None:
                 save_accepted(self._store.site, self._present())
                 return self.changes()

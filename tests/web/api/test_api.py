@@ -161,8 +161,21 @@ def test_pages_come_from_the_console_itself_and_ask_nothing_of_the_network(
     )
 
 
+def test_what_needs_control_or_names_its_site_is_described_with_that_refusal(
+    client: httpx.Client,
+) -> None:
+    silent = {
+        path
+        for path, methods in client.get("/openapi.json").json()["paths"].items()
+        for method, operation in methods.items()
+        if method != "get" and "409" not in operation["responses"]
+    }
+    assert silent == {"/api/v1/stop"}
+
+
 def test_every_field_of_what_is_served_is_described(client: httpx.Client) -> None:
     schemas = client.get("/openapi.json").json()["components"]["schemas"]
+    assert not [name for name in schemas if "__" in name], "two models of one name"
     assert {"State", "Goal", "ListedClass", "MapOut", "SightingOut", "Explanation"} <= set(schemas)
     silent = {
         f"{name}.{field}"

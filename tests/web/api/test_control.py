@@ -22,6 +22,7 @@ from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
 from web.api.mission.control import MAX_DELAY_S, MAX_LATE, TeleopSession
 from web.auth.access import Access
+from web.auth.authenticator import AnonymousAuthenticator
 from web.auth.control_lease import PAGE_LEASE_S, ControlLeases
 from web.auth.presence import PresenceMonitor
 from web.auth.roles import Role, Visitor
@@ -231,6 +232,49 @@ def test_when_the_operator_goes_silent_the_mission_does_as_configured(
         presence.check()
         phase = Phase.PAUSED if unattended == "pause" else driving
         assert operations.state().phase is phase
+
+
+@pytest.mark.parametrize("is_hanging", [True, False])
+def test_the_mission_of_a_silent_operator_is_paused_whatever_becomes_of_the_accounts(
+    is_hanging: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("web.auth.presence.JOIN_S", 0.1)
+    released = threading.Event()
+
+    class Accounts(AnonymousAuthenticator):
+        """Accounts on a disk that fails, or does not answer."""
+
+        def refresh(self) -> None:
+            if is_hanging:
+                released.wait(60)
+            raise OSError("no disk")
+
+    now_s = [0.0]
+    operations, control = FakeOperations(), ControlLeases(clock=lambda: now_s[0])
+    access = Access(authenticator=Accounts(), control=control)
+    presence = PresenceMonitor(operations, access, "pause")
+    presence.check()
+    control.claim(Visitor(name="anna", role=Role.OPERATOR, client_id="page anna"))
+    operations.goals.add(3, 0)
+    operations.mission("start")
+    presence.check()
+    presence.start()
+    try:
+        now_s[0] += PAGE_LEASE_S + 0.1
+        eventually(lambda: operations.state().phase is Phase.PAUSED)
+    finally:
+        released.set()
+        presence.stop()
+
+
+def test_a_page_that_lost_control_does_not_end_what_its_successor_does() -> None:
+    operations, control = FakeOperations(), ControlLeases()
+    anna = Visitor(name="anna", role=Role.OPERATOR, client_id="page anna")
+    hand = TeleopSession(operations, control, anna)
+    assert hand.move(DriveMessage(**AHEAD, t_ms=time.monotonic() * 1000))  # type: ignore[arg-type]
+    control.take(Visitor(name="bob", role=Role.OPERATOR, client_id="page bob"))
+    hand.release()
+    assert operations.hands == [Twist(v_mps=0.3, w_radps=0.0)]
 
 
 @pytest.mark.parametrize("who", ["viewer", "operator"])

@@ -166,7 +166,7 @@ def test_tiles_put_together_are_the_map_and_tell_every_layer_apart(
 ) -> None:
     operations.zones.add(WET)
     told = client.get("/api/v1/map/tiles").json()
-    picture = operations.picture()
+    picture = operations.newest_tick()
     assert picture is not None
     cells = np.zeros((told["rows"], told["cols"], 3), dtype=np.uint8)
     for row, col, _ in told["changed"]:
@@ -193,16 +193,16 @@ def test_tiles_put_together_are_the_map_and_tell_every_layer_apart(
 
 
 def test_only_tiles_whose_cells_changed_are_new(operations: FakeOperations) -> None:
-    tiles, before = TileVersions(), operations.picture()
+    tiles, before = TileVersions(), operations.newest_tick()
     assert before is not None
     version, versions = tiles.update(before, operations.beware.list)
     assert (versions == version).all()
     operations.step()
-    after = operations.picture()
+    after = operations.newest_tick()
     assert after is not None
     assert tiles.update(after, operations.beware.list)[0] == version
     operations.zones.add(WET)
-    zoned = operations.picture()
+    zoned = operations.newest_tick()
     assert zoned is not None
     newest, versions = tiles.update(zoned, operations.beware.list)
     changed = {tile for tile, _ in changed_since(versions, version)}

@@ -38,7 +38,7 @@ def test_a_place_that_does_not_fit_is_refused_unless_it_is_forced(client: httpx.
     [
         {},
         {"x_m": 0.0, "y_m": 0.0},
-        {**HERE, "yaw_rad": 8.0},
+        {**HERE, "yaw_rad": 101.0},
         {**HERE, "x_m": 1e9},
         {**HERE, "x_m": "1"},
         {**HERE, "z_m": 0.0},

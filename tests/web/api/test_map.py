@@ -24,7 +24,7 @@ from web.server import ConsoleServer
 def test_the_overlay_is_stronger_where_the_segmenter_is_surer_and_silent_where_it_does_not_bind(
     operations: FakeOperations,
 ) -> None:
-    picture = operations.picture()
+    picture = operations.newest_tick()
     assert picture is not None
     beware, labelled = operations.beware.list, picture.labels == 1
 
@@ -55,7 +55,7 @@ def test_the_map_follows_the_conventions_of_nav2(
     image = cv2.imdecode(
         np.frombuffer(client.get("/api/v1/map.pgm").content, np.uint8), cv2.IMREAD_UNCHANGED
     )
-    picture = operations.picture()
+    picture = operations.newest_tick()
     assert picture is not None and image is not None
     upright = image[::-1]
     assert set(np.unique(image)) == {0, 205, 254}
@@ -157,7 +157,7 @@ def test_the_objects_in_the_camera_image_are_listed_with_their_boxes_for_a_page_
 def test_before_the_first_tick_every_file_is_refused_with_the_reason(
     client: httpx.Client, operations: FakeOperations
 ) -> None:
-    operations.picture = lambda: None  # type: ignore[method-assign]
+    operations.newest_tick = lambda: None  # type: ignore[method-assign]
     operations.cloud = lambda: None  # type: ignore[method-assign]
     for name in ("map", "map.png", "map.pgm", "map.yaml", "cloud.ply", "path", "camera.jpg"):
         assert "yet" in wrong(client.get(f"/api/v1/{name}"), 404)["message"]
@@ -177,6 +177,24 @@ def test_a_program_puts_past_poses_right_and_an_unknown_one_moves_nothing(
     assert client.get("/api/v1/map/poses").json()["poses"][1] == second
     assert client.patch("/api/v1/map/poses", json={"poses": [moved]}).status_code == 204
     assert client.get("/api/v1/map/poses").json()["poses"][1] == moved
+
+
+def test_a_page_gets_all_tiles_from_another_start_of_the_console(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    before = client.get("/api/v1/map/tiles").json()
+    same = client.get(f"/api/v1/map/tiles?since={before['version']}").json()
+    assert before["changed"] and same["changed"] == []
+    restarted = ConsoleServer(operations, port=0)
+    restarted.start()
+    try:
+        for _ in range(2):
+            url = f"{restarted.url}/api/v1/map/tiles?since={before['version']}"
+            after = httpx.get(url, trust_env=False, timeout=60.0).json()
+            told = [tile[:2] for tile in after["changed"]]
+            assert told == [tile[:2] for tile in before["changed"]]
+    finally:
+        restarted.stop()
 
 
 def test_a_map_that_grows_says_so_in_the_state_the_map_and_all_its_tiles(

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import base64
+import io
 import math
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from navcore.errors import Refused
 from tests.web.fake_operations import FakeOperations
+from web.api.archive import OneSiteAtATime
 from web.gateway.request_body import MAX_BODY_BYTES
+from web.server import ConsoleServer
 
 YAML = (
     "image: map.pgm\nresolution: 0.1\norigin: [-1.0, -1.0, 0.0]\nnegate: 0\n"
     "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
 )
 PICTURE = base64.b64encode(b"P5 20 20 255\n" + bytes([254] * 400)).decode()
+
+RING = [[0, 0], [1, 0], [1, 1], [0, 0]]
+ZONE: dict[str, Any] = {"name": "wet", "geometry": {"type": "Polygon", "coordinates": [RING]}}
 
 
 def names(client: httpx.Client) -> list[str]:
@@ -41,12 +49,10 @@ def test_a_site_is_made_chosen_renamed_copied_and_deleted(client: httpx.Client) 
 
 def test_what_is_meant_for_the_map_of_another_site_changes_nothing(client: httpx.Client) -> None:
     there = {"Site-Id": client.get("/api/v1/state").json()["site_id"]}
-    corners = [[0, 0], [1, 0], [1, 1], [0, 0]]
-    zone = {"name": "wet", "geometry": {"type": "Polygon", "coordinates": [corners]}}
     goal = {"x_m": -4.0, "y_m": 3.0}
     client.post("/api/v1/sites", json={"name": "hall"})
     client.post("/api/v1/sites/hall/choose")
-    for path, body in (("goals", goal), ("zones", zone)):
+    for path, body in (("goals", goal), ("zones", ZONE)):
         refused = client.post(f"/api/v1/{path}", json=body, headers=there)
         assert (refused.status_code, refused.json()["error"]["code"]) == (409, "other_site")
     assert client.post("/api/v1/stop", headers=there).is_success, "wherever the robot is"
@@ -58,7 +64,50 @@ def test_what_is_meant_for_the_map_of_another_site_changes_nothing(client: httpx
     here = {"Site-Id": state["site_id"]}
     client.patch("/api/v1/sites/hall", json={"name": "nave"}, headers=here)
     assert client.post("/api/v1/goals", json=goal, headers=here).status_code == 201
-    assert client.post("/api/v1/zones", json=zone, headers=here).status_code == 201
+    assert client.post("/api/v1/zones", json=ZONE, headers=here).status_code == 201
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "method", "path", "body"),
+    [
+        ("goals", "add", "POST", "goals", {"x_m": -4.0, "y_m": 3.0}),
+        ("goals", "loop", "PUT", "mission/loop", {"loop": True}),
+        ("goals", "save", "PUT", "missions/night", None),
+        ("zones", "add", "POST", "zones", ZONE),
+        ("zones", "save_set", "PUT", "zone-sets/night", None),
+        ("beware", "edit", "PATCH", "beware/cup", {"margin_m": 0.5}),
+        ("map_edits", "erase", "POST", "map/erase", {"geometry": ZONE["geometry"]}),
+        ("path_settings", "set_unknown_price", "PUT", "path/settings", {"unknown_price": 2.0}),
+        ("edits", "undo", "POST", "edits/undo", None),
+    ],
+)
+def test_an_edit_is_refused_where_the_site_has_changed_between_its_check_and_its_turn(
+    owner: str,
+    name: str,
+    method: str,
+    path: str,
+    body: dict[str, Any] | None,
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    client.post("/api/v1/zones", json=ZONE)
+    before = client.get("/api/v1/edits").json()
+    here = {"Site-Id": client.get("/api/v1/state").json()["site_id"]}
+    operations.sites.make("hall")
+    editor = getattr(operations, owner)
+    act = getattr(editor, name)
+
+    def in_turn(*given: Any, **named: Any) -> Any:
+        operations.sites.choose("hall")
+        return act(*given, **named)
+
+    monkeypatch.setattr(editor, name, in_turn)
+    refused = client.request(method, f"/api/v1/{path}", json=body, headers=here)
+    assert (refused.status_code, refused.json()["error"]["code"]) == (409, "other_site")
+    assert client.get("/api/v1/edits").json() == before
+    assert client.get("/api/v1/goals").json()["queue"] == []
+    assert client.get("/api/v1/missions").json() == client.get("/api/v1/zone-sets").json() == []
 
 
 def test_the_site_stays_while_a_mission_drives(client: httpx.Client) -> None:
@@ -145,6 +194,38 @@ def test_a_site_and_its_nav2_map_are_files_to_download(client: httpx.Client) -> 
         assert answer.headers["content-type"] == "application/zip"
         assert "default" in answer.headers["content-disposition"] and b"default" in answer.content
         assert client.get(f"/api/v1/sites/elsewhere/{kind}").status_code == 404
+
+
+def test_one_site_is_exported_at_a_time(
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def pack(name: str) -> bytes:
+        inner.append(httpx.get(f"{server.url}/api/v1/sites/default/nav2", trust_env=False))
+        return b"zip"
+
+    inner = list[httpx.Response]()
+    monkeypatch.setattr(operations.sites, "export", pack)
+    assert client.get("/api/v1/sites/default/export").content == b"zip"
+    assert inner[0].status_code == 409 and "exported already" in inner[0].text
+    assert client.get("/api/v1/sites/default/nav2").is_success
+    assert client.get("/api/v1/sites/elsewhere/export").status_code == 404
+    assert client.get("/api/v1/sites/default/export").is_success
+
+
+def test_an_archive_counts_as_one_until_its_answer_has_ended() -> None:
+    one = OneSiteAtATime()
+    first = one.made(lambda: io.BytesIO(b"1"))
+    with pytest.raises(Refused, match="exported already"):
+        one.made(io.BytesIO)
+    first.close()
+    with pytest.raises(OSError):
+        one.made(lambda: io.BytesIO(Path("/no/such/file").read_bytes()))
+    second = one.made(io.BytesIO)
+    del second  # an answer that was never begun
+    one.made(io.BytesIO)
 
 
 def test_a_nav2_map_is_placed_by_two_points(

@@ -19,7 +19,7 @@ from app.teaching.frames.frame_store import FrameStore
 from navcore.geometry.transform import Pose2
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH, frame_at
 from tests.web.fake_operations import FakeOperations
-from web.api.teach import frames as frames_routes
+from web.api import archive
 from web.server import ConsoleServer
 
 
@@ -79,7 +79,7 @@ def test_a_client_that_stops_reading_does_not_hold_the_export(
             return answer.status_code
 
     monkeypatch.setattr(frame_archive, "exported", large)
-    monkeypatch.setattr(frames_routes, "STALL_S", 2.0)
+    monkeypatch.setattr(archive, "STALL_S", 2.0)
     host, port = server.url.removeprefix("http://").split(":")
     with socket.create_connection((host, int(port)), timeout=60) as stalled:
         request = f"GET /api/v1/teach/frames.zip HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n"
@@ -106,8 +106,8 @@ def test_an_export_goes_on_for_a_slow_client_and_ends_with_one_line_for_one_that
         await asyncio.sleep(size / bytes_per_s)
         came[0] += size
 
-    monkeypatch.setattr(frames_routes, "STALL_S", 0.3)
-    asyncio.run(frames_routes._Archive(file, "frames.zip").stream_response(send))
+    monkeypatch.setattr(archive, "STALL_S", 0.3)
+    asyncio.run(archive.Archive(file, "frames.zip").stream_response(send))
     assert file.closed and came == [taken]
     lines = [] if taken else ["an export ends: its client has taken no part within 0.3 s"]
     assert caplog.messages == lines

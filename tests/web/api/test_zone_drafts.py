@@ -75,19 +75,19 @@ def test_shapes_and_rules_that_are_none_are_refused_by_name(
 def test_a_speed_limit_closes_nothing_and_an_expired_zone_is_switched_off(
     client: httpx.Client, operations: FakeOperations
 ) -> None:
-    blocked = operations.picture().blocked.sum()  # type: ignore[union-attr]
+    blocked = operations.newest_tick().blocked.sum()  # type: ignore[union-attr]
     slow = client.post(
         "/api/v1/zones", json=zone("slow", kind="speed-limit", max_speed_mps=0.3, colour="#112233")
     )
     assert slow.json()["properties"]["max_speed_mps"] == 0.3
-    assert operations.picture().blocked.sum() == blocked  # type: ignore[union-attr]
+    assert operations.newest_tick().blocked.sum() == blocked  # type: ignore[union-attr]
     wet = client.post("/api/v1/zones", json=zone("wet", expires_in_s=60.0)).json()
     assert wet["properties"]["expires_at_s"] == operations.calendar_s + 60
-    assert operations.picture().blocked.sum() > blocked  # type: ignore[union-attr]
+    assert operations.newest_tick().blocked.sum() > blocked  # type: ignore[union-attr]
     operations.calendar_s += 61
     operations.zones.expire()
     assert client.get(f"/api/v1/zones/{wet['id']}").json()["properties"]["enabled"] is False
-    assert operations.picture().blocked.sum() == blocked  # type: ignore[union-attr]
+    assert operations.newest_tick().blocked.sum() == blocked  # type: ignore[union-attr]
 
 
 def test_edits_are_taken_back_and_done_again(client: httpx.Client) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import json
 import time
 from collections.abc import Callable, Iterator
@@ -16,16 +18,19 @@ from websockets.sync.client import connect
 
 from app.bench.console.viser_client import camera
 from navcore.errors import BadConfiguration, Refused
+from tests.reliability.routes import response_status
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
 from tests.web.test_server import PAGE, scene, viewer_of
+from web.auth.access import Access
+from web.auth.authenticator import PasswordAuthenticator
 from web.auth.control_lease import PAGE_LEASE_S, PROGRAM_LEASE_S, ControlLeases, NotInControl
 from web.auth.permissions import requirement_of
+from web.auth.rate_limit import BURST, FOR_ALL, PERIOD_S, RateLimiter
 from web.auth.roles import Role, Visitor
 from web.auth.sessions import MAX_AGE_S, MAX_IDLE_S, Sessions
 from web.auth.users import User, hash_password, is_password, new_user
-from web.gateway.rate_limit import BURST, PERIOD_S, RateLimiter
-from web.server import ConsoleServer
+from web.server import ConsoleServer, create_app
 
 ANNA = User(name="anna", role=Role.OPERATOR, password_hash="-")
 
@@ -115,7 +120,7 @@ def test_whoever_guesses_has_to_wait(
     locked: ConsoleServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "web.gateway.rate_limit.PERIOD_S", 600.0
+        "web.auth.rate_limit.PERIOD_S", 600.0
     )  # so that a slow machine gets no try more
     with browser(locked) as client:
         statuses = [
@@ -135,8 +140,39 @@ def test_the_rate_limit_allows_tries_again_with_time_and_counts_each_address_by_
     clock.now_s += PERIOD_S
     assert [limiter.wait_s("a"), limiter.wait_s("a")] == [0, 6]
     limiter.refund("a")
-    assert limiter.wait_s("a") == 0
+    assert [limiter.wait_s("a"), limiter.wait_s("a")] == [0, 6]
     assert sum(limiter.wait_s(f"address {n}") == 0 for n in range(1000)) <= 10 * BURST
+
+
+def test_one_right_password_gives_back_one_try_of_all() -> None:
+    limiter = RateLimiter(clock=Clock())
+    allowed = next(n for n in itertools.count() if limiter.wait_s(f"address {n}"))
+    assert BURST < allowed <= BURST * FOR_ALL
+    limiter.refund("address 0")
+    assert [limiter.wait_s("another"), limiter.wait_s("a third")] == [0, 1]
+
+
+def test_whoever_guesses_the_present_password_of_a_session_has_to_wait_too(
+    locked: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("web.auth.rate_limit.PERIOD_S", 600.0)
+    with browser(locked, "viewer") as viewer:
+        guess = {"present": "a guess", "password": "another long one"}
+        tries = [viewer.put("/api/v1/me/password", json=guess) for _ in range(BURST + 1)]
+        assert [one.status_code for one in tries] == [409] * BURST + [429]
+        assert 0 < int(tries[-1].headers["retry-after"]) <= 600
+        late = viewer.post("/login", data={"name": "viewer", "password": PASSWORD})
+        assert late.status_code == 429
+
+
+def test_what_is_typed_as_a_name_is_logged_only_if_an_account_has_it(
+    locked: ConsoleServer, accounts: Accounts
+) -> None:
+    with browser(locked) as client:
+        for name in ("correct horse", "viewer"):
+            client.post("/login", data={"name": name, "password": "no"})
+    who = [one["who"] for one in accounts.store.audit.newest() if one["path"] == "/login"]
+    assert who == ["viewer", "unknown"]
 
 
 def test_a_password_is_kept_as_a_salted_hash_and_known_again() -> None:
@@ -158,20 +194,20 @@ def test_a_session_ends_by_idleness_by_age_and_by_log_out_whatever_the_wall_cloc
     cookie = sessions.begin(ANNA)
     monkeypatch.setattr(time, "time", lambda: began + wall_s)
     monkeypatch.setattr(time, "time_ns", lambda: int((began + wall_s) * 1e9))
-    assert sessions.find(cookie) is not None and sessions.find("another") is None
+    assert sessions.find(cookie, renews=True) is not None and sessions.find("another") is None
     clock.now_s += MAX_IDLE_S - 1
-    assert sessions.find(cookie) is not None
+    assert sessions.find(cookie, renews=True) is not None
     clock.now_s += MAX_IDLE_S + 1
-    assert sessions.find(cookie) is None
+    assert sessions.find(cookie, renews=True) is None
     cookie = sessions.begin(ANNA)
     for _ in range(int(MAX_AGE_S / MAX_IDLE_S)):
         clock.now_s += MAX_IDLE_S - 1
-        assert sessions.find(cookie) is not None
+        assert sessions.find(cookie, renews=True) is not None
     clock.now_s += MAX_IDLE_S - 1
-    assert sessions.find(cookie) is None
+    assert sessions.find(cookie, renews=True) is None
     cookie = sessions.begin(ANNA)
     sessions.end(cookie)
-    assert sessions.find(cookie) is None
+    assert sessions.find(cookie, renews=True) is None
 
 
 def test_a_session_by_the_wall_clock_would_end_when_it_jumps(
@@ -181,7 +217,57 @@ def test_a_session_by_the_wall_clock_would_end_when_it_jumps(
     sessions, began = Sessions(clock=lambda: time.time()), time.time()
     cookie = sessions.begin(ANNA)
     monkeypatch.setattr(time, "time", lambda: began + 13 * 3600)
-    assert sessions.find(cookie) is None
+    assert sessions.find(cookie, renews=True) is None
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "goes_on"),
+    [
+        ("POST", "/api/v1/zones/undo", True),
+        ("POST", "/api/v1/stop", True),
+        ("GET", "/", True),
+        ("GET", "/api/v1/path", False),
+        ("GET", "/metrics", False),
+        ("WS", "/api/v1/events", False),
+        ("WS", "/api/v1/control/live", False),
+        ("POST", "/api/v1/beware/colour/looks", False),
+    ],
+)
+def test_a_session_goes_on_by_what_its_user_does_not_by_what_an_open_page_does(
+    method: str, path: str, goes_on: bool, accounts: Accounts
+) -> None:
+    clock = Clock()
+    sessions = Sessions(clock=clock)
+    access = Access(authenticator=PasswordAuthenticator(accounts.store.users, sessions))
+    app = create_app(FakeOperations(), allowed_hosts=["console"], access=access)
+    (operator,) = (user for user in accounts.store.users.all() if user.name == "operator")
+    page = {"Host": "console", "Cookie": f"bewarenav_0={sessions.begin(operator)}"}
+    clock.now_s += MAX_IDLE_S - 1
+    assert response_status(app, method, path, page) != (403 if method == "WS" else 401)
+    clock.now_s += 2
+    assert response_status(app, "GET", "/api/v1/me", page) == (200 if goes_on else 401)
+
+
+def test_a_program_keeps_control_by_what_it_does_not_by_what_it_reads(accounts: Accounts) -> None:
+    clock = Clock()
+    control = ControlLeases(clock=clock)
+    access = Access(authenticator=accounts.access.authenticator, control=control)
+    app = create_app(FakeOperations(), allowed_hosts=["console"], access=access)
+
+    def ask(method: str, path: str) -> int:
+        return response_status(app, method, path, accounts.headers("operator"))
+
+    assert ask("POST", "/api/v1/control/take") == 200
+    for path in ("keep", "ask", "keep"):
+        clock.now_s += PROGRAM_LEASE_S - 1
+        assert ask("POST", f"/api/v1/control/{path}") == 200
+        assert control.now.holder is not None
+    clock.now_s += PROGRAM_LEASE_S - 1
+    for path in ("/metrics", "/healthz", "/api/v1/state", "/api/v1/control"):
+        assert ask("GET", path) == 200
+    clock.now_s += 2
+    assert control.now.holder is None
+    assert ask("POST", "/api/v1/control/keep") == 409
 
 
 def test_admins_keep_the_users_and_a_change_ends_the_sessions_it_concerns(
@@ -337,7 +423,12 @@ def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() ->
     ]
     drives += [("POST", "/api/v1/stop/reset"), ("POST", "/api/v1/missions/night/load")]
     drives += [("POST", "/api/v1/sites/hall/choose"), ("POST", "/api/v1/localisation/search")]
+    drives += [("POST", "/api/v1/pose")]
     assert all(requirement_of(*request).control for request in drives)
+    for query in ("check=false", "check=true&check=0", "check=yeah", "force=true", "checks=true"):
+        assert requirement_of("POST", "/api/v1/pose", query).control, query
+    for query in ("check=true", "check=1", "force=1&check=On", "check=no&check=yes"):
+        assert not requirement_of("POST", "/api/v1/pose", query).control, query
     frees = [
         ("POST", "/api/v1/mission/pause"),
         ("POST", "/api/v1/stop"),
@@ -349,6 +440,7 @@ def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() ->
     assert requirement_of("POST", "/api/v1/stop").role is Role.VIEWER
     assert requirement_of("GET", "/api/v1/teach/frames.zip").role is Role.OPERATOR
     assert requirement_of("GET", "/api/v1/teach/frames").role is Role.VIEWER
+    assert requirement_of("GET", "/api/v1/sites/a hall/export").role is Role.OPERATOR
 
 
 def client_id(name: str, kind: str = "page") -> Visitor:
@@ -375,6 +467,16 @@ def test_the_first_visitor_to_act_gets_control_until_their_lease_expires() -> No
     control.take(program)
     clock.now_s += PROGRAM_LEASE_S - 0.1
     assert control.now.is_held_by(program)
+
+
+def test_a_holder_who_is_a_viewer_by_now_does_not_keep_control() -> None:
+    clock = Clock()
+    control, anna = ControlLeases(clock=clock), client_id("anna", "program")
+    control.claim(anna)
+    clock.now_s += PROGRAM_LEASE_S - 1
+    control.heartbeat(dataclasses.replace(anna, role=Role.VIEWER))
+    clock.now_s += 2
+    assert control.now.holder is None
 
 
 def test_control_is_asked_for_given_taken_and_everybody_can_see_it() -> None:
@@ -407,18 +509,16 @@ def test_control_is_asked_for_given_taken_and_everybody_can_see_it() -> None:
 def test_json_nested_too_deep_is_logged_as_such_and_the_audit_stays_readable(
     locked: ConsoleServer,
 ) -> None:
-    with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
+    with browser(locked, "operator") as operator:
         for depth in (5, 300, 900):
             headers = {"Content-Type": "application/json"}
-            assert (
-                viewer.post(
-                    "/api/v1/stop", content="[" * depth + "]" * depth, headers=headers
-                ).status_code
-                == 200
-            )
+            body = "[" * depth + "]" * depth
+            operator.post("/api/v1/control/take", content=body, headers=headers)
         audit = operator.get("/api/v1/audit")
         assert audit.status_code == 200
-        details = [entry["detail"] for entry in audit.json() if entry["path"] == "/api/v1/stop"]
+        details = [
+            entry["detail"] for entry in audit.json() if entry["path"] == "/api/v1/control/take"
+        ]
         assert details == ["1800 bytes, nested too deep", "600 bytes, nested too deep", [[[[[]]]]]]
 
 

@@ -7,9 +7,9 @@ import re
 import pytest
 
 from tests.web.fake_operations import FakeOperations
-from web.auth.audit import SILENT, _entry
+from web.auth.audit import _entry
 from web.auth.audit_text import describe_entry
-from web.auth.permissions import SAFE
+from web.auth.permissions import SAFE, SILENT
 from web.auth.roles import Role, Visitor
 from web.server import create_app
 
@@ -28,6 +28,9 @@ from web.server import create_app
         ("POST", "/api/v1/pose", {"x_m": 1.0}, "placed the robot on the map"),
         ("POST", "/api/v1/pose?check=true", {"x_m": 1.0},
          "compared what the robot sees with a place on the map"),
+        ("POST", "/api/v1/pose?force=true&check=1", None,
+         "compared what the robot sees with a place on the map"),
+        ("POST", "/api/v1/pose?check=true&check=off", None, "placed the robot on the map"),
         ("WS", "stop?by=console key", None, "pressed STOP"),
         ("WS", "by hand: begins", None, "began to drive by hand"),
         ("POST", "/api/v1/new/thing", None, "POST /new/thing"),

@@ -8,7 +8,7 @@ import httpx
 import pytest
 from starlette.datastructures import Headers
 
-from tests.reliability.routes import FOREIGN_HEADERS, response_status, routes_of
+from tests.reliability.routes import FOREIGN_HEADERS, PARAMETER, response_status, routes_of
 from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
 from web.gateway.origin_check import check_origin
@@ -60,6 +60,24 @@ MAY_BE_ASKED_BY_VIEWERS = {
     ("PUT", "/api/v1/me/language"),
     ("PUT", "/api/v1/me/password"),
 }
+MAY_NOT_BE_READ_BY_VIEWERS = {
+    "audit", "sites/X/export", "sites/X/nav2", "teach/frames.zip", "users",
+}  # fmt: skip
+MAY_BE_READ_BY_VIEWERS = {
+    "beware", "beware.toml", "beware/versions", "beware/versions/X", "camera.jpg", "camera/labels",
+    "candidates", "cloud.ply", "control", "control/live", "edits", "events", "explain", "goals",
+    "journal", "localisation", "map", "map.pgm", "map.png", "map.yaml", "map/changes", "map/edits",
+    "map/poses", "map/tiles", "map/tiles/X/X.png", "me", "missions", "path", "path/settings",
+    "runs", "runs/X", "series", "sightings", "sightings/X/picture.jpg",
+    "sightings/snapshots/X.jpg", "sites", "sites/X", "state", "tags/seen", "teach/frames",
+    "teach/frames/X.png", "teach/frames/X/labels", "teach/networks", "teach/training",
+    "teach/training/looks/X.png", "viewer/X", "zone-sets", "zones", "zones.pgm", "zones.yaml",
+    "zones/X",
+}  # fmt: skip
+PAGES = {
+    "/", "/docs", "/healthz", "/metrics", "/openapi.json", "/page/X", "/runs", "/teach", "/viewer",
+    "/viewer/", "/viewer/X", "/viewer/X/",
+}  # fmt: skip
 
 
 def test_the_guard_lets_a_viewer_only_look_and_stop(
@@ -74,8 +92,16 @@ def test_the_guard_lets_a_viewer_only_look_and_stop(
         if response_status(app, *route, accounts.headers("viewer"), quiet=True) == 403
     }
     assert refused == set(acts) - MAY_BE_ASKED_BY_VIEWERS
+    reads = {path for method, path in routes_of(app) if method in ("GET", "WS")}
+    closed = {
+        path.replace(PARAMETER, "X")
+        for path in reads
+        if response_status(app, "GET", path, accounts.headers("viewer"), quiet=True) == 403
+    }
+    assert closed == {f"/api/v1/{path}" for path in MAY_NOT_BE_READ_BY_VIEWERS}
+    shown = {path.replace(PARAMETER, "X") for path in reads}
+    assert shown - closed == {f"/api/v1/{path}" for path in MAY_BE_READ_BY_VIEWERS} | PAGES
     assert response_status(app, "GET", "/api/v1/users", accounts.headers("operator")) == 403
-    assert response_status(app, "GET", "/api/v1/audit", accounts.headers("viewer")) == 403
 
 
 def test_driving_is_refused_to_a_visitor_who_is_not_in_control(accounts: Accounts) -> None:
@@ -95,6 +121,7 @@ def test_driving_is_refused_to_a_visitor_who_is_not_in_control(accounts: Account
     expected |= {("PUT", "/api/v1/goals/order"), ("PUT", "/api/v1/mission/loop")}
     expected |= {("POST", "/api/v1/missions/xxxxxxxxxxxxxxxx/load")}
     expected |= {("POST", "/api/v1/mission/back-off"), ("POST", "/api/v1/localisation/search")}
+    expected |= {("POST", "/api/v1/pose")}
     expected |= {("POST", "/api/v1/sites/xxxxxxxxxxxxxxxx/choose")}
     expected |= {("POST", "/api/v1/mission/xxxxxxxxxxxxxxxx"), ("POST", "/api/v1/stop/reset")}
     assert refused == expected

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import json
 import os
+import re
 import socket
 import tempfile
 import time
@@ -23,31 +25,28 @@ from tests.web.fake_operations import FakeOperations
 from web.gateway import request_body
 from web.gateway.request_body import MAX_BODY_BYTES
 from web.interface.teaching import NetworkVersion
-from web.server import ConsoleServer
+from web.server import ConsoleServer, create_app
 
 JSON = {"Content-Type": "application/json"}
-WRITES = [
-    ("POST", "/api/v1/goals"),
-    ("POST", "/api/v1/zones"),
-    ("PUT", "/api/v1/zones/z1"),
-    ("PUT", "/api/v1/beware"),
-    ("PATCH", "/api/v1/beware/cup"),
-    ("POST", "/api/v1/beware"),
-    ("PUT", "/api/v1/beware/order"),
-    ("POST", "/api/v1/beware/preview"),
-    ("POST", "/api/v1/beware/colour"),
-    ("POST", "/api/v1/beware/colour/looks"),
-    ("POST", "/api/v1/beware/example"),
-    ("POST", "/api/v1/beware/example/click"),
-    ("POST", "/api/v1/beware/example/looks"),
-    ("POST", "/api/v1/preview"),
-    ("PATCH", "/api/v1/goals/1"),
-    ("PUT", "/api/v1/goals/order"),
-    ("PUT", "/api/v1/mission/loop"),
-    ("POST", "/api/v1/zones/import"),
-    ("POST", "/api/v1/zones/import-mask"),
-    ("POST", "/api/v1/camera/region"),
-]
+KNOWN = {"class_name": "cup", "zone_id": "z1", "name": "default"}
+"""Values of the parameters of paths; every other one is 1."""
+
+
+@functools.cache
+def requests_with_json() -> list[tuple[str, str]]:
+    """Return method and path of every request of the API that has a JSON body."""
+    app = create_app(FakeOperations(), allowed_hosts=["console"])
+    found = [
+        (method.upper(), re.sub(r"\{(\w+)\}", lambda name: KNOWN.get(name[1], "1"), path))
+        for path, methods in app.openapi()["paths"].items()
+        for method, about in methods.items()
+        if "application/json" in about.get("requestBody", {}).get("content", {})
+    ]
+    assert len(found) > 30
+    return found
+
+
+writes = st.deferred(lambda: st.sampled_from(requests_with_json()))
 KEYS = [
     "x_m",
     "y_m",
@@ -118,12 +117,12 @@ def dumped(value: Any) -> bytes:
 
 
 @settings(
-    max_examples=120,
+    max_examples=150,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
     derandomize=True,
 )
-@given(request=st.sampled_from(WRITES), value=values)
+@given(request=writes, value=values)
 def test_no_json_value_makes_the_console_fail(
     lasting: tuple[httpx.Client, FakeOperations], request: tuple[str, str], value: Any
 ) -> None:
@@ -182,7 +181,7 @@ def test_no_polygon_and_no_name_make_the_console_fail(
     suppress_health_check=[HealthCheck.function_scoped_fixture],
     derandomize=True,
 )
-@given(body=st.binary(max_size=200), request=st.sampled_from(WRITES))
+@given(body=st.binary(max_size=200), request=writes)
 def test_no_bytes_make_the_console_fail(
     lasting: tuple[httpx.Client, FakeOperations], body: bytes, request: tuple[str, str]
 ) -> None:
@@ -360,16 +359,26 @@ def test_an_if_match_that_is_no_version_is_refused(client: httpx.Client, version
     assert len(client.get("/api/v1/zones").json()["features"]) == 1
 
 
-@settings(
-    max_examples=40,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-    derandomize=True,
+@pytest.mark.parametrize(
+    "framing", ["Content-Length: 10", f"Content-Length: {10**9}", "Transfer-Encoding: chunked"]
 )
-@given(path=st.sampled_from(["map/erase", "map/reject", "sightings/1/reject"]), value=values)
-def test_no_json_value_makes_an_edit_of_the_map_fail(
-    lasting: tuple[httpx.Client, FakeOperations], path: str, value: Any
+def test_a_stop_does_not_wait_for_its_body(
+    framing: str, server: ConsoleServer, operations: FakeOperations
 ) -> None:
-    answer = lasting[0].post(f"/api/v1/{path}", content=dumped(value), headers=JSON)
-    assert answer.status_code < 500, (path, value, answer.text)
-    answer.json()
+    host = server.url.removeprefix("http://")
+    name, port = host.split(":")
+    with socket.create_connection((name, int(port)), timeout=5) as connection:
+        connection.sendall(
+            f"POST /api/v1/stop HTTP/1.1\r\nHost: {host}\r\n{framing}\r\n\r\n".encode()
+        )
+        assert connection.recv(100).startswith(b"HTTP/1.1 200")
+    assert operations.stops == ["REST"]
+
+
+def test_what_a_stop_says_in_its_body_matters_neither_for_it_nor_for_what_follows(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    for body in (b"{", b"[" * 5_000_000, b""):
+        assert client.post("/api/v1/stop", content=body, headers=JSON).status_code == 200
+        assert client.post("/api/v1/goals", json={"x_m": 3, "y_m": 0}).status_code == 201
+    assert len(operations.stops) == 3

@@ -46,7 +46,7 @@ def test_the_map_over_http_is_read_back_cell_by_cell(
     nav2_map = handed_out(
         tmp_path, client.get("/api/v1/map.pgm").content, client.get("/api/v1/map.yaml").text
     )
-    picture = operations.picture()
+    picture = operations.newest_tick()
     assert picture is not None
     assert {int(state) for state in np.unique(nav2_map.states())} == {
         State.FREE,
@@ -63,7 +63,7 @@ def test_the_map_over_http_is_read_back_cell_by_cell(
 def test_zones_are_on_the_map_only_when_they_are_asked_for(
     tmp_path: Path, operations: FakeOperations
 ) -> None:
-    picture = operations.picture()
+    picture = operations.newest_tick()
     assert picture is not None
     mask = rasterise(CORNERS, SPEC)
     for own in ({"wide_zones": ((0.3, mask),)}, {"zones": mask}):
@@ -78,7 +78,7 @@ def test_zones_are_on_the_map_only_when_they_are_asked_for(
 def test_an_origin_that_is_not_a_round_number_is_exported_exactly(
     tmp_path: Path, operations: FakeOperations
 ) -> None:
-    picture = operations.picture()
+    picture = operations.newest_tick()
     assert picture is not None
     spec = GridSpec(
         resolution_m=0.1 + 1e-12,

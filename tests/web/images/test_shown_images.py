@@ -16,7 +16,7 @@ from web.images.shown_images import ShownImages
 def test_a_large_image_is_held_for_seconds_and_an_old_one_is_not(
     operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shown, picture = ShownImages(), operations.picture()
+    shown, picture = ShownImages(), operations.newest_tick()
     assert picture is not None
     large = np.zeros((480, 848), np.uint8)
     for tick in range(40):

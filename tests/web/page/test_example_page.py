@@ -67,7 +67,7 @@ class TestWithNetwork:
         note = page.get_by_test_id("entry-example-note")
         for count in range(1, 4):
             operations.step()  # the next image
-            frame = str(operations.picture().serial)  # type: ignore[union-attr]
+            frame = str(operations.newest_tick().serial)  # type: ignore[union-attr]
             expect(page.get_by_test_id("camera")).to_have_attribute("data-frame", frame)
             with page.expect_request("**/beware/example/click") as sent:
                 click_camera(page, BOX[0] + 0.01 * count, BOX[1])

@@ -185,15 +185,15 @@ def test_a_class_switched_off_and_on_changes_the_map(
     page: Page, operations: FakeOperations
 ) -> None:
     await_map(page)
-    blocked = operations.picture().blocked.sum()  # type: ignore[union-attr]
+    blocked = operations.newest_tick().blocked.sum()  # type: ignore[union-attr]
     page.get_by_test_id("beware-1").uncheck()
     page.get_by_test_id("proposal-apply").click()
     expect(page.get_by_test_id("beware-class").first).to_have_class(re.compile("off"))
-    assert operations.picture().blocked.sum() < blocked  # type: ignore[union-attr]
+    assert operations.newest_tick().blocked.sum() < blocked  # type: ignore[union-attr]
     page.get_by_test_id("beware-1").check()
     page.get_by_test_id("proposal-apply").click()
     expect(page.get_by_test_id("beware-class").first).not_to_have_class(re.compile("off"))
-    assert operations.picture().blocked.sum() == blocked  # type: ignore[union-attr]
+    assert operations.newest_tick().blocked.sum() == blocked  # type: ignore[union-attr]
 
 
 def test_the_beware_list_is_edited_in_place_and_names_classes_without_a_detector(

@@ -63,7 +63,7 @@ def test_the_unseen_part_of_a_path_and_no_other_part_is_drawn_dashed(
     operations.goals.add(4.8, 0.0)
     operations.mission("start")
     await_map(page)
-    picture = operations.picture()
+    picture = operations.newest_tick()
     assert picture is not None
     path = picture.path
     before = path[(path[:, 0] > 1.2) & (path[:, 0] < 2.2)]  # no waypoint lies on it

@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
 from app.runtime.control.stop_reasons import POSE_STOPS
+from navcore.grid.cell_mask import CellMask
 from navcore.mission.mission import Phase
 from navcore.mission.zone import Zone
 from tests.web.fake_operations import FakeOperations
 from web.interface.insight import Candidates
 from web.interface.snapshots import Cloud
+from web.viewer.camera import overview
 from web.viewer.layers.base import Scene
 from web.viewer.layers.cloud import (
     TILE_M,
@@ -151,7 +153,7 @@ def test_only_tiles_that_changed_are_sent_again() -> None:
 def test_a_tile_of_the_floor_that_changes_keeps_its_node_which_has_a_place() -> None:
     # A node that is made again is drawn at the origin for a frame.
     operations = FakeOperations()
-    tick = operations.picture()
+    tick = operations.newest_tick()
     assert tick is not None
     listed = operations.beware.list
     scene = Scene(state=operations.state(), tick=tick, zones=(), beware=listed)
@@ -168,6 +170,19 @@ def test_a_tile_of_the_floor_that_changes_keeps_its_node_which_has_a_place() -> 
         }
     finally:
         server.stop()
+
+
+def test_the_overview_shows_the_area_that_was_seen() -> None:
+    tick = FakeOperations().newest_tick()
+    assert tick is not None
+    spec, seen = tick.grid_spec, np.zeros_like(tick.seen)
+    seen[20:100, 10:30] = seen[50, 10:60] = True
+    _, target = overview(replace(tick, seen_mask=CellMask.of(seen)))
+    low, high = spec.centres(np.array([[20, 10], [99, 59]]))
+    away = max(high[0] - low[0], 1.3 * (high[1] - low[1]), 9.0)
+    assert np.allclose(target, [*(low + high) / 2 - [0.0, 0.1 * away], 0.0])
+    _, whole = overview(replace(tick, seen_mask=CellMask.of(np.zeros_like(seen))))
+    assert np.isclose(whole[0], spec.origin_x_m + spec.cols * spec.resolution_m / 2)
 
 
 def test_an_arc_is_drawn_to_just_beyond_its_first_touch() -> None:

@@ -12,7 +12,7 @@ from web.gateway.problems import refusals
 from web.interface.insight import LabellingState
 from web.interface.operations import RobotService
 from web.interface.wire import values_of
-from web.schemas.insight import ExampleIn, SightingOut, SightingsOut, SnapshotOut, WrongIn
+from web.schemas.insight import MissedObjectIn, SightingOut, SightingsOut, SnapshotOut, WrongIn
 
 SightingId = Annotated[int, Path(ge=0, le=2**53)]
 _REFUSALS = refusals(404, 409, 422, 503)
@@ -57,7 +57,7 @@ def sightings_router(operations: RobotService) -> APIRouter:
         return operations.insight.mark_wrong(sighting_id, body.class_name)
 
     @router.post("/sightings", status_code=201, response_model=LabellingState, responses=_REFUSALS)
-    def add_example(body: ExampleIn) -> LabellingState:
+    def add_example(body: MissedObjectIn) -> LabellingState:
         """Add a held image to the labelling folder, with the object in the box as an example of a
         class."""
         return operations.insight.add_example(body.snapshot, body.class_name, body.box)

@@ -78,15 +78,15 @@ def map_edits_router(operations: RobotService) -> APIRouter:
 
     @router.get("/edits", response_model=EditsOut)
     def get_all_edits() -> EditsOut:
-        """Return the newest edit of zones, beware list or map since the start of the console, and
-        the one that was undone last."""
+        """Return the newest edit of zones, beware list, map or path settings since the start of the
+        console, and the one that was undone last."""
         return EditsOut.of(operations.edits)
 
     @router.post("/edits/undo", response_model=EditDone, responses=refusals(409, 422, 503))
     def undo_any(
         visitor: CurrentVisitor, number: Annotated[int | None, Query(ge=1)] = None
     ) -> EditDone:
-        """Undo the newest edit by any operator, whether of zones, beware list or map. With a
+        """Undo the newest edit by any operator, of zones, beware list, map or path settings. With a
         `number`, the undo is refused when that edit is no longer the newest."""
         return EditDone(text=operations.edits.undo(by=visitor.signature, number=number))
 

@@ -11,7 +11,7 @@ from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.interface.localisation import PlaceCheck, PlaceOut
 from web.interface.operations import RobotService
-from web.schemas.map.localisation import PoseIn
+from web.schemas.fields import PoseIn
 
 
 def localisation_router(operations: RobotService) -> APIRouter:
@@ -30,7 +30,8 @@ def localisation_router(operations: RobotService) -> APIRouter:
         force: Annotated[bool, Query(description="set it although the scan does not fit")] = False,
     ) -> PlaceCheck:
         """Say where the robot is; the newest scan is matched there, and the best pose nearby is
-        taken. Refused while the robot drives, and where the scan contradicts the map."""
+        taken. Refused while the robot drives, and where the scan contradicts the map. Needs
+        control, unless it only checks."""
         pose = Pose2(x_m=body.x_m, y_m=body.y_m, yaw_rad=body.yaw_rad)
         if check:
             return operations.place.check(pose)

@@ -10,6 +10,7 @@ from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 
 from navcore.geometry.transform import Pose2
 from web.api.nav2_files import OfGrid, on_grid
+from web.api.newest_tick import newest_tick
 from web.api.router import api_router
 from web.gateway.etag import unless_known
 from web.gateway.problems import refusals
@@ -26,7 +27,6 @@ from web.images.encode import (
 from web.images.shown_images import ShownImages, name_of
 from web.images.tiles import TILE, TileVersions, changed_since, tile_cells
 from web.interface.operations import RobotService
-from web.interface.snapshots import TickSnapshot
 from web.interface.wire import polyline, values_of
 from web.schemas.map.maps import (
     CameraLabelOut,
@@ -55,20 +55,15 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
         LatestOnly[bytes](),
         LatestOnly[bytes](),
     )
-    tiles = TileVersions()
-    # Versions begin again with another start of the console, whose pictures are others.
-    start = secrets.token_hex(4)
-
-    def newest() -> TickSnapshot:
-        tick = operations.picture()
-        if tick is None:
-            raise HTTPException(404, "the camera has delivered no picture yet")
-        return tick
+    # Another start of the console has other pictures. Its versions begin anywhere, so that one of
+    # an earlier start is older than all of them, or newer.
+    start = secrets.randbits(52)
+    tiles = TileVersions(start)
 
     @router.get("/map", response_model=MapOut, responses=_NOTHING_YET)
     def get_map() -> MapOut:
         """Return position and size of the map; `version` changes whenever its cells do."""
-        tick, profile = newest(), operations.profile
+        tick, profile = newest_tick(operations), operations.profile
         return MapOut(
             **values_of(tick.grid_spec),
             version=tick.grid_version,
@@ -79,9 +74,9 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     @router.get("/map.png", response_class=_Png, responses=_NOTHING_YET)
     def get_map_png(request: Request) -> Response:
         """Return an image of all layers, y upwards, two pixels per cell and side."""
-        tick, beware = newest(), operations.beware.list
+        tick, beware = newest_tick(operations), operations.beware.list
         key = (tick.grid_version, beware.version)
-        tag = f'"{start}-{tick.grid_version}-{beware.version}"'
+        tag = f'"{start:x}-{tick.grid_version}-{beware.version}"'
         return unless_known(
             request, tag, lambda: png.get(key, lambda: map_png(tick, beware)), "image/png"
         )
@@ -89,14 +84,20 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     @router.get("/map/tiles", response_model=TilesOut, responses=_NOTHING_YET)
     def get_tiles(
         since: Annotated[
-            int, Query(ge=0, le=2**53, description="Version of the previous answer.")
+            int,
+            Query(
+                ge=0,
+                le=2**53,
+                description="Version of the previous answer; one of an earlier start of the "
+                "console, or 0, asks for all tiles.",
+            ),
         ] = 0,
     ) -> TilesOut:
         """Return the tiles that have changed since an earlier answer; row 0 is at the least y."""
-        tick = newest()
+        tick = newest_tick(operations)
         version, versions = tiles.update(tick, operations.beware.list)
         spec = tick.grid_spec
-        # A version larger than the newest is from before a restart: then all tiles are sent.
+        # A version larger than the newest is of an earlier start.
         changed = list(changed_since(versions, since if since <= version else 0))
         return TilesOut(
             version=version,
@@ -113,7 +114,7 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
         Red holds bits: 1 observed, 2 obstacle, 4 closed to the robot's centre, 8 keep-out zone, 16
         prior map. Green and blue hold the ids of the classes of the beware list, 0 for none.
         """
-        tick = newest()
+        tick = newest_tick(operations)
         if row * TILE >= tick.grid_spec.rows or col * TILE >= tick.grid_spec.cols:
             raise HTTPException(404, "the map has no such tile")
         return Response(cells_png(tick, tile_cells((row, col), tick)), media_type="image/png")
@@ -124,7 +125,7 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
 
         The zones are in the mask `zones.pgm`; with `zones=1` they are occupied cells of the map.
         """
-        tick = newest()
+        tick = newest_tick(operations)
         headers = on_grid(tick.grid_spec, grid)
         image = map_pgm(tick, zones=zones)
         return Response(image, media_type="image/x-portable-graymap", headers=headers)
@@ -132,7 +133,7 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     @router.get("/map.yaml", response_class=Response, responses=refusals(404, 409))
     def get_map_yaml(grid: OfGrid = None) -> Response:
         """Return Nav2's description of `map.pgm`; the origin is its lower-left corner."""
-        tick = newest()
+        tick = newest_tick(operations)
         headers = on_grid(tick.grid_spec, grid)
         return Response(map_yaml(tick), media_type="application/yaml", headers=headers)
 
@@ -149,7 +150,7 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     @router.get("/path", response_model=PathOut, responses=_NOTHING_YET)
     def get_path() -> PathOut:
         """Return the planned path, the driven path and the moving objects."""
-        tick = newest()
+        tick = newest_tick(operations)
         return PathOut(
             serial=tick.serial,
             path=polyline(tick.path),
@@ -168,7 +169,7 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
         """Return the camera image; with `overlay=segmentation`, each enabled class is named and
         tinted by its confidence, with `overlay=tint` only tinted: `camera/labels` has the names.
         The header `Frame` names the image, so that a click can refer to it."""
-        tick, beware = newest(), operations.beware.list
+        tick, beware = newest_tick(operations), operations.beware.list
         if overlay == "none":
             data = camera.get(tick.serial, lambda: camera_jpg(tick.rgb))
         else:
@@ -184,7 +185,7 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     @router.get("/camera/labels", response_model=CameraLabelsOut, responses=_NOTHING_YET)
     def get_camera_labels() -> CameraLabelsOut:
         """Return what the camera image shows of the enabled classes, each object with its box."""
-        tick, beware = newest(), operations.beware.list
+        tick, beware = newest_tick(operations), operations.beware.list
         labels = labels_of(tick, beware)
         return CameraLabelsOut(
             serial=tick.serial, labels=[CameraLabelOut(**values_of(one)) for one in labels]

@@ -34,7 +34,7 @@ from web.schemas.mission.teleop import (
     stop_label,
 )
 
-Action = Literal["take", "ask", "give"]
+Action = Literal["take", "ask", "give", "keep"]
 REPEAT_S, POLL_S = 0.5, 0.05
 """Longest time between two messages on the holder, and period of the search for changes, seconds.
 """
@@ -63,8 +63,9 @@ def control_router(operations: RobotService, control: ControlLeases, auditor: Au
 
     @router.post("/control/{action}", response_model=ControlOut, responses=refusals(409, 422))
     async def act(action: Action, visitor: CurrentVisitor) -> ControlOut:
-        """Take control, ask for it, or give it to the visitor who asked, or to none."""
-        {"take": control.take, "ask": control.ask, "give": control.give}[action](visitor)
+        """Take control, ask for it, or give it to the visitor who asked, or to none. A program that
+        waits keeps it by `keep`, which is refused once it has lost control."""
+        getattr(control, action)(visitor)
         return _control_of(control, visitor)
 
     @router.websocket("/control/live")
@@ -114,10 +115,12 @@ class TeleopSession:
         return True
 
     def release(self) -> None:
-        """Stop the robot if this page drove it."""
+        """Stop the robot if this page drives it; without control, what another one has begun since
+        goes on, and the last velocity of this page expires."""
         if self.is_driving:
             self.is_driving = False
-            self.operations.drive(None)
+            if self._control.now.is_held_by(self.visitor):
+                self.operations.drive(None)
 
     def _is_late(self, sent_s: float, now_s: float) -> bool:
         # The offset of the two clocks is unknown: delays count from that of the fastest message.

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
-import logging
-import os
-from typing import Annotated, BinaryIO
+from typing import Annotated
 
 import numpy as np
 from fastapi import APIRouter, Path, Request, Response
-from fastapi.responses import StreamingResponse
-from starlette.types import Message, Send
 
 from navcore.errors import NotKnown
+from web.api.archive import Archive
 from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.gateway.request_body import body_file
@@ -31,42 +27,8 @@ from web.schemas.teaching import (
 FrameId = Annotated[str, Path(pattern=r"^[0-9]{1,12}$")]
 _REFUSALS = refusals(409, 422, 503)
 _OF_ONE = refusals(404, 409, 422, 503)
-PART_BYTES = 1 << 16
-"""Size of the parts in which an archive is sent, so small that a slow client takes one in time."""
-STALL_S = 30.0
-"""Longest time in which a client takes no part, seconds."""
 REGION = "region"
 """Class name of the pixels of a grown region."""
-log = logging.getLogger(__name__)
-
-
-class _Archive(StreamingResponse):
-    """A file that is sent in parts and closed at the end, also where the client takes none for
-    `STALL_S`: a connection whose other end is gone may stay open for hours."""
-
-    def __init__(self, file: BinaryIO, name: str) -> None:
-        headers = {
-            "Content-Disposition": f'attachment; filename="{name}"',
-            "Content-Length": str(file.seek(0, os.SEEK_END)),
-        }
-        file.seek(0)
-        self._file = file
-        parts = iter(lambda: file.read(PART_BYTES), b"")
-        super().__init__(parts, media_type="application/zip", headers=headers)
-
-    async def stream_response(self, send: Send) -> None:
-        """Send the parts; ends where one is not taken in time, and the server cuts the answer
-        off."""
-
-        async def send_in_time(message: Message) -> None:
-            async with asyncio.timeout(STALL_S):
-                await send(message)
-
-        with self._file:
-            try:
-                await super().stream_response(send_in_time)
-            except TimeoutError:
-                log.warning("an export ends: its client has taken no part within %g s", STALL_S)
 
 
 def teach_frames_router(operations: RobotService) -> APIRouter:
@@ -100,7 +62,7 @@ def teach_frames_router(operations: RobotService) -> APIRouter:
     def export_frames() -> Response:
         """Return all frames as a zip archive of a data set, with the annotated classes alone and
         everything in the split `train`. Operators only, one at a time."""
-        return _Archive(operations.teaching.frames.export(), "frames.zip")
+        return Archive(operations.teaching.frames.export(), "frames.zip")
 
     @router.post("/teach/frames.zip", response_model=AddedOut, responses=_REFUSALS)
     def add_frames(request: Request) -> AddedOut:

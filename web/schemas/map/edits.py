@@ -39,7 +39,7 @@ class RejectAtIn(RejectIn):
 
 
 class EditsOut(BaseModel):
-    """Edits of zones, beware list or map that can be undone and redone."""
+    """Edits of zones, beware list, map or path settings that can be undone and redone."""
 
     model_config = DOCUMENTED
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from web.schemas.fields import Closed, Metres, number
+from web.schemas.fields import Closed, PoseIn, hand_over
 
 MAX_POSES = 100_000
 """Largest number of corrected poses in a request."""
@@ -14,23 +14,20 @@ MAX_POSES_BYTES = 150 * MAX_POSES
 """Largest request in bytes: numbers of 17 digits."""
 
 
-class NumberedPose(Closed):
+class NumberedPose(PoseIn):
     """Pose from which points of the map were observed, T_map_base."""
 
     id: Annotated[int, Field(strict=True, ge=0)]
     """Pose id."""
-    x_m: Metres
-    """x in metres of the map frame."""
-    y_m: Metres
-    """y in metres of the map frame."""
-    yaw_rad: Annotated[float, number(-7.0, 7.0)]
-    """Heading in radians, counter-clockwise from x."""
 
 
 class PosesIn(Closed):
     """Corrected poses; the others stay."""
 
-    poses: Annotated[list[NumberedPose], Field(min_length=1, max_length=MAX_POSES)]
+    poses: Annotated[
+        list[Annotated[NumberedPose, BeforeValidator(hand_over)]],
+        Field(min_length=1, max_length=MAX_POSES),
+    ]
     """Corrected poses in any order."""
 
 

@@ -14,8 +14,8 @@ class PathSettingsIn(Closed):
     """Settings of the path."""
 
     unknown_price: UnknownPrice
-    """Cost of a metre of path over floor that was not seen yet, in metres of seen floor; 1 is the
-    paper's rule, unseen floor costs what seen floor does."""
+    """Cost of a metre of path over floor that was not seen yet, in metres of seen floor; with 1, as
+    in the paper of Kumar and Sandhan, unseen floor costs what seen floor does."""
 
 
 class PathSettingsOut(BaseModel):

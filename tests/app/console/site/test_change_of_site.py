@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextvars
 import dataclasses
 import threading
 import time
@@ -17,7 +18,7 @@ import pytest
 from app.console.site.sites import LiveSites, mission_of
 from app.runtime.record.map_keeper import MapKeeper
 from navcore.config.mapping import MappingConfig
-from navcore.errors import BadConfiguration, Outdated, Refused, StorageFailed
+from navcore.errors import BadConfiguration, OtherSite, Outdated, Refused, StorageFailed
 from navcore.grid.cell_mask import CellMask
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.erasing import Erasable
@@ -25,6 +26,7 @@ from navcore.mapping.storage import map_file
 from navcore.mission.mission import Phase
 from tests.app.console.site.desk import SECOND, SQUARE, Desk, points_in
 from tests.navcore.scene import RED_LIST, SPEC
+from web.interface.meant_site import mean_site
 from web.interface.sites import SiteChanges, Tag
 
 
@@ -78,6 +80,24 @@ def test_the_map_of_the_new_site_replaces_the_old_one_before_the_next_tick(desk:
     assert held is not None and held.bools[3, 3]
     decision = desk.controller.tick_state.decision
     assert decision is not None and decision.occupancy.grid.geometric[3, 3]
+
+
+def test_a_request_that_is_meant_for_the_site_changes_it_and_then_edits_it_no_more(
+    desk: Desk,
+) -> None:
+    desk.zones.add(SQUARE)
+    here = desk.sites.chosen_id
+
+    def ask() -> None:
+        mean_site(lambda: desk.sites.chosen_id == here)
+        desk.zones.add(SQUARE)
+        desk.choose("hall")
+        with pytest.raises(OtherSite):
+            desk.zones.add(SQUARE)
+
+    contextvars.copy_context().run(ask)
+    desk.zones.add(SQUARE)
+    assert [len(desk.store.sites.open(name).zones()) for name in ("default", "hall")] == [2, 1]
 
 
 def test_a_driving_robot_stays_at_its_site(desk: Desk) -> None:

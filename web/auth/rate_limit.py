@@ -1,13 +1,19 @@
-"""Rate limit of log-ins: a few tries at once, then one per period; by address and for all
+"""Rate limit of passwords: a few tries at once, then one per period; by address and for all
 together."""
 
 from __future__ import annotations
 
+import asyncio
 import math
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
+from typing import TypeVar
+
+from starlette.types import Scope
+
+from navcore.errors import Refused
 
 BURST, PERIOD_S = 5, 6.0
 """Tries at once, and seconds per further try, of one address."""
@@ -16,6 +22,21 @@ FOR_ALL = 10
 MAX_ADDRESSES = 10_000
 """Largest number of remembered addresses."""
 _ALL = ""
+_Found = TypeVar("_Found")
+
+
+def address_of(scope: Scope) -> str:
+    """Return the address whose tries are counted with those of a request."""
+    return str((scope.get("client") or ("?", 0))[0])
+
+
+class TooManyTries(Refused):
+    """Refusal of a try before its time."""
+
+    def __init__(self, wait_s: int) -> None:
+        """`wait_s`: time until the next try is allowed, seconds."""
+        super().__init__(f"Too many tries; wait {wait_s} s.")
+        self.wait_s = wait_s
 
 
 class RateLimiter:
@@ -43,9 +64,11 @@ class RateLimiter:
         return 0
 
     def refund(self, address: str) -> None:
-        """Empty the bucket of an address after a successful try."""
+        """Take back the count of a try, because it was successful."""
         with self._lock:
-            self._full_until.pop(address, None)
+            for key, every_s in ((address, PERIOD_S), (_ALL, PERIOD_S / FOR_ALL)):
+                if key in self._full_until:
+                    self._full_until[key] -= every_s
 
     def _excess_s(self, key: str, every_s: float, now: float) -> float:
         return (
@@ -57,3 +80,24 @@ class RateLimiter:
     def _fill(self, key: str, every_s: float, now: float) -> None:
         self._full_until[key] = max(self._full_until.get(key, now), now) + every_s
         self._full_until.move_to_end(key)
+
+
+class PasswordTries:
+    """Tries of passwords, limited in rate and one at a time, because hashing is slow and needs
+    memory on purpose. For one event loop."""
+
+    def __init__(self, limiter: RateLimiter | None = None) -> None:
+        self._limiter = limiter or RateLimiter()
+        self._one_at_a_time = asyncio.Semaphore(1)
+
+    async def attempt(self, address: str, check: Callable[[], _Found]) -> _Found:
+        """Return what `check` returns in a thread, something true for the right password; raises
+        `TooManyTries`."""
+        wait_s = self._limiter.wait_s(address)
+        if wait_s:
+            raise TooManyTries(wait_s)
+        async with self._one_at_a_time:
+            found = await asyncio.to_thread(check)
+        if found:
+            self._limiter.refund(address)
+        return found

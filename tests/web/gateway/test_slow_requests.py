@@ -1,0 +1,151 @@
+"""What is slow in a request, its body, its answer, the disk, is waited for beside the event loop: a
+stop gets through meanwhile."""
+
+from __future__ import annotations
+
+import gc
+import io
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import fastapi.applications
+import httpx
+import pytest
+from websockets.sync.client import connect
+
+import web.schemas.fields
+from navcore.geometry.transform import Pose2
+from tests.web.fake_operations import FakeOperations
+from web.gateway.pooled_route import LARGE_BYTES
+from web.gateway.problems import JsonResponse
+from web.server import ConsoleServer
+
+TAG = {"id": 12, "x_m": 3, "y_m": 0, "z_m": 1, "yaw_rad": 0, "size_m": 0.2, "sigma_m": 0.02}
+
+
+@contextmanager
+def stopped_within(
+    slow: Any, name: str, server: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
+    """Stop the robot from within the first call of a method, while a request of the block waits
+    for it; return when that has been answered."""
+    act, is_first, ended = getattr(slow, name), threading.Lock(), threading.Event()
+    stopped: list[int | str] = []
+
+    def stop() -> None:
+        try:
+            address = f"{server.url}/api/v1/stop"
+            stopped.append(httpx.post(address, trust_env=False, timeout=10).status_code)
+        except httpx.HTTPError as error:
+            stopped.append(repr(error))
+
+    def held(*args: Any, **named: Any) -> Any:
+        if is_first.acquire(blocking=False):
+            stopping = threading.Thread(target=stop)
+            stopping.start()
+            stopping.join()
+            ended.set()
+        return act(*args, **named)
+
+    monkeypatch.setattr(slow, name, held)
+    yield
+    assert ended.wait(30) and stopped == [200]
+
+
+@pytest.mark.parametrize(
+    ("slow", "name", "method", "path"),
+    [
+        (json, "loads", "POST", "/api/v1/sites/default/tags"),
+        (web.schemas.fields, "from_table", "POST", "/api/v1/sites/default/tags"),
+        (JsonResponse, "render", "GET", "/api/v1/zones"),
+        (fastapi.applications, "get_openapi", "GET", "/openapi.json"),
+    ],
+)
+def test_a_stop_gets_through_while_another_request_is_read_or_answered(
+    slow: Any,
+    name: str,
+    method: str,
+    path: str,
+    server: ConsoleServer,
+    client: httpx.Client,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with stopped_within(slow, name, server, monkeypatch):
+        client.request(method, path, json=TAG if method == "POST" else None)
+
+
+@pytest.mark.parametrize("name", ["write", "seek", "close"])
+def test_a_stop_gets_through_while_the_disk_keeps_an_upload_waiting(
+    name: str,
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    class File(io.BufferedRandom):
+        """A file whose methods can be replaced."""
+
+    networks = operations.teaching.networks
+    with File(io.FileIO(tmp_path / "upload", "w+")) as file:
+        monkeypatch.setattr(networks, "import_file", lambda: file)
+        with stopped_within(file, name, server, monkeypatch):
+            client.post("/api/v1/teach/networks?name=mine", content=b"weights")
+        monkeypatch.undo()
+
+
+def test_a_stop_gets_through_while_the_disk_keeps_the_file_of_an_upload_waiting(
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with stopped_within(operations.teaching.networks, "import_file", server, monkeypatch):
+        client.post("/api/v1/teach/networks?name=mine", content=b"weights")
+
+
+def test_a_stop_gets_through_while_the_3d_view_works_on_a_message_of_its_page(
+    server: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = server.url.replace("http", "ws") + f"/api/v1/viewer/{'a' * 16}"
+    with (
+        stopped_within(server._viewer, "receive", server, monkeypatch),
+        connect(link, proxy=None) as page,
+    ):
+        page.send(json.dumps({"type": "draft", "mode": "goal", "corners": [], "path": []}))
+
+
+@pytest.mark.parametrize("is_large", [False, True])
+def test_the_garbage_collector_rests_while_a_large_body_is_read(
+    is_large: bool,
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    collects = list[bool]()
+
+    def note(poses: dict[int, Pose2]) -> None:
+        collects.append(gc.isenabled())
+
+    monkeypatch.setattr(operations, "correct_poses", note)
+    body = {"poses": [{"id": 0, "x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0}]}
+    content = json.dumps(body) + " " * (LARGE_BYTES if is_large else 0)
+    headers = {"Content-Type": "application/json"}
+    answer = client.patch("/api/v1/map/poses", content=content, headers=headers)
+    assert answer.status_code == 204 and collects == [not is_large] and gc.isenabled()
+
+
+def test_an_answer_is_always_json() -> None:
+    content = {"far": float("inf"), "none": [float("nan")], "name": "é", 3: 10**30}
+    assert json.loads(bytes(JsonResponse(content).body), parse_constant=pytest.fail) == {
+        "far": None,
+        "none": [None],
+        "name": "é",
+        "3": 10**30,
+    }
+    torn = JsonResponse({"far": float("inf"), "name": "\ud800"}).body
+    assert torn == b'{"far":null,"name":"\\ud800"}'

@@ -1,0 +1,80 @@
+"""Archives that are downloaded: each route makes and sends one at a time, since the computer of a
+robot may lack the memory for more."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import threading
+import weakref
+from collections.abc import Callable
+from typing import BinaryIO
+
+from fastapi.responses import StreamingResponse
+from starlette.types import Message, Send
+
+from navcore.errors import Refused
+
+PART_BYTES = 1 << 16
+"""Size of the parts in which an archive is sent, so small that a slow client takes one in time."""
+STALL_S = 30.0
+"""Longest time in which a client takes no part, seconds."""
+log = logging.getLogger(__name__)
+
+
+class Archive(StreamingResponse):
+    """A file that is sent in parts and closed at the end, also where the client takes none for
+    `STALL_S`: a connection whose other end is gone may stay open for hours."""
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        headers = {
+            "Content-Disposition": f'attachment; filename="{name}"',
+            "Content-Length": str(file.seek(0, os.SEEK_END)),
+        }
+        file.seek(0)
+        self._file = file
+        parts = iter(lambda: file.read(PART_BYTES), b"")
+        super().__init__(parts, media_type="application/zip", headers=headers)
+
+    async def stream_response(self, send: Send) -> None:
+        """Send the parts; ends where one is not taken in time, and the server cuts the answer
+        off."""
+
+        async def send_in_time(message: Message) -> None:
+            async with asyncio.timeout(STALL_S):
+                await send(message)
+
+        try:
+            await super().stream_response(send_in_time)
+        except TimeoutError:
+            log.warning("an export ends: its client has taken no part within %g s", STALL_S)
+        finally:
+            await asyncio.to_thread(self._file.close)
+
+
+class OneSiteAtATime:
+    """Maker of one archive of a site at a time: until its file is closed, another one is
+    refused."""
+
+    def __init__(self) -> None:
+        self._making = threading.Lock()
+        self._last: Callable[[], BinaryIO | None] = lambda: None
+
+    def made(self, make: Callable[[], BinaryIO]) -> BinaryIO:
+        """Return what `make` makes; raises `Refused`."""
+        if not self._making.acquire(blocking=False):
+            raise _busy()
+        try:
+            last = self._last()
+            if last is not None and not last.closed:
+                raise _busy()
+            file = make()
+            self._last = weakref.ref(file)
+            return file
+        finally:
+            self._making.release()
+
+
+def _busy() -> Refused:
+    return Refused("a site is being exported already; wait until that has ended")
