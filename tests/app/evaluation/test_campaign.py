@@ -153,6 +153,16 @@ def test_an_error_of_the_program_ends_the_campaign(tmp_path: Path) -> None:
         campaign(run=broken).run([0, 1], fleet=TWO, out=tmp_path)
 
 
+@pytest.mark.long
+def test_a_worker_with_other_code_than_this_process_drives_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.fleet.local.version", lambda: "0.1, commit of before")
+    with pytest.raises(BadConfiguration, match=r"has bewarenav .*of 0\.1, commit of before"):
+        campaign().run([0, 1], fleet=TWO, out=tmp_path)
+    assert (tmp_path / "episodes.jsonl").read_text() == ""
+
+
 def broken(key: int) -> dict[str, Any]:
     return {"key": 1 // 0}
 
