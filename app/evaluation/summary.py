@@ -44,7 +44,8 @@ RATES: dict[str, tuple[str, Callable[[Report], bool]]] = {
 }
 """Shares of the episodes: title in the tables, and whether a report counts."""
 MEANS: dict[str, tuple[str, Measure]] = {
-    "spl": ("SPL", lambda report: report["spl"]),
+    # Reports of earlier versions weight by all goals that were reached, also over violations.
+    "spl": ("SPL", lambda report: report["spl"] if report["success"] else 0.0),
     "ideal_spl": ("SPL of an ideal driver with this view", lambda report: _ideal_spl(report)),
     "distance_m": ("driven, m", lambda report: report["distance_m"]),
     "sim_time_s": ("time, s", lambda report: report["sim_time_s"]),

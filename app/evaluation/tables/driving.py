@@ -42,7 +42,7 @@ def _short_row(result: Result) -> Row:
         count(result, "goals_rate"),
         interval(result, "goals_rate"),
         count(result, "success_rate"),
-        f"{result['spl']:.2f}",
+        _spl(result),
         f"{result['ideal_spl']:.2f}",
     )
 
@@ -51,11 +51,17 @@ def _random_row(result: Result) -> Row:
     return (
         world(result),
         *(f"{count(result, key)} ({interval(result, key)})" for key in _SHOWN_RATES),
-        f"{result['spl']:.2f}",
+        _spl(result),
         f"{result['ideal_spl']:.2f}",
         _items(result),
         failures(result),
     )
+
+
+def _spl(result: Result) -> str:
+    """Return the SPL; a dash for kept figures of before it was weighted by success, of episodes
+    that were not kept."""
+    return "–" if result["spl"] is None else f"{result['spl']:.2f}"
 
 
 def _items(result: Result) -> str:

@@ -160,6 +160,7 @@ def test_zones_keep_the_robot_out_unless_left_out_and_the_referee_judges_by_them
         and ignored["zone_intrusion_m2s"] > 0.1
     )
     assert ignored["causes"] == ["over a zone"]
+    assert ignored["goals_reached"] == 1 and ignored["spl"] == 0.0 < obeyed["spl"]
 
 
 def test_without_the_local_planner_the_robot_follows_the_path_and_hits_nothing() -> None:
@@ -298,12 +299,14 @@ def test_a_summary_has_rates_and_means_with_their_intervals() -> None:
     summary = summarise(
         [made_up(seed, success=seed > 0, spl=0.8 + 0.02 * seed) for seed in range(10)]
     )
-    assert summary["success_rate"] == 0.9 and summary["spl"] == pytest.approx(0.89)
+    # Anderson et al. 2018: a path counts if the episode is a success, whatever it reached.
+    assert summary["success_rate"] == 0.9 and summary["goals_rate"] == 1.0
+    assert summary["spl"] == pytest.approx(0.81)
     assert summary["success_rate_ci95"] == pytest.approx(
         [0.596, 0.982], abs=1e-3
     )  # Wilson's, from the literature
     low, high = summary["spl_ci95"]
-    assert 0.84 < low < 0.89 < high < 0.94
+    assert 0.55 < low < 0.81 < high < 0.94
     assert summary["ideal_spl"] == 0.75
     assert summary["items"]["cup"] == {
         "there": 10,
