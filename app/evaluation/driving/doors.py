@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
-from app.evaluation.campaign import HERE, Fleet, conclude
-from app.evaluation.driving.drawn_missions import drive_drawn, origin_of
+from app.evaluation.campaign import HERE, Conclusion, Fleet, show_reports
+from app.evaluation.driving.drawn_missions import drive_drawn
+from app.evaluation.origin import origin_of_drives
+from app.evaluation.suites import Suite
 from app.evaluation.summary import rate_interval
+from app.runtime.record.provenance import command_line
 from navcore.config.navigator import config_for
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
@@ -47,7 +51,6 @@ PATIENCE_S = 60.0
 """Time limit of an episode, simulated seconds."""
 DETOUR_M = 1.5
 """Distance beyond the shortest way that still is the first try, metres."""
-SUITE = "doors"
 COLUMNS = (
     *("seed", "door", "into_room", "first_try", "goals_reached", "collisions", "min_clearance_m"),
     *("distance_m", "shortest_m", "sim_time_s", "wall_time_s"),
@@ -100,7 +103,7 @@ def evaluate_doors(
 ) -> dict[str, Any]:
     """Drive one passage per seed, print a table, write `summary.json`; return the summary."""
     reports = drive_drawn(
-        SUITE,
+        Suite.DOORS,
         next(draw_passages(0)),
         drive_passage,
         dataclasses.replace(settings, max_time_s=PATIENCE_S),
@@ -108,14 +111,7 @@ def evaluate_doors(
         fleet=fleet,
         out=out,
     )
-    return conclude_doors(reports, out)
-
-
-def conclude_doors(reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
-    """Print the table of a campaign, write `summary.json`, return the summary."""
-    summary = summarise(reports)
-    conclude(reports, summary, columns=COLUMNS, title=SUITE, out=out)
-    return summary
+    return CONCLUSION.write(command_line(), reports, out)
 
 
 def drive_passage(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
@@ -169,11 +165,11 @@ def is_first_try(report: dict[str, Any]) -> bool:
     return bool(report["success"] and report["distance_m"] <= report["shortest_m"] + DETOUR_M)
 
 
-def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
+def summarise(command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the summary of a campaign as a JSON object, with Wilson's interval."""
     passed = [report for report in reports if report["first_try"]]
     return {
-        **origin_of(SUITE, reports),
+        **origin_of_drives(Suite.DOORS, command, reports),
         "first_try": round(len(passed) / len(reports), 4),
         "first_try_ci95": [round(end, 4) for end in rate_interval(len(passed), len(reports))],
         "not_at_first_try_seeds": [report["seed"] for report in reports if not report["first_try"]],
@@ -182,3 +178,10 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
         "min_clearance_m": min(report["min_clearance_m"] for report in reports),
         "sim_time_s": round(float(np.mean([report["sim_time_s"] for report in reports])), 2),
     }
+
+
+CONCLUSION = Conclusion(
+    summarise=summarise,
+    show=partial(show_reports, columns=COLUMNS, title=Suite.DOORS),
+)
+"""What is made of a campaign."""

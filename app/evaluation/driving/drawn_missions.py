@@ -10,12 +10,12 @@ from typing import Any
 
 from app.episode.episode import EpisodeSettings
 from app.evaluation.campaign import Campaign, Fleet
-from app.runtime.record.provenance import command_line
+from app.evaluation.suites import Suite
 from navcore.config.navigator import config_for
 
 
 def drive_drawn(
-    suite: str,
+    suite: Suite,
     example: object,
     drive_one: Callable[..., dict[str, Any]],
     settings: EpisodeSettings,
@@ -33,7 +33,7 @@ def drive_drawn(
         suite=suite,
         key="seed",
         rules=(
-            suite,
+            str(suite),
             example,
             settings.beware.classes,
             settings.max_time_s,
@@ -48,19 +48,3 @@ def drive_drawn(
         drive_alone=drive,
     )
     return campaign.run(list(seeds), fleet=fleet, out=out)
-
-
-def origin_of(suite: str, reports: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return how the reports came about, as a JSON object."""
-    return {
-        "command": command_line(),
-        "scenario": suite,
-        **{
-            key: reports[0][key]
-            for key in ("segmenter", "odometry", "gnss", "latency", "people", "scanner")
-        },
-        "versions": sorted({report["version"] for report in reports}),
-        "machines": sorted({report["machine"] for report in reports}),
-        "episodes": len(reports),
-        "seeds": [report["seed"] for report in reports],
-    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,9 @@ from rich.console import Console as Terminal
 
 from app.episode.ablations import Ablation
 from app.episode.task import Task, episode_of
-from app.evaluation.campaign import HERE, Campaign, Fleet, write_summary
+from app.evaluation.campaign import HERE, Campaign, Conclusion, Fleet
+from app.evaluation.origin import origin_of_drives
+from app.evaluation.suites import Suite
 from app.evaluation.summary import summarise, tables_of
 from app.runtime.record.provenance import command_line
 from app.runtime.start.segmentation import Perception, colour_perception, compose
@@ -25,8 +27,6 @@ from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import HUSKY, RobotProfile
 from sim.scenario.schema import Scenario
 
-RANDOM, GIVEN = "random", "given"
-"""Names of the suites: start and goal of each seed, or those of the world."""
 NEEDS_NO_SEGMENTER = (Ablation.NO_SEMANTICS, Ablation.ORACLE)
 
 
@@ -70,7 +70,7 @@ def evaluate_scenario(
     segmenter = str(task.ablation) if task.ablation in NEEDS_NO_SEGMENTER else perception.identity
     common = Evaluation(task=task, robot=robot, beware=beware, config=config, drawn=drawn)
     campaign = Campaign(
-        suite=RANDOM if task.random else GIVEN,
+        suite=Suite.RANDOM if task.random else Suite.GIVEN,
         key="seed",
         rules=(task, beware.classes, robot, config, segmenter),
         holds="another world, task, ablation, odometry, robot, configuration, beware list, "
@@ -81,20 +81,25 @@ def evaluate_scenario(
     )
     reports = campaign.run(seeds, fleet=fleet, out=out)
     _draw(reports, task.scenario, out / "figures")
-    return conclude_scenario(campaign.suite, command_line(), reports, out)
+    return CONCLUSIONS[campaign.suite].write(command_line(), reports, out)
 
 
-def conclude_scenario(
-    mission: str, command: str, reports: Sequence[dict[str, Any]], out: Path
-) -> dict[str, Any]:
-    """Print the tables of a campaign, write `summary.json`, return the summary."""
-    summary = {"command": command, "mission": mission, **summarise(reports)}
-    write_summary(summary, out)
+def _summary(suite: Suite, command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    world = reports[0]["scenario"]
+    return origin_of_drives(suite, command, reports, scenario=world) | summarise(reports)
+
+
+def _show(_: Sequence[dict[str, Any]], summary: dict[str, Any]) -> None:
     terminal = Terminal(width=None if sys.stdout.isatty() else 140)
     for table in tables_of(summary):
         terminal.print(table)
-    terminal.print(f"the results are in {out}")
-    return summary
+
+
+CONCLUSIONS: Mapping[str, Conclusion] = {
+    suite: Conclusion(summarise=partial(_summary, suite), show=_show)
+    for suite in (Suite.RANDOM, Suite.GIVEN)
+}
+"""What is made of missions whose start and goal each seed draws, and of those of a world."""
 
 
 def _draw(reports: Sequence[dict[str, Any]], scenario: Scenario, folder: Path) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.evaluation.perception.detection_counts import DetectionCounts, Walks
+from app.evaluation.suites import Suite
 from app.runtime.start.segmentation import Perception
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception.perception import ObservationConfig
@@ -42,7 +43,6 @@ from sim.dataset.scene import BACKGROUND, Scene
 from sim.rendering.lighting import PLAIN, Lighting
 from sim.sensors.camera import T_BASE_CAMERA
 
-SUITE = "finding"
 CELL_M, STEP_M, SPEED_MPS = 0.05, 0.1, 0.8
 """Cell size of the map, distance between images, and speed of the robot."""
 IN_VIEW_M, IN_TIME_M = 4.0, 1.5
@@ -118,7 +118,7 @@ def walks(
 ) -> Walks:
     """Return the suite of a perception with images of `size` (columns, rows)."""
     return Walks(
-        suite=SUITE,
+        suite=Suite.FINDING,
         names=BEWARE_CLASSES[1:],
         perception=perception,
         beware=beware,

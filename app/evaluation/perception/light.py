@@ -16,12 +16,14 @@ import numpy.typing as npt
 from rich.console import Console as Terminal
 from rich.table import Table
 
-from app.evaluation.campaign import HERE, Campaign, origin_of, write_summary
+from app.evaluation.campaign import HERE, Campaign, write_summary
+from app.evaluation.origin import origin_of
 from app.evaluation.perception.detection import ENOUGH_PX, walk_of_seed
 from app.evaluation.perception.detection_counts import DetectionCounts
 from app.evaluation.perception.detection_counts import summary as rates_of
 from app.evaluation.perception.light_figures import row_of
-from app.runtime.record.provenance import machine, version
+from app.evaluation.suites import Suite
+from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
@@ -35,7 +37,6 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from sim.rendering.lighting import DISTURBANCES, Lighting
 
-SUITE = "light"
 TURN_RADPS = 1.0
 """Yaw rate with which the image moves while it is exposed, where that takes time."""
 CLASSES = len(BEWARE_CLASSES)
@@ -75,7 +76,9 @@ def evaluate_light(
     Raises `BadConfiguration` for a perception without a network whose labels can be told apart.
     """
     if perception.examples is None:
-        raise BadConfiguration(f"the suite {SUITE!r} needs a network; {perception.title} has none")
+        raise BadConfiguration(
+            f"the suite '{Suite.LIGHT}' needs a network; {perception.title} has none"
+        )
     network = perception.examples
 
     def drive(seed: int) -> dict[str, Any]:
@@ -87,15 +90,23 @@ def evaluate_light(
         return origin | {"disturbances": walks, "success": walks["none"]["success"]}
 
     campaign = Campaign(
-        suite=SUITE,
+        suite=Suite.LIGHT,
         key="seed",
-        rules=(SUITE, perception.identity, beware.classes, size, tuple(disturbances.items())),
+        rules=(
+            str(Suite.LIGHT),
+            perception.identity,
+            beware.classes,
+            size,
+            tuple(disturbances.items()),
+        ),
         holds="another suite, network, beware list, image size or other disturbances",
         drive=drive,
         drive_alone=drive,
     )
     reports = campaign.run(seeds, fleet=HERE, out=out)
-    told = origin_of(SUITE, perception.identity, size, reports) | {
+    told = {
+        **origin_of(Suite.LIGHT, command_line(), reports, segmenter=perception.identity),
+        "images": list(size),
         "disturbances": {name: _summary(reports, name) for name in disturbances},
     }
     write_summary(told, out)

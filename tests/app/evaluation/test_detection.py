@@ -12,6 +12,7 @@ import pytest
 
 from app.evaluation.perception import detection
 from app.evaluation.perception.detection_counts import DetectionCounts, Walks, summary
+from app.evaluation.suites import Suite
 from app.runtime.start.segmentation import colour_perception
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
@@ -123,7 +124,7 @@ def test_walks_are_recorded_and_an_interrupted_suite_walks_only_the_rest(tmp_pat
         )
 
     suite = Walks(
-        suite="one-click",
+        suite=Suite.ONE_CLICK,
         names=("teddy", "vase"),
         perception=colour_perception(),
         beware=BewareList(classes=()),
@@ -137,6 +138,6 @@ def test_walks_are_recorded_and_an_interrupted_suite_walks_only_the_rest(tmp_pat
     assert told["found_by_class"] == {"teddy": "2/4"} and "found_of_thin" not in told
     assert told["seeds"] == [2000, 2001, 2002, 2003] and told["refused"] == ["grey"] * 4
     assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["found"] == 2
-    other = dataclasses.replace(suite, suite="finding")
+    other = dataclasses.replace(suite, suite=Suite.FINDING)
     with pytest.raises(BadConfiguration, match="another suite"):
         other.run(range(2000, 2004), out=tmp_path)

@@ -57,6 +57,6 @@ def test_a_door_is_passed_and_a_way_back_is_no_first_try() -> None:
     longer = {**report, "distance_m": report["shortest_m"] + 2.0}
     assert not is_first_try(longer)
     assert not is_first_try({**report, "success": False})
-    summary = summarise([report, {**longer, "first_try": False}])
+    summary = summarise("evaluate doors", [report, {**longer, "first_try": False}])
     assert (summary["first_try"], summary["not_at_first_try_seeds"]) == (0.5, [3])
     assert (summary["seeds"], summary["segmenter"]) == ([3, 3], "colour rules")

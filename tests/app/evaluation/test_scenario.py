@@ -203,6 +203,8 @@ def made_up(seed: int, **changes: Any) -> dict[str, Any]:
         "scenario": "w",
         "robot": "husky",
         "segmenter": "colour",
+        "version": "1",
+        "machine": "one",
         "ablation": "none",
         "odometry": "typical",
         "gnss": "none",
