@@ -21,7 +21,7 @@ import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.evaluation.campaign import HERE, Conclusion, Fleet, show_reports
-from app.evaluation.driving.drawn_missions import drive_drawn
+from app.evaluation.driving.drawn_missions import EXAMPLES, drive_drawn
 from app.evaluation.origin import origin_of_drives
 from app.evaluation.suites import Suite
 from app.evaluation.summary import rate_interval
@@ -164,7 +164,7 @@ def evaluate_crossings(
     """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
     reports = drive_drawn(
         Suite.CROSSINGS,
-        draw_crossing(0),
+        tuple(draw_crossing(seed).scenario() for seed in EXAMPLES),
         drive_crossing,
         dataclasses.replace(settings, max_time_s=PATIENCE_S),
         seeds=seeds,

@@ -13,10 +13,13 @@ from app.evaluation.campaign import Campaign, Fleet
 from app.evaluation.suites import Suite
 from navcore.config.navigator import config_for
 
+EXAMPLES = range(100)
+"""Seeds whose missions tell two ways of drawing apart."""
+
 
 def drive_drawn(
     suite: Suite,
-    example: object,
+    missions: object,
     drive_one: Callable[..., dict[str, Any]],
     settings: EpisodeSettings,
     *,
@@ -25,8 +28,9 @@ def drive_drawn(
     out: Path,
 ) -> list[dict[str, Any]]:
     """Return the reports of `drive_one(seed, settings)`, one a seed; those kept in `out` are not
-    driven again if they were driven by the same rules. `example` is a drawn mission, one of the
-    rules."""
+    driven again if they were driven by the same rules. `missions` is one of the rules: what
+    `EXAMPLES` draw, so that no constant is missed by which they do, their world, and how they are
+    judged."""
     settings = replace(settings, config=settings.config or config_for(settings.robot))
     drive = partial(drive_one, settings=settings)
     campaign = Campaign(
@@ -34,7 +38,7 @@ def drive_drawn(
         key="seed",
         rules=(
             str(suite),
-            example,
+            missions,
             settings.beware.classes,
             settings.max_time_s,
             settings.robot,
@@ -43,7 +47,8 @@ def drive_drawn(
             settings.latency,
             settings.camera,
         ),
-        holds="another campaign, robot, beware list, odometry, latency, camera or time limit",
+        holds="another campaign, other missions, another robot, beware list, configuration, "
+        "odometry, latency, camera or time limit",
         drive=drive,
         drive_alone=drive,
     )
