@@ -48,7 +48,9 @@ class Truth:
         return LabelSource.NETWORK
 
 
-def counts_of(truth: Truth, monkeypatch: pytest.MonkeyPatch) -> DetectionCounts:
+def counts_of(
+    truth: Truth, monkeypatch: pytest.MonkeyPatch, beware: BewareList | None = None
+) -> DetectionCounts:
     """Return the counts of the short drive with a segmenter that is told the truth."""
     render = SceneRenderer.render
 
@@ -57,7 +59,7 @@ def counts_of(truth: Truth, monkeypatch: pytest.MonkeyPatch) -> DetectionCounts:
         return rgb, depth_m, truth.labels
 
     monkeypatch.setattr(SceneRenderer, "render", seen)
-    return detection.walk_of_seed(truth, default_beware_list(), SHORT_DRIVE)
+    return detection.walk_of_seed(truth, beware or default_beware_list(), SHORT_DRIVE)
 
 
 def test_a_segmenter_that_knows_the_truth_finds_everything_and_nothing_false(
@@ -75,6 +77,32 @@ def test_a_blind_one_finds_nothing_and_what_is_not_there_is_false(
     blind = counts_of(Truth(blind=True), monkeypatch)
     assert (blind.seen.total(), blind.found.total(), blind.false.total()) == (2, 0, 0)
     assert counts_of(Truth(corner="spill"), monkeypatch).false["spill"] >= 1
+
+
+CONES = BewareList(
+    classes=(
+        BewareClass(
+            name="cone",
+            network_class="wet-floor sign",
+            class_id=default_beware_list().ids["wet-floor sign"],
+        ),
+        dataclasses.replace(default_beware_list().named("person"), enabled=False),
+    )
+)
+"""A list that calls a class by another name, and has no other that is switched on."""
+
+
+def test_what_counts_are_the_classes_of_the_operators_list_by_those_of_the_network(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts = counts_of(Truth(), monkeypatch, CONES)
+    assert counts.seen == counts.found == counts.named == Counter({"wet-floor sign": 1})
+    assert counts.false.total() == 0
+    sees_signs = counts_of(Truth(corner="wet-floor sign"), monkeypatch, CONES)
+    assert sees_signs.false["wet-floor sign"] >= 1 and "cone" not in sees_signs.false
+    suite = detection.walks(colour_perception(), CONES)
+    assert suite.names == ("wet-floor sign",)
+    assert detection.walks(colour_perception(), default_beware_list()).names == NAMES
 
 
 def drive(*, found: int, seen: int, false: int, walked_m: float = 5.0) -> DetectionCounts:
