@@ -56,15 +56,11 @@ class ChallengeRules:
 
     def ended(self, simulator: Simulator) -> bool:
         """Judge the simulator's ground truth; return whether the run is over."""
-        pose, (x_m, y_m, _), referee = (
-            simulator.true_pose(),
-            self._world.scenario.start,
-            simulator.referee,
-        )
+        pose, (x_m, y_m, _) = simulator.true_pose(), self._world.scenario.start
         self.now_s = simulator.now_ns() / 1e9
         if self.began_s is None and pose.distance_to(x_m, y_m) >= MOVED_M:
             self.began_s = self.now_s
-        self.touched = referee.collisions + referee.struck_while_standing > 0
+        self.touched = simulator.referee.touched
         self.at_goal = (
             not self.touched
             and pose.distance_to(*self._world.scenario.goals[0]) <= self._world.tolerance_m

@@ -122,6 +122,12 @@ def test_any_contact_ends_the_run_without_a_score(tmp_path: Path) -> None:
     assert report["score"] == 0.0
 
 
+def test_a_contact_fails_the_run_however_slow_it_is(tmp_path: Path) -> None:
+    close = {**STATIC, "walls": [[-2.25, 3.36]]}
+    report = judged(tmp_path, close, 0.015, 10.0)
+    assert (report["ended"], report["success"], report["collision"]) == (True, False, True)
+
+
 def test_a_robot_that_never_moves_times_out(tmp_path: Path) -> None:
     report = judged(tmp_path, STATIC, 0.0, 20.0, timeout=2.0)
     assert (report["ended"], report["success"], report["collision"], report["timeout"]) == (
