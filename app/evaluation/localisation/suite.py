@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from app.evaluation.localisation.carried_away import carried_away
 from app.evaluation.localisation.drives import Drive, kept_drive
 from app.evaluation.localisation.figures import figures, summarise
 from app.evaluation.localisation.pushed import pushed
-from app.evaluation.localisation.recording import Recording, mirrored
+from app.evaluation.localisation.recording import Recording
 from app.evaluation.localisation.replay import Replay, follow, keyframes_of
 from app.evaluation.localisation.trials import SavedMap, days, disturbed, half_turn, started_in
 from app.evaluation.localisation.turns import kept_turn
@@ -152,9 +152,8 @@ class Site:
         if which == SAVED:
             return self.saved
         if which == MIRRORED:
-            return replace(self.saved, keyframes=tuple(mirrored(self.saved.keyframes)))
-        other = self.suite.saved(self.suite.recording(load_scenario(which)))
-        return replace(self.saved, keyframes=other.keyframes)
+            return self.saved.mirrored()
+        return self.suite.saved(self.suite.recording(load_scenario(which)))
 
     def started(self, which: str, *, turns: bool = False, **how: Any) -> dict[str, Any]:
         """Return how a robot that is switched on along the second drive finds its place in a map,
