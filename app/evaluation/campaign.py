@@ -57,9 +57,10 @@ class Campaign:
     """Drives the episode of a key in this process."""
     drive_alone: Callable[[int], Any]
     """Drives the episode of a key in a worker process; can be pickled."""
-    unpack: Callable[[Any], Report] = lambda report: report
-    """Takes what came of an episode in the process of the campaign, writes what belongs into files,
-    and returns the report."""
+    report_of: Callable[[Any], Report] = lambda report: report
+    """Returns the report of what came of an episode."""
+    after: Callable[[Any], None] = lambda driven: None
+    """Called with what came of an episode once its report is recorded, to write its figures."""
 
     def run(self, keys: Sequence[int], *, fleet: Fleet, out: Path) -> list[Report]:
         """Drive the episodes of the fleet's share that are not recorded yet and record each when it
@@ -115,7 +116,8 @@ class Campaign:
                 if isinstance(outcome, Lost):
                     causes[key] = outcome.cause
                 else:
-                    yield Driven(self.unpack(outcome.result), outcome.node, outcome.pid)
+                    yield Driven(self.report_of(outcome.result), outcome.node, outcome.pid)
+                    self.after(outcome.result)  # recorded by the reader of this, which goes on
         if causes:
             raise EpisodesFailed(self.key, causes)
 

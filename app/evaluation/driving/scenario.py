@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from rich.console import Console as Terminal
 
 from app.episode.ablations import Ablation
 from app.episode.task import Task, episode_of
-from app.evaluation.campaign import HERE, Campaign, Conclusion, Fleet
+from app.evaluation.campaign import HERE, Campaign, Conclusion, Fleet, writing
 from app.evaluation.origin import origin_of_drives
 from app.evaluation.suites import Suite
 from app.evaluation.summary import summarise, tables_of
@@ -23,6 +24,7 @@ from app.runtime.record.provenance import command_line
 from app.runtime.start.segmentation import Perception, colour_perception, compose
 from app.runtime.start.segmenter_choice import SegmenterChoice
 from navcore.config.navigator import NavigatorConfig, config_for
+from navcore.errors import BewareNavError
 from navcore.mission.beware_list import BewareList
 from navcore.robot.profile import HUSKY, RobotProfile
 from sim.scenario.schema import Scenario
@@ -77,11 +79,14 @@ def evaluate_scenario(
         "segmenter or time limit",
         drive=partial(_drive, common=common, perception=perception),
         drive_alone=partial(_drive_alone, common=common, choice=choice),
-        unpack=partial(_with_figures, folder=out / "figures"),
+        report_of=attrgetter("report"),
+        after=partial(_write_figures, folder=out / "figures"),
     )
     reports = campaign.run(seeds, fleet=fleet, out=out)
-    _draw(reports, task.scenario, out / "figures")
-    return CONCLUSIONS[campaign.suite].write(command_line(), reports, out)
+    summary = CONCLUSIONS[campaign.suite].write(command_line(), reports, out)
+    with writing(out):
+        _draw(reports, task.scenario, out / "figures")
+    return summary
 
 
 def _summary(suite: Suite, command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -106,10 +111,17 @@ def _draw(reports: Sequence[dict[str, Any]], scenario: Scenario, folder: Path) -
     from app.evaluation.plots import all_drives, progress, save
     from sim.scenario.variation import randomise
 
+    # Of episodes that were kept with the project only the last value of each series is left.
+    whole = [report for report in reports if len(report["series"]["t_s"]) > 1]
+    if not whole:
+        return
+    missing = f", {len(reports) - len(whole)} more without series" * (len(whole) < len(reports))
+    world = randomise(scenario, int(whole[0]["seed"]))
     folder.mkdir(parents=True, exist_ok=True)
-    world = randomise(scenario, int(reports[0]["seed"]))
-    save(progress(reports, f"{world.name}, {len(reports)} episodes"), folder / "progress")
-    save(all_drives(reports, world), folder / "drives")
+    title = f"{world.name}, {len(whole)} episodes{missing}"
+    save(progress(whole, title), folder / "progress")
+    where = f"{title}; obstacles of seed {whole[0]['seed']}"
+    save(all_drives(whole, world, where), folder / "drives")
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,16 +132,22 @@ class DrivenEpisode:
     """Report of the episode."""
     figures: dict[str, bytes]
     """Contents of its figures by file name; empty where none were drawn."""
+    failure: str | None = None
+    """Why its figures could not be drawn; None where they were, or none were wanted."""
 
 
-def _with_figures(driven: DrivenEpisode, *, folder: Path) -> dict[str, Any]:
-    """Write the figures of an episode into a folder of its seed; return the report."""
+def _write_figures(driven: DrivenEpisode, *, folder: Path) -> None:
+    """Write the figures of an episode into a folder of its seed; raises `BadConfiguration`, and
+    `BewareNavError` for an episode whose figures could not be drawn."""
+    seed = driven.report["seed"]
+    if driven.failure is not None:
+        raise BewareNavError(f"the figures of seed {seed} cannot be drawn: {driven.failure}")
     if driven.figures:
-        own = folder / f"seed-{driven.report['seed']:04d}"
-        own.mkdir(parents=True, exist_ok=True)
-        for name, content in driven.figures.items():
-            (own / name).write_bytes(content)
-    return driven.report
+        own = folder / f"seed-{seed:04d}"
+        with writing(own):
+            own.mkdir(parents=True, exist_ok=True)
+            for name, content in driven.figures.items():
+                (own / name).write_bytes(content)
 
 
 def _drive_alone(seed: int, *, common: Evaluation, choice: SegmenterChoice) -> DrivenEpisode:
@@ -154,9 +172,12 @@ def _drive(seed: int, *, common: Evaluation, perception: Perception) -> DrivenEp
         report = episode.run()
         if seed not in common.drawn and report["success"]:
             return DrivenEpisode(report, {})
-        with tempfile.TemporaryDirectory() as folder:
-            plot_episode(report, episode, keyframes, Path(folder))
-            figures = {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                plot_episode(report, episode, keyframes, Path(folder))
+                figures = {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
+        except Exception as error:  # told once the report of many minutes is recorded
+            return DrivenEpisode(report, {}, failure=f"{type(error).__name__}: {error}")
         return DrivenEpisode(report, figures)
     finally:
         episode.close()
