@@ -58,6 +58,8 @@ def replay(settings: ReplaySettings) -> None:
     from rich.console import Console as Terminal
     from rich.progress import Progress
 
+    from app.evaluation.origin import origin_here
+    from app.evaluation.suites import Suite
     from app.replay.annotation import load_annotation
     from app.replay.floor_plane import find_floor
     from app.replay.plot import draw_replay
@@ -66,7 +68,6 @@ def replay(settings: ReplaySettings) -> None:
     from app.replay.run import as_report, compare, compare_objects
     from app.replay.run import replay as run
     from app.runtime.record.map_persistence import save_map
-    from app.runtime.record.provenance import command_line, machine, version
     from app.runtime.start.engine_memory import EngineMemory
     from app.runtime.start.segmentation import compose
     from navcore.config.navigator import config_for
@@ -104,13 +105,9 @@ def replay(settings: ReplaySettings) -> None:
         )
     judged = None if known is None else compare(replayed, known, config)
     objects = None if annotation is None else compare_objects(replayed, annotation, beware, config)
-    report = {
-        "command": command_line(),
-        "scenario": settings.folder.resolve().name,
-        "segmenter": perception.identity,
-        "versions": [version()],
-        "machines": [machine()],
-    } | as_report(replayed, judged, objects)
+    report = origin_here(
+        Suite.REPLAY, segmenter=perception.identity, scenario=settings.folder.resolve().name
+    ) | as_report(replayed, judged, objects)
     lines = in_words(report, judged, objects)
     if out is not None:
         write_whole(out / "replay.json", json.dumps(report, indent=1).encode())

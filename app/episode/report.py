@@ -125,7 +125,7 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
     clearance_m = judged["min_clearance_m"]
     errors_m = record.goal_errors_m
     reached = sum(errors_m.get(goal.id, math.inf) <= GOAL_RADIUS_M for goal in record.goals)
-    everywhere = reached == len(record.goals)
+    success = reached == len(record.goals) and referee.violations() == 0
     shortest_m = referee.shortest_m(record.spec, record.inflation_m, record.goal_points)
     share = 0.0 if shortest_m is None else shortest_m / max(referee.distance_m, shortest_m)
     ideal_m = _ideal_m(record)
@@ -148,14 +148,14 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "goals": [list(point) for point in record.goal_points],
         "zones": [[list(corner) for corner in zone] for zone in record.zones],
         "goals_reached": reached,
-        "success": everywhere and referee.violations() == 0,
+        "success": success,
         "ended": record.ended,
         "sim_time_s": round(record.sim_time_s, 3),
         "wall_time_s": round(record.wall_time_s, 3),
         **judged,
         "min_clearance_m": clearance_m if math.isfinite(clearance_m) else None,
         "shortest_m": _rounded(shortest_m),
-        "spl": round(share, 4) if everywhere else 0.0,
+        "spl": round(share, 4) if success else 0.0,
         "ideal_m": _rounded(ideal_m),
         "goal_errors_m": _by_goal(errors_m),
         "goal_errors_by_odometry_m": _by_goal(record.goal_errors_by_odometry_m),

@@ -23,6 +23,8 @@ from app.fleet.shard import Shard
 from app.runtime.record.provenance import command_line, version
 from navcore.errors import BadConfiguration
 
+SUMMARY = "summary.json"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fleet:
@@ -43,7 +45,7 @@ class Campaign:
     """How the episodes of a campaign are driven and recognised."""
 
     suite: str
-    """Name of what is driven, by which `bewarenav merge` finds the summary."""
+    """Name of what is driven, by which its `Conclusion` is found."""
     key: str
     """Report field with the whole number that identifies an episode, e.g. `seed`."""
     rules: object
@@ -55,9 +57,10 @@ class Campaign:
     """Drives the episode of a key in this process."""
     drive_alone: Callable[[int], Any]
     """Drives the episode of a key in a worker process; can be pickled."""
-    unpack: Callable[[Any], Report] = lambda report: report
-    """Takes what came of an episode in the process of the campaign, writes what belongs into files,
-    and returns the report."""
+    report_of: Callable[[Any], Report] = lambda report: report
+    """Returns the report of what came of an episode."""
+    after: Callable[[Any], None] = lambda driven: None
+    """Called with what came of an episode once its report is recorded, to write its figures."""
 
     def run(self, keys: Sequence[int], *, fleet: Fleet, out: Path) -> list[Report]:
         """Drive the episodes of the fleet's share that are not recorded yet and record each when it
@@ -81,13 +84,13 @@ class Campaign:
             planned=max(len(keys), _planned(out, name, keys)),
         )
         kept = out / EPISODES
-        with _writing(out):
+        with writing(out):
             text = kept.read_text(encoding="utf-8") if kept.exists() else ""
             reports = [report for _, report in recorded(text)]
         if any(report.get("campaign") != name for report in reports):
             raise BadConfiguration(f"{kept} holds episodes of {self.holds}; give another --out")
         done = {report[self.key]: report for report in reports}
-        with _writing(out):
+        with writing(out):
             out.mkdir(parents=True, exist_ok=True)
             card.write(out)
             file = kept.open("a", encoding="utf-8")
@@ -99,7 +102,7 @@ class Campaign:
             _tell_older(known, len(wanted))
             for report in shown(self._driven(left, fleet.engine), known, len(wanted)):
                 done[report[self.key]] = report
-                with _writing(out):
+                with writing(out):
                     file.write(json.dumps({**report, "campaign": name}) + "\n")
                     file.flush()
         return [done[key] for key in wanted]
@@ -113,7 +116,8 @@ class Campaign:
                 if isinstance(outcome, Lost):
                     causes[key] = outcome.cause
                 else:
-                    yield Driven(self.unpack(outcome.result), outcome.node, outcome.pid)
+                    yield Driven(self.report_of(outcome.result), outcome.node, outcome.pid)
+                    self.after(outcome.result)  # recorded by the reader of this, which goes on
         if causes:
             raise EpisodesFailed(self.key, causes)
 
@@ -133,7 +137,7 @@ def _tell_older(kept: Sequence[Report], wanted: int) -> None:
 
 
 @contextmanager
-def _writing(out: Path) -> Iterator[None]:
+def writing(out: Path) -> Iterator[None]:
     """Raise `BadConfiguration` where a file of the folder cannot be read or written; an error of an
     episode is none of these."""
     try:
@@ -173,38 +177,42 @@ def mean_of(reports: Sequence[Report], value: Callable[[Report], float]) -> floa
     return round(statistics.fmean(value(report) for report in reports), 4)
 
 
-def origin_of(
-    suite: str, segmenter: str, size: tuple[int, int], reports: Sequence[Report]
-) -> dict[str, Any]:
-    """Return the beginning of the summary of a suite in which a camera looks at worlds by seed:
-    what made the figures, with images of `size` (columns, rows)."""
-    return {
-        "command": command_line(),
-        "scenario": suite,
-        "segmenter": segmenter,
-        "images": list(size),
-        "versions": sorted({report["version"] for report in reports}),
-        "machines": sorted({report["machine"] for report in reports}),
-        "episodes": len(reports),
-        "seeds": [report["seed"] for report in reports],
-    }
-
-
 def write_summary(summary: Report, out: Path) -> None:
     """Write `summary.json`, with the number of episodes that were planned if there were more;
     raises `BadConfiguration` when the folder cannot be written."""
-    planned = _planned(out)
+    note_planned(summary, _planned(out))
+    with writing(out):
+        (out / SUMMARY).write_text(json.dumps(summary, indent=1), encoding="utf-8")
+
+
+def note_planned(summary: Report, planned: int) -> None:
+    """Note in a summary how many episodes were planned, if there were more than it has."""
     if planned > summary.get("episodes", planned):
         summary["planned"] = planned
-    with _writing(out):
-        (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
 
 
-def conclude(
-    reports: Sequence[Report], summary: Report, *, columns: Sequence[str], title: str, out: Path
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conclusion:
+    """What is made of the reports of a campaign, by the process that drove it or a later one."""
+
+    summarise: Callable[[str, Sequence[Report]], Report]
+    """Returns the summary of the reports that a command has made."""
+    show: Callable[[Sequence[Report], Report], None]
+    """Prints reports and their summary."""
+
+    def write(self, command: str, reports: Sequence[Report], out: Path) -> Report:
+        """Write `summary.json` and print it; return the summary."""
+        summary = self.summarise(command, reports)
+        write_summary(summary, out)
+        self.show(reports, summary)
+        Terminal(width=None if sys.stdout.isatty() else 140).print(f"the results are in {out}")
+        return summary
+
+
+def show_reports(
+    reports: Sequence[Report], summary: Report, *, columns: Sequence[str], title: str
 ) -> None:
-    """Write `summary.json` and print a table of the reports."""
-    write_summary(summary, out)
+    """Print a table of the reports, and the summary as JSON."""
     table = Table(*columns, title=title)
     for report in reports:
         table.add_row(*(f"{report[column]}" for column in columns))

@@ -8,9 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from app.evaluation.driving import crossings, doors
-from app.evaluation.driving.barn import SUITES, conclude_barn
-from app.evaluation.driving.scenario import conclude_scenario
+from app.evaluation.conclusions import conclusion_of
 from app.fleet.campaign_files import (
     EPISODES,
     CampaignCard,
@@ -48,6 +46,7 @@ def merge_shards(
         raise BadConfiguration(f"{out} holds episodes already; give another --out")
     cards = [read_card(folder) for folder in folders]
     lines = [_lines(folder, card) for folder, card in zip(folders, cards, strict=True)]
+    conclusion = conclusion_of(cards[0])
     _check_same(folders, cards, lines, versions=Allowance.VERSIONS not in allowed)
     keys = cards[0].keys
     if Allowance.REPEATED not in allowed:
@@ -71,7 +70,7 @@ def merge_shards(
         dataclasses.replace(cards[0], shard=None, planned=planned).write(out)
     except OSError as error:
         raise BadConfiguration(f"{out} cannot be written: {error}") from None
-    return conclude_campaign(cards[0], [report for _, report in ordered], out)
+    return conclusion.write(cards[0].command, [report for _, report in ordered], out)
 
 
 def _lines(folder: Path, card: CampaignCard) -> Lines:
@@ -133,15 +132,3 @@ def _listed(keys: Sequence[int]) -> str:
     return ", ".join(map(str, keys[:SHOWN])) + (
         f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
     )
-
-
-def conclude_campaign(card: CampaignCard, reports: list[Report], out: Path) -> dict[str, Any]:
-    """Write `summary.json` of the episodes of a campaign that drives into `out`; print and return
-    it."""
-    if card.suite == crossings.SUITE:
-        return crossings.conclude_crossings(reports, out)
-    if card.suite == doors.SUITE:
-        return doors.conclude_doors(reports, out)
-    if card.suite in SUITES:
-        return conclude_barn(card.suite, reports, out)
-    return conclude_scenario(card.suite, card.command, reports, out)

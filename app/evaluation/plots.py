@@ -162,8 +162,9 @@ def progress(reports: Sequence[Mapping[str, Any]], title: str) -> Any:
     return figure
 
 
-def all_drives(reports: Sequence[Mapping[str, Any]], world: Scenario) -> Any:
-    """Draw the true world with every driven path: successful ones blue, failed ones red."""
+def all_drives(reports: Sequence[Mapping[str, Any]], world: Scenario, title: str) -> Any:
+    """Draw the true world of one seed with every driven path: successful ones blue, failed ones
+    red. Furniture stands elsewhere for each seed."""
     figure, axes = plt.subplots(figsize=(11, 9))
     for obstacle in obstacles(world):
         for outline in obstacle.outlines():
@@ -188,7 +189,7 @@ def all_drives(reports: Sequence[Mapping[str, Any]], world: Scenario) -> Any:
         aspect="equal",
         xlabel="x, m",
     )
-    axes.set(ylabel="y, m", title=f"{world.name}: {successes} of {len(reports)} episodes succeeded")
+    axes.set(ylabel="y, m", title=f"{title}\n{successes} of {len(reports)} succeeded")
     return figure
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,10 @@ from rich.table import Table
 from scipy import stats
 
 from app.episode.failure_causes import count_causes
+from app.evaluation.origin import SETUP, Report
 from navcore.errors import BadConfiguration
 from navcore.robot.camera_stream import CameraStream
 
-Report = Mapping[str, Any]
 Measure = Callable[[Report], float]
 Interval = tuple[float, float]
 """Lower and upper bound of a 95 % confidence interval."""
@@ -44,7 +44,8 @@ RATES: dict[str, tuple[str, Callable[[Report], bool]]] = {
 }
 """Shares of the episodes: title in the tables, and whether a report counts."""
 MEANS: dict[str, tuple[str, Measure]] = {
-    "spl": ("SPL", lambda report: report["spl"]),
+    # Reports of earlier versions weight by all goals that were reached, also over violations.
+    "spl": ("SPL", lambda report: report["spl"] if report["success"] else 0.0),
     "ideal_spl": ("SPL of an ideal driver with this view", lambda report: _ideal_spl(report)),
     "distance_m": ("driven, m", lambda report: report["distance_m"]),
     "sim_time_s": ("time, s", lambda report: report["sim_time_s"]),
@@ -72,11 +73,8 @@ TOTALS = (
 )
 ITEM_COUNTS = ("there", "seen", "not_passed", "missed", "false")
 """Counts of the objects of a class in a report."""
-SAME = (
-    *("scenario", "robot", "segmenter", "ablation", "odometry", "gnss", "latency", "people"),
-    *("camera", "scanner", "map"),
-)
-"""Keys whose value all episodes of a campaign share."""
+SAME = ("scenario", *SETUP)
+"""Keys of a summary that say what was driven."""
 
 
 def summarise(reports: Sequence[Report]) -> dict[str, Any]:
@@ -85,10 +83,7 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
     Each rate (Wilson interval) and mean (bootstrap interval, null for a single episode) has its
     interval under `…_ci95`.
     """
-    summary: dict[str, Any] = {key: reports[0][key] for key in SAME}
-    for key, one in (("versions", "version"), ("machines", "machine")):
-        summary[key] = sorted({report.get(one, "unknown") for report in reports})
-    summary |= {"episodes": len(reports), "seeds": [report["seed"] for report in reports]}
+    summary: dict[str, Any] = {}
     for key, (_, holds) in RATES.items():
         number = sum(holds(report) for report in reports)
         summary |= {
@@ -111,7 +106,7 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
         "min_clearance_m": min(clear, default=None),
         "items": _items(reports),
         "failures": count_causes(reports),
-        **({"first_days": _first_days(reports)} if summary["map"] == "kept" else {}),
+        **({"first_days": _first_days(reports)} if reports[0]["map"] == "kept" else {}),
     }
 
 

@@ -16,6 +16,8 @@ from typing import Any
 from pebble import ProcessExpired, ProcessPool
 
 from app.fleet.engine import Done, Lost
+from app.runtime.record.provenance import version
+from navcore.errors import BadConfiguration
 
 LIMIT_S = 3600.0
 """Real time after which a task in a process of its own counts as hung, seconds."""
@@ -58,13 +60,14 @@ class Processes:
     @contextmanager
     def started(self) -> Iterator[_Pool]:
         """Start the processes; at the end tasks in progress are not waited for."""
+        expected = version()
         pool = ProcessPool(
             self.workers,
             context=get_context("spawn"),
             initializer=_begin,
         )
         try:
-            yield _Pool(pool, self.limit_s)
+            yield _Pool(pool, self.limit_s, expected)
         finally:
             pool.stop()  # type: ignore[no-untyped-call]
             pool.join()
@@ -74,9 +77,12 @@ class Processes:
 class _Pool:
     pool: ProcessPool
     limit_s: float
+    expected: str
 
     def submit(self, do: Callable[[Any], Any], task: Any) -> Future[Done[Any]]:
-        job: Future[Done[Any]] = self.pool.schedule(done, args=[do, task], timeout=self.limit_s)
+        job: Future[Done[Any]] = self.pool.schedule(
+            _checked, args=[do, task, self.expected], timeout=self.limit_s
+        )
         return job
 
     def ended(self, handles: Collection[Future[Done[Any]]]) -> Collection[Future[Done[Any]]]:
@@ -96,8 +102,25 @@ def done(do: Callable[[Any], Any], task: Any) -> Done[Any]:
     return Done(result=do(task), node=platform.node(), pid=os.getpid())
 
 
+def check_version(expected: str) -> None:
+    """Raise `BadConfiguration` in a worker that has loaded other files than the process that gives
+    it tasks."""
+    if version() != expected:
+        raise BadConfiguration(
+            f"a worker on {platform.node()} has bewarenav {version()}, and the campaign is of "
+            f"{expected}: all machines need the same version, and its files must not change "
+            "meanwhile"
+        )
+
+
+def _checked(do: Callable[[Any], Any], task: Any, expected: str) -> Done[Any]:
+    check_version(expected)
+    return done(do, task)
+
+
 def _begin() -> None:
     """End this worker when its parent is killed; Ctrl-C is left to the parent."""
+    version()  # of the files that are loaded from now on, whatever changes later
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.fleet.engine import Done, Lost
-from app.fleet.local import LIMIT_S
+from app.fleet.local import LIMIT_S, check_version
 from app.runtime.record.provenance import version
 from navcore.errors import BadConfiguration
 
@@ -116,11 +116,7 @@ def _done(do: Callable[[Any], Any], task: Any, *, limit_s: float, expected: str)
     """Do a task in a worker of the cluster; a task that hangs ends its worker."""
     import ray
 
-    if version() != expected:
-        raise BadConfiguration(
-            f"{platform.node()} has bewarenav {version()}, and the campaign is of {expected}: "
-            "install the same version on each machine"
-        )
+    check_version(expected)
     node = f"{platform.node()}:{ray.get_runtime_context().get_node_id()[:6]}"
     faulthandler.dump_traceback_later(limit_s, exit=True, file=sys.__stderr__ or sys.stderr)
     try:

@@ -29,6 +29,11 @@ class LocalisationState(StrEnum):
     LOST = "lost"
     """The pose is unknown: the scans contradict the map."""
 
+    @property
+    def is_known(self) -> bool:
+        """Whether the pose may be driven by."""
+        return self in (LocalisationState.LOCATED, LocalisationState.DEAD_RECKONING)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceCorrection:
@@ -103,7 +108,7 @@ class LocalisationEstimate:
     @property
     def is_known(self) -> bool:
         """Whether the pose may be driven by."""
-        return self.state in (LocalisationState.LOCATED, LocalisationState.DEAD_RECKONING)
+        return self.state.is_known
 
     @property
     def is_lost(self) -> bool:

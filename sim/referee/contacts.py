@@ -39,6 +39,11 @@ class Contacts:
         """Number of contacts in which a person or mover struck a robot that stood or made way."""
 
     @property
+    def touched(self) -> bool:
+        """Whether there was any contact, however slow, of whatever cause."""
+        return bool(self._all)
+
+    @property
     def collisions(self) -> int:
         """Number of contacts that began, or went on, while the robot drove, but for people and
         movers from whom it drove away."""

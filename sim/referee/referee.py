@@ -150,6 +150,11 @@ class Referee:
         return tuple(self._zones.polygons)
 
     @property
+    def touched(self) -> bool:
+        """Whether the robot touched anything, or was touched, at whatever speed."""
+        return self._contacts.touched
+
+    @property
     def collisions(self) -> int:
         """Number of contacts that began, or went on, while the robot drove."""
         return self._contacts.collisions

@@ -53,7 +53,8 @@ def test_a_robot_with_a_scanner_does_not_turn_into_a_person_who_comes_from_behin
     assert report["collisions"] == report["struck_while_standing"] == 0
     assert report["goals_reached"] == 1
     # The control: a robot whose camera looks ahead turns into them.
-    assert overtaken(HUSKY)["collisions"] == 1
+    control = overtaken(HUSKY)
+    assert (control["collisions"], control["causes"][0]) == (1, "drove into person")
 
 
 def test_every_crossing_hits_an_undisturbed_robot_and_the_same_seed_draws_the_same() -> None:

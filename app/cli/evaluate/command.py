@@ -9,23 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from app.cli.evaluate.settings import (
-    CROSSINGS_SUITE,
-    DETECTION_SUITE,
-    DOORS_SUITE,
-    LIGHT_SUITE,
-    LOCALISATION_SUITE,
-    ONE_CLICK_SUITE,
-    PAPER_SUITE,
-    PRINTS_SUITE,
-    TABLES_SUITE,
-    TEACHING_SUITE,
-    VIEWING,
-    EvaluateSettings,
-    check_options,
-)
+from app.cli.evaluate.settings import PAPER, EvaluateSettings, check_options
 from app.cli.options import beware_list
 from app.episode.ablations import Ablation
+from app.evaluation.suites import BARN_SUITES, Suite
 from navcore.errors import BadConfiguration
 from sim.robot.odometry_grade import OdometryGrade
 
@@ -36,7 +23,7 @@ if TYPE_CHECKING:
     from app.runtime.start.segmentation import Perception
     from navcore.config.navigator import NavigatorConfig
 
-ENOUGH_FOUND: Mapping[str, float] = {DETECTION_SUITE: 0.95, ONE_CLICK_SUITE: 0.8}
+ENOUGH_FOUND: Mapping[str, float] = {Suite.FINDING: 0.95, Suite.ONE_CLICK: 0.8}
 """Share of objects found in time at which a suite succeeds."""
 FEW_FALSE_PER_10_M = 1.0
 """Rate of false detections up to which it does."""
@@ -52,12 +39,11 @@ ENOUGH_PASSED = 0.95
 
 def evaluate(settings: EvaluateSettings) -> None:
     """Drive many seeded episodes and print a summary; resumes an interrupted campaign."""
-    from app.evaluation.driving.barn import SUITES
     from app.runtime.record.provenance import version
     from navcore.config.navigator import load_config
 
     version()  # of the files that are loaded now, whatever changes while episodes are driven
-    check_options(settings, (*SUITES, CROSSINGS_SUITE, DOORS_SUITE, *VIEWING, LOCALISATION_SUITE))
+    check_options(settings)
     config = (
         None if settings.navigation is None else load_config(settings.navigation, settings.profile)
     )
@@ -75,27 +61,25 @@ def evaluate(settings: EvaluateSettings) -> None:
 
 def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
     """Run the suite; return whether it succeeded."""
-    from app.evaluation.driving.barn import SUITES
-
-    if settings.suite in SUITES:
+    if settings.suite in BARN_SUITES:
         return _barn(settings, config)
-    if settings.suite == CROSSINGS_SUITE:
+    if settings.suite == Suite.CROSSINGS:
         return _crossings(settings, config)
-    if settings.suite == DOORS_SUITE:
+    if settings.suite == Suite.DOORS:
         return _doors(settings, config)
-    if settings.suite == DETECTION_SUITE:
+    if settings.suite == Suite.FINDING:
         return _detection(settings)
-    if settings.suite == ONE_CLICK_SUITE:
+    if settings.suite == Suite.ONE_CLICK:
         return _one_click(settings)
-    if settings.suite == LIGHT_SUITE:
+    if settings.suite == Suite.LIGHT:
         return _light(settings)
-    if settings.suite == TEACHING_SUITE:
+    if settings.suite == Suite.TEACHING:
         return _teaching(settings)
-    if settings.suite == TABLES_SUITE:
+    if settings.suite == Suite.TABLE_TOPS:
         return _table_tops(settings)
-    if settings.suite == PRINTS_SUITE:
+    if settings.suite == Suite.PRINTS:
         return _prints(settings)
-    if settings.suite == LOCALISATION_SUITE:
+    if settings.suite == Suite.LOCALISATION:
         return _localisation(settings, config)
     return _scenario(settings, config)
 
@@ -218,7 +202,7 @@ def _light(settings: EvaluateSettings) -> bool:
         out=_out(settings, settings.suite),
         size=settings.stream.size,
     )
-    needed = ENOUGH_FOUND[DETECTION_SUITE]
+    needed = ENOUGH_FOUND[Suite.FINDING]
     return all(one["found_in_time"] >= needed for one in told["disturbances"].values())
 
 
@@ -234,7 +218,7 @@ def _teaching(settings: EvaluateSettings) -> bool:
     return evaluate_teaching(
         settings.segmentation.choice().weights or SHIPPED,
         seeds,
-        out=_out(settings, TEACHING_SUITE),
+        out=_out(settings, Suite.TEACHING),
     )
 
 
@@ -246,7 +230,7 @@ def _table_tops(settings: EvaluateSettings) -> bool:
         _perception(settings),
         beware_list(settings.beware),
         settings.images,
-        out=_out(settings, TABLES_SUITE),
+        out=_out(settings, Suite.TABLE_TOPS),
     )
     return all(
         found["labelled"] >= ENOUGH_LABELLED * found["things"]
@@ -262,7 +246,7 @@ def _prints(settings: EvaluateSettings) -> bool:
         _perception(settings),
         beware_list(settings.beware),
         seeds=range(settings.seed, settings.seed + (settings.episodes or 30)),
-        out=_out(settings, PRINTS_SUITE),
+        out=_out(settings, Suite.PRINTS),
         size=settings.stream.size,
     )
     return all(
@@ -329,7 +313,7 @@ def _scenario(settings: EvaluateSettings, config: NavigatorConfig | None) -> boo
         max_time_s=settings.max_time,
     )
     parts = [
-        "" if settings.experiment is None else PAPER_SUITE,
+        "" if settings.experiment is None else PAPER,
         Path(world).stem,
         "random" if settings.random else "",
         "" if settings.ablation is Ablation.NONE else str(settings.ablation),

@@ -28,20 +28,14 @@ from app.cli.options import (
     robot_profile,
 )
 from app.episode.ablations import Ablation
+from app.evaluation.suites import BY_NAME, VIEWING, Suite
 from navcore.errors import BadConfiguration
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import RobotProfile
 from sim.robot.odometry_grade import OdometryGrade
 
-DETECTION_SUITE, CROSSINGS_SUITE, LOCALISATION_SUITE = "finding", "crossings", "localisation"
-PAPER_SUITE, ONE_CLICK_SUITE, DOORS_SUITE = "paper", "one-click", "doors"
-LIGHT_SUITE, TEACHING_SUITE, TABLES_SUITE = "light", "teaching", "table-tops"
-PRINTS_SUITE = "prints"
-VIEWING = (
-    *(DETECTION_SUITE, ONE_CLICK_SUITE, LIGHT_SUITE, TEACHING_SUITE),
-    *(TABLES_SUITE, PRINTS_SUITE),
-)
-"""Suites in which a camera sees things and nothing drives."""
+PAPER = "paper"
+"""Argument for the paper's missions, whose worlds `--experiment` names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,15 +130,16 @@ class EvaluateSettings:
         return robot_profile(self.robot, scanner=self.scanner)
 
 
-def check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
+def check_options(settings: EvaluateSettings) -> None:
     own_task = settings.random or settings.zones is not None or settings.gnss is not None
     own_task = own_task or settings.yielding or settings.kept_map
-    if settings.suite in suites and (own_task or settings.ablation is not Ablation.NONE):
+    is_own = settings.suite in BY_NAME
+    if is_own and (own_task or settings.ablation is not Ablation.NONE):
         raise BadConfiguration(
             "--random, --zones, --gnss, --yielding, --kept-map and --ablation are for scenarios, "
             f"{settings.suite!r} is a suite of its own"
         )
-    usual, is_own = EvaluateSettings(suite=settings.suite), settings.suite in suites
+    usual = EvaluateSettings(suite=settings.suite)
     if is_own and (settings.max_time != usual.max_time or settings.figures > usual.figures):
         raise BadConfiguration(
             "--max-time and --figures are for scenarios; the suite "
@@ -156,27 +151,27 @@ def check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             f"--segmenter network, --weights and --backend: in the suite {settings.suite!r} the "
             "colour rules alone see"
         )
-    if settings.scenario is not None and settings.suite != LOCALISATION_SUITE:
+    if settings.scenario is not None and settings.suite != Suite.LOCALISATION:
         raise BadConfiguration(
             "--scenario names the world of the suite 'localisation'; other worlds are the argument"
         )
-    if (settings.images is None) == (settings.suite == TABLES_SUITE):
+    if (settings.images is None) == (settings.suite == Suite.TABLE_TOPS):
         raise BadConfiguration(
-            f"--images DIR names what the suite {TABLES_SUITE!r} looks at, and is for it alone"
+            f"--images DIR names what the suite '{Suite.TABLE_TOPS}' looks at, and is for it alone"
         )
-    if settings.latency != "live" and settings.suite in (*VIEWING, LOCALISATION_SUITE):
+    if settings.latency != "live" and settings.suite in (*VIEWING, Suite.LOCALISATION):
         raise BadConfiguration(
             "--latency is the time from an image to a command, and the suite "
             f"{settings.suite!r} judges no commands"
         )
-    if settings.suite == PAPER_SUITE and (settings.experiment is None or settings.random):
+    if settings.suite == PAPER and (settings.experiment is None or settings.random):
         raise BadConfiguration(
             "the suite paper needs --experiment indoor or forest, and its goals are given: "
             "no --random"
         )
-    if settings.experiment is not None and settings.suite != PAPER_SUITE:
+    if settings.experiment is not None and settings.suite != PAPER:
         raise BadConfiguration("--experiment is for the suite 'paper'; worlds are the argument")
-    if settings.suite == LOCALISATION_SUITE and (settings.shard or settings.where.engine == "ray"):
+    if settings.suite == Suite.LOCALISATION and (settings.shard or settings.where.engine == "ray"):
         raise BadConfiguration(
             "--shard and --engine ray are for suites of separate episodes, and the parts of "
             "'localisation' share recorded drives; take --workers"
@@ -188,9 +183,9 @@ def check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             f"{settings.suite!r} runs as a whole"
         )
     if settings.camera is not None and settings.suite in (
-        LOCALISATION_SUITE,
-        TEACHING_SUITE,
-        TABLES_SUITE,
+        Suite.LOCALISATION,
+        Suite.TEACHING,
+        Suite.TABLE_TOPS,
     ):
         raise BadConfiguration(
             f"--camera is not for the suite {settings.suite!r}: its images have a size of their own"
@@ -205,7 +200,7 @@ def check_options(settings: EvaluateSettings, suites: tuple[str, ...]) -> None:
             "--navigation sets how a robot drives, and in the suite "
             f"{settings.suite!r} nothing does"
         )
-    if settings.scanner and (not drives or settings.suite == LOCALISATION_SUITE):
+    if settings.scanner and (not drives or settings.suite == Suite.LOCALISATION):
         raise BadConfiguration(
             "--scanner is for robots that meet people, and in the suite "
             f"{settings.suite!r} none does"

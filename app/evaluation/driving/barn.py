@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,11 +11,15 @@ from typing import Any
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.episode.failure_causes import causes_of
-from app.evaluation.campaign import HERE, Campaign, Fleet, conclude, mean_of
+from app.evaluation.campaign import HERE, Campaign, Conclusion, Fleet, mean_of, show_reports
+from app.evaluation.origin import origin_of_drives
+from app.evaluation.suites import BARN_SUITES, Suite
+from app.evaluation.summary import rate_interval
+from app.runtime.record.provenance import command_line
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
 from navcore.mission.beware_list import BewareList
-from navcore.robot.profile import RobotProfile, load_profile
+from navcore.robot.profile import RobotProfile
 from sim.scenario.barn import SCALES, BarnWorld, load_worlds
 from sim.simulator import Simulator
 
@@ -32,7 +37,6 @@ COLUMNS = (
     "min_clearance_m",
     "wall_time_s",
 )
-SUITES = ("barn", "dynabarn")
 OBSERVE_FIRST_S = 1.5
 """Time the robot observes before it starts to drive, seconds, to detect moving people; the
 challenge's clock does not run yet."""
@@ -52,15 +56,11 @@ class ChallengeRules:
 
     def ended(self, simulator: Simulator) -> bool:
         """Judge the simulator's ground truth; return whether the run is over."""
-        pose, (x_m, y_m, _), referee = (
-            simulator.true_pose(),
-            self._world.scenario.start,
-            simulator.referee,
-        )
+        pose, (x_m, y_m, _) = simulator.true_pose(), self._world.scenario.start
         self.now_s = simulator.now_ns() / 1e9
         if self.began_s is None and pose.distance_to(x_m, y_m) >= MOVED_M:
             self.began_s = self.now_s
-        self.touched = referee.collisions + referee.struck_while_standing > 0
+        self.touched = simulator.referee.touched
         self.at_goal = (
             not self.touched
             and pose.distance_to(*self._world.scenario.goals[0]) <= self._world.tolerance_m
@@ -114,25 +114,16 @@ def evaluate_barn(
         drive_alone=drive,
     )
     reports = campaign.run([world.id for world in listed], fleet=fleet, out=out)
-    return conclude_barn(suite, reports, out)
+    return CONCLUSIONS[suite].write(command_line(), reports, out)
 
 
-def conclude_barn(suite: str, reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
-    """Print the table of a campaign, write `summary.json`, return the summary."""
-    profile = load_profile(reports[0]["robot"])
-    summary = summarise(suite, profile, reports)
-    conclude(reports, summary, columns=COLUMNS, title=f"{suite}, {profile.name}", out=out)
-    return summary
-
-
-def summarise(suite: str, robot: RobotProfile, reports: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the summary of a campaign as a JSON object."""
+def summarise(suite: Suite, command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the summary of a campaign as a JSON object, with Wilson's interval."""
+    successes = sum(report["success"] for report in reports)
     return {
-        "suite": suite,
-        "robot": robot.name,
-        "latency": reports[0]["latency"],
-        "worlds": len(reports),
+        **origin_of_drives(suite, command, reports, key="world"),
         "success_rate": mean_of(reports, lambda report: float(report["success"])),
+        "success_rate_ci95": [round(end, 4) for end in rate_interval(successes, len(reports))],
         "collisions": sum(report["collision"] for report in reports),
         "timeouts": sum(report["timeout"] for report in reports),
         "score": mean_of(reports, lambda report: report["score"]),
@@ -140,6 +131,17 @@ def summarise(suite: str, robot: RobotProfile, reports: list[dict[str, Any]]) ->
         "min_clearance_m": min(report["min_clearance_m"] for report in reports),
         "tick_ms_p99": mean_of(reports, lambda report: report["tick_ms"]["p99"]),
     }
+
+
+def _show(reports: Sequence[dict[str, Any]], summary: dict[str, Any]) -> None:
+    title = f"{summary['suite']}, {summary['robot']}"
+    show_reports(reports, summary, columns=COLUMNS, title=title)
+
+
+CONCLUSIONS: Mapping[str, Conclusion] = {
+    suite: Conclusion(summarise=partial(summarise, suite), show=_show) for suite in BARN_SUITES
+}
+"""What is made of a campaign, by its suite."""
 
 
 def drive_world(

@@ -11,17 +11,21 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
-from app.evaluation.campaign import HERE, Fleet, conclude
-from app.evaluation.driving.drawn_missions import drive_drawn, origin_of
+from app.evaluation.campaign import HERE, Conclusion, Fleet, show_reports
+from app.evaluation.driving.drawn_missions import EXAMPLES, drive_drawn
+from app.evaluation.origin import origin_of_drives
+from app.evaluation.suites import Suite
 from app.evaluation.summary import rate_interval
+from app.runtime.record.provenance import command_line
 from navcore.robot.profile import HUSKY
 from sim.physics.pedestrians import BODY_DIAMETER_M
 from sim.scenario.schema import MapExtent, Person, Scenario
@@ -139,7 +143,6 @@ def draw_crossing(seed: int) -> Crossing:
             return crossing
 
 
-SUITE = "crossings"
 COLUMNS = (
     *(
         "seed",
@@ -160,22 +163,15 @@ def evaluate_crossings(
 ) -> dict[str, Any]:
     """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
     reports = drive_drawn(
-        SUITE,
-        draw_crossing(0),
+        Suite.CROSSINGS,
+        tuple(draw_crossing(seed).scenario() for seed in EXAMPLES),
         drive_crossing,
         dataclasses.replace(settings, max_time_s=PATIENCE_S),
         seeds=seeds,
         fleet=fleet,
         out=out,
     )
-    return conclude_crossings(reports, out)
-
-
-def conclude_crossings(reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
-    """Print the table of a campaign, write `summary.json`, return the summary."""
-    summary = summarise(reports)
-    conclude(reports, summary, columns=COLUMNS, title=SUITE, out=out)
-    return summary
+    return CONCLUSION.write(command_line(), reports, out)
 
 
 def drive_crossing(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
@@ -194,7 +190,7 @@ def drive_crossing(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
     return {**report, **drawn}
 
 
-def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
+def summarise(command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the summary of a campaign as a JSON object, with Wilson's interval.
 
     A robot that drives into a person is at fault; one that a person walks into while it stands is
@@ -207,7 +203,7 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
         if not report["collisions"] and not report["struck_while_standing"]
     ]
     return {
-        **origin_of(SUITE, reports),
+        **origin_of_drives(Suite.CROSSINGS, command, reports),
         "drove_into_people": len(hit),
         "drove_into_people_ci95": [round(end, 4) for end in rate_interval(len(hit), len(reports))],
         "drove_into_people_seeds": [report["seed"] for report in hit],
@@ -222,3 +218,10 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
         ),
         "sim_time_s": round(float(np.mean([report["sim_time_s"] for report in reports])), 2),
     }
+
+
+CONCLUSION = Conclusion(
+    summarise=summarise,
+    show=partial(show_reports, columns=COLUMNS, title=Suite.CROSSINGS),
+)
+"""What is made of a campaign."""

@@ -9,22 +9,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from app.episode.episode import Episode, EpisodeSettings
-from app.evaluation.campaign import HERE, Fleet, conclude
-from app.evaluation.driving.drawn_missions import drive_drawn, origin_of
+from app.evaluation.campaign import HERE, Conclusion, Fleet, show_reports
+from app.evaluation.driving.drawn_missions import EXAMPLES, drive_drawn
+from app.evaluation.origin import origin_of_drives
+from app.evaluation.suites import Suite
 from app.evaluation.summary import rate_interval
+from app.runtime.record.provenance import command_line
 from navcore.config.navigator import config_for
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
+from sim.scenario.validation import check_standing
 from sim.scenario.variation import randomise
 from sim.truth.clearance import clearance_m, grown_obstacles, is_clear_ahead
 
@@ -45,9 +51,10 @@ ASIDE_M, TURNED_RAD = 1.5, 0.6
 robot's heading and the door."""
 PATIENCE_S = 60.0
 """Time limit of an episode, simulated seconds."""
+MOST_DRAWN = 100
+"""Number of passages of a seed that are tried."""
 DETOUR_M = 1.5
 """Distance beyond the shortest way that still is the first try, metres."""
-SUITE = "doors"
 COLUMNS = (
     *("seed", "door", "into_room", "first_try", "goals_reached", "collisions", "min_clearance_m"),
     *("distance_m", "shortest_m", "sim_time_s", "wall_time_s"),
@@ -100,22 +107,15 @@ def evaluate_doors(
 ) -> dict[str, Any]:
     """Drive one passage per seed, print a table, write `summary.json`; return the summary."""
     reports = drive_drawn(
-        SUITE,
-        next(draw_passages(0)),
+        Suite.DOORS,
+        (quiet_office(), DETOUR_M, *(next(draw_passages(seed)) for seed in EXAMPLES)),
         drive_passage,
         dataclasses.replace(settings, max_time_s=PATIENCE_S),
         seeds=seeds,
         fleet=fleet,
         out=out,
     )
-    return conclude_doors(reports, out)
-
-
-def conclude_doors(reports: list[dict[str, Any]], out: Path) -> dict[str, Any]:
-    """Print the table of a campaign, write `summary.json`, return the summary."""
-    summary = summarise(reports)
-    conclude(reports, summary, columns=COLUMNS, title=SUITE, out=out)
-    return summary
+    return CONCLUSION.write(command_line(), reports, out)
 
 
 def drive_passage(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
@@ -135,17 +135,24 @@ def drive_passage(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
 
 def first_clear(seed: int, settings: EpisodeSettings) -> tuple[Passage, Episode]:
     """Return the first passage of a seed that the furniture leaves open and has clear floor up to
-    where the camera sees it, and its episode; the robot is told how much clearance it has."""
+    where the camera sees it, and its episode; the robot is told how much clearance it has.
+
+    Raises `BadConfiguration` where none of the first ones is so.
+    """
     office = randomise(quiet_office(), seed)
     robot = settings.robot
     walls, config = grown_obstacles(office, {}, robot), settings.config or config_for(robot)
-    for passage in draw_passages(seed):
+    for passage in islice(draw_passages(seed), MOST_DRAWN):
         start = passage.start
         clear_m = clearance_m(walls, start.x_m, start.y_m)
         if not is_clear_ahead(
             walls, start, ahead_m=config.start_ahead_m, width_m=settings.robot.width_m
         ):
             continue
+        try:
+            check_standing(office, start, robot, "start")
+        except BadConfiguration:
+            continue  # in a piece of furniture
         drawn = dataclasses.replace(
             settings,
             goals=(passage.goal,),
@@ -153,15 +160,14 @@ def first_clear(seed: int, settings: EpisodeSettings) -> tuple[Passage, Episode]
             randomised=True,
             config=dataclasses.replace(config, start_clear_m=min(config.start_clear_m, clear_m)),
         )
-        try:
-            episode = Episode(office, drawn, seed=seed)
-        except BadConfiguration:
-            continue  # the robot would stand in a piece of furniture
+        episode = Episode(office, drawn, seed=seed)
         referee = episode.simulator.referee
         if referee.shortest_m(episode.spec, episode.inflation_m, [passage.goal]) is not None:
             return dataclasses.replace(passage, clear_m=clear_m), episode
         episode.close()
-    raise AssertionError("draw_passages ends")
+    raise BadConfiguration(
+        f"seed {seed}: the robot {robot.name!r} passes none of {MOST_DRAWN} drawn doors"
+    )
 
 
 def is_first_try(report: dict[str, Any]) -> bool:
@@ -169,11 +175,11 @@ def is_first_try(report: dict[str, Any]) -> bool:
     return bool(report["success"] and report["distance_m"] <= report["shortest_m"] + DETOUR_M)
 
 
-def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
+def summarise(command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the summary of a campaign as a JSON object, with Wilson's interval."""
     passed = [report for report in reports if report["first_try"]]
     return {
-        **origin_of(SUITE, reports),
+        **origin_of_drives(Suite.DOORS, command, reports),
         "first_try": round(len(passed) / len(reports), 4),
         "first_try_ci95": [round(end, 4) for end in rate_interval(len(passed), len(reports))],
         "not_at_first_try_seeds": [report["seed"] for report in reports if not report["first_try"]],
@@ -182,3 +188,10 @@ def summarise(reports: list[dict[str, Any]]) -> dict[str, Any]:
         "min_clearance_m": min(report["min_clearance_m"] for report in reports),
         "sim_time_s": round(float(np.mean([report["sim_time_s"] for report in reports])), 2),
     }
+
+
+CONCLUSION = Conclusion(
+    summarise=summarise,
+    show=partial(show_reports, columns=COLUMNS, title=Suite.DOORS),
+)
+"""What is made of a campaign."""

@@ -10,13 +10,16 @@ from typing import Any
 
 from app.episode.episode import EpisodeSettings
 from app.evaluation.campaign import Campaign, Fleet
-from app.runtime.record.provenance import command_line
+from app.evaluation.suites import Suite
 from navcore.config.navigator import config_for
+
+EXAMPLES = range(100)
+"""Seeds whose missions tell two ways of drawing apart."""
 
 
 def drive_drawn(
-    suite: str,
-    example: object,
+    suite: Suite,
+    missions: object,
     drive_one: Callable[..., dict[str, Any]],
     settings: EpisodeSettings,
     *,
@@ -25,16 +28,17 @@ def drive_drawn(
     out: Path,
 ) -> list[dict[str, Any]]:
     """Return the reports of `drive_one(seed, settings)`, one a seed; those kept in `out` are not
-    driven again if they were driven by the same rules. `example` is a drawn mission, one of the
-    rules."""
+    driven again if they were driven by the same rules. `missions` is one of the rules: what
+    `EXAMPLES` draw, so that no constant is missed by which they do, their world, and how they are
+    judged."""
     settings = replace(settings, config=settings.config or config_for(settings.robot))
     drive = partial(drive_one, settings=settings)
     campaign = Campaign(
         suite=suite,
         key="seed",
         rules=(
-            suite,
-            example,
+            str(suite),
+            missions,
             settings.beware.classes,
             settings.max_time_s,
             settings.robot,
@@ -43,24 +47,9 @@ def drive_drawn(
             settings.latency,
             settings.camera,
         ),
-        holds="another campaign, robot, beware list, odometry, latency, camera or time limit",
+        holds="another campaign, other missions, another robot, beware list, configuration, "
+        "odometry, latency, camera or time limit",
         drive=drive,
         drive_alone=drive,
     )
     return campaign.run(list(seeds), fleet=fleet, out=out)
-
-
-def origin_of(suite: str, reports: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return how the reports came about, as a JSON object."""
-    return {
-        "command": command_line(),
-        "scenario": suite,
-        **{
-            key: reports[0][key]
-            for key in ("segmenter", "odometry", "gnss", "latency", "people", "scanner")
-        },
-        "versions": sorted({report["version"] for report in reports}),
-        "machines": sorted({report["machine"] for report in reports}),
-        "episodes": len(reports),
-        "seeds": [report["seed"] for report in reports],
-    }

@@ -3,11 +3,11 @@ odometry of many runs without rendering again."""
 
 from __future__ import annotations
 
+import hashlib
 import io
-import json
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from app.episode.episode import Episode, EpisodeSettings
-from navcore.config.localisation.localisation import ScanConfig
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole, write_whole
@@ -148,29 +147,31 @@ def kept_drive(
     backwards: bool = False,
 ) -> Drive:
     """Return the drive of a world with a seed to the goals of the world, from its file in a folder
-    or driven now and kept there; `backwards` takes the goals in reverse order.
-
-    A file that was recorded with other rules for scans is driven again.
-    """
+    or driven now and kept there; `backwards` takes the goals in reverse order."""
     goals = tuple(reversed(scenario.goals)) if backwards else scenario.goals
     return kept(
-        folder / f"{scenario.name}-{seed}{'-back' if backwards else ''}.npz",
-        config.localisation.scan,
+        folder,
+        f"{scenario.name}-{seed}{'-back' if backwards else ''}",
+        (scenario, beware.classes, config, seed, goals),
         lambda: record(scenario, beware, seed=seed, goals=goals, config=config),
     )
 
 
-def kept(path: Path, rules: ScanConfig, recorded: Callable[[], Drive]) -> Drive:
-    """Return the drive of a file, or what `recorded` returns, which is kept there."""
-    if path.exists() and (drive := load_drive(path, rules)) is not None:
-        return drive
-    drive = recorded()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_drive(path, drive, rules)
-    return load_drive(path, rules) or drive  # as every later call sees it, in single precision
+def kept(folder: Path, name: str, made_of: object, recorded: Callable[[], Drive]) -> Drive:
+    """Return the drive of a file in a folder, or what `recorded` returns, which is kept there.
+
+    The `repr` of what a drive is `made_of` is part of the name of its file: one that was recorded
+    in another world, with another list, configuration or start is not found.
+    """
+    digest = hashlib.sha256(repr(made_of).encode()).hexdigest()[:12]
+    path = folder / f"{name}-{digest}.npz"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        save_drive(path, recorded())
+    return load_drive(path)  # as every later call sees it, in single precision
 
 
-def save_drive(path: Path, drive: Drive, rules: ScanConfig) -> None:
+def save_drive(path: Path, drive: Drive) -> None:
     """Write a drive atomically; raises `StorageFailed`."""
     keyframes = [
         Keyframe(pose_id=k, T_map_base=pose, scan=scan)
@@ -178,7 +179,6 @@ def save_drive(path: Path, drive: Drive, rules: ScanConfig) -> None:
     ]
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {
-        "rules": np.array(json.dumps(asdict(rules), sort_keys=True)),
         "stamps_ns": np.array(drive.stamps_ns, dtype=np.int64),
         "by_odometry": _rows(drive.by_odometry),
         "pitch_rad": np.array(drive.pitch_rad),
@@ -189,15 +189,12 @@ def save_drive(path: Path, drive: Drive, rules: ScanConfig) -> None:
     write_whole(path, buffer.getvalue())
 
 
-def load_drive(path: Path, rules: ScanConfig) -> Drive | None:
-    """Return the drive of a file, None if it was recorded with other rules; raises
-    `BadConfiguration` for a file that holds no drive."""
+def load_drive(path: Path) -> Drive:
+    """Return the drive of a file; raises `BadConfiguration` for one that holds none."""
     data = read_whole(path, at_most=_MOST_BYTES)
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-        if str(arrays["rules"]) != json.dumps(asdict(rules), sort_keys=True):
-            return None
         true_poses = _poses(arrays["true_poses"])
         parts = {name: arrays[name] for name in KINDS}
         keyframes = restored(scans_of(parts, len(true_poses), str(path)), true_poses)

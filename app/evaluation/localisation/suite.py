@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,13 @@ from app.evaluation.localisation.carried_away import carried_away
 from app.evaluation.localisation.drives import Drive, kept_drive
 from app.evaluation.localisation.figures import figures, summarise
 from app.evaluation.localisation.pushed import pushed
-from app.evaluation.localisation.recording import Recording, mirrored
+from app.evaluation.localisation.recording import Recording
 from app.evaluation.localisation.replay import Replay, follow, keyframes_of
 from app.evaluation.localisation.trials import SavedMap, days, disturbed, half_turn, started_in
 from app.evaluation.localisation.turns import kept_turn
+from app.evaluation.origin import origin_here
+from app.evaluation.suites import Suite
 from app.fleet.engine import Engine, Lost, in_order
-from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import colour_perception
 from navcore.config.navigator import NavigatorConfig
 from navcore.errors import BadConfiguration, BewareNavError
@@ -49,7 +50,7 @@ ROWS = ("rms_m", "p95_m", "final_m", "yaw_p95_deg", "rpe_m", "nees", "odometry_r
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Suite:
+class LocalisationSuite:
     """What is driven, how often, and where recorded drives are kept."""
 
     grade: OdometryGrade
@@ -123,7 +124,7 @@ class Suite:
 class Site:
     """A world that was driven through on two days, and the map of the first."""
 
-    suite: Suite
+    suite: LocalisationSuite
     """What is measured, and how often."""
     world: Scenario
     """The world."""
@@ -135,7 +136,7 @@ class Site:
     """The map of the first day."""
 
     @staticmethod
-    def of(suite: Suite, world: Scenario) -> Site:
+    def of(suite: LocalisationSuite, world: Scenario) -> Site:
         """Return a world with its drives, which are recorded where none are kept."""
         first = suite.recording(world)
         return Site(
@@ -151,9 +152,8 @@ class Site:
         if which == SAVED:
             return self.saved
         if which == MIRRORED:
-            return replace(self.saved, keyframes=tuple(mirrored(self.saved.keyframes)))
-        other = self.suite.saved(self.suite.recording(load_scenario(which)))
-        return replace(self.saved, keyframes=other.keyframes)
+            return self.saved.mirrored()
+        return self.suite.saved(self.suite.recording(load_scenario(which)))
 
     def started(self, which: str, *, turns: bool = False, **how: Any) -> dict[str, Any]:
         """Return how a robot that is switched on along the second drive finds its place in a map,
@@ -199,7 +199,7 @@ def _say(line: str) -> None:
     print(line.strip(), file=sys.stderr, flush=True)
 
 
-def _measured(suite: Suite, world: Scenario, part: tuple[str, str]) -> Any:
+def _measured(suite: LocalisationSuite, world: Scenario, part: tuple[str, str]) -> Any:
     """Return one part of the summary in one map."""
     name, which = part
     return PARTS[name](Site.of(suite, world), which)
@@ -223,7 +223,7 @@ def evaluate_localisation(
     """
     if not scenario.goals:
         raise BadConfiguration(f"scenario {scenario.name!r} has no goals to drive to")
-    suite = Suite(
+    suite = LocalisationSuite(
         grade=grade,
         episodes=episodes,
         seed=seed,
@@ -239,12 +239,10 @@ def evaluate_localisation(
         suite.turn(scenario, site.second, start)
         _say(f"turn {number} of {len(starts)} is recorded")
     summary: dict[str, Any] = {
-        "command": command_line(),
-        "scenario": scenario.name,
-        "segmenter": colour_perception().identity,
+        **origin_here(
+            Suite.LOCALISATION, segmenter=colour_perception().identity, scenario=scenario.name
+        ),
         "odometry": str(grade),
-        "versions": [version()],
-        "machines": [machine()],
         "episodes": episodes,
         "seeds": list(range(seed, seed + episodes)),
         "distance_m": [round(run.drive.distance_m, 1) for run in (site.first, site.second)],

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from app.evaluation.localisation.drives import FRAME_NS, Drive
-from app.evaluation.localisation.recording import JUDGED_M, Recording
+from app.evaluation.localisation.recording import JUDGED_M, Recording, mirrored
 from app.evaluation.localisation.replay import RIGHT_M, RIGHT_RAD, Replay, follow
 from app.evaluation.localisation.turns import turned_first
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
-from navcore.localisation.estimate import LocalisationState
 from navcore.localisation.scans.scan import Keyframe
 
 JUMP = Pose2(x_m=0.3, y_m=0.0, yaw_rad=math.radians(3.0))
@@ -24,7 +23,7 @@ JUMP = Pose2(x_m=0.3, y_m=0.0, yaw_rad=math.radians(3.0))
 GYRO_STEP_RADPS = math.radians(0.05)
 """Change of the bias of the gyro: 180 degrees per hour."""
 SPIN_M, SPIN_S = 0.5, 2.0
-"""Distance that spinning wheels measure while the robot stands where it is, and for how long."""
+"""Distance that slipping wheels measure beyond what the robot drives, and for how long."""
 COVERED_S = 10.0
 """Time in seconds for which the lens is covered."""
 _FRAME_S = FRAME_NS / 1e9
@@ -45,6 +44,11 @@ class SavedMap:
         poses = [motion @ Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in self.poses.tolist()]
         rows = np.array([(pose.x_m, pose.y_m, pose.yaw_rad) for pose in poses]).reshape(-1, 3)
         return SavedMap(keyframes=tuple(frames), poses=rows)
+
+    def mirrored(self) -> SavedMap:
+        """Return the map of the world that a mirror along the x axis shows."""
+        rows = self.poses * (1.0, -1.0, -1.0)
+        return SavedMap(keyframes=tuple(mirrored(self.keyframes)), poses=rows)
 
 
 def half_turn(saved: SavedMap) -> Pose2:
@@ -146,8 +150,9 @@ def _started(
 def disturbed(
     run: Recording, saved: SavedMap, config: NavigatorConfig, count: int
 ) -> dict[str, dict[str, Any]]:
-    """Disturb drives in the saved map at half of their way, and count how they end: right, lost and
-    known to be so, or wrong; with the median error of odometry alone as control."""
+    """Disturb `count` drives in the saved map, each further on its way than the one before, and
+    count how they end: right, lost and known to be so, or wrong; with the median error of odometry
+    alone as control."""
     kinds: dict[str, Callable[[Drive, list[Pose2], int], tuple[Drive, list[Pose2]]]] = {
         "jump": _jump,
         "gyro": _gyro_step,
@@ -171,7 +176,7 @@ def _disturbed(
         at = len(run.drive) * (number + 1) // (count + 2)
         drive, odometry = disturb(run.drive, run.odometry(number, start), at)
         result = follow(Replay(config, saved.keyframes, saved.poses), drive, odometry)
-        is_known = result.states[-1] not in (LocalisationState.LOST, LocalisationState.AMBIGUOUS)
+        is_known = result.states[-1].is_known
         x, y, yaw = result.errors[-1]
         is_right = math.hypot(x, y) <= RIGHT_M and abs(yaw) <= RIGHT_RAD
         ends["right" if is_known and is_right else "wrong" if is_known else "lost"] += 1
@@ -196,7 +201,7 @@ def _gyro_step(drive: Drive, odometry: list[Pose2], at: int) -> tuple[Drive, lis
 
 
 def _spin(drive: Drive, odometry: list[Pose2], at: int) -> tuple[Drive, list[Pose2]]:
-    """The wheels turn faster than the robot moves."""
+    """The wheels slip: they turn faster than the robot drives."""
     poses, frames = odometry[: at + 1], round(SPIN_S / _FRAME_S)
     for k in range(at + 1, len(odometry)):
         step = odometry[k - 1].inverse() @ odometry[k]

@@ -37,6 +37,8 @@ def kept_turn(
     The turn is driven by hand with nearly perfect odometry: where the gate stops it, less is seen.
     """
 
+    here = drive.true_poses[start]
+
     def recorded() -> Drive:
         episode = Episode(
             scenario,
@@ -44,7 +46,7 @@ def kept_turn(
                 beware=beware,
                 config=config,
                 odometry=OdometryGrade.IDEAL,
-                start=drive.true_poses[start],
+                start=here,
             ),
             seed=seed,
         )
@@ -57,8 +59,8 @@ def kept_turn(
             episode.close()
         return recorder.drive
 
-    path = folder / f"{scenario.name}-{seed}-turn-{start}.npz"
-    return kept(path, config.localisation.scan, recorded)
+    made_of = (scenario, beware.classes, config, seed, here)
+    return kept(folder, f"{scenario.name}-{seed}-turn-{start}", made_of, recorded)
 
 
 def turned_first(turn: Drive, drive: Drive, start: int) -> Drive:

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.evaluation.perception.detection_counts import DetectionCounts, Walks
+from app.evaluation.suites import Suite
 from app.runtime.start.segmentation import Perception
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception.perception import ObservationConfig
@@ -42,7 +43,6 @@ from sim.dataset.scene import BACKGROUND, Scene
 from sim.rendering.lighting import PLAIN, Lighting
 from sim.sensors.camera import T_BASE_CAMERA
 
-SUITE = "finding"
 CELL_M, STEP_M, SPEED_MPS = 0.05, 0.1, 0.8
 """Cell size of the map, distance between images, and speed of the robot."""
 IN_VIEW_M, IN_TIME_M = 4.0, 1.5
@@ -118,13 +118,19 @@ def walks(
 ) -> Walks:
     """Return the suite of a perception with images of `size` (columns, rows)."""
     return Walks(
-        suite=SUITE,
-        names=BEWARE_CLASSES[1:],
+        suite=Suite.FINDING,
+        names=listed_classes(beware),
         perception=perception,
         beware=beware,
         size=size,
         walk=partial(walk_of_seed, perception.segmenter, beware, size=size),
     )
+
+
+def listed_classes(beware: BewareList) -> tuple[str, ...]:
+    """Return the classes of the data set that a list has switched on."""
+    wanted = {entry.detected_as for entry in beware.enabled}
+    return tuple(name for name in BEWARE_CLASSES[1:] if name in wanted)
 
 
 def walk(
@@ -135,13 +141,14 @@ def walk(
     segmenter: Segmenter,
     beware: BewareList,
     *,
-    labels: Container[str] = BEWARE_CLASSES[1:],
+    labels: Container[str] | None = None,
     lighting: Lighting = PLAIN,
     turn_radps: float = 0.0,
     on_image: Callable[[Labels], None] = lambda labels: None,
 ) -> DetectionCounts:
     """Drive through a world that the renderer has built, and count; `labels` are the classes of the
-    objects that there are to find."""
+    objects that there are to find, by default those of the list."""
+    labels = listed_classes(beware) if labels is None else labels
     spec = GridSpec.centred(
         size_m=(2 * scene.reach_m[0] + 8.0, 2 * scene.reach_m[1] + 8.0), resolution_m=CELL_M
     )
@@ -266,7 +273,7 @@ def _observe(
     points = (optical @ camera[:3, :3].T + camera[:3, 3])[:, :2]
     seen = labels[rows, cols]
     grid = layer_grid(cloud, beware, ())
-    names = {entry.class_id: entry.name for entry in beware.enabled}
+    names = {entry.class_id: entry.detected_as for entry in beware.enabled}
     for listed in objects:
         if listed.closed:
             continue
@@ -307,7 +314,7 @@ def _false_items(
         if wrong.any():
             # Cells within a decimetre of each other are one item.
             count, _ = cv2.connectedComponents(_dilated(wrong, 0.05).view(np.uint8), connectivity=8)
-            found[entry.name] += count - 1
+            found[entry.detected_as] += count - 1
     return found
 
 

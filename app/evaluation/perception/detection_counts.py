@@ -14,9 +14,11 @@ from rich.console import Console as Terminal
 from rich.table import Table
 from scipy import stats
 
-from app.evaluation.campaign import HERE, Campaign, origin_of, write_summary
+from app.evaluation.campaign import HERE, Campaign, write_summary
+from app.evaluation.origin import origin_of
+from app.evaluation.suites import Suite
 from app.evaluation.summary import Interval, rate_interval
-from app.runtime.record.provenance import machine, version
+from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.mission.beware_list import BewareList
 from navcore.robot.camera_stream import CameraStream
@@ -82,7 +84,7 @@ class DetectionCounts:
 class Walks:
     """A suite in which a camera is carried through the world of each seed."""
 
-    suite: str
+    suite: Suite
     """Name of the suite."""
     names: tuple[str, ...]
     """Classes that there are to find."""
@@ -108,15 +110,18 @@ class Walks:
         campaign = Campaign(
             suite=self.suite,
             key="seed",
-            rules=(self.suite, self.perception.identity, self.beware.classes, self.size),
+            rules=(str(self.suite), self.perception.identity, self.beware.classes, self.size),
             holds="another suite, network, beware list or image size",
             drive=drive,
             drive_alone=drive,
         )
         reports = campaign.run(seeds, fleet=HERE, out=out)
         counts = [DetectionCounts.of(report) for report in reports]
-        origin = origin_of(self.suite, self.perception.identity, self.size, reports)
-        told = origin | summary(counts, self.names)
+        told = {
+            **origin_of(self.suite, command_line(), reports, segmenter=self.perception.identity),
+            "images": list(self.size),
+            **summary(counts, self.names),
+        }
         write_summary(told, out)
         show(counts, told, self.names)
         return told

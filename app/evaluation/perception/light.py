@@ -1,8 +1,8 @@
 """Benchmark of light: the walks of `detection` under each disturbance of `sim.rendering.lighting`.
 
 Every disturbance meets the same worlds and poses. Of each image the labels of the network alone are
-compared with the truth (mean IoU over all classes), and the map is judged as in `detection`: what
-it holds before the robot is 1.5 m away, and what it holds that is not there.
+compared with the truth (mean IoU over all classes of the list), and the map is judged as in
+`detection`: what it holds before the robot is 1.5 m away, and what it holds that is not there.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ import numpy.typing as npt
 from rich.console import Console as Terminal
 from rich.table import Table
 
-from app.evaluation.campaign import HERE, Campaign, origin_of, write_summary
-from app.evaluation.perception.detection import ENOUGH_PX, walk_of_seed
+from app.evaluation.campaign import HERE, Campaign, write_summary
+from app.evaluation.origin import origin_of
+from app.evaluation.perception.detection import ENOUGH_PX, listed_classes, walk_of_seed
 from app.evaluation.perception.detection_counts import DetectionCounts
 from app.evaluation.perception.detection_counts import summary as rates_of
 from app.evaluation.perception.light_figures import row_of
-from app.runtime.record.provenance import machine, version
+from app.evaluation.suites import Suite
+from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
@@ -33,9 +35,10 @@ from navcore.perception.labels import Labels, LabelSource
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
+from sim.dataset.renderer import LABELS
+from sim.dataset.scene import BACKGROUND
 from sim.rendering.lighting import DISTURBANCES, Lighting
 
-SUITE = "light"
 TURN_RADPS = 1.0
 """Yaw rate with which the image moves while it is exposed, where that takes time."""
 CLASSES = len(BEWARE_CLASSES)
@@ -75,7 +78,9 @@ def evaluate_light(
     Raises `BadConfiguration` for a perception without a network whose labels can be told apart.
     """
     if perception.examples is None:
-        raise BadConfiguration(f"the suite {SUITE!r} needs a network; {perception.title} has none")
+        raise BadConfiguration(
+            f"the suite '{Suite.LIGHT}' needs a network; {perception.title} has none"
+        )
     network = perception.examples
 
     def drive(seed: int) -> dict[str, Any]:
@@ -87,16 +92,24 @@ def evaluate_light(
         return origin | {"disturbances": walks, "success": walks["none"]["success"]}
 
     campaign = Campaign(
-        suite=SUITE,
+        suite=Suite.LIGHT,
         key="seed",
-        rules=(SUITE, perception.identity, beware.classes, size, tuple(disturbances.items())),
+        rules=(
+            str(Suite.LIGHT),
+            perception.identity,
+            beware.classes,
+            size,
+            tuple(disturbances.items()),
+        ),
         holds="another suite, network, beware list, image size or other disturbances",
         drive=drive,
         drive_alone=drive,
     )
     reports = campaign.run(seeds, fleet=HERE, out=out)
-    told = origin_of(SUITE, perception.identity, size, reports) | {
-        "disturbances": {name: _summary(reports, name) for name in disturbances},
+    told = {
+        **origin_of(Suite.LIGHT, command_line(), reports, segmenter=perception.identity),
+        "images": list(size),
+        "disturbances": {name: _summary(reports, name, beware) for name in disturbances},
     }
     write_summary(told, out)
     _show(told)
@@ -112,13 +125,13 @@ def _walk(
 ) -> dict[str, Any]:
     """Return the counts of a walk and the confusion matrix of the network's labels."""
     watched, confusion = WatchedNetwork(network), np.zeros((CLASSES, CLASSES), dtype=np.int64)
-    class_of = _network_classes(beware)
+    class_of, label_of = _network_classes(beware), _true_labels(beware)
 
     def compare(truth: npt.NDArray[np.uint8]) -> None:
         assert watched.newest is not None
         np.add(
             confusion,
-            confusion_matrix(truth, class_of[watched.newest.class_ids], CLASSES),
+            confusion_matrix(label_of[truth], class_of[watched.newest.class_ids], CLASSES),
             out=confusion,
         )
 
@@ -144,7 +157,18 @@ def _network_classes(beware: BewareList) -> npt.NDArray[np.uint8]:
     return numbers
 
 
-def _summary(reports: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
+def _true_labels(beware: BewareList) -> npt.NDArray[np.uint8]:
+    """Return (256,) the true label by that of the data set: background where the list has no class
+    of its name, which the network then cannot label."""
+    known = {entry.detected_as for entry in beware.classes}
+    labels = np.arange(256, dtype=np.uint8)
+    for name in BEWARE_CLASSES[1:]:
+        if name not in known:
+            labels[LABELS[name]] = LABELS[BACKGROUND]
+    return labels
+
+
+def _summary(reports: Sequence[Mapping[str, Any]], name: str, beware: BewareList) -> dict[str, Any]:
     walks = [report["disturbances"][name] for report in reports]
     confusion = np.sum([walk["confusion"] for walk in walks], axis=0)
     # A class of a few pixels at the rim of an image has no IoU worth a mean.
@@ -153,7 +177,7 @@ def _summary(reports: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
     return {
         "mean_iou": round(mean_iou(confusion), 4),
         "iou_by_class": {one: round(float(iou), 3) for one, iou in by_class if np.isfinite(iou)},
-    } | rates_of([DetectionCounts.of(walk) for walk in walks], BEWARE_CLASSES[1:])
+    } | rates_of([DetectionCounts.of(walk) for walk in walks], listed_classes(beware))
 
 
 def _show(told: Mapping[str, Any]) -> None:

@@ -12,6 +12,6 @@ def row_of(measured: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         f"{measured['mean_iou']:.3f}",
         f"{measured['found']} of {measured['things_in_view']}",
-        measured["found_of_thin"],
+        measured.get("found_of_thin", "–"),
         f"{measured['false_items_per_10_m']:.2f} ({few:.2f} to {many:.2f})",
     )

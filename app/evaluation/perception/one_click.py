@@ -28,6 +28,7 @@ from app.evaluation.perception.detection import (
     walk,
 )
 from app.evaluation.perception.detection_counts import COUNTERS, DetectionCounts, Walks
+from app.evaluation.suites import Suite
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration, Refused
 from navcore.geometry.transform import Pose2
@@ -46,7 +47,6 @@ from sim.dataset.room_generator import random_scene
 from sim.dataset.scene import UNSEEN, Scene, SolidObject, Spot
 from sim.models.unseen_items import UNSEEN_ITEMS
 
-SUITE = "one-click"
 CLICKS, BACKGROUNDS = 3, 8
 """Number of clicks, and of frames of the background."""
 CLICK_M, CLICK_PX = (1.0, 2.4), 80
@@ -98,10 +98,11 @@ def walks(perception: Perception, size: tuple[int, int] = CameraStream().size) -
     `BadConfiguration` for one without features."""
     if perception.examples is None:
         raise BadConfiguration(
-            f"the suite {SUITE!r} needs a network with features; {perception.title} has none"
+            f"the suite '{Suite.ONE_CLICK}' needs a network with features; "
+            f"{perception.title} has none"
         )
     return Walks(
-        suite=SUITE,
+        suite=Suite.ONE_CLICK,
         names=tuple(UNSEEN_ITEMS),
         perception=perception,
         beware=BewareList(classes=()),

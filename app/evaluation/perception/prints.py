@@ -20,11 +20,13 @@ import numpy as np
 from rich.console import Console as Terminal
 from rich.table import Table
 
-from app.evaluation.campaign import HERE, Campaign, origin_of, write_summary
+from app.evaluation.campaign import HERE, Campaign, write_summary
+from app.evaluation.origin import origin_of
 from app.evaluation.perception.detection import ENOUGH_PX
 from app.evaluation.perception.print_figures import DISTANCES_M, limit
 from app.evaluation.perception.print_sites import KINDS, Sight, Site, renderer_of, sights, site_of
-from app.runtime.record.provenance import machine, version
+from app.evaluation.suites import Suite
+from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
 from navcore.geometry.arrays import Bools
@@ -36,7 +38,6 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from sim.dataset.renderer import SceneRenderer
 
-SUITE = "prints"
 LEAST_SHARE = 0.3
 """Share of the pixels of a print or a thing that have to be labelled for it to count as claimed."""
 SURE_SHARE = 0.9
@@ -81,12 +82,14 @@ def evaluate_prints(
     print can show.
     """
     if perception.examples is None:
-        raise BadConfiguration(f"the suite {SUITE!r} needs a network; {perception.title} has none")
+        raise BadConfiguration(
+            f"the suite '{Suite.PRINTS}' needs a network; {perception.title} has none"
+        )
     network, known = perception.examples, by_network_alone(beware)
     entries = printable(known)
     if not entries:
         raise BadConfiguration(
-            f"the suite {SUITE!r} needs a class that is switched on, of {', '.join(KINDS)}"
+            f"the suite '{Suite.PRINTS}' needs a class that is switched on, of {', '.join(KINDS)}"
         )
 
     def look(seed: int) -> dict[str, Any]:
@@ -94,15 +97,17 @@ def evaluate_prints(
         return origin | look_at(network, known, seed, size)
 
     campaign = Campaign(
-        suite=SUITE,
+        suite=Suite.PRINTS,
         key="seed",
-        rules=(SUITE, perception.identity, known.classes, size, DISTANCES_M),
+        rules=(str(Suite.PRINTS), perception.identity, known.classes, size, DISTANCES_M),
         holds="another suite, network, beware list, image size or other distances",
         drive=look,
         drive_alone=look,
     )
     reports = campaign.run(seeds, fleet=HERE, out=out)
-    told = origin_of(SUITE, perception.identity, size, reports) | {
+    told = {
+        **origin_of(Suite.PRINTS, command_line(), reports, segmenter=perception.identity),
+        "images": list(size),
         "printed": {entry.name: _summary(entry, reports) for entry in entries},
     }
     write_summary(told, out)

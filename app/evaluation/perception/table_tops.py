@@ -21,7 +21,8 @@ import numpy.typing as npt
 from rich.console import Console as Terminal
 
 from app.evaluation.campaign import write_summary
-from app.runtime.record.provenance import command_line, machine, version
+from app.evaluation.origin import origin_here
+from app.evaluation.suites import Suite
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
 from navcore.geometry.camera import Intrinsics
@@ -31,7 +32,6 @@ from navcore.perception.esanet.segmenter import NetworkSegmenter
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 
-SUITE = "table-tops"
 LEAST_SHARE = 0.3
 """Share of a thing's pixels that have to be labelled for it to count."""
 LEAST_CONFIDENCE = 0.5
@@ -81,7 +81,9 @@ def evaluate_table_tops(
     the summary. Raises `BadConfiguration` for a perception without a network, or a folder without
     such images."""
     if perception.examples is None:
-        raise BadConfiguration(f"the suite {SUITE!r} needs a network; {perception.title} has none")
+        raise BadConfiguration(
+            f"the suite '{Suite.TABLE_TOPS}' needs a network; {perception.title} has none"
+        )
     splits = {
         split.name: sorted(split.glob("*.instance.png")) for split in sorted(folder.glob("*/"))
     }
@@ -92,14 +94,7 @@ def evaluate_table_tops(
         name: _summary(_labelled(perception.examples, beware, paths))
         for name, paths in splits.items()
     }
-    told = {
-        "command": command_line(),
-        "scenario": SUITE,
-        "segmenter": perception.identity,
-        "versions": [version()],
-        "machines": [machine()],
-        "labelled_things": found,
-    }
+    told = origin_here(Suite.TABLE_TOPS, segmenter=perception.identity) | {"labelled_things": found}
     out.mkdir(parents=True, exist_ok=True)
     write_summary(told, out)
     for name, one in found.items():

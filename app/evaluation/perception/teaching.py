@@ -21,9 +21,10 @@ from rich.console import Console as Terminal
 from rich.table import Table
 
 from app.evaluation.campaign import write_summary
+from app.evaluation.origin import origin_here
 from app.evaluation.perception.detection import TEST_SHARD
 from app.evaluation.perception.one_click import Site, site_of, views
-from app.runtime.record.provenance import command_line, machine, version
+from app.evaluation.suites import Suite
 from app.teaching.frames.frame_record import UNITS_PER_M
 from app.teaching.training.comparison import LEAST_IOU
 from app.teaching.training.paired_counts import PairedCounts
@@ -42,7 +43,6 @@ from sim.dataset.renderer import UNSEEN_LABEL, SceneRenderer
 from sim.dataset.scene import Spot
 from sim.models.unseen_items import UNSEEN_ITEMS
 
-SUITE = "teaching"
 FRAMES = 8
 """Number of frames around each thing."""
 SIZE = Size(height=256, width=416)
@@ -184,15 +184,13 @@ def evaluate_teaching(weights: Path, seeds: Sequence[int], *, out: Path) -> bool
         result = suite.teach(one)
         terminal.print(result or f"{one}: the thing is seen from no free place")
     identity = hashlib.sha256(weights.read_bytes()).hexdigest()
+    segmenter = f"network sha256 {identity}, {SIZE.width} × {SIZE.height}, f32"
     summary: dict[str, Any] = {
-        "command": command_line(),
-        "scenario": SUITE,
-        "segmenter": f"network sha256 {identity}, {SIZE.width} × {SIZE.height}, f32",
-        "versions": [version()],
-        "machines": [machine()],
+        **origin_here(Suite.TEACHING, segmenter=segmenter),
         "episodes": len(seeds),
         "seeds": list(seeds),
-    } | suite.summary()
+        **suite.summary(),
+    }
     out.mkdir(parents=True, exist_ok=True)
     write_summary(summary, out)
     terminal.print(_table(summary))

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
+from app.evaluation.suites import Suite
 from app.evaluation.summary import RATES
-from app.evaluation.tables.kinds import (
-    has_scanner,
-    is_crossings,
-    is_doors,
-    is_paper,
-    is_random,
-    is_second_day,
-)
+from app.evaluation.tables.kinds import departures, is_of, is_second_day
 from app.evaluation.tables.table import (
     Result,
     Row,
@@ -31,9 +25,13 @@ _SHOWN_RATES = tuple(key for key in RATES if key not in ("struck_rate", "ground_
 def world(result: Result) -> str:
     """Return the world of a result, what sets it apart from others in that world, and how many
     episodes were planned if there were more than it has."""
-    day, sensor = ", second day" * is_second_day(result), ", with a scanner" * has_scanner(result)
+    apart = ["second day"] if is_second_day(result) else []
+    apart += [
+        "with a scanner" if key == "scanner" else f"{key} {value}"
+        for key, value in departures(result).items()
+    ]
     planned = f" ({result['planned']} planned)" if "planned" in result else ""
-    return f"`{result['scenario']}`{day}{sensor}{planned}"
+    return ", ".join((f"`{result['scenario']}`", *apart)) + planned
 
 
 def _short_row(result: Result) -> Row:
@@ -42,7 +40,7 @@ def _short_row(result: Result) -> Row:
         count(result, "goals_rate"),
         interval(result, "goals_rate"),
         count(result, "success_rate"),
-        f"{result['spl']:.2f}",
+        _spl(result),
         f"{result['ideal_spl']:.2f}",
     )
 
@@ -51,11 +49,17 @@ def _random_row(result: Result) -> Row:
     return (
         world(result),
         *(f"{count(result, key)} ({interval(result, key)})" for key in _SHOWN_RATES),
-        f"{result['spl']:.2f}",
+        _spl(result),
         f"{result['ideal_spl']:.2f}",
         _items(result),
         failures(result),
     )
+
+
+def _spl(result: Result) -> str:
+    """Return the SPL; a dash for kept figures of before it was weighted by success, of episodes
+    that were not kept."""
+    return "–" if result["spl"] is None else f"{result['spl']:.2f}"
 
 
 def _items(result: Result) -> str:
@@ -116,7 +120,7 @@ def _crossings_row(result: Result) -> Row:
 
 
 SHORT = Table(
-    shows=lambda result: is_random(result) and not has_scanner(result),
+    shows=lambda result: result["suite"] == Suite.RANDOM and not departures(result),
     columns=(
         "world",
         "all goals reached",
@@ -130,7 +134,7 @@ SHORT = Table(
 )
 """The table of the first page."""
 RANDOM = Table(
-    shows=is_random,
+    shows=is_of(Suite.RANDOM),
     columns=(
         *("world", *(RATES[key][0] for key in _SHOWN_RATES)),
         *("SPL", "baseline", "items held of those in view; false ones per 10 m"),
@@ -140,7 +144,7 @@ RANDOM = Table(
     always=True,
 )
 MISSIONS = Table(
-    shows=is_paper,
+    shows=is_of(Suite.GIVEN),
     columns=(
         *("the paper's mission", "goals reached", "true distance at G1, G2, G3"),
         *("drove into something", "over an item, a marking or a zone", "least clearance"),
@@ -150,7 +154,7 @@ MISSIONS = Table(
     always=True,
 )
 DOORS = Table(
-    shows=is_doors,
+    shows=is_of(Suite.DOORS),
     columns=(
         *("suite", "seeds", "passed at the first try", "collisions"),
         *("least clearance", "not passed"),
@@ -158,7 +162,7 @@ DOORS = Table(
     rows=single(_doors_row),
 )
 CROSSINGS = Table(
-    shows=is_crossings,
+    shows=is_of(Suite.CROSSINGS),
     columns=(
         *("suite", "seeds", "drove into a person", "seeds of these"),
         *("a person walked into the standing robot", "goal reached", "mean time"),

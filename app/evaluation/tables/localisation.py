@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from app.evaluation.tables.kinds import is_localisation
+from app.evaluation.suites import Suite
+from app.evaluation.tables.kinds import is_of
 from app.evaluation.tables.table import Result, Row, Table, share_interval, single
 
 
@@ -62,7 +63,7 @@ def _search_rows(result: Result) -> list[Row]:
 
 
 TRACKING = Table(
-    shows=is_localisation,
+    shows=is_of(Suite.LOCALISATION),
     columns=(
         *("world", "odometry", "runs", "odometry alone, rms", "new map, rms"),
         *("saved map, rms", "its p95", "its yaw, p95", "NEES", "loops", "carried away"),
@@ -71,7 +72,7 @@ TRACKING = Table(
     rows=single(_tracking_row),
 )
 SEARCHES = Table(
-    shows=is_localisation,
+    shows=is_of(Suite.LOCALISATION),
     columns=(
         *("world", "odometry", "start", "map", "right", "after", "refused", "wrong"),
         "misled on the way",

@@ -12,8 +12,8 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from app.evaluation.suites import Suite
 from app.evaluation.tables.driving import CROSSINGS, DOORS, MISSIONS, RANDOM, SHORT, world
-from app.evaluation.tables.kinds import is_localisation, is_paper
 from app.evaluation.tables.localisation import SEARCHES, TRACKING
 from app.evaluation.tables.perception import (
     LIGHT,
@@ -35,9 +35,9 @@ HASH = re.compile(r"([0-9a-f]{12})[0-9a-f]{52}")
 
 
 def _origin_row(result: Result) -> Row:
-    kind = ", the paper's" * is_paper(result) + ", localisation" * is_localisation(result)
+    kind = {Suite.GIVEN: ", the paper's", Suite.LOCALISATION: ", localisation"}
     return (
-        world(result) + kind,
+        world(result) + kind.get(result["suite"], ""),
         *(result.get(key, "–") for key in ("latency", "people", "odometry", "gnss")),
         HASH.sub(r"\1…", result["segmenter"]),
         "; ".join(result["versions"]),

@@ -7,15 +7,8 @@ import statistics
 from app.evaluation.perception.light_figures import row_of
 from app.evaluation.perception.print_figures import COLUMNS
 from app.evaluation.perception.print_figures import row_of as print_row_of
-from app.evaluation.tables.kinds import (
-    is_before,
-    is_labelled,
-    is_lit,
-    is_printed,
-    is_recorded,
-    is_taught,
-    is_walked,
-)
+from app.evaluation.suites import Suite
+from app.evaluation.tables.kinds import is_before, is_of
 from app.evaluation.tables.table import (
     Result,
     Row,
@@ -119,7 +112,7 @@ def _teaching_row(result: Result) -> Row:
 
 
 WALKS = Table(
-    shows=is_walked,
+    shows=is_of(Suite.FINDING, Suite.ONE_CLICK),
     columns=(
         *("suite", "images", "seeds", "found in time", "by class", "of thin ones"),
         *("by their names", "false per 10 m", "false by class", "walked"),
@@ -127,7 +120,7 @@ WALKS = Table(
     rows=single(_walks_row),
 )
 LIGHT = Table(
-    shows=is_lit,
+    shows=is_of(Suite.LIGHT),
     columns=(
         *("network", "images", "seeds", "light"),
         *("mIoU", "found in time", "of thin ones", "false per 10 m"),
@@ -135,7 +128,7 @@ LIGHT = Table(
     rows=_light_rows,
 )
 RECORDINGS = Table(
-    shows=is_recorded,
+    shows=is_of(Suite.REPLAY),
     columns=(
         *("recording", "frames", "occupied cells", "wrongly of the list", "by class"),
         *("objects held as their class", "each held as"),
@@ -143,17 +136,17 @@ RECORDINGS = Table(
     rows=single(_recording_row),
 )
 REAL_THINGS = Table(
-    shows=is_labelled,
+    shows=is_of(Suite.TABLE_TOPS),
     columns=("suite", "images", "things labelled", "95 % interval", "as", "of the tables"),
     rows=_labelled_rows,
 )
 PRINTS = Table(
-    shows=is_printed,
+    shows=is_of(Suite.PRINTS),
     columns=("suite", "seeds", *COLUMNS),
     rows=_print_rows,
 )
 TEACHING = Table(
-    shows=is_taught,
+    shows=is_of(Suite.TEACHING),
     columns=(
         *("suite", "seeds", "found elsewhere", "IoU of each"),
         *("mean IoU of the known classes in rendered images, before and after", "most lost"),

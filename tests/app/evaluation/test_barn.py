@@ -11,6 +11,7 @@ import pytest
 
 from app.episode.episode import EpisodeSettings
 from app.evaluation.driving.barn import ChallengeRules, drive_world, evaluate_barn, verdict
+from app.runtime.record.provenance import machine, version
 from navcore.config.navigator import config_for
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Twist
@@ -44,14 +45,19 @@ def test_a_world_is_driven_scored_and_not_driven_twice(
     first = campaign(1)
     kept = (out / "episodes.jsonl").read_text()
     both = campaign(None)
-    assert (first["worlds"], both["worlds"]) == (1, 2)
+    assert (first["worlds"], both["worlds"]) == ([2], [2, 6])
+    assert (first["episodes"], both["episodes"], "planned" in both) == (1, 2, False)
     assert (both["success_rate"], both["collisions"], both["timeouts"]) == (1.0, 0, 0)
     assert both["score"] == 0.5
     assert (out / "episodes.jsonl").read_text().startswith(kept)
     assert json.loads((out / "summary.json").read_text()) == both
+    assert (both["versions"], both["machines"]) == ([version()], [machine()])
+    assert (both["suite"], both["odometry"], both["camera"]) == ("barn", "typical", "424x240@10")
+    assert both["success_rate_ci95"] == [0.3424, 1.0]  # Wilson's, of 2 of 2
     report = json.loads(kept)
     assert (report["world"], report["robot"], report["scenario"]) == (2, "jackal", "barn 2")
     assert report["optimal_s"] == 6.0 and report["min_clearance_m"] > 0.03
+    assert campaign(1)["planned"] == 2  # of the worlds that were asked for
     assert "time_s" in capsys.readouterr().out
     with pytest.raises(BadConfiguration, match="another --out"):
         evaluate_barn("barn", worlds, rules_of(HUSKY), count=1, seed=0, out=out)
@@ -114,6 +120,12 @@ def test_any_contact_ends_the_run_without_a_score(tmp_path: Path) -> None:
         False,
     )
     assert report["score"] == 0.0
+
+
+def test_a_contact_fails_the_run_however_slow_it_is(tmp_path: Path) -> None:
+    close = {**STATIC, "walls": [[-2.25, 3.36]]}
+    report = judged(tmp_path, close, 0.015, 10.0)
+    assert (report["ended"], report["success"], report["collision"]) == (True, False, True)
 
 
 def test_a_robot_that_never_moves_times_out(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@ worker behind."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -151,6 +152,27 @@ def test_an_episode_that_fails_twice_is_named_and_all_others_are_recorded(
 def test_an_error_of_the_program_ends_the_campaign(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
         campaign(run=broken).run([0, 1], fleet=TWO, out=tmp_path)
+
+
+def test_an_episode_is_recorded_before_its_figures_are_written(tmp_path: Path) -> None:
+    def fails(driven: dict[str, Any]) -> None:
+        raise BadConfiguration(f"no room for figures of {driven['key']}")
+
+    with pytest.raises(BadConfiguration, match="no room for figures of 0"):
+        dataclasses.replace(campaign(), after=fails).run([0, 1], fleet=HERE, out=tmp_path)
+    assert json.loads((tmp_path / "episodes.jsonl").read_text())["key"] == 0
+    reports = campaign().run([0, 1], fleet=HERE, out=tmp_path)
+    assert [report["key"] for report in reports] == [0, 1]
+
+
+@pytest.mark.long
+def test_a_worker_with_other_code_than_this_process_drives_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.fleet.local.version", lambda: "0.1, commit of before")
+    with pytest.raises(BadConfiguration, match=r"has bewarenav .*of 0\.1, commit of before"):
+        campaign().run([0, 1], fleet=TWO, out=tmp_path)
+    assert (tmp_path / "episodes.jsonl").read_text() == ""
 
 
 def broken(key: int) -> dict[str, Any]:

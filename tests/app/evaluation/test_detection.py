@@ -12,6 +12,7 @@ import pytest
 
 from app.evaluation.perception import detection
 from app.evaluation.perception.detection_counts import DetectionCounts, Walks, summary
+from app.evaluation.suites import Suite
 from app.runtime.start.segmentation import colour_perception
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
@@ -47,7 +48,9 @@ class Truth:
         return LabelSource.NETWORK
 
 
-def counts_of(truth: Truth, monkeypatch: pytest.MonkeyPatch) -> DetectionCounts:
+def counts_of(
+    truth: Truth, monkeypatch: pytest.MonkeyPatch, beware: BewareList | None = None
+) -> DetectionCounts:
     """Return the counts of the short drive with a segmenter that is told the truth."""
     render = SceneRenderer.render
 
@@ -56,7 +59,7 @@ def counts_of(truth: Truth, monkeypatch: pytest.MonkeyPatch) -> DetectionCounts:
         return rgb, depth_m, truth.labels
 
     monkeypatch.setattr(SceneRenderer, "render", seen)
-    return detection.walk_of_seed(truth, default_beware_list(), SHORT_DRIVE)
+    return detection.walk_of_seed(truth, beware or default_beware_list(), SHORT_DRIVE)
 
 
 def test_a_segmenter_that_knows_the_truth_finds_everything_and_nothing_false(
@@ -74,6 +77,32 @@ def test_a_blind_one_finds_nothing_and_what_is_not_there_is_false(
     blind = counts_of(Truth(blind=True), monkeypatch)
     assert (blind.seen.total(), blind.found.total(), blind.false.total()) == (2, 0, 0)
     assert counts_of(Truth(corner="spill"), monkeypatch).false["spill"] >= 1
+
+
+CONES = BewareList(
+    classes=(
+        BewareClass(
+            name="cone",
+            network_class="wet-floor sign",
+            class_id=default_beware_list().ids["wet-floor sign"],
+        ),
+        dataclasses.replace(default_beware_list().named("person"), enabled=False),
+    )
+)
+"""A list that calls a class by another name, and has no other that is switched on."""
+
+
+def test_what_counts_are_the_classes_of_the_operators_list_by_those_of_the_network(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts = counts_of(Truth(), monkeypatch, CONES)
+    assert counts.seen == counts.found == counts.named == Counter({"wet-floor sign": 1})
+    assert counts.false.total() == 0
+    sees_signs = counts_of(Truth(corner="wet-floor sign"), monkeypatch, CONES)
+    assert sees_signs.false["wet-floor sign"] >= 1 and "cone" not in sees_signs.false
+    suite = detection.walks(colour_perception(), CONES)
+    assert suite.names == ("wet-floor sign",)
+    assert detection.walks(colour_perception(), default_beware_list()).names == NAMES
 
 
 def drive(*, found: int, seen: int, false: int, walked_m: float = 5.0) -> DetectionCounts:
@@ -123,7 +152,7 @@ def test_walks_are_recorded_and_an_interrupted_suite_walks_only_the_rest(tmp_pat
         )
 
     suite = Walks(
-        suite="one-click",
+        suite=Suite.ONE_CLICK,
         names=("teddy", "vase"),
         perception=colour_perception(),
         beware=BewareList(classes=()),
@@ -137,6 +166,6 @@ def test_walks_are_recorded_and_an_interrupted_suite_walks_only_the_rest(tmp_pat
     assert told["found_by_class"] == {"teddy": "2/4"} and "found_of_thin" not in told
     assert told["seeds"] == [2000, 2001, 2002, 2003] and told["refused"] == ["grey"] * 4
     assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["found"] == 2
-    other = dataclasses.replace(suite, suite="finding")
+    other = dataclasses.replace(suite, suite=Suite.FINDING)
     with pytest.raises(BadConfiguration, match="another suite"):
         other.run(range(2000, 2004), out=tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from itertools import islice
 
@@ -10,6 +11,7 @@ import pytest
 import shapely
 
 from app.episode.episode import EpisodeSettings
+from app.evaluation.driving import doors
 from app.evaluation.driving.doors import (
     DOORS,
     draw_passages,
@@ -18,6 +20,8 @@ from app.evaluation.driving.doors import (
     is_first_try,
     summarise,
 )
+from navcore.errors import BadConfiguration
+from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import default_beware_list
 from navcore.robot.profile import HUSKY
 from sim.truth.clearance import grown_obstacles
@@ -57,6 +61,27 @@ def test_a_door_is_passed_and_a_way_back_is_no_first_try() -> None:
     longer = {**report, "distance_m": report["shortest_m"] + 2.0}
     assert not is_first_try(longer)
     assert not is_first_try({**report, "success": False})
-    summary = summarise([report, {**longer, "first_try": False}])
+    summary = summarise("evaluate doors", [report, {**longer, "first_try": False}])
     assert (summary["first_try"], summary["not_at_first_try_seeds"]) == (0.5, [3])
     assert (summary["seeds"], summary["segmenter"]) == ([3, 3], "colour rules")
+
+
+def test_a_robot_that_fits_no_door_is_refused_after_some_tries(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried = list[Pose2]()
+
+    def refused(_: object, pose: Pose2, *__: object) -> None:
+        tried.append(pose)
+        raise BadConfiguration("in a chair")
+
+    monkeypatch.setattr(doors, "check_standing", refused)
+    with pytest.raises(BadConfiguration, match="seed 7: the robot 'husky' passes none of 100"):
+        first_clear(7, EpisodeSettings(beware=default_beware_list()))
+    assert 0 < len(tried) <= 100
+
+
+def test_a_robot_without_a_model_is_named_and_not_looked_for_at_other_doors() -> None:
+    unknown = dataclasses.replace(HUSKY, name="unknown")
+    with pytest.raises(BadConfiguration, match="unknown"):
+        first_clear(3, EpisodeSettings(beware=default_beware_list(), robot=unknown))

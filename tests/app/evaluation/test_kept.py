@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from app.evaluation.kept import FOLDER, SUFFIX, keep_campaign, resume_campaign
-from app.evaluation.merge import conclude_campaign
+from app.evaluation.conclusions import conclusion_of
+from app.evaluation.kept import FOLDER, SUFFIX, keep_results, resume_campaign
 from app.evaluation.tables.pages import RESULTS
 from app.fleet.campaign_files import EPISODES, read_card, recorded
 from navcore.errors import BadConfiguration
@@ -28,13 +28,13 @@ def reports_in(folder: Path) -> list[Report]:
 def test_a_kept_campaign_goes_on_where_it_ended(report: Report, tmp_path: Path) -> None:
     first = driven(report, tmp_path / "first", seeds=SEEDS[:2])
     whole = driven(report, tmp_path / "whole")
-    name = keep_campaign(first, tmp_path)
+    name = keep_results(first, tmp_path)
     again = tmp_path / "again"
     assert resume_campaign(name, again, tmp_path) == read_card(first)
     assert [one["seed"] for one in reports_in(again)] == list(SEEDS[:2])
     driven(report, again)
     assert (again / "summary.json").read_bytes() == (whole / "summary.json").read_bytes()
-    assert keep_campaign(again, tmp_path) == name
+    assert keep_results(again, tmp_path) == name
     assert json.loads((tmp_path / f"{name}.json").read_text())["seeds"] == list(SEEDS)
 
 
@@ -42,15 +42,15 @@ def test_what_is_no_ended_campaign_is_refused_and_nothing_kept_is_lost(
     report: Report, tmp_path: Path
 ) -> None:
     folder = driven(report, tmp_path / "one")
-    name = keep_campaign(folder, tmp_path)
+    name = keep_results(folder, tmp_path)
     kept = {path: path.read_bytes() for path in tmp_path.rglob(f"*{name}*") if path.is_file()}
     lines = (folder / EPISODES).read_text().splitlines()
     (folder / EPISODES).write_text("\n".join(lines[1:]))
     with pytest.raises(BadConfiguration, match="is not of the episodes that are recorded"):
-        keep_campaign(folder, tmp_path)
+        keep_results(folder, tmp_path)
     (folder / "summary.json").unlink()
     with pytest.raises(BadConfiguration, match="holds no ended campaign"):
-        keep_campaign(folder, tmp_path)
+        keep_results(folder, tmp_path)
     with pytest.raises(BadConfiguration, match="holds episodes already"):
         resume_campaign(name, folder, tmp_path)
     with pytest.raises(BadConfiguration, match="'other' are not kept"):
@@ -68,6 +68,61 @@ def test_a_refusal_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", KEPT)
 def test_the_summary_of_a_kept_campaign_is_that_of_its_episodes(name: str, tmp_path: Path) -> None:
     card = resume_campaign(name, tmp_path)
-    made = conclude_campaign(card, reports_in(tmp_path), tmp_path)
-    kept = json.loads((RESULTS / f"{name}.json").read_text())
-    assert {**made, "command": kept["command"]} == kept
+    made = conclusion_of(card).write(card.command, reports_in(tmp_path), tmp_path)
+    assert made == json.loads((RESULTS / f"{name}.json").read_text())
+
+
+def test_another_campaign_overwrites_what_is_kept_only_when_asked(
+    report: Report, tmp_path: Path
+) -> None:
+    name = keep_results(driven(report, tmp_path / "one"), tmp_path)
+    kept = tmp_path / FOLDER / f"{name}{SUFFIX}"
+    before = kept.read_bytes()
+    others = {
+        "of other rules": driven(report, tmp_path / "rules", rules="others"),
+        "of other seeds": driven(report, tmp_path / "seeds", seeds=range(3001, 3007)),
+    }
+    for folder in others.values():
+        with pytest.raises(BadConfiguration, match=f"{name} is kept of another campaign; --repl"):
+            keep_results(folder, tmp_path)
+        assert kept.read_bytes() == before
+    for folder in others.values():
+        assert keep_results(folder, tmp_path, replace=True) == name
+        assert kept.read_bytes() != before
+    kept.unlink()  # as what was kept before there were episodes
+    with pytest.raises(BadConfiguration, match="is kept of another campaign"):
+        keep_results(others["of other seeds"], tmp_path)
+
+
+def test_a_campaign_of_another_robot_is_kept_beside_the_usual_one(
+    report: Report, tmp_path: Path
+) -> None:
+    usual = keep_results(driven(report, tmp_path / "usual"), tmp_path)
+    poor = keep_results(driven(report, tmp_path / "poor", odometry="poor"), tmp_path)
+    assert "-odometry-poor" in poor and poor != usual
+    assert all((tmp_path / f"{name}.json").exists() for name in (usual, poor))
+
+
+def test_a_summary_is_made_of_its_episodes_by_the_rules_of_today(
+    report: Report, tmp_path: Path
+) -> None:
+    folder = driven(report, tmp_path / "old", success=False, spl=0.5)
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary["suite"]  # as a version before wrote it, with an SPL over violations
+    (folder / "summary.json").write_text(json.dumps({**summary, "spl": 0.5}))
+    name = keep_results(folder, tmp_path)
+    kept = json.loads((tmp_path / f"{name}.json").read_text())
+    assert (kept["suite"], kept["spl"]) == ("random", 0.0)
+
+
+def test_a_suite_that_runs_as_a_whole_is_kept_as_its_summary_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    told = {"command": "bewarenav evaluate localisation --seed 5", "scenario": "office"}
+    (folder / "summary.json").write_text(json.dumps({**told, "odometry": "typical"}))
+    assert keep_results(folder, tmp_path) == "office-localisation-typical"
+    kept = json.loads((tmp_path / "office-localisation-typical.json").read_text())
+    assert kept == {**told, "suite": "localisation", "odometry": "typical"}
+    assert not (tmp_path / FOLDER).exists()
+    with pytest.raises(BadConfiguration, match="is kept of another campaign"):
+        keep_results(folder, tmp_path)

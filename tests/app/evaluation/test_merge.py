@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from app.evaluation.campaign import Campaign, Fleet
-from app.evaluation.driving.scenario import conclude_scenario
+from app.evaluation.conclusions import CONCLUSIONS
 from app.evaluation.merge import Allowance, merge_shards
+from app.evaluation.suites import Suite
 from app.fleet.campaign_files import EPISODES, read_card, recorded
 from app.fleet.shard import Shard
 from app.runtime.record.provenance import command_line
 from navcore.errors import BadConfiguration
 
 SEEDS = range(3000, 3005)
+DRAWN: dict[str, dict[str, Any]] = {
+    Suite.RANDOM: {},
+    Suite.DOORS: {"door": [3.0, 1.5], "into_room": True, "first_try": True},
+    Suite.CROSSINGS: {"kind": "stops", "speed_mps": 1.2, "angle_deg": 90},
+}
+"""What reports of each suite have besides those of an episode."""
 
 
 def driven(
@@ -24,37 +32,54 @@ def driven(
     out: Path,
     shard: Shard | None = None,
     seeds: range = SEEDS,
+    suite: Suite = Suite.RANDOM,
+    rules: str = "rules",
     **changes: Any,
 ) -> Path:
     """Write the folder of a campaign whose episodes differ by seed."""
 
     def drive(seed: int) -> dict[str, Any]:
-        return {**report, "seed": seed, "distance_m": seed / 7, **changes}
+        return {**report, **DRAWN[suite], "seed": seed, "distance_m": seed / 7, **changes}
 
     campaign = Campaign(
-        suite="random",
+        suite=suite,
         key="seed",
-        rules="rules",
+        rules=rules,
         holds="another campaign",
         drive=drive,
         drive_alone=drive,
     )
     reports = campaign.run(seeds, fleet=Fleet(shard=shard), out=out)
-    conclude_scenario("random", read_card(out).command, reports, out)
+    CONCLUSIONS[suite].write(read_card(out).command, reports, out)
     return out
 
 
-def shares(report: dict[str, Any], folder: Path) -> list[Path]:
-    return [driven(report, folder / str(i), Shard(i, 3)) for i in (1, 2, 3)]
+def shares(report: dict[str, Any], folder: Path, **how: Any) -> list[Path]:
+    return [driven(report, folder / str(i), Shard(i, 3), **how) for i in (1, 2, 3)]
 
 
+@pytest.mark.parametrize("suite", DRAWN)
 def test_merged_shards_are_to_the_byte_what_one_run_gives(
-    report: dict[str, Any], tmp_path: Path
+    report: dict[str, Any], suite: Suite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = driven(report, tmp_path / "whole")
-    merge_shards(shares(report, tmp_path)[::-1], out=tmp_path / "merged")
+    monkeypatch.setattr(sys, "argv", ["bewarenav", "evaluate", suite, "--seed", "3000"])
+    whole = driven(report, tmp_path / "whole", suite=suite)
+    parts = shares(report, tmp_path, suite=suite)
+    monkeypatch.setattr(sys, "argv", ["bewarenav", "merge", "1", "2", "3"])
+    merged = merge_shards(parts[::-1], out=tmp_path / "merged")
+    assert merged["suite"] == suite
+    assert merged["command"] == f"bewarenav evaluate {suite} --seed 3000"
     for name in (EPISODES, "summary.json", "campaign.json"):
         assert (tmp_path / "merged" / name).read_bytes() == (whole / name).read_bytes()
+
+
+def test_a_suite_that_runs_as_a_whole_is_not_merged(report: dict[str, Any], tmp_path: Path) -> None:
+    folder = driven(report, tmp_path / "one")
+    card = json.loads((folder / "campaign.json").read_text())
+    (folder / "campaign.json").write_text(json.dumps({**card, "suite": "finding"}))
+    with pytest.raises(BadConfiguration, match="the suite 'finding' runs as a whole"):
+        merge_shards([folder], out=tmp_path / "merged")
+    assert not (tmp_path / "merged").exists()
 
 
 def test_missing_and_repeated_episodes_are_named_and_merged_only_when_allowed(

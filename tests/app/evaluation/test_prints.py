@@ -21,8 +21,9 @@ from app.evaluation.perception.print_sites import (
     site_of,
     with_print,
 )
-from app.evaluation.perception.prints import SUITE, decides_up_to, evaluate_prints
-from app.evaluation.tables.kinds import file_name, is_random
+from app.evaluation.perception.prints import decides_up_to, evaluate_prints
+from app.evaluation.suites import Suite
+from app.evaluation.tables.kinds import file_name
 from app.evaluation.tables.pages import full_table
 from app.runtime.start.segmentation import colour_perception
 from navcore.errors import BadConfiguration
@@ -139,7 +140,7 @@ def test_depth_refutes_near_prints_of_what_stands_up_and_no_flat_ones_and_no_thi
     assert json.loads((tmp_path / "summary.json").read_text()) == told
     page = full_table([told])
     assert "| `prints` | 1 to 1 | cup | 1 of 1 |" in page and "never: no least height" in page
-    assert file_name(told) == SUITE and not is_random(told)
+    assert file_name(told) == told["suite"] == Suite.PRINTS
 
 
 def test_what_the_network_does_not_claim_is_no_find_of_depth(
@@ -179,7 +180,7 @@ def test_what_cannot_be_judged_is_refused(tmp_path: Path, believer: Believer) ->
     with pytest.raises(BadConfiguration, match="a class that is switched on"):
         evaluate_prints(perception, BewareList(classes=(off, spill)), seeds=[SEED], out=tmp_path)
     with pytest.raises(BadConfiguration, match="judges no commands"):
-        check_options(EvaluateSettings(suite=SUITE, latency="none"), (SUITE,))
+        check_options(EvaluateSettings(suite=Suite.PRINTS, latency="none"))
 
 
 def _seen(renderer: SceneRenderer, number: int) -> tuple[Frame, Bools]:

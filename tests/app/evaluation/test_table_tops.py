@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from app.cli.evaluate.settings import EvaluateSettings, check_options
-from app.evaluation.perception.table_tops import SUITE, evaluate_table_tops
-from app.evaluation.tables.kinds import file_name, is_random
+from app.evaluation.perception.table_tops import evaluate_table_tops
+from app.evaluation.suites import Suite
+from app.evaluation.tables.kinds import file_name
 from app.evaluation.tables.pages import full_table
 from app.runtime.start.segmentation import Perception
 from navcore.errors import BadConfiguration
@@ -69,7 +70,7 @@ def test_a_thing_counts_when_enough_of_it_is_labelled_surely(tmp_path: Path) -> 
     assert found["table_share"] == pytest.approx(8 / (40 * 80 - 3 * 400))
     assert json.loads((tmp_path / "out" / "summary.json").read_text()) == told
     assert "1 of 3" in full_table([told])
-    assert file_name(told) == SUITE and not is_random(told)
+    assert file_name(told) == told["suite"] == Suite.TABLE_TOPS
 
 
 def test_what_cannot_be_judged_is_refused(tmp_path: Path) -> None:
@@ -81,6 +82,6 @@ def test_what_cannot_be_judged_is_refused(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "test" / "00.depth.png"), np.zeros((10, 10), np.uint16))
     with pytest.raises(BadConfiguration, match="not of one size"):
         evaluate_table_tops(perception(LooksAtRed()), LIST, tmp_path, out=tmp_path / "out")
-    for suite, folder in (("office", tmp_path), (SUITE, None)):
+    for suite, folder in (("office", tmp_path), (Suite.TABLE_TOPS, None)):
         with pytest.raises(BadConfiguration, match="--images"):
-            check_options(EvaluateSettings(suite=suite, images=folder), (SUITE,))
+            check_options(EvaluateSettings(suite=suite, images=folder))

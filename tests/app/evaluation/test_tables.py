@@ -8,18 +8,8 @@ from typing import Any
 import pytest
 
 from app.evaluation.perception.detection_counts import DetectionCounts, summary
-from app.evaluation.tables.kinds import (
-    file_name,
-    is_before,
-    is_crossings,
-    is_doors,
-    is_labelled,
-    is_lit,
-    is_localisation,
-    is_random,
-    is_recorded,
-    is_second_day,
-)
+from app.evaluation.suites import Suite
+from app.evaluation.tables.kinds import file_name, is_before, is_of, is_second_day
 from app.evaluation.tables.pages import (
     BEGIN,
     END,
@@ -38,6 +28,9 @@ from navcore.learning.data.class_names import BEWARE_CLASSES
 short_table = PAGES["README.md"]
 FILES = sorted(RESULTS.glob("*.json"))
 KEPT = dict(zip((path.stem for path in FILES), kept_results(), strict=True))
+BY_COLOUR = (Suite.DOORS, Suite.CROSSINGS, Suite.LOCALISATION)
+"""Suites that no network sees."""
+is_random = is_of(Suite.RANDOM)
 every_result = pytest.mark.parametrize("result", KEPT.values(), ids=KEPT)
 
 
@@ -49,13 +42,13 @@ def test_a_page_shows_what_the_files_say(page: str) -> None:
 
 @every_result
 def test_a_result_is_of_the_network_that_ships_and_names_its_origin(result: Result) -> None:
-    knows_place = is_localisation(result) or is_second_day(result)  # which is what is judged
-    if not (is_doors(result) or is_crossings(result) or is_before(result) or knows_place):
+    of_place = is_second_day(result)  # which is what is judged
+    if not (result["suite"] in BY_COLOUR or is_before(result) or of_place):
         assert f"network sha256 {shipped_sha256()}," in result["segmenter"]
-    if is_recorded(result):
+    if result["suite"] == Suite.REPLAY:
         assert result["frames"] > 0
         assert result["command"].startswith(f"bewarenav replay {result['scenario']} ")
-    elif is_labelled(result):
+    elif result["suite"] == Suite.TABLE_TOPS:
         assert result["command"].startswith("bewarenav evaluate table-tops ")
         assert all(one["images"] > 0 for one in result["labelled_things"].values())
     else:
@@ -74,7 +67,9 @@ def test_kept_files_are_small_and_named_after_their_world() -> None:
 
 def test_only_the_light_is_shown_for_the_network_before_it_was_trained_with() -> None:
     assert [name for name, result in KEPT.items() if is_before(result)] == ["light-before"]
-    of_networks = [one["disturbances"].keys() for one in KEPT.values() if is_lit(one)]
+    of_networks = [
+        one["disturbances"].keys() for one in KEPT.values() if one["suite"] == Suite.LIGHT
+    ]
     assert of_networks == [of_networks[0]] * 2
     assert "| before |" in full_table(list(KEPT.values()))
 
@@ -99,6 +94,7 @@ def test_a_mission_of_the_paper_shows_how_far_from_each_goal_the_robot_stood() -
 def test_a_suite_of_walks_has_a_table_of_its_own_on_the_page_about_evaluation() -> None:
     result = {
         "command": "bewarenav evaluate finding",
+        "suite": "finding",
         "scenario": "finding",
         "images": [424, 240],
         "segmenter": "network sha256 abc",
@@ -126,6 +122,7 @@ def test_a_suite_of_walks_has_a_table_of_its_own_on_the_page_about_evaluation() 
 def test_doors_have_a_table_of_their_own_on_the_page_about_evaluation() -> None:
     result = {
         "command": "bewarenav evaluate doors",
+        "suite": "doors",
         "scenario": "doors",
         "segmenter": "colour rules",
         "versions": ["1"],
@@ -146,6 +143,7 @@ def test_doors_have_a_table_of_their_own_on_the_page_about_evaluation() -> None:
 def test_crossings_have_a_table_of_their_own_on_the_page_about_evaluation() -> None:
     result = {
         "command": "bewarenav evaluate crossings",
+        "suite": "crossings",
         "scenario": "crossings",
         "segmenter": "colour rules",
         "versions": ["1"],
@@ -171,6 +169,7 @@ def test_teaching_has_a_table_of_its_own_with_the_things_and_what_was_lost() -> 
     lost = {"old": 0.6, "new": 0.5, "change": [-0.12, -0.08]}
     result = {
         "command": "bewarenav evaluate teaching",
+        "suite": "teaching",
         "scenario": "teaching",
         "segmenter": "network sha256 abc",
         "versions": ["1"],
@@ -199,6 +198,7 @@ def located(wrong: int) -> dict[str, Any]:
     carried = {"carried": 9, "noticed": 8, "in_time": 7, "right_again": 1}
     carried |= {"false_alarms": 0, "not_carried": 3}
     return {
+        "suite": "localisation",
         "scenario": "office",
         "odometry": "typical",
         "segmenter": "colour rules",
@@ -240,6 +240,44 @@ def test_the_second_day_has_rows_of_its_own() -> None:
         assert f"| {world} |" in table_of([first])
 
 
+@pytest.mark.parametrize(
+    ("departs", "name", "words"),
+    [
+        ({"ablation": "no-semantics"}, "office-ablation-no-semantics", "ablation no-semantics"),
+        ({"odometry": "poor"}, "office-odometry-poor", "odometry poor"),
+        ({"latency": "120 ms"}, "office-latency-120-ms", "latency 120 ms"),
+        ({"robot": "jackal"}, "office-robot-jackal", "robot jackal"),
+        ({"people": "some yield"}, "office-people-some-yield", "people some yield"),
+        ({"camera": "848x480@10"}, "office-camera-848x480@10", "camera 848x480@10"),
+        ({"scanner": "all round"}, "office-scanner", "with a scanner"),
+        ({"gnss": "plain"}, "office-gnss-plain", "gnss plain"),
+        ({"scenario": "forest", "gnss": "none"}, "forest-gnss-none", "gnss none"),
+        (
+            {"map": "kept", "robot": "jackal", "odometry": "poor"},
+            "office-second-day-robot-jackal-odometry-poor",
+            "second day, robot jackal, odometry poor",
+        ),
+    ],
+)
+def test_a_campaign_of_another_robot_or_other_people_has_a_name_and_a_row_of_its_own(
+    departs: dict[str, Any], name: str, words: str
+) -> None:
+    other = {**KEPT["office"], **departs}
+    assert file_name(other) == name
+    assert f"| `{other['scenario']}`, {words} (" in full_table([other])
+
+
+def test_the_first_page_has_the_robot_of_the_paper_alone() -> None:
+    usual, own = KEPT["office"], {**KEPT["office"], "ablation": "no-semantics"}
+    assert short_table([usual, own]) == short_table([usual])
+    # What a world gives its robot, and a world without people, are no departures.
+    assert file_name(KEPT["forest"]) == "forest" and file_name(KEPT["clutter"]) == "clutter"
+
+
+def test_localisation_with_other_odometry_names_it_once() -> None:
+    assert file_name({**located(0), "odometry": "poor"}) == "office-localisation-poor"
+
+
 def test_a_table_stands_between_its_two_lines() -> None:
     assert with_table(f"a\n{BEGIN}old\n{END}b\n", "new\n") == f"a\n{BEGIN}new\n{END}b\n"
     for page in ("a\n", f"a\n{BEGIN}b\n", f"a\n{END}b\n{BEGIN}"):
@@ -251,6 +289,7 @@ def test_walks_under_each_light_have_a_row_for_each_on_the_page_about_evaluation
     counts = [DetectionCounts(seen=Counter(cable=2), found=Counter(cable=1), walked_m=5.0)]
     measured = summary(counts, BEWARE_CLASSES[1:]) | {"mean_iou": 0.7149}
     lit = {
+        "suite": "light",
         "scenario": "light",
         "segmenter": "network",
         "images": [848, 480],

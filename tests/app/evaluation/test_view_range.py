@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from app.evaluation.driving import view_range
@@ -25,5 +27,27 @@ def test_the_page_has_a_row_for_each_seed_and_sums_the_seeds_that_have_a_path(
     assert text.endswith("    the command\n")
 
 
-def test_the_kept_page_names_the_command_that_makes_it() -> None:
-    assert "python -m app.evaluation.driving.view_range indoor" in PAGE.read_text(encoding="utf-8")
+def test_the_kept_page_is_what_its_command_makes_of_its_figures(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    kept = PAGE.read_text(encoding="utf-8")
+    command = kept.splitlines()[-1].strip()
+    world, _, seeds = command.removeprefix("python -m app.evaluation.driving.view_range ").split()
+    first, last = map(int, seeds.split("-"))
+    rows = {
+        int(seed): [float(length_m) for length_m in lengths]
+        for seed, *lengths in re.findall(r"\| (\d+) " + 5 * r"\| ([\d.]+) " + r"\|", kept)
+    }
+    monkeypatch.setattr(view_range, "lengths_m", lambda _world, seed, _ranges: rows[seed])
+    made = page(world, range(first, last + 1), (5.0, 6.0, 7.0, 9.0), command)
+    assert without_sums(kept) == without_sums(made)
+    assert sums_of(kept) == pytest.approx(sums_of(made), abs=0.3)  # of lengths before rounding
+
+
+def sums_of(text: str) -> list[float]:
+    cells = text.partition("| sum |")[2].partition("\n")[0].split("|")
+    return [float(cell) for cell in cells[:-1]]
+
+
+def without_sums(text: str) -> str:
+    return re.sub(r"\| sum .*", "", text)

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from app.evaluation.localisation import suite, trials
 from app.evaluation.localisation.carried_away import carried_away
 from app.evaluation.localisation.drives import Drive
 from app.evaluation.localisation.pushed import pushed
 from app.evaluation.localisation.recording import Recording, mirrored
-from app.evaluation.localisation.replay import keyframes_of
-from app.evaluation.localisation.trials import SavedMap, started_in
+from app.evaluation.localisation.replay import Run, keyframes_of
+from app.evaluation.localisation.suite import MIRRORED, SAVED, LocalisationSuite, Site
+from app.evaluation.localisation.trials import SavedMap, disturbed, started_in
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.config.navigator import NavigatorConfig
+from navcore.geometry.transform import Pose2
+from navcore.localisation.estimate import LocalisationState
 from navcore.localisation.scans.scan import Keyframe
 from navcore.localisation.tracking.push_search import PushSearch
 from navcore.mapping.points.pose_ids import PoseIds
+from navcore.mission.beware_list import BewareList
 from sim.robot.odometry_grade import OdometryGrade
+from sim.scenario.load import load_scenario
 from tests.navcore.localisation.plan_worlds import office, tour
 
 CONFIG = LocalisationConfig()
@@ -47,13 +53,61 @@ def toured() -> tuple[Recording, tuple[Keyframe, ...], PoseIds]:
 def test_switched_on_in_its_map_the_robot_is_right_and_in_a_mirrored_one_refused() -> None:
     run, keyframes, ids = toured()
     saved = SavedMap(keyframes=keyframes, poses=ids.array())
-    turned = replace(saved, keyframes=tuple(mirrored(keyframes)))
+    turned = saved.mirrored()
     started = partial(started_in, run, config=NavigatorConfig(), count=2, searches=True)
     found = started(saved)
     assert found["right"] >= 1 and found["wrong"] == 0 and found["median_m"] <= 10.0
     assert started(turned, is_here=False)["refused"] == 2
     # The count can fail: what is found in a map that is said to be wrong is wrong.
     assert started(saved, is_here=False)["wrong"] == found["right"]
+
+
+def test_keyframes_of_each_map_lie_at_its_own_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    run, keyframes, ids = toured()
+    saved = SavedMap(keyframes=keyframes, poses=ids.array())
+    elsewhere = saved.moved(Pose2(x_m=30.0, y_m=-20.0, yaw_rad=1.0))
+    monkeypatch.setattr(suite, "load_scenario", lambda name: name)
+    monkeypatch.setattr(LocalisationSuite, "recording", lambda _, world: world)
+    monkeypatch.setattr(LocalisationSuite, "saved", lambda *_: elsewhere)
+    measured = LocalisationSuite(
+        grade=OdometryGrade.TYPICAL,
+        episodes=1,
+        seed=0,
+        drives=Path("drives"),
+        beware=BewareList(classes=()),
+        config=NavigatorConfig(),
+    )
+    here = Site(
+        suite=measured, world=load_scenario("empty_room"), first=run, second=run, saved=saved
+    )
+    maps = [here.map(which) for which in (SAVED, MIRRORED, "indoor")]
+    for one in maps:
+        for frame in one.keyframes:
+            x_m, y_m, _ = one.poses[frame.pose_id]
+            assert frame.T_map_base.distance_to(x_m, y_m) < 0.15
+    assert len({one.poses.tobytes() for one in maps}) == 3
+
+
+@pytest.mark.parametrize("state", LocalisationState)
+def test_a_disturbed_robot_that_does_not_know_its_place_is_lost_wherever_it_is(
+    state: LocalisationState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, keyframes, ids = toured()
+    still = np.zeros((1, 3))
+    ended = Run(
+        errors=still,
+        odometry_errors=still,
+        nees=still[:, 0],
+        states=(state,),
+        durations_s=still[:, 0],
+        true_poses=still,
+        loops=(0, 0),
+    )
+    monkeypatch.setattr(trials, "follow", lambda *_: ended)
+    found = disturbed(run, SavedMap(keyframes=keyframes, poses=ids.array()), NavigatorConfig(), 1)
+    is_known = state in (LocalisationState.LOCATED, LocalisationState.DEAD_RECKONING)
+    assert [end["right"] for end in found.values()] == [int(is_known)] * 4
+    assert [end["lost"] for end in found.values()] == [int(not is_known)] * 4
 
 
 def test_a_map_that_is_mirrored_twice_is_the_map() -> None:

@@ -1,0 +1,38 @@
+"""Names of the suites, as campaigns, summaries and `bewarenav evaluate` call them."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Suite(StrEnum):
+    """What is measured."""
+
+    RANDOM = "random"
+    """Missions in a world whose start and goal each seed draws."""
+    GIVEN = "given"
+    """The mission of a world, e.g. the paper's."""
+    BARN = "barn"
+    DYNABARN = "dynabarn"
+    CROSSINGS = "crossings"
+    DOORS = "doors"
+    LOCALISATION = "localisation"
+    FINDING = "finding"
+    ONE_CLICK = "one-click"
+    LIGHT = "light"
+    TEACHING = "teaching"
+    TABLE_TOPS = "table-tops"
+    PRINTS = "prints"
+    REPLAY = "replay"
+    """A recording with annotated objects."""
+
+
+BARN_SUITES = (Suite.BARN, Suite.DYNABARN)
+"""Suites of the published worlds."""
+VIEWING = (
+    *(Suite.FINDING, Suite.ONE_CLICK, Suite.LIGHT, Suite.TEACHING),
+    *(Suite.TABLE_TOPS, Suite.PRINTS),
+)
+"""Suites in which a camera sees things and nothing drives."""
+BY_NAME = (*BARN_SUITES, Suite.CROSSINGS, Suite.DOORS, Suite.LOCALISATION, *VIEWING)
+"""Suites that `bewarenav evaluate` takes by their names; any other argument is a world."""
