@@ -29,8 +29,8 @@ PACKAGES = ("navcore", "sim", "app")
 """The packages that hold compiled functions; the robot needs those of the first."""
 KEPT_VERSIONS = 3
 """Number of versions of a file whose code is kept."""
-_COMPILED = re.compile(rb"^@(compiled|finite|lean|inlined|instruction)\b", re.MULTILINE)
-_KERNEL = re.compile(rb"^@(compiled|finite|lean|inlined)\b", re.MULTILINE)
+_COMPILED = re.compile(rb"^@(compiled|nested|finite|lean|inlined|instruction)\b", re.MULTILINE)
+_KERNEL = re.compile(rb"^@(compiled|nested|finite|lean|inlined)\b", re.MULTILINE)
 _IMPORTED = re.compile(rb"^\s*(?:from|import) ([\w.]+)", re.MULTILINE)
 
 

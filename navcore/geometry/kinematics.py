@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from navcore.compiled import inlined
+from navcore.compiled import compiled
 from navcore.geometry.arrays import Floats
 
 STRAIGHT_RADPS = 1e-6
 """Below this yaw rate an arc is integrated as a straight line."""
 
 
-@inlined
+@compiled
 def arc_position(v_mps: float, w_radps: float, time_s: float) -> tuple[float, float]:
     """Return (x, y) in metres after a constant twist, in the frame of the start; compiled."""
     turned = w_radps * time_s

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from llvmlite import ir
 from numba import types
 
-from navcore.compiled import compiled, instruction
+from navcore.compiled import compiled, instruction, nested
 from navcore.grid.grid import BoolGrid, Cell
 
 BitPlane = npt.NDArray[np.uint64]
@@ -193,7 +193,7 @@ def _pack(flat: npt.NDArray[np.uint8], rows: int, cols: int, plane: BitPlane) ->
             plane[PAD + row, 1 + whole] = tail
 
 
-@compiled
+@nested
 def transpose(source: BitPlane, target: BitPlane) -> None:
     """Write the transposed copy of a padded plane, block by block of 64 × 64 cells."""
     block = np.empty(64, dtype=np.uint64)
@@ -212,7 +212,7 @@ def transpose(source: BitPlane, target: BitPlane) -> None:
                 target[np.uint64(64 * right + line), np.uint64(down)] = bits
 
 
-@compiled
+@nested
 def _transpose_bytes(block: BitPlane) -> None:
     """Exchange off-diagonal quarters down to bytes (Warren, Hacker's Delight, 7-3); loops of fixed
     length are vectorised."""
@@ -227,7 +227,7 @@ def _transpose_bytes(block: BitPlane) -> None:
             _exchange(block, first + line, first + line + 8, 8, 0x00FF00FF00FF00FF)
 
 
-@compiled
+@nested
 def _exchange(block: BitPlane, upper: int, lower: int, shift: int, mask: int) -> None:
     up, low = np.uint64(upper), np.uint64(lower)
     swapped = ((block[up] >> np.uint64(shift)) ^ block[low]) & np.uint64(mask)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.compiled import compiled, inlined
+from navcore.compiled import compiled, inlined, nested
 from navcore.geometry.arrays import Bools
 from navcore.grid.bitplane import ONE, PAD, BitPlane, mirrored
 from navcore.grid.grid import Cell
@@ -39,7 +39,7 @@ def flood(free: BitPlane, reached: BitPlane, begin: BitPlane) -> tuple[int, int]
     return low, high
 
 
-@compiled
+@nested
 def _sweep(free: BitPlane, reached: BitPlane, due: Bools) -> tuple[bool, int, int]:
     """Spread downwards and then upwards, so that a long straight corridor takes one sweep.
 
@@ -61,7 +61,7 @@ def _sweep(free: BitPlane, reached: BitPlane, due: Bools) -> tuple[bool, int, in
     return waiting, low, high
 
 
-@compiled
+@nested
 def are_separate(free: BitPlane, first: Cell, second: Cell, sweeps: int) -> bool:
     """Return whether free cells, (line, column) of the plane, are found not to be connected within
     a number of sweeps: open ground takes a few, a maze as many as it has turns."""
@@ -77,7 +77,7 @@ def are_separate(free: BitPlane, first: Cell, second: Cell, sweeps: int) -> bool
     return False
 
 
-@compiled
+@nested
 def beside(cells: BitPlane) -> BitPlane:
     """Return the cells one straight step away from a set; the padding is undefined."""
     found = np.zeros_like(cells)

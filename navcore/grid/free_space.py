@@ -27,7 +27,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled, inlined, lean
+from navcore.compiled import compiled, inlined, lean, nested
 from navcore.grid.bitplane import (
     ALL,
     LONGEST_SIDE,
@@ -167,7 +167,7 @@ def _rebuild(across: BitPlanes, along: BitPlanes) -> None:
     mark_squares(across, PAD - 1, across.shape[1] - PAD, 0, across.shape[2] - 1)
 
 
-@compiled
+@nested
 def mark_stops(
     planes: BitPlanes, others: BitPlanes, first: int, last: int, left: int, right: int
 ) -> None:
@@ -207,7 +207,7 @@ def drop_dead_ends(planes: BitPlanes, others: BitPlanes, line: int) -> None:
     planes[DEAD_END_AHEAD, line, 0] = 0
 
 
-@compiled
+@nested
 def mark_squares(across: BitPlanes, first: int, last: int, left: int, right: int) -> None:
     """Recompute SQUARE for lines first … last−1 and words left … right−1."""
     free, square = across[FREE], across[SQUARE]
@@ -254,7 +254,7 @@ def _carries(
     return into, (generate | propagate & into) >> np.uint64(63)
 
 
-@compiled
+@nested
 def write_word(
     across: BitPlanes,
     along: BitPlanes,
@@ -282,7 +282,7 @@ def write_word(
     return changed
 
 
-@compiled
+@nested
 def refresh(
     across: BitPlanes, along: BitPlanes, first: int, last: int, left: int, right: int
 ) -> None:

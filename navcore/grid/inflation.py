@@ -9,7 +9,7 @@ from collections.abc import Container, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled, inlined, lean
+from navcore.compiled import compiled, inlined, lean, nested
 from navcore.geometry.arrays import Indices, Words
 from navcore.grid.bitplane import (
     ALL,
@@ -215,7 +215,7 @@ def occupy(
     return True
 
 
-@compiled
+@nested
 def set_bits(plane: BitPlane, cells: npt.NDArray[np.int64], occupied: bool) -> Indices:
     """Set or clear (N, 2) cells; return the (N, 2) changed lines and words in order of the
     cells."""
@@ -265,7 +265,7 @@ def update_around(
             first, last, left, right = line, line + 1, word, word + 1
 
 
-@compiled
+@nested
 def _recompute(
     raw: BitPlanes,
     halves: Indices,

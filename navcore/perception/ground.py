@@ -183,8 +183,13 @@ def _lowest_heights(
         if z < least[row, col] + band_m:
             total[row, col] += z
             count[row, col] += 1
-    measured = (count >= min_pixels) & (most - least < object_height_m)
-    return np.where(measured, total / np.maximum(count, 1), np.nan)
+    means = np.full(shape, np.nan)
+    for row in range(shape[0]):
+        for col in range(shape[1]):
+            is_low = most[row, col] - least[row, col] < object_height_m
+            if is_low and count[row, col] >= min_pixels:
+                means[row, col] = total[row, col] / max(count[row, col], 1)
+    return means
 
 
 @compiled
@@ -201,9 +206,14 @@ def _median_filter(heights: Floats) -> Floats:
             for r in range(max(row - 1, 0), min(row + 2, rows)):
                 for c in range(max(col - 1, 0), min(col + 2, cols)):
                     if not np.isnan(heights[r, c]):
-                        window[count] = heights[r, c]
+                        # Into its place among the lower ones.
+                        place = count
+                        while place > 0 and window[place - 1] > heights[r, c]:
+                            window[place] = window[place - 1]
+                            place -= 1
+                        window[place] = heights[r, c]
                         count += 1
-            smooth[row, col] = np.median(window[:count])
+            smooth[row, col] = (window[(count - 1) // 2] + window[count // 2]) / 2
     return smooth
 
 

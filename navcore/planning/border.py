@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.grid.bitplane import ONE, PAD, BitPlane, plane_of
 from navcore.grid.flood_fill import flood
 from navcore.grid.free_space import FREE, FreeSpace
@@ -93,7 +93,7 @@ def sides_to_pass(
     return sides
 
 
-@compiled
+@nested
 def _may_pass(
     free: BitPlane,
     row: int,
@@ -110,7 +110,7 @@ def _may_pass(
     return around < length
 
 
-@compiled
+@nested
 def _octile(rows: int, cols: int) -> float:
     rows, cols = abs(rows), abs(cols)
     return max(rows, cols) + (SQRT2 - 1.0) * min(rows, cols)

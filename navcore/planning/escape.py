@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap, box_around
 from navcore.costmap.local_costmap import obstacle_masks, split_areas
@@ -196,7 +196,7 @@ def _search(
     return np.empty((0, 2), dtype=np.int64), 0
 
 
-@compiled
+@nested
 def _trace(came_from: Indices, node: int, cols: int) -> tuple[Indices, int]:
     count, at = 1, node
     while came_from[at] >= 0:

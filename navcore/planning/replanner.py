@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navcore.compiled import compiled, lean
+from navcore.compiled import compiled, lean, nested
 from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import ONE, PAD, BitPlane, BitPlanes
 from navcore.grid.free_space import FREED_LOG, FreeSpace
@@ -260,7 +260,7 @@ def searched(
     return status, fresh, lengths
 
 
-@compiled
+@nested
 def measure(cells: Indices, left: Indices, first: int) -> None:
     """Fill in the length from each of the first of (N, 2) cells to the goal; that of the others is
     known."""
@@ -274,7 +274,7 @@ def measure(cells: Indices, left: Indices, first: int) -> None:
         left[index] = left[index + 1] + (ROOT if is_diagonal else UNIT)
 
 
-@compiled
+@nested
 def common_cells(old: Indices, new: Indices) -> int:
     """Return the number of cells that two paths have in common at their ends."""
     before, after = len(old), len(new)
@@ -288,7 +288,7 @@ def common_cells(old: Indices, new: Indices) -> int:
     return len(new) - after
 
 
-@compiled
+@nested
 def move_sentinel(sentinel: BitPlane, old: Indices, new: Indices, common: int) -> None:
     """Move the sentinel from one path to another; it stays on the `common` last cells of both."""
     # The first common cell is reached by another step. No two other steps of a shortest path share
@@ -315,7 +315,7 @@ def mark(sentinel: BitPlane, cells: Indices, until: int, on: bool) -> None:
                 sentinel[row + PAD, (col + PAD) >> 6] &= ~bit
 
 
-@compiled
+@nested
 def rejoined(
     across: BitPlanes, fresh: Indices, length: int, cells: Indices, left: Indices
 ) -> Indices:

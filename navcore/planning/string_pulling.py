@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import ONE, PAD, BitPlane
 
@@ -39,7 +39,7 @@ def _corners(cells: Indices, free: BitPlane) -> Indices:
     return kept[:count]
 
 
-@compiled
+@nested
 def _furthest_visible(cells: Indices, free: BitPlane, at: int) -> int:
     """Index of a cell that is visible from the cell `at`, while the one after it is not, or of the
     last; by doubled steps and then bisection, because long lines of sight take long to check."""
@@ -57,7 +57,7 @@ def _furthest_visible(cells: Indices, free: BitPlane, at: int) -> int:
     return near
 
 
-@compiled
+@nested
 def line_of_sight(free: BitPlane, here: Indices, there: Indices) -> bool:
     """Return whether the straight line between the centres of two free cells crosses free cells
     only; where it passes a corner, both cells beside it must be free."""
@@ -84,6 +84,6 @@ def line_of_sight(free: BitPlane, here: Indices, there: Indices) -> bool:
     return True
 
 
-@compiled
+@nested
 def _is_free(free: BitPlane, row: int, col: int) -> bool:
     return bool(free[row + PAD, (col + PAD) >> 6] >> np.uint64(col & 63) & ONE)

@@ -14,7 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.geometry.arrays import Indices
 from navcore.grid.grid import BoolGrid, Cell
 from navcore.planning.path import REASONS, NoPath, Path
@@ -174,7 +174,7 @@ STEPS: Indices = np.array([(0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-
 """(8, 2) rows and columns of the steps to the neighbours, the straight ones first."""
 
 
-@compiled
+@nested
 def traced(parents: npt.NDArray[np.uint8], row: int, col: int) -> Indices:
     """Return the (N, 2) cells from the start to a cell, by the directions of (rows, cols)
     `parents`."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from sim.models.solids import Polygon
 
 Floats = npt.NDArray[np.float64]
@@ -112,7 +112,7 @@ def _distance(a: Floats, b: Floats) -> float:
     return least
 
 
-@compiled
+@nested
 def _contains(polygon: Floats, x: float, y: float) -> bool:
     """Return whether a point lies inside, by the parity of the edges to its right."""
     inside = False
@@ -124,18 +124,18 @@ def _contains(polygon: Floats, x: float, y: float) -> bool:
     return inside
 
 
-@compiled
+@nested
 def _cross(p: Floats, q: Floats, r: Floats, s: Floats) -> bool:
     """Return whether the edges pq and rs cross; a mere touch has distance 0 anyway."""
     return _side(p, q, r) * _side(p, q, s) < 0 and _side(r, s, p) * _side(r, s, q) < 0
 
 
-@compiled
+@nested
 def _side(p: Floats, q: Floats, r: Floats) -> float:
     return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
 
 
-@compiled
+@nested
 def _distance_to_edge(p: Floats, r: Floats, s: Floats) -> float:
     dx, dy = s[0] - r[0], s[1] - r[1]
     length = dx * dx + dy * dy

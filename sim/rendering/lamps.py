@@ -14,7 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix
 from sim.rendering.light import DAYLIGHT, Light
@@ -173,7 +173,7 @@ def _relight(
                 relit[v, u, k] = np.uint8(min(max(level, 0.0), 255.0))
 
 
-@compiled
+@nested
 def _received(x: float, y: float, high: float, lamps: F64, shadows: F32, focal_px: float) -> float:
     """Return the light of all lamps at a point, that directly below a lamp on the floor as 1."""
     total = 0.0
@@ -200,7 +200,7 @@ def _received(x: float, y: float, high: float, lamps: F64, shadows: F32, focal_p
     return total
 
 
-@compiled
+@nested
 def _glare(x: float, y: float, dx: float, dy: float, dz: float, lamps: F64) -> float:
     """Return the strength, 0 to 1, of the reflections of the lamps at a point of the floor; (dx,
     dy, dz) is the unit direction of the mirrored line of sight."""

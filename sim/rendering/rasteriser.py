@@ -14,7 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 
 NOTHING = -1
 """Triangle of a pixel that shows none, and texture of a triangle without one."""
@@ -60,7 +60,7 @@ def rasterise(
                     _draw(t, seen, lens, reach_m[0], planes[t], nearest, shown)
 
 
-@compiled
+@nested
 def _in_view(
     sphere: F64,
     T_camera_map: F64,
@@ -86,7 +86,7 @@ def _in_view(
     )
 
 
-@compiled
+@nested
 def _to_camera(corners: F64, T_camera_map: F64, seen: F64) -> None:
     """Write the (3, 3) corners in the camera frame."""
     for i in range(3):
@@ -94,13 +94,13 @@ def _to_camera(corners: F64, T_camera_map: F64, seen: F64) -> None:
             seen[i, k] = _row(T_camera_map[k], corners[i])
 
 
-@compiled
+@nested
 def _row(row: F64, point: F64) -> float:
     """Return one coordinate of a transformed point."""
     return float(row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3])
 
 
-@compiled
+@nested
 def _front_in_view(seen: F64, lens: F64, near_m: float, shape: tuple[int, int]) -> bool:
     """Return whether the front of a triangle may be in the image."""
     if max(seen[0, 2], seen[1, 2], seen[2, 2]) <= near_m or _volume(seen) >= -SMALLEST_M3:
@@ -116,7 +116,7 @@ def _front_in_view(seen: F64, lens: F64, near_m: float, shape: tuple[int, int]) 
     return not (left or right or up or down)
 
 
-@compiled
+@nested
 def _volume(seen: F64) -> float:
     """Return six times the volume between camera and triangle, negative from the front."""
     a, b, c = seen
@@ -127,7 +127,7 @@ def _volume(seen: F64) -> float:
     )
 
 
-@compiled
+@nested
 def _draw(
     t: int, seen: F64, lens: F64, near_m: float, planes: F64, nearest: F32, shown: I32
 ) -> None:
@@ -169,7 +169,7 @@ def _draw(
                 shown[v, u] = t
 
 
-@compiled
+@nested
 def _narrowed(low: float, high: float, slope: float, offset: float) -> tuple[float, float]:
     """Return the part of an interval of u in which slope · u + offset is not negative."""
     if slope > 0.0:
@@ -256,7 +256,7 @@ def shade(
             rgb[v, u, 2] = np.uint8(min(255.0, blue) + 0.5)
 
 
-@compiled
+@nested
 def brightness(toward: float, ambient: float, diffuse: float) -> float:
     """Return the factor of a colour. `toward`: cosine between normal and lamp; half-Lambert, and
     darker where the surface is turned away."""
@@ -264,7 +264,7 @@ def brightness(toward: float, ambient: float, diffuse: float) -> float:
     return ambient + diffuse * (share if share >= 0.5 else AVERTED * share)
 
 
-@compiled
+@nested
 def _level(planes: F64, coordinates: F32, s: float, r: float, z: float, finest: I32) -> float:
     """Return the level of a texture at which one texel is as large as the pixel, 0 the finest."""
     across = along = 0.0
@@ -288,7 +288,7 @@ def _level(planes: F64, coordinates: F32, s: float, r: float, z: float, finest: 
     return min(0.5 * math.log2(larger), float(deepest))
 
 
-@compiled
+@nested
 def _bilinear(level: I32, texels: U8, s: float, r: float) -> tuple[float, float, float]:
     """Return red, green and blue, 0 to 255, at texture coordinates, between the four texels
     around."""

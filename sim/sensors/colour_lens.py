@@ -8,7 +8,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix
 from sim.sensors.stereo_noise import Depth, Rgb
@@ -101,7 +101,7 @@ def _register(
                 rgb[v, u, k] = np.uint8(level + 0.5)
 
 
-@compiled
+@nested
 def _in_colour(u: int, v: int, z: float, lens: F64, colour_lens: F64) -> tuple[float, float]:
     """Return column and row in the colour image of a depth pixel at a depth."""
     x = (u - lens[2]) / lens[0] - OFFSET_M / z

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.grid.grid import GridSpec
 from sim.models.solids import Polygon
 
@@ -262,7 +262,7 @@ def _relax(
     return reached[:count]
 
 
-@compiled
+@nested
 def _is_tangent(at: int, other: int, nodes: Floats, neighbours: Floats) -> bool:
     """Return whether the line between two nodes leaves the obstacle of `at` on one side; start and
     goal have no obstacle."""
@@ -274,7 +274,7 @@ def _is_tangent(at: int, other: int, nodes: Floats, neighbours: Floats) -> bool:
     return bool(a * b >= -1e-9)
 
 
-@compiled
+@nested
 def _is_visible(
     line: tuple[float, float, float, float],
     sides: Floats,
@@ -307,7 +307,7 @@ def _is_visible(
     return True
 
 
-@compiled
+@nested
 def _crosses(
     x: float, y: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float
 ) -> bool:

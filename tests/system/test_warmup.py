@@ -13,16 +13,21 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+import pytest
 from numba.core.dispatcher import Dispatcher
 
 import navcore
+import sim
+from navcore.compiled import NestedKernel
 from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.relocalisation.place_map import place_map_of
 from navcore.localisation.scans.matching import search
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
+from navcore.planning.search.open_list import octile
 from navcore.warmup import warm_up
+from tests.kernels import from_python
 from tests.reliability.fault_runs import fault_run
 
 OTHERS = {
@@ -35,16 +40,21 @@ OTHERS = {
 }
 
 
-def kernels() -> dict[str, Dispatcher]:
-    """The compiled functions that are called from Python somewhere in `navcore`, by name."""
+def kernels(package: ModuleType = navcore) -> dict[str, Dispatcher]:
+    """The compiled functions that are called from Python somewhere in a package, by name."""
     found = {}
-    for info in pkgutil.walk_packages(navcore.__path__, "navcore."):
-        module = importlib.import_module(info.name)
+    for module in modules(package):
         source = Path(str(module.__file__)).read_text(encoding="utf-8")
         for name in called(ast.parse(source), module):
             kernel = getattr(module, name)
             found[f"{kernel.py_func.__module__}.{kernel.py_func.__name__}"] = kernel
     return found
+
+
+def modules(package: ModuleType) -> Iterator[ModuleType]:
+    """The modules of a package."""
+    for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        yield importlib.import_module(info.name)
 
 
 def called(node: ast.AST, module: ModuleType) -> Iterator[str]:
@@ -101,3 +111,18 @@ def test_nothing_is_left_to_be_compiled_while_the_robot_drives() -> None:
     assert found["all"] > 40
     assert set(found["cold"]) <= OTHERS
     assert found["again"] == []
+
+
+def test_kernels_have_an_entry_for_python_if_it_calls_them() -> None:
+    called_by_python = kernels(navcore) | kernels(sim)
+    for module in (*modules(navcore), *modules(sim)):
+        for name, value in vars(module).items():
+            if isinstance(value, Dispatcher) and value.py_func.__module__ == module.__name__:
+                is_nested = f"{module.__name__}.{name}" not in called_by_python
+                assert isinstance(value, NestedKernel) == is_nested, f"{module.__name__}.{name}"
+
+
+def test_a_nested_kernel_refuses_a_call_by_python() -> None:
+    with pytest.raises(TypeError, match="octile can be called by compiled functions only"):
+        octile(3, 4)
+    assert from_python(octile)(3, 4) > 0

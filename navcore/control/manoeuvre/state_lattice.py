@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled, inlined
+from navcore.compiled import compiled, inlined, nested
 from navcore.config.control import StateLatticeConfig
 from navcore.geometry.arrays import Floats, Indices
 
@@ -246,7 +246,7 @@ def _after(
     return x + chords[index] * directions[bearing, 0], y + chords[index] * directions[bearing, 1]
 
 
-@compiled
+@nested
 def _clearance_between(
     x: float,
     y: float,
@@ -269,7 +269,7 @@ def _clearance_between(
     return least
 
 
-@compiled
+@nested
 def _traced(
     came: npt.NDArray[np.int32],
     step: npt.NDArray[np.int8],
@@ -291,7 +291,7 @@ def _traced(
     return found, kinds
 
 
-@compiled
+@nested
 def _clearance(x: float, y: float, ahead: Floats, discs: _Obstacles, most: float) -> float:
     """Least distance from the footprint, which points `ahead`, to any disc, at most `most`; any
     number that is not positive where they overlap."""

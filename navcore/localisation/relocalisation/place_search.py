@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.config.localisation.relocalisation import PlaceFitConfig, RelocalisationConfig
 from navcore.geometry.arrays import Bools, Floats, Indices
 from navcore.geometry.transform import Pose2, difference, wrap_angle
@@ -221,7 +221,7 @@ def _worth(config: PlaceFitConfig) -> Indices:
     return worth.astype(np.int64)
 
 
-@compiled
+@nested
 def _bound(
     tables: SearchTables,
     table: int,

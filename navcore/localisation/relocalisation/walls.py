@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.geometry.arrays import Floats, Indices, Points
 from navcore.localisation.relocalisation.search_tables import TILE, TILE_BITS, Lattice, TileNumbers
 
@@ -97,7 +97,7 @@ def count_crossings(
         _cross(walls, lattice, origin, points[i], SIGHT_MARGIN_M, SIGHT_MARGIN_M, crossings)
 
 
-@compiled
+@nested
 def _cross(
     walls: Walls,
     lattice: Lattice,

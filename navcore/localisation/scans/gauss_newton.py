@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.config.localisation.localisation import MatchRules
 from navcore.geometry.arrays import Floats
 from navcore.localisation.scans.surface_grid import (
@@ -134,7 +134,7 @@ def most_probable_pose(
     return (x, y, yaw), hessian, (near, fitting), (residual, cost)
 
 
-@compiled
+@nested
 def _cost(square: float, sigma2: float) -> float:
     """Return the negative logarithm of the likelihood of a residual by its square and variance, for
     which `_robust` is the weight."""
@@ -142,20 +142,20 @@ def _cost(square: float, sigma2: float) -> float:
     return 0.5 * width * math.log1p(square / (width * sigma2))
 
 
-@compiled
+@nested
 def _cost_alone(variance: float, rules: MatchRules) -> float:
     """Return that of a point without a surface in the last search radius."""
     return _cost(rules.fine_m**2, variance + rules.point_sigma_m**2)
 
 
-@compiled
+@nested
 def _robust(square: float, sigma2: float, loose: float) -> float:
     """Return the weight of a residual by its square and variance (Cauchy); `loose` is added to the
     square of the kernel's width."""
     return 1.0 / (1.0 + square / (_KERNEL_SIGMAS * _KERNEL_SIGMAS * sigma2 + loose))
 
 
-@compiled
+@nested
 def _accumulate(
     hessian: Floats, gradient: Floats, jx: float, jy: float, jt: float, error: float, weight: float
 ) -> None:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled, inlined
+from navcore.compiled import compiled, inlined, nested
 from navcore.geometry.arrays import Floats, Indices
 
 TILE = 16
@@ -119,7 +119,7 @@ def add_points(
             grid.errors[surface] = 0.0
 
 
-@compiled
+@nested
 def nearest_surface(
     grid: SurfaceGrid,
     x: float,

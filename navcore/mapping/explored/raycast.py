@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.config.mapping import RaycastConfig
 from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.arrays import FloatImage, Words
@@ -102,7 +102,7 @@ def _cast_rays(
             _mark_cells(t, a, b, furthest, limits, rows, cols, corner, visible)
 
 
-@compiled
+@nested
 def _mark_volume(
     t: Matrix, a: float, b: float, depth: float, limits: _Limits, corner: Cell, volume: Words
 ) -> None:
@@ -119,7 +119,7 @@ def _mark_volume(
             volume[row, col] |= ONE << np.uint64(level)
 
 
-@compiled
+@nested
 def _mark_cells(
     t: Matrix,
     a: float,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.compiled import compiled, inlined
+from navcore.compiled import inlined, nested
 from navcore.geometry.arrays import Indices
 
 EMPTY = -1
@@ -13,7 +13,7 @@ _SPREAD = 2654435761
 """Multiplier that spreads neighbouring cells over the table (Knuth, 6.4)."""
 
 
-@compiled
+@nested
 def cell_table(count: int) -> Indices:
     """Return a table of free slots for at most `count` cells."""
     size = 64
@@ -31,7 +31,7 @@ def slot_of(table: Indices, cell: int) -> int:
     return at
 
 
-@compiled
+@nested
 def distinct(cells: Indices) -> Indices:
     """Return each of (N,) cells, 0 or more, once, in the order of their first occurrence."""
     table, found, count = cell_table(len(cells)), np.empty(len(cells), dtype=np.int64), 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.compiled import compiled, inlined
+from navcore.compiled import compiled, inlined, nested
 from navcore.config.mapping import ClearingRules
 from navcore.geometry.arrays import FloatImage, Indices
 from navcore.geometry.camera import Pinhole
@@ -13,7 +13,7 @@ from navcore.mapping.points.point_links import Records
 from navcore.mission.beware_list import NOTHING
 
 
-@compiled
+@nested
 def pixel_of(
     point: np.void, T_camera_map: Matrix, lens: Pinhole, nearest_m: float
 ) -> tuple[int, int, float]:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.config.mapping import ClearingRules, ConfidenceConfig
 from navcore.geometry.arrays import Bools, FloatImage, Indices
 from navcore.geometry.camera import Pinhole
@@ -94,7 +94,7 @@ def update_confidence(
     )
 
 
-@compiled
+@nested
 def _updated_log_odds(confidence: float, claim: float, steps: _LogOdds) -> float:
     """Return the log-odds after one image in which the network claims the object with a confidence;
     a claim of 0 is a miss."""

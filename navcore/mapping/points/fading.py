@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.config.mapping import ClearingRules, FadingConfig, FadingRules
 from navcore.geometry.arrays import FloatImage, Floats, Indices, Points
 from navcore.geometry.camera import Pinhole
@@ -162,7 +162,7 @@ def _faded(
     return np.array(forget, dtype=np.int64)
 
 
-@compiled
+@nested
 def _is_shown(class_ids: npt.NDArray[np.uint8], i: int, j: int, class_id: int) -> bool:
     for source in range(len(class_ids)):
         for r in range(i - 1, i + 2):
@@ -172,7 +172,7 @@ def _is_shown(class_ids: npt.NDArray[np.uint8], i: int, j: int, class_id: int) -
     return False
 
 
-@compiled
+@nested
 def _is_no_brighter(
     rgb: npt.NDArray[np.uint8],
     i: int,
@@ -201,7 +201,7 @@ def _is_no_brighter(
     return own * count < (1.0 + _LINE_CONTRAST * contrast) * total
 
 
-@compiled
+@nested
 def _is_another_colour(
     rgb: npt.NDArray[np.uint8], i: int, j: int, point: np.void, fading: FadingRules
 ) -> bool:

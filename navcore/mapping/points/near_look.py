@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.config.mapping import ClearingRules, FadingRules
 from navcore.geometry.arrays import Bools, FloatImage
 from navcore.geometry.camera import Pinhole
@@ -15,7 +15,7 @@ from navcore.mapping.points.point_links import Records
 from navcore.robot.frame import Frame
 
 
-@compiled
+@nested
 def near_pixel(
     point: np.void,
     depth_m: FloatImage,

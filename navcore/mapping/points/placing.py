@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.geometry.arrays import Floats, Indices
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
@@ -109,7 +109,7 @@ def _place(
         records[index].cell = row * grid.cols + col if on_grid else OFF_GRID
 
 
-@compiled
+@nested
 def _line(along_m: float, resolution_m: float, count: int) -> int:
     """Return the row or column at a distance from the grid's border; −1 beside the grid."""
     # A point inside the border may be outside by a rounding error in single precision.

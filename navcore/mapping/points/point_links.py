@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled
+from navcore.compiled import compiled, nested
 from navcore.geometry.arrays import Indices
 from navcore.grid.bitplane import ONE
 from navcore.mapping.points.cell_set import EMPTY, cell_table, slot_of
@@ -32,7 +32,7 @@ def link_points(records: Records, first: Cells, indices: Indices) -> None:
         link_one(records, first, index)
 
 
-@compiled
+@nested
 def link_one(records: Records, first: Cells, index: int) -> None:
     """Add a point to the links of its cell."""
     cell = records[index].cell
@@ -42,7 +42,7 @@ def link_one(records: Records, first: Cells, index: int) -> None:
         first[cell] = index + 1
 
 
-@compiled
+@nested
 def unlink_one(records: Records, first: Cells, index: int) -> None:
     """Take a point out of the links of its cell."""
     if records[index].cell >= 0:
@@ -89,7 +89,7 @@ def add_points(
     return count, raised
 
 
-@compiled
+@nested
 def _geometric_levels(records: Records, first: Cells, cell: int) -> tuple[np.uint64, bool]:
     """Return one bit for each height bin in which a cell has a geometric point, and whether all
     those points are certain."""
@@ -102,7 +102,7 @@ def _geometric_levels(records: Records, first: Cells, cell: int) -> tuple[np.uin
     return levels, certain
 
 
-@compiled
+@nested
 def _surest(records: Records, first: Cells, point: np.void, one_per_cell: bool) -> int:
     """Return the index of the most confident point of the same class in the voxel of a point, or
     with `one_per_cell` in its cell, and of equal ones the first, whatever the order of links; −1
@@ -139,7 +139,7 @@ def remove_points(
     return count
 
 
-@compiled
+@nested
 def _relink(records: Records, first: Cells, cell: int, old: int, new: int) -> None:
     """Redirect the link to `old` in a cell's chain to `new`."""
     if first[cell] == old:

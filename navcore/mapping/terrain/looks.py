@@ -117,8 +117,11 @@ def _cell_heights(
                 height += heights[j]
             total[code >> 1] = height
             count[code >> 1] += end - first
-    means = np.where(count >= min_pixels, _UNIT_M * total / np.maximum(count, 1), np.nan)
-    return means.reshape(side, side)
+    means = np.full((side, side), np.nan)
+    for cell in range(side * side):
+        if count[cell] >= min_pixels:
+            means[cell // side, cell % side] = _UNIT_M * total[cell] / max(count[cell], 1)
+    return means
 
 
 @inlined

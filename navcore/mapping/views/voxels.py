@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled, inlined
+from navcore.compiled import compiled, inlined, nested
 from navcore.geometry.arrays import FloatImage, Points
 from navcore.geometry.camera import Intrinsics
 from navcore.grid.bitplane import ONE
@@ -302,7 +302,7 @@ def _supported(
     return _with_support(touched[:count], pixels[:count], counts, min_support)
 
 
-@compiled
+@nested
 def _with_support(
     touched: Pixels, pixels: Pixels, counts: npt.NDArray[np.uint8], min_support: int
 ) -> Pixels:

@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled, inlined, lean
+from navcore.compiled import inlined, lean, nested
 from navcore.grid.bitplane import PAD, BitPlane, cells_from, lowest
 from navcore.planning.search.open_list import (
     BEST,
@@ -196,7 +196,7 @@ def octile(rows: int, cols: int) -> int:
     return (high - low) * STRAIGHT + low * DIAGONAL
 
 
-@compiled
+@nested
 def trace_cells(free: BitPlane, memory: Memory, start: int, goal: int) -> npt.NDArray[np.int64]:
     """Return (N, 2) the cells of a path whose labels end at the goal, and note its length as
     `memory[BEST]`; (0, 2) where the goal has no label, or one behind the bound.

@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled, inlined, lean
+from navcore.compiled import compiled, inlined, lean, nested
 from navcore.grid.bitplane import ONE, PAD, BitPlanes, highest, lowest
 from navcore.grid.flood_fill import are_separate
 from navcore.grid.free_space import (
@@ -162,7 +162,9 @@ def search(
     settle(across, along)
     want(memory, at, ANYWHERE)
     first = min(budget, BEFORE_FLOOD)
-    status = run(across, along, diagonal_ends, memory, goal, first, BEFORE_CELLS)
+    # Of a type: each constant would have `run` compiled for itself.
+    few, endless = np.int64(BEFORE_CELLS), np.int64(ENDLESS)
+    status = run(across, along, diagonal_ends, memory, goal, first, few)
     cells = np.empty((0, 2), dtype=np.int64)
     if status == TIMEOUT and memory[PUSHED] >= BEFORE_CELLS and is_cluttered(memory):
         if memory[CELL_ROOM] == 0:
@@ -173,7 +175,7 @@ def search(
         elif budget < memory[CELL_ROOM]:
             first = budget = 0  # Used up.
     if status == TIMEOUT and memory[WORK] <= first:
-        status = run(across, along, diagonal_ends, memory, goal, first, ENDLESS)
+        status = run(across, along, diagonal_ends, memory, goal, first, endless)
     if status == TIMEOUT and budget > first:
         # Without a path a search visits all that it can reach; a flood mostly tells in less time
         # than the search has taken so far.
@@ -181,7 +183,7 @@ def search(
         if are_separate(across[FREE], ends[0], ends[1], SWEEPS):
             status, memory[BOUND] = UNREACHABLE, FAR
         else:
-            status = run(across, along, diagonal_ends, memory, goal, budget, ENDLESS)
+            status = run(across, along, diagonal_ends, memory, goal, budget, endless)
     while memory[WAITING] > 0:
         pop(memory)
     if status != FOUND:
@@ -212,7 +214,7 @@ def number_of(across: BitPlanes, memory: Memory, row: int, col: int) -> int:
     return (row + PAD) << 16 | (col + PAD) if bit_of(across, FREE, row + PAD, col + PAD) else 0
 
 
-@compiled
+@nested
 def mark_goal(
     across: BitPlanes, along: BitPlanes, goal: int
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
@@ -230,7 +232,7 @@ def mark_goal(
     return saved
 
 
-@compiled
+@nested
 def unmark_goal(
     across: BitPlanes,
     along: BitPlanes,
@@ -251,7 +253,7 @@ def run(
     memory: Memory,
     goal: int,
     budget: int,
-    entries: int,
+    entries: np.int64,
 ) -> int:
     """Open bucket after bucket until none can contain a shorter path; `TIMEOUT` once the search has
     done more work than `budget`, or has had so many entries on its open list."""
@@ -485,7 +487,7 @@ def is_dead_end(planes: BitPlanes, plane: int, line: int, at: int) -> bool:
     return bool(bit_of(planes, plane, line, at) != 0)
 
 
-@compiled
+@nested
 def trace(across: BitPlanes, memory: Memory, start: int, goal: int) -> npt.NDArray[np.int64]:
     """Return (N, 2) all cells from start to goal, with as few turns as the jump points allow."""
     corners = np.empty(memory[REACHED] + 1, dtype=np.int64)

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navcore.compiled import compiled, inlined, lean
+from navcore.compiled import inlined, lean, nested
 from navcore.grid.bitplane import PAD, BitPlanes
 from navcore.grid.free_space import FREE, SQUARE, bit_of
 
 
-@compiled
+@nested
 def expand_leg(cells: npt.NDArray[np.int64], at: int, corner: int, straight_first: bool) -> int:
     """Write the cells of one leg, diagonal and straight part in the order asked for; return the
     index of its last cell."""
@@ -59,7 +59,7 @@ def sign(number: int) -> int:
     return (number > 0) - (number < 0)
 
 
-@compiled
+@nested
 def fewest_turns(across: BitPlanes, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """Return for each leg between two jump points whether to walk its straight part first, which is
     equally long, if it is free.

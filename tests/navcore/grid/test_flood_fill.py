@@ -19,8 +19,12 @@ from navcore.grid.bitplane import (
 )
 from navcore.grid.flood_fill import are_separate, beside, flood
 from navcore.grid.grid import BoolGrid
+from tests.kernels import from_python
 from tests.navcore.grid.random_grids import grids
 from tests.navcore.laws import law
+
+call_are_separate = from_python(are_separate)
+call_beside = from_python(beside)
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -57,9 +61,9 @@ def test_two_cells_are_separate_if_they_lie_in_two_regions(free: BoolGrid, seed:
     ends = (int(one[0]) + PAD, int(one[1]) + PAD), (int(other[0]) + PAD, int(other[1]) + PAD)
     _, regions = cv2.connectedComponents(free.view(np.uint8), connectivity=4)
     apart = bool(regions[tuple(one)] != regions[tuple(other)])
-    assert are_separate(packed(free), *ends, free.size) == apart
+    assert call_are_separate(packed(free), *ends, free.size) == apart
     # What a few sweeps do not tell may be connected.
-    assert apart or not are_separate(packed(free), *ends, 1)
+    assert apart or not call_are_separate(packed(free), *ends, 1)
 
 
 def test_a_long_winding_corridor_is_flooded_to_its_end() -> None:
@@ -75,7 +79,7 @@ def test_a_long_winding_corridor_is_flooded_to_its_end() -> None:
 def test_beside_are_the_cells_one_straight_step_away(cells: BoolGrid) -> None:
     framed = np.pad(cells, 1)
     wanted = framed[:-2, 1:-1] | framed[2:, 1:-1] | framed[1:-1, :-2] | framed[1:-1, 2:]
-    np.testing.assert_array_equal(unpack(beside(packed(cells)), *cells.shape), wanted)
+    np.testing.assert_array_equal(unpack(call_beside(packed(cells)), *cells.shape), wanted)
 
 
 @law(60)

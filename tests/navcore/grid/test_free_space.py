@@ -18,8 +18,11 @@ from navcore.grid.free_space import (
     find_dead_ends,
 )
 from navcore.grid.grid import BoolGrid
+from tests.kernels import from_python
 from tests.navcore.grid.random_grids import grids, some_cells
 from tests.navcore.laws import law
+
+call_find_dead_ends = from_python(find_dead_ends)
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -113,7 +116,7 @@ def test_a_walk_is_a_dead_end_where_walking_cell_by_cell_meets_an_obstacle_first
 ) -> None:
     space = FreeSpace.of(blocked)
     row = blocked.shape[0] // 2
-    find_dead_ends(space.across, row + PAD)
+    call_find_dead_ends(space.across, row + PAD)
     for col in np.nonzero(~blocked[row])[0]:
         for plane, step in ((DEAD_END_AHEAD, 1), (DEAD_END_BACK, -1)):
             word = int(space.across[plane, row + PAD, (col + PAD) >> 6])
@@ -124,7 +127,7 @@ def test_a_walk_is_a_dead_end_where_walking_cell_by_cell_meets_an_obstacle_first
 def test_a_change_drops_the_dead_ends_of_the_lines_around_it() -> None:
     space = FreeSpace.of(np.zeros((100, 100), dtype=np.bool_))
     for line in range(PAD, PAD + 100):
-        find_dead_ends(space.across, line)
+        call_find_dead_ends(space.across, line)
     space.set_cells(np.array([[50, 50]]), True)
     forgotten = np.nonzero(space.across[DEAD_END_AHEAD, PAD : PAD + 100, 0] == 0)[0]
     assert forgotten.tolist() == [49, 50, 51]

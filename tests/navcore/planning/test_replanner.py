@@ -13,9 +13,14 @@ from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
 from navcore.planning.replanner import NOWHERE, Replanner, common_cells, move_sentinel
 from navcore.planning.search.open_list import UNIT, octile
+from tests.kernels import from_python
 from tests.navcore.grid.random_grids import free_cell, grids, some_cells
 from tests.navcore.laws import law
 from tests.navcore.planning.test_planner import assert_is_a_path
+
+call_move_sentinel = from_python(move_sentinel)
+call_common_cells = from_python(common_cells)
+call_octile = from_python(octile)
 
 SEEDS = st.integers(0, 2**32 - 1)
 SIDES = st.one_of(st.integers(2, 24), st.integers(60, 70))
@@ -105,8 +110,8 @@ def test_the_sentinel_lies_along_the_new_path_and_nowhere_else(
             return
         outcome, expected = plan(blocked, start, goal), np.zeros_like(sentinel)
         new = outcome.cells if isinstance(outcome, Path) else NOWHERE
-        move_sentinel(sentinel, old, new, common_cells(old, new))
-        move_sentinel(expected, NOWHERE, new, 0)
+        call_move_sentinel(sentinel, old, new, call_common_cells(old, new))
+        call_move_sentinel(expected, NOWHERE, new, 0)
         np.testing.assert_array_equal(sentinel, expected)
         blocked[tuple(some_cells(generator, blocked.shape, 6).T)] = True
         old = new
@@ -132,7 +137,7 @@ def test_a_freed_cell_that_only_opens_a_diagonal_past_it_is_noticed() -> None:
     replanner = Replanner(space)
     first = replanner.plan((0, 0), (5, 5))
     assert isinstance(first, Path)
-    assert octile(0, 1) + octile(5, 4) > first.length * UNIT - 1, (
+    assert call_octile(0, 1) + call_octile(5, 4) > first.length * UNIT - 1, (
         "control: a path through the cell itself is no shorter"
     )
     space.set_cells(np.array([[0, 1]]), False)

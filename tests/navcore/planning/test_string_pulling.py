@@ -15,7 +15,10 @@ from navcore.grid.grid import BoolGrid
 from navcore.planning.path import Path
 from navcore.planning.planner import plan
 from navcore.planning.string_pulling import line_of_sight, taut_corners
+from tests.kernels import from_python
 from tests.navcore.laws import law
+
+call_line_of_sight = from_python(line_of_sight)
 
 Ints = npt.NDArray[np.int64]
 
@@ -51,7 +54,7 @@ def test_a_line_of_sight_crosses_the_cells_that_plain_clipping_finds(seed: int) 
     here, there = rng.integers(0, 12, 2), rng.integers(0, 12, 2)
     blocked[tuple(here)] = blocked[tuple(there)] = False
     clear = not any(blocked[cell] for cell in crossed(here, there))
-    seen = bool(line_of_sight(CellMask.of(~blocked).plane, here, there))
+    seen = bool(call_line_of_sight(CellMask.of(~blocked).plane, here, there))
     assert not seen or clear
     if (
         clear and not seen
@@ -104,7 +107,7 @@ def test_no_corner_can_be_left_out(seed: int) -> None:
     _, corners, blocked = found
     plane = CellMask.of(~blocked).plane
     for before, after in zip(corners, corners[2:], strict=False):
-        assert not line_of_sight(plane, before, after)
+        assert not call_line_of_sight(plane, before, after)
 
 
 @law(60)

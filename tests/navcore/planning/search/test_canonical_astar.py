@@ -28,9 +28,13 @@ from navcore.planning.search.open_list import (
     UNIT,
     SearchWorkspace,
 )
+from tests.kernels import from_python
 from tests.navcore.grid.random_grids import free_cell, grids
 from tests.navcore.laws import law
 from tests.navcore.planning.test_planner import assert_is_a_path, optimum
+
+call_search_cells = from_python(search_cells)
+call_trace_cells = from_python(trace_cells)
 
 SEEDS = st.integers(0, 2**32 - 1)
 SQRT2 = np.sqrt(2.0)
@@ -50,8 +54,8 @@ def cell_by_cell(
     memory, free = workspace.memory, space.across[FREE]
     memory[BOUND] = bound
     here, there = (row + PAD << 16 | col + PAD for row, col in (start, goal))
-    assert search_cells(free, memory, here, there, 1 << 40)
-    cells = trace_cells(free, memory, here, there)
+    assert call_search_cells(free, memory, here, there, 1 << 40)
+    cells = call_trace_cells(free, memory, here, there)
     if memory[BEST] >= bound:
         return None
     straight, diagonal = (int((np.abs(np.diff(cells, axis=0)).sum(1) == n).sum()) for n in (1, 2))

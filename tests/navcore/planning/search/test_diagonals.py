@@ -17,8 +17,11 @@ from navcore.planning.path import Path
 from navcore.planning.planner import plan, plan_in
 from navcore.planning.search.diagonals import OWNER
 from navcore.planning.search.open_list import SearchWorkspace
+from tests.kernels import from_python
 from tests.navcore.grid.random_grids import free_cell, grids, some_cells
 from tests.navcore.laws import law
+
+call_find_dead_ends = from_python(find_dead_ends)
 
 
 def bit(words: npt.NDArray[np.uint64], at: int) -> int:
@@ -49,7 +52,7 @@ def assert_passed_for_good_reason(space: FreeSpace) -> int:
     fresh, count = FreeSpace.of(space.blocked()), 0
     for planes in (fresh.across, fresh.along):
         for line in range(PAD, planes.shape[1] - PAD):
-            find_dead_ends(planes, line)
+            call_find_dead_ends(planes, line)
     for row, col, west, north in passed(space):
         assert bit(fresh.across[DEAD_END_AHEAD + west, row], col), (
             "the walk along the row leads nowhere"
