@@ -62,9 +62,9 @@ def keep_results(folder: Path, results: Path = RESULTS, *, replace: bool = False
 
     The summary of a campaign that drives is made of its episodes again, by the rules of today; that
     of a suite that runs as a whole is copied. Raises `BadConfiguration` for a folder without a
-    summary, whose summary is of other episodes, or of worlds without seeds, and unless `replace`
-    where something is kept under that name that does not grow by this: the campaign of other
-    rules, other episodes, or a summary alone.
+    summary, whose summary is of other episodes or of no suite, or of worlds without seeds, and
+    unless `replace` where something is kept under that name that does not grow by this: the
+    campaign of other rules, other episodes, or a summary alone.
     """
     summary = _summary_in(folder)
     card = read_card(folder) if (folder / CARD).exists() else None
@@ -73,6 +73,8 @@ def keep_results(folder: Path, results: Path = RESULTS, *, replace: bool = False
         reports = _ended(folder, card, summary)
         summary = CONCLUSIONS[card.suite].summarise(card.command, reports)
         note_planned(summary, max(card.planned, len(card.keys)))
+    elif "suite" not in summary:
+        raise BadConfiguration(f"{folder}: neither its summary nor its command names a suite")
     name = file_name(summary)
     if not (replace or _grows(name, card, summary, results)):
         raise BadConfiguration(
@@ -95,7 +97,7 @@ def _summary_in(folder: Path) -> dict[str, Any]:
         summary = dict(json.loads((folder / SUMMARY).read_text(encoding="utf-8")))
     except (OSError, ValueError) as error:
         raise BadConfiguration(f"{folder} holds no ended campaign: {error}") from None
-    named = [word for word in summary["command"].split() if word in BY_NAME]
+    named = [word for word in summary.get("command", "").split() if word in BY_NAME]
     return {"suite": named[0], **summary} if named else summary
 
 
@@ -105,7 +107,10 @@ def _ended(folder: Path, card: CampaignCard, summary: Report) -> list[Report]:
         raise BadConfiguration(
             f"{folder}: episodes of {card.suite} have no seeds, and are not kept"
         )
-    lines = (folder / EPISODES).read_text(encoding="utf-8")
+    try:
+        lines = (folder / EPISODES).read_text(encoding="utf-8")
+    except OSError as error:
+        raise BadConfiguration(f"{folder} holds no ended campaign: {error}") from None
     by_key = {report[card.key]: report for _, report in recorded(lines)}
     keys = [key for key in card.keys if key in by_key]
     if summary["seeds"] != keys:

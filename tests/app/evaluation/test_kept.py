@@ -124,5 +124,9 @@ def test_a_suite_that_runs_as_a_whole_is_kept_as_its_summary_alone(tmp_path: Pat
     kept = json.loads((tmp_path / "office-localisation-typical.json").read_text())
     assert kept == {**told, "suite": "localisation", "odometry": "typical"}
     assert not (tmp_path / FOLDER).exists()
+    (folder / "summary.json").write_text('{"command": "bewarenav evaluate office"}')
+    with pytest.raises(BadConfiguration, match="neither its summary nor its command names a suite"):
+        keep_results(folder, tmp_path)
+    (folder / "summary.json").write_text(json.dumps({**told, "odometry": "typical"}))
     with pytest.raises(BadConfiguration, match="is kept of another campaign"):
         keep_results(folder, tmp_path)
