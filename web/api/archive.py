@@ -8,7 +8,7 @@ import logging
 import os
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import BinaryIO
 
 from fastapi.responses import StreamingResponse
@@ -28,14 +28,14 @@ class Archive(StreamingResponse):
     `STALL_S`: a connection whose other end is gone may stay open for hours."""
 
     def __init__(self, file: BinaryIO, name: str) -> None:
+        size = file.seek(0, os.SEEK_END)
         headers = {
             "Content-Disposition": f'attachment; filename="{name}"',
-            "Content-Length": str(file.seek(0, os.SEEK_END)),
+            "Content-Length": str(size),
         }
         file.seek(0)
         self._file = file
-        parts = iter(lambda: file.read(PART_BYTES), b"")
-        super().__init__(parts, media_type="application/zip", headers=headers)
+        super().__init__(_parts(file, size), media_type="application/zip", headers=headers)
 
     async def stream_response(self, send: Send) -> None:
         """Send the parts; ends where one is not taken in time, and the server cuts the answer
@@ -50,7 +50,18 @@ class Archive(StreamingResponse):
         except TimeoutError:
             log.warning("an export ends: its client has taken no part within %g s", STALL_S)
         finally:
-            await asyncio.to_thread(self._file.close)
+            # Shielded: where the client has gone, this task is cancelled.
+            await asyncio.shield(asyncio.to_thread(self._file.close))
+
+
+def _parts(file: BinaryIO, size: int) -> Iterator[bytes]:
+    """Yield the parts of a file of a size in bytes. It is closed before the last one goes out:
+    a client that has that may ask for the next archive."""
+    while size > 0 and (part := file.read(PART_BYTES)):
+        size -= len(part)
+        if size <= 0:
+            file.close()
+        yield part
 
 
 class OneSiteAtATime:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import io
 import math
@@ -10,10 +11,11 @@ from typing import Any
 
 import httpx
 import pytest
+from starlette.types import Message
 
 from navcore.errors import Refused
 from tests.web.fake_operations import FakeOperations
-from web.api.archive import OneSiteAtATime
+from web.api.archive import PART_BYTES, Archive, OneSiteAtATime
 from web.gateway.request_body import MAX_BODY_BYTES
 from web.server import ConsoleServer
 
@@ -213,6 +215,17 @@ def test_one_site_is_exported_at_a_time(
     assert client.get("/api/v1/sites/default/nav2").is_success
     assert client.get("/api/v1/sites/elsewhere/export").status_code == 404
     assert client.get("/api/v1/sites/default/export").is_success
+
+
+def test_an_archive_is_closed_before_its_last_part_is_sent() -> None:
+    file, was_closed = io.BytesIO(bytes(PART_BYTES + 1)), list[bool]()
+
+    async def send(message: Message) -> None:
+        if message.get("body"):
+            was_closed.append(file.closed)
+
+    asyncio.run(Archive(file, "a.zip").stream_response(send))
+    assert was_closed == [False, True]
 
 
 def test_an_archive_counts_as_one_until_its_answer_has_ended() -> None:
