@@ -107,7 +107,7 @@ def check_version(expected: str) -> None:
     it tasks."""
     if version() != expected:
         raise BadConfiguration(
-            f"a worker on {platform.node()} has bewarenav {version()}, and the campaign is of "
+            f"a worker on {platform.node()} has bewarenav {version()}, and its tasks are of "
             f"{expected}: all machines need the same version, and its files must not change "
             "meanwhile"
         )

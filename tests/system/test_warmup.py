@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
+import app
 import navcore
 import sim
 from navcore.compiled import NestedKernel
@@ -62,6 +63,9 @@ def called(node: ast.AST, module: ModuleType) -> Iterator[str]:
     for part in ast.iter_child_nodes(node):
         if isinstance(part, ast.Name) and isinstance(getattr(module, part.id, None), Dispatcher):
             yield part.id
+        if isinstance(part, ast.Attribute) and isinstance(part.value, ast.Name):
+            read = getattr(getattr(module, part.value.id, None), part.attr, None)
+            assert not isinstance(read, NestedKernel), ast.unparse(part)
         if not (
             isinstance(part, ast.FunctionDef)
             and isinstance(getattr(module, part.name, None), Dispatcher)
@@ -114,7 +118,7 @@ def test_nothing_is_left_to_be_compiled_while_the_robot_drives() -> None:
 
 
 def test_kernels_have_an_entry_for_python_if_it_calls_them() -> None:
-    called_by_python = kernels(navcore) | kernels(sim)
+    called_by_python = kernels(navcore) | kernels(sim) | kernels(app)
     for module in (*modules(navcore), *modules(sim)):
         for name, value in vars(module).items():
             if isinstance(value, Dispatcher) and value.py_func.__module__ == module.__name__:

@@ -101,6 +101,7 @@ def evaluate_barn(
         suite=suite,
         key="world",
         rules=(
+            "any contact fails",
             hashlib.sha256(worlds.read_bytes()).hexdigest(),
             profile,
             config,

@@ -110,7 +110,13 @@ class Walks:
         campaign = Campaign(
             suite=self.suite,
             key="seed",
-            rules=(str(self.suite), self.perception.identity, self.beware.classes, self.size),
+            rules=(
+                str(self.suite),
+                "classes of the list",
+                self.perception.identity,
+                self.beware.classes,
+                self.size,
+            ),
             holds="another suite, network, beware list or image size",
             drive=drive,
             drive_alone=drive,

@@ -96,6 +96,7 @@ def evaluate_light(
         key="seed",
         rules=(
             str(Suite.LIGHT),
+            "classes of the list",
             perception.identity,
             beware.classes,
             size,

@@ -129,20 +129,10 @@ def _size_of(dataset: Dataset, split: Split, index: int) -> int:
 
 
 def _splits_of(dataset: Dataset) -> dict[str, TrainingSplit]:
-    """Return the splits of frames in trainings before their export, by name: those that the card
-    tells, and held back is what another data set does not train on."""
+    """Return the splits of frames in trainings before their export, by name, as the card tells."""
     told = dataset.card.source.get(_SPLITS)
     known = told.items() if isinstance(told, dict) else ()
-    splits: dict[str, TrainingSplit] = {
-        name: split for name, split in known if split in get_args(TrainingSplit)
-    }
-    held = [
-        dataset.name(split, index)
-        for split in SPLITS
-        for index in range(dataset.count(split))
-        if split != "train"
-    ]
-    return splits | dict.fromkeys(held, "valid")
+    return {name: split for name, split in known if split in get_args(TrainingSplit)}
 
 
 def _upload(
@@ -154,7 +144,8 @@ def _upload(
         depth_mm=sample.depth,
         annotation=Annotation(class_names=dataset.card.class_names, labels=sample.labels),
         uncoloured=sample.uncoloured,
-        split=splits.get(dataset.name(split, index)),
+        # What another data set does not train on is held back here, too.
+        split=splits.get(dataset.name(split, index)) if split == "train" else "valid",
     )
 
 

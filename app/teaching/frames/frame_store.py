@@ -264,6 +264,8 @@ class FrameStore:
     def _add(self, frames: Iterable[_New]) -> list[CapturedFrame]:
         """Store frames; nothing of them stays when that fails."""
         stored, class_names = self._open(), self._class_names
+        card = self.folder / CARD_NAME
+        is_first = not card.exists()
         added: list[FrameRecord] = []
         try:
             for new in frames:
@@ -283,6 +285,9 @@ class FrameStore:
             if added:
                 with contextlib.suppress(OSError, StorageFailed):
                     self._publish()  # the lists may name them already
+            if is_first:
+                with contextlib.suppress(OSError):
+                    card.unlink(missing_ok=True)
             if isinstance(error, OSError | StorageFailed):
                 raise StorageFailed(
                     f"the frame cannot be stored, those stored before are intact: {error}"

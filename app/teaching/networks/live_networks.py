@@ -364,6 +364,8 @@ def _check(path: Path) -> None:
         done = subprocess.run(command, capture_output=True, timeout=CHECK_S, check=False)
     except subprocess.TimeoutExpired:
         raise BadConfiguration("the file: could not be checked in time") from None
+    except OSError as error:
+        raise StorageFailed(f"the file: cannot be checked: {error}") from error
     if done.returncode:
         lines = done.stderr.decode(errors="replace").strip().splitlines()
         said = lines[-1].replace(f"{path}: ", "") if lines else "is no network"

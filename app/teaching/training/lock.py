@@ -25,10 +25,10 @@ class RunLock:
         self._path = folder / LOCK_NAME
 
     def __enter__(self) -> bool:
-        """Take the lock; False if another process has it."""
+        """Take the lock; False if another process has it, or it cannot be taken."""
         handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         for _ in range(TRIES):
-            with contextlib.suppress(BlockingIOError):
+            with contextlib.suppress(OSError):
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 os.ftruncate(handle, 0)
                 os.write(handle, str(os.getpid()).encode())

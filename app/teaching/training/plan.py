@@ -31,6 +31,8 @@ PLAN_NAME, DATA_NAME, START_NAME = "plan.json", "data", "start.safetensors"
 MAX_PLAN_BYTES = 1_000_000
 LEAST_FRAMES = 3
 """Smallest number of annotated frames that show a class: two to learn from, one held back."""
+_RENAMED = {"pull": "l2_penalty", "sure": "confidence_threshold"}
+"""Present names of the numbers of a recipe, by those of earlier releases."""
 HELD_EVERY = 4
 """One of this many frames of a class is held back, the second, the sixth, … of its new ones."""
 
@@ -68,12 +70,13 @@ def held_back(
     before: Mapping[str, TrainingSplit] | None = None,
     near_duplicates: Sequence[Set[str]] = (),
 ) -> set[str]:
-    """Return the ids of the frames to hold back, a quarter of those of each class.
+    """Return the ids of the frames to hold back, about a quarter of those of each class.
 
     `before` are the splits of the frames in earlier trainings. They stay, so that no network is
     judged by what it, or the one that it starts from, was trained on; only a class of which all
     frames were trained on has one of these held back. Of each group of `near_duplicates` all
-    frames that were in no training go the same way, that of the others if there are any. Raises
+    frames that were in no training go the same way, that of the others if there are any; unless
+    no group of a class fits into its quarter, of which single frames are held back then. Raises
     `Refused` when there are too few frames of a class.
     """
     names, before = taught_names(frames), _with_near_duplicates(before or {}, near_duplicates)
@@ -99,9 +102,12 @@ def held_back(
             wanted, new = 1, showing
         # Those of a rarer class last, which has its quarter already.
         others = [[one for one in new if (one in filled) == late] for late in (False, True)]
-        for one in (one for part in others for one in _spread(part)):
-            if len(held.intersection(showing)) < wanted:
-                held |= together.get(one, {one})
+        ordered = [one for part in others for one in _spread(part)]
+        for group in (together.get(one, {one}) for one in ordered):
+            if len((held | group).intersection(showing)) <= wanted:
+                held |= group
+        if not held.intersection(showing):
+            held.update(ordered[:wanted])
         filled.update(showing)
     held &= {frame.id for frame in frames}
     for name in names:
@@ -167,9 +173,10 @@ def read_plan(folder: Path) -> TrainingPlan:
     path = folder / PLAN_NAME
     try:
         table = json.loads(read_whole(path, at_most=MAX_PLAN_BYTES))
-        # A plan of an earlier release holds numbers that no longer exist.
+        # A plan of an earlier release holds numbers that no longer exist, or have other names.
         names = {field.name for field in dataclasses.fields(TeachingRecipe)}
-        table["recipe"] = {key: table["recipe"][key] for key in names & table["recipe"].keys()}
+        recipe = {_RENAMED.get(key, key): value for key, value in table["recipe"].items()}
+        table["recipe"] = {key: recipe[key] for key in names & recipe.keys()}
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadConfiguration(f"{path}: not readable: {error!s:.200}") from None
     return from_table(TrainingPlan, table, str(path))

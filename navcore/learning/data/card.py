@@ -76,7 +76,7 @@ class Sample:
     labels: LabelArray
     """(H, W) uint8 labels, 0 = void, else class + 1."""
     uncoloured: MaskArray | None = None
-    """(H, W) pixels whose colour is not known, so that no label of them counts; None where all
+    """(H, W) pixels whose colour is not known, of which teaching counts no label; None where all
     are, and after a change of the image."""
 
 

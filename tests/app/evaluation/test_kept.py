@@ -15,6 +15,7 @@ from app.evaluation.kept import FOLDER, SUFFIX, keep_results, resume_campaign
 from app.evaluation.tables.pages import RESULTS
 from app.fleet.campaign_files import EPISODES, read_card, recorded
 from navcore.errors import BadConfiguration
+from tests.app.cli.test_main import bewarenav
 from tests.app.evaluation.test_merge import SEEDS, driven
 
 Report = dict[str, Any]
@@ -70,6 +71,14 @@ def test_the_summary_of_a_kept_campaign_is_that_of_its_episodes(name: str, tmp_p
     card = resume_campaign(name, tmp_path)
     made = conclusion_of(card).write(card.command, reports_in(tmp_path), tmp_path)
     assert made == json.loads((RESULTS / f"{name}.json").read_text())
+
+
+def test_the_kept_doors_can_go_on_with_the_rules_of_today(tmp_path: Path) -> None:
+    card = resume_campaign("doors", tmp_path)
+    before = (tmp_path / EPISODES).read_bytes()
+    ended = bewarenav(*card.command.split()[1:], "--out", str(tmp_path))
+    assert ended.returncode == 0, ended.stderr
+    assert (tmp_path / EPISODES).read_bytes() == before
 
 
 def test_another_campaign_overwrites_what_is_kept_only_when_asked(

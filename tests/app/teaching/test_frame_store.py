@@ -7,6 +7,7 @@ import gc
 import io
 import itertools
 import os
+import shutil
 import threading
 import time
 import zipfile
@@ -24,10 +25,10 @@ from app.teaching.frames.live_frames import LiveFrames
 from app.teaching.frames.rules import CaptureRules
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import write_whole
-from navcore.learning.data.card import DepthSums
+from navcore.learning.data.card import DepthSums, Split
 from navcore.learning.data.dataset import load_dataset
 from navcore.learning.data.images import DepthArray, RgbArray
-from navcore.learning.data.writer import write_text
+from navcore.learning.data.writer import DatasetWriter, write_text
 from navcore.perception.esanet.network.preprocess import NYUV2_DEPTH
 from tests.app.teaching.scenes import BLOCK, HEIGHT, WIDTH, frame_at
 from tests.damaged_zip import METHODS, with_damaged_entry
@@ -446,6 +447,42 @@ def test_of_an_archive_that_cannot_be_stored_whole_nothing_stays(
     assert [one.id for one in other.all()] == ["000001"] == names_after_a_start(other)
     assert load_dataset(other.folder).count("train") == 1
     assert other.annotation("000001").class_names == ("background",)
+
+
+def test_the_first_archive_leaves_no_classes_behind_where_it_cannot_be_stored(
+    store: FrameStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = FrameStore(tmp_path / "other")
+
+    def full(path: Path, data: bytes) -> None:
+        if path.name == "000002.npy":
+            raise StorageFailed(f"{path} cannot be written: No space left on device")
+        write_whole(path, data)
+
+    with archive_of(store, "shoe", "bag") as archive, monkeypatch.context() as patched:
+        patched.setattr(frame_store, "write_whole", full)
+        with pytest.raises(StorageFailed, match="No space left"):
+            add_archive(other, archive)
+    again = FrameStore(other.folder)
+    stored = again.add_frame(frame_at(9.0, brightness=200), "drive")
+    assert stored is not None
+    assert again.annotation(stored.id).class_names == ("background",)
+
+
+def test_images_of_one_name_keep_the_splits_that_they_come_from(tmp_path: Path) -> None:
+    folder = tmp_path / "of another program"
+    writer = DatasetWriter(folder, class_names=["shoe"])
+    chosen: tuple[tuple[Split, int], ...] = (("train", 40), ("valid", 200))
+    for split, brightness in chosen:
+        frame = frame_at(1.0, brightness=brightness)
+        depth_mm = np.round(frame.depth_m * 1000).astype(np.uint16)
+        writer.add(split, "000001", frame.rgb, depth_mm, block_of("shoe").labels)
+    writer.finish()
+    store = FrameStore(tmp_path / "frames")
+    packed = Path(shutil.make_archive(str(tmp_path / "packed"), "zip", folder))
+    with packed.open("rb") as archive:
+        assert add_archive(store, archive) == 2
+    assert list(store.splits().values()) == ["valid"]
 
 
 def names_after_a_start(store: FrameStore) -> list[str]:

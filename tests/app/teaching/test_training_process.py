@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import signal
@@ -28,6 +29,17 @@ def probe(folder: Path) -> int:
     handle = os.open(folder / LOCK_NAME, os.O_RDWR | os.O_CREAT)
     fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     return handle
+
+
+def test_a_lock_that_cannot_be_taken_is_not_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(handle: int, operation: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with RunLock(tmp_path) as is_mine:
+        assert not is_mine
 
 
 def test_the_lock_names_its_holder_and_nothing_once_it_is_released(tmp_path: Path) -> None:

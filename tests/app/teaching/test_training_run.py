@@ -236,9 +236,11 @@ def test_the_plan_of_an_earlier_release_is_still_read(
     folder = planned(tmp_path / "taught 1", frames, start)
     path = folder / PLAN_NAME
     table = json.loads(path.read_text(encoding="utf-8"))
-    table["recipe"] |= {"learning_rate": 0.005, "crop": 192}
-    path.write_text(json.dumps(table), encoding="utf-8")
-    assert read_plan(folder).recipe == RECIPE
+    recipe = table["recipe"] | {"learning_rate": 0.005, "crop": 192, "pull": 0.25, "sure": 0.75}
+    del recipe["l2_penalty"], recipe["confidence_threshold"]
+    path.write_text(json.dumps(table | {"recipe": recipe}), encoding="utf-8")
+    read = read_plan(folder).recipe
+    assert read == dataclasses.replace(RECIPE, l2_penalty=0.25, confidence_threshold=0.75)
 
 
 def shown(number: int, *names: str) -> CapturedFrame:
@@ -270,6 +272,14 @@ def test_frames_that_show_the_same_are_of_one_split() -> None:
     assert held_back(frames) == {"1", "5"}
     assert held_back(frames, near_duplicates=[{"1", "4"}]) == {"1", "4"}
     assert held_back(frames, near_duplicates=[{"0", "1", "gone"}, {"5", "7"}]) == {"0", "1"}
+
+
+def test_a_group_larger_than_a_quarter_is_trained_on_or_divided() -> None:
+    frames = [shown(i, "shoe") for i in range(20)]
+    large = {str(i) for i in range(15)}
+    assert held_back(frames, near_duplicates=[large]) == {str(i) for i in range(15, 20)}
+    everything = {one.id for one in frames}
+    assert held_back(frames, near_duplicates=[everything]) == {"1", "5", "9", "13", "17"}
 
 
 def test_what_shows_the_same_as_a_frame_of_a_training_has_its_split() -> None:
