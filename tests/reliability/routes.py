@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from fastapi import FastAPI
@@ -44,12 +45,19 @@ def routes_of(app: FastAPI) -> list[tuple[str, str]]:
 
 
 def response_status(
-    app: Any, method: str, path: str, headers: dict[str, str], *, quiet: bool = False
+    app: Any,
+    method: str,
+    path: str,
+    headers: dict[str, str],
+    *,
+    messages: Sequence[Message] = (),
+    quiet: bool = False,
 ) -> int:
     """Return the status of the answer; 101 for a websocket that is accepted, 403 for one that is
     closed before.
 
-    `quiet`: a handler that is reached and fails answers 500, and its error is not raised again.
+    `messages` come in over a websocket before it is closed. `quiet`: a handler that is reached and
+    fails answers 500, and its error is not raised again.
     """
     sent: list[Message] = []
     scope: Scope = {
@@ -63,9 +71,10 @@ def response_status(
         "subprotocols": [],
         "headers": [(name.lower().encode(), value.encode()) for name, value in headers.items()],
     }
-    arriving = iter(
-        [{"type": "websocket.connect"} if method == "WS" else {"type": "http.request", "body": b""}]
+    opening = (
+        {"type": "websocket.connect"} if method == "WS" else {"type": "http.request", "body": b""}
     )
+    arriving = iter([opening, *messages])
 
     async def receive() -> Message:
         return next(

@@ -89,5 +89,6 @@ def only_checks(query: bytes | str) -> bool:
 
 def is_deliberate(method: str, path: str) -> bool:
     """Return whether a visitor makes a request, not an open page by itself, nor a program that
-    watches: it changes something, or opens a page."""
+    watches: it changes something, or opens a page. Of a websocket, its handler says which messages
+    are deliberate, by `web.auth.roles.SessionRenewal`."""
     return path in _PAGES if method in SAFE else path not in SILENT

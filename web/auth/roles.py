@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
@@ -62,3 +63,15 @@ async def _visitor(connection: HTTPConnection) -> Visitor:
 
 CurrentVisitor = Annotated[Visitor, Depends(_visitor)]
 """Parameter of a handler: the visitor."""
+RENEWAL_KEY = "bewarenav.renewal"
+"""Key in the scope of a websocket, set by the guard, of what a handler calls for a message that the
+visitor sends deliberately: the session is not idle."""
+
+
+async def _renewal(socket: HTTPConnection) -> Callable[[], object]:
+    renew: Callable[[], object] = socket.scope[RENEWAL_KEY]
+    return renew
+
+
+SessionRenewal = Annotated[Callable[[], object], Depends(_renewal)]
+"""Parameter of the handler of a websocket: renews the visitor's session."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from web.auth.users import User
 
 MAX_IDLE_S = 12 * 3600.0
-"""Time without a deliberate request after which a session ends, seconds."""
+"""Time without a deliberate request or message after which a session ends, seconds."""
 MAX_AGE_S = 7 * 24 * 3600.0
 """Largest age of a session in seconds."""
 MAX_SESSIONS = 1000

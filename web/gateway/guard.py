@@ -14,6 +14,7 @@ The guard is plain ASGI and wraps the whole app, so that no route can omit it.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import BinaryIO
 
@@ -27,7 +28,7 @@ from web.auth.audit import Auditor
 from web.auth.authenticator import Authenticator, PasswordAuthenticator
 from web.auth.control_lease import ControlLeases, NotInControl
 from web.auth.permissions import LOGOUT, is_deliberate, requirement_of
-from web.auth.roles import SCOPE_KEY, Visitor
+from web.auth.roles import RENEWAL_KEY, SCOPE_KEY, Visitor
 from web.gateway.login import LOGIN_PATH, Login, cookie_header
 from web.gateway.origin_check import check_origin
 from web.gateway.problems import problem
@@ -153,6 +154,9 @@ class Guard:
             await send({"type": "websocket.close", "code": POLICY_VIOLATION})
             return
         scope[SCOPE_KEY] = visitor
+        scope[RENEWAL_KEY] = functools.partial(
+            self._authenticator.authenticate, headers, _cookie(scope, headers), renews=True
+        )
         await self._app(scope, *self._while_known(scope, headers, visitor, receive, send))
 
     def _while_known(

@@ -277,6 +277,17 @@ def test_a_page_that_lost_control_does_not_end_what_its_successor_does() -> None
     assert operations.hands == [Twist(v_mps=0.3, w_radps=0.0)]
 
 
+def test_a_page_whose_control_has_lapsed_still_stops_the_robot_that_it_drives() -> None:
+    now_s = [0.0]
+    operations, control = FakeOperations(), ControlLeases(clock=lambda: now_s[0])
+    anna = Visitor(name="anna", role=Role.OPERATOR, client_id="page anna")
+    hand = TeleopSession(operations, control, anna)
+    assert hand.move(DriveMessage(**AHEAD, t_ms=time.monotonic() * 1000))  # type: ignore[arg-type]
+    now_s[0] += PAGE_LEASE_S + 0.1
+    hand.release()
+    assert operations.hands == [Twist(v_mps=0.3, w_radps=0.0), None]
+
+
 @pytest.mark.parametrize("who", ["viewer", "operator"])
 def test_the_stop_is_heard_on_the_sign_of_life_too_once_and_from_everybody(
     who: str, locked: ConsoleServer, accounts: Accounts, operations: FakeOperations

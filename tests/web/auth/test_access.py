@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from app.bench.console.viser_client import camera
-from navcore.errors import BadConfiguration, Refused
+from navcore.errors import BadConfiguration, Refused, StorageFailed
 from tests.reliability.routes import response_status
 from tests.web.conftest import PASSWORD, Accounts
 from tests.web.fake_operations import FakeOperations
@@ -165,6 +165,20 @@ def test_whoever_guesses_the_present_password_of_a_session_has_to_wait_too(
         assert late.status_code == 429
 
 
+def test_a_right_password_that_cannot_be_stored_counts_as_no_wrong_one(
+    locked: ConsoleServer, accounts: Accounts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> User:
+        raise StorageFailed("the disk is full")
+
+    monkeypatch.setattr("web.auth.rate_limit.PERIOD_S", 600.0)
+    monkeypatch.setattr(accounts.store.users, "change", full)
+    with browser(locked, "viewer") as viewer:
+        change = {"present": PASSWORD, "password": "another long one"}
+        tries = [viewer.put("/api/v1/me/password", json=change) for _ in range(BURST + 1)]
+    assert [one.status_code for one in tries] == [503] * (BURST + 1)
+
+
 def test_what_is_typed_as_a_name_is_logged_only_if_an_account_has_it(
     locked: ConsoleServer, accounts: Accounts
 ) -> None:
@@ -244,6 +258,30 @@ def test_a_session_goes_on_by_what_its_user_does_not_by_what_an_open_page_does(
     page = {"Host": "console", "Cookie": f"bewarenav_0={sessions.begin(operator)}"}
     clock.now_s += MAX_IDLE_S - 1
     assert response_status(app, method, path, page) != (403 if method == "WS" else 401)
+    clock.now_s += 2
+    assert response_status(app, "GET", "/api/v1/me", page) == (200 if goes_on else 401)
+
+
+@pytest.mark.parametrize(
+    ("message", "goes_on"),
+    [
+        ({"type": "drive", "v_mps": 0.3, "w_radps": 0.0, "t_ms": 0.0}, True),
+        ({"type": "stop", "by": "console key"}, True),
+        ({"type": "here"}, False),
+    ],
+)
+def test_whoever_drives_or_stops_by_the_page_stays_logged_in_not_a_page_that_is_only_open(
+    message: dict[str, Any], goes_on: bool, accounts: Accounts
+) -> None:
+    clock = Clock()
+    sessions = Sessions(clock=clock)
+    access = Access(authenticator=PasswordAuthenticator(accounts.store.users, sessions))
+    app = create_app(FakeOperations(), allowed_hosts=["console"], access=access)
+    (operator,) = (user for user in accounts.store.users.all() if user.name == "operator")
+    page = {"Host": "console", "Cookie": f"bewarenav_0={sessions.begin(operator)}"}
+    clock.now_s += MAX_IDLE_S - 1
+    sent = {"type": "websocket.receive", "text": json.dumps(message)}
+    assert response_status(app, "WS", "/api/v1/control/live", page, messages=[sent]) == 101
     clock.now_s += 2
     assert response_status(app, "GET", "/api/v1/me", page) == (200 if goes_on else 401)
 

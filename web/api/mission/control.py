@@ -22,7 +22,7 @@ from navcore.geometry.transform import Twist
 from web.api.router import api_router
 from web.auth.audit import Auditor
 from web.auth.control_lease import ControlLeases, NotInControl
-from web.auth.roles import CurrentVisitor, Role, Visitor
+from web.auth.roles import CurrentVisitor, Role, SessionRenewal, Visitor
 from web.gateway.problems import refusals
 from web.gateway.websockets import BAD_MESSAGE, until_one_ends
 from web.interface.operations import RobotService
@@ -69,12 +69,13 @@ def control_router(operations: RobotService, control: ControlLeases, auditor: Au
         return _control_of(control, visitor)
 
     @router.websocket("/control/live")
-    async def live(socket: WebSocket, visitor: CurrentVisitor) -> None:
+    async def live(socket: WebSocket, visitor: CurrentVisitor, renew: SessionRenewal) -> None:
         await socket.accept()
         session = TeleopSession(operations, control, visitor)
         try:
             await until_one_ends(
-                _send(socket, control, session), _receive(socket, control, session, auditor)
+                _send(socket, control, session),
+                _receive(socket, control, session, auditor, renew),
             )
         except ValidationError:
             await socket.close(BAD_MESSAGE)
@@ -115,11 +116,12 @@ class TeleopSession:
         return True
 
     def release(self) -> None:
-        """Stop the robot if this page drives it; without control, what another one has begun since
-        goes on, and the last velocity of this page expires."""
+        """Stop the robot if this page drives it; where another one is in control by now, what that
+        one has begun goes on, and the last velocity of this page expires."""
         if self.is_driving:
             self.is_driving = False
-            if self._control.now.is_held_by(self.visitor):
+            now = self._control.now
+            if now.holder is None or now.is_held_by(self.visitor):
                 self.operations.drive(None)
 
     def _is_late(self, sent_s: float, now_s: float) -> bool:
@@ -152,13 +154,19 @@ async def _send(socket: WebSocket, control: ControlLeases, session: TeleopSessio
 
 
 async def _receive(
-    socket: WebSocket, control: ControlLeases, session: TeleopSession, auditor: Auditor
+    socket: WebSocket,
+    control: ControlLeases,
+    session: TeleopSession,
+    auditor: Auditor,
+    renew: SessionRenewal,
 ) -> None:
     while True:
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
             return
         received = LiveMessage.validate_json(message.get("text") or "")
+        if not isinstance(received, HeartbeatMessage):
+            renew()
         if isinstance(received, StopMessage):
             by = stop_label(received.by, "console")
             if session.operations.stop(stop_source(session.visitor, by)):
