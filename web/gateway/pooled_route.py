@@ -8,8 +8,9 @@ import functools
 import gc
 import inspect
 import json
-from collections.abc import Callable, Coroutine, Iterator
-from contextlib import contextmanager, nullcontext
+import threading
+from collections.abc import Callable, Coroutine
+from contextlib import nullcontext
 from typing import Any
 
 from fastapi import Request, Response
@@ -37,7 +38,7 @@ class PooledRoute(APIRoute):
         async def pooled(request: Request) -> Response:
             arrived = _Arrived(request.scope, request.receive)
             is_large = len(await arrived.body()) > LARGE_BYTES
-            with _uncollected() if is_large else nullcontext():
+            with _uncollected if is_large else nullcontext():
                 return await run_in_threadpool(_result, handle(arrived))
 
         return pooled if self._is_plain else handle
@@ -48,18 +49,42 @@ class _Arrived(Request):
 
     async def json(self) -> Any:
         """Return the value of the body."""
-        return json.loads(await self.body(), object_hook=hand_over)
+        return json.loads(
+            await self.body(), object_hook=hand_over, parse_int=_int, parse_float=_float
+        )
 
 
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Keep the garbage collector, which holds up all threads, from looking through the new values
-    of a large body again and again while they are made."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
+def _int(digits: str) -> int:
+    """Return an integer as the reader of JSON does, but see `hand_over`."""
+    return int(digits)
+
+
+def _float(digits: str) -> float:
+    """Return a number as the reader of JSON does, but see `hand_over`."""
+    return float(digits)
+
+
+class _Uncollected:
+    """Keeps the garbage collector, which holds up all threads, from looking through the new values
+    of large bodies again and again while they are made, and once more while they live: until the
+    last of the requests that came with them is answered."""
+
+    def __init__(self) -> None:
+        self._lock, self._bodies = threading.Lock(), 0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            self._bodies += 1
+            gc.disable()
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._bodies -= 1
+            if not self._bodies:
+                gc.enable()
+
+
+_uncollected = _Uncollected()
 
 
 def _as_coroutine(function: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any]]:

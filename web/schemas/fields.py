@@ -61,7 +61,9 @@ def _printable(text: str) -> str:
 def hand_over(value: Any) -> Any:
     """Return a value as it is. Called for each entry of what may be large, because the interpreter
     changes threads between the steps of Python code alone: compiled code that reads or checks many
-    megabytes would hold up the event loop, and with it a stop, from any thread."""
+    megabytes would hold up the event loop, and with it a stop, from any thread. Each object and
+    each number of a body is such an entry; texts, constants and empty lists, which no body holds by
+    the million, are read some ten times faster."""
     return value
 
 

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
@@ -29,7 +30,7 @@ from navcore.mission.zone_shapes import MAX_BENDS, Circle, Corridor, Shape
 from web.interface.drafts import EditHistory, ZoneDraft
 from web.interface.sites import Nav2Files
 from web.interface.wire import DOCUMENTED
-from web.schemas.fields import Closed, Corner, Metres, Name, number
+from web.schemas.fields import Closed, Corner, Metres, Name, hand_over, number
 
 Seconds = Annotated[float, number(0.0, 1e11)]
 Speed = Annotated[float, number(MIN_LIMIT_MPS, MAX_LIMIT_MPS)]
@@ -225,7 +226,10 @@ class ZoneImportIn(_Open):
 
     type: Literal["FeatureCollection"]
     """Type of the object."""
-    features: Annotated[list[ImportedFeatureIn], Field(min_length=1, max_length=MAX_IMPORT)]
+    features: Annotated[
+        list[Annotated[ImportedFeatureIn, BeforeValidator(hand_over)]],
+        Field(min_length=1, max_length=MAX_IMPORT),
+    ]
     """Zones to add."""
 
     @model_validator(mode="before")

@@ -3,11 +3,14 @@ stop gets through meanwhile."""
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import io
 import json
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,13 +18,15 @@ from typing import Any
 import fastapi.applications
 import httpx
 import pytest
+from starlette.types import Message
 from websockets.sync.client import connect
 
 import web.schemas.fields
 from navcore.geometry.transform import Pose2
 from tests.web.fake_operations import FakeOperations
-from web.gateway.pooled_route import LARGE_BYTES
+from web.gateway.pooled_route import LARGE_BYTES, _Arrived
 from web.gateway.problems import JsonResponse
+from web.schemas.zones import ZoneImportIn
 from web.server import ConsoleServer
 
 TAG = {"id": 12, "x_m": 3, "y_m": 0, "z_m": 1, "yaw_rad": 0, "size_m": 0.2, "sigma_m": 0.02}
@@ -137,6 +142,74 @@ def test_the_garbage_collector_rests_while_a_large_body_is_read(
     headers = {"Content-Type": "application/json"}
     answer = client.patch("/api/v1/map/poses", content=content, headers=headers)
     assert answer.status_code == 204 and collects == [not is_large] and gc.isenabled()
+
+
+def test_the_garbage_collector_rests_until_the_last_of_two_large_bodies_is_read(
+    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inside, answered, collects = threading.Barrier(2), threading.Event(), list[bool]()
+
+    def note(poses: dict[int, Pose2]) -> None:
+        inside.wait(30)
+        if 1 in poses:
+            assert answered.wait(30)
+            collects.append(gc.isenabled())
+
+    def send(pose_id: int) -> int:
+        body = {"poses": [{"id": pose_id, "x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0}]}
+        content = json.dumps(body) + " " * LARGE_BYTES
+        headers = {"Content-Type": "application/json"}
+        return client.patch("/api/v1/map/poses", content=content, headers=headers).status_code
+
+    monkeypatch.setattr(operations, "correct_poses", note)
+    with ThreadPoolExecutor() as pool:
+        first, last = pool.submit(send, 0), pool.submit(send, 1)
+        assert first.result(60) == 204
+        answered.set()
+        assert last.result(60) == 204
+    assert collects == [False] and gc.isenabled()
+
+
+def calls_within(act: Callable[[], object]) -> int:
+    """Return the number of calls of Python functions, at which the interpreter may change
+    threads."""
+    calls = 0
+
+    def note(_: object, event: str, __: object) -> None:
+        nonlocal calls
+        calls += event == "call"
+
+    sys.setprofile(note)
+    try:
+        act()
+    finally:
+        sys.setprofile(None)
+    return calls
+
+
+@pytest.mark.parametrize("number", [0.5, 5])
+def test_threads_may_change_at_every_number_of_a_body(number: float) -> None:
+    body = json.dumps([number] * 1000).encode()
+
+    async def arrived() -> Message:
+        return {"type": "http.request", "body": body}
+
+    async def read() -> None:
+        request = _Arrived({"type": "http", "headers": []}, arrived)
+        assert await request.json() == [number] * 1000
+
+    assert (
+        calls_within(lambda: asyncio.run(read()))
+        - calls_within(lambda: asyncio.run(asyncio.sleep(0)))
+        > 1000
+    )
+
+
+def test_threads_may_change_at_every_zone_of_an_import() -> None:
+    ring = [[0, 0], [1, 0], [1, 1]]
+    zone = {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    zones = {"type": "FeatureCollection", "features": [zone] * 100}
+    assert calls_within(lambda: ZoneImportIn.model_validate(zones)) > 100
 
 
 def test_an_answer_is_always_json() -> None:
