@@ -473,8 +473,9 @@ class LiveOperations:
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
         """Correct past poses, by pose ID; the map follows."""
+        site_id = self._controller.intent.site_id
         require_meant_site()
-        self._controller.correct_poses(poses)
+        self._controller.correct_poses(poses, site_id=site_id)
 
     # Previews and past runs
 

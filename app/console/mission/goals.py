@@ -90,8 +90,9 @@ class Goals:
 
     def save(self, name: str, *, replace: bool = True) -> None:
         """Save the waiting goals under a name."""
-        require_meant_site()
-        self._saved.save(name, self._holder.intent.mission, replace=replace)
+        state = self._holder.intent
+        self._require_site(state)
+        self._saved.save(name, state.mission, replace=replace)
 
     def load(self, name: str) -> None:
         """Replace the waiting goals by those of a saved mission."""
@@ -107,12 +108,17 @@ class Goals:
 
     def _change(self, edit: Callable[[Mission], Mission]) -> Mission:
         def changed(state: OperatorState) -> OperatorState:
-            if state.site_id != self._site_id:
-                raise at_another_site()
-            require_meant_site()
+            self._require_site(state)
             return dataclasses.replace(state, mission=edit(state.mission))
 
         return self._holder.change(changed).mission
+
+    def _require_site(self, state: OperatorState) -> None:
+        """Raise `OtherSite` unless a state is that of the site of the goals, for which the present
+        request is meant."""
+        if state.site_id != self._site_id:
+            raise at_another_site()
+        require_meant_site()
 
     def _check_free(self, x_m: float, y_m: float) -> None:
         goal = (x_m, y_m)

@@ -82,8 +82,9 @@ class PlaceEditor:
 
     def search(self) -> None:
         """Look for the robot's place in the whole map while it turns round."""
+        site_id = self._controller.intent.site_id
         require_meant_site()
-        self._controller.search_place()
+        self._controller.search_place(site_id=site_id)
 
     def _scan(self) -> Scan:
         scan = self._controller.navigator.localisation.scan

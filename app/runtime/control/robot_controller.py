@@ -156,9 +156,9 @@ class RobotController:
             lambda intent: dataclasses.replace(intent, mission=edit(intent.mission))
         ).mission
 
-    def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
+    def correct_poses(self, poses: Mapping[int, Pose2], *, site_id: str | None = None) -> None:
         """Correct past poses, by pose ID, e.g. after a loop closure; the map follows before the
-        next tick.
+        next tick. `site_id` as for `place_robot`.
 
         Raises `BadConfiguration`, and changes nothing, for a pose ID that is not on the map, or
         belongs to a loaded one.
@@ -166,6 +166,7 @@ class RobotController:
         pose_ids = self.navigator.map.pose_ids
         check_movable(poses, len(pose_ids), pose_ids.frozen)
         with self._lock:
+            self._require_site(site_id)
             self._ask(poses={**self._requests.poses, **poses})
 
     def edit_map(self, edit: Callable[[PointMap], None]) -> None:
@@ -180,8 +181,7 @@ class RobotController:
         that of the site for whose map it is meant, if it may have changed; then raises
         `OtherSite`."""
         with self._lock:
-            if site_id not in (None, self._intent.site_id):
-                raise at_another_site()
+            self._require_site(site_id)
             self._ask(place=(T_map_base, covariance), search=False)
 
     def enter_site(
@@ -197,6 +197,12 @@ class RobotController:
                 replace_map=replace_map, trust_pose=self._requests.trust_pose
             )
 
+    def _require_site(self, site_id: str | None) -> None:
+        """Raise `OtherSite` where a site is named that is not the one in use. For a caller with the
+        lock."""
+        if site_id not in (None, self._intent.site_id):
+            raise at_another_site()
+
     def require_standing(self, then: str = "change the site") -> None:
         """Raise `Refused` while the robot moves or a mission drives; `then` names what was
         asked."""
@@ -210,10 +216,12 @@ class RobotController:
         if moves or self._sent != STANDSTILL:
             raise Refused(f"the robot moves; let it stand, then {then}")
 
-    def search_place(self) -> None:
-        """Forget the place, and turn round to find it in the whole map. Raises `Refused`, and
-        changes nothing, unless the robot stands and no stop is latched."""
+    def search_place(self, *, site_id: str | None = None) -> None:
+        """Forget the place, and turn round to find it in the whole map. `site_id` as for
+        `place_robot`. Raises `Refused`, and changes nothing, unless the robot stands and no stop is
+        latched."""
         with self._lock:
+            self._require_site(site_id)
             self.require_standing("look for its place")
             if self._intent.stopped_by is not None:
                 raise Refused("the emergency stop is latched; reset it first")

@@ -12,8 +12,8 @@ import pytest
 from app.console.back_off import BACK
 from app.console.operations import LiveOperations
 from app.storage import Store
-from navcore.errors import Refused
-from navcore.geometry.transform import STANDSTILL
+from navcore.errors import OtherSite, Refused
+from navcore.geometry.transform import IDENTITY, STANDSTILL
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.robot.driver import Command
 from navcore.safety.gate import Cause
@@ -48,6 +48,20 @@ def test_a_robot_that_looks_round_can_be_paused_and_is_not_said_to_stand(
     assert not state.place.searching and state.phase is mission.phase
     is_paused = Cause.PAUSED in [reason.cause for reason in state.reasons]
     assert is_paused == (mission.phase is Phase.PAUSED)
+
+
+def test_poses_that_were_meant_for_the_map_of_another_site_are_not_corrected(
+    operations: LiveOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    controller = operations._controller
+
+    def enters_meanwhile(*_: object) -> None:
+        controller.change(lambda intent: dataclasses.replace(intent, site_id="another"))
+
+    monkeypatch.setattr("app.runtime.control.robot_controller.check_movable", enters_meanwhile)
+    with pytest.raises(OtherSite):
+        operations.correct_poses({0: IDENTITY})
+    assert not controller._requests.poses
 
 
 @pytest.mark.parametrize("mission", [Mission(), PAUSED])

@@ -76,7 +76,9 @@ def test_a_goal_that_was_meant_for_the_site_of_before_is_refused() -> None:
     holder.change(lambda state: dataclasses.replace(state, site_id="another", mission=Mission()))
     with pytest.raises(Refused, match="another site now"):
         goals.add(-2.0, 0.0)
-    assert holder.intent.mission == Mission()
+    with pytest.raises(Refused, match="another site now"):
+        goals.save("night")
+    assert holder.intent.mission == Mission() and not goals.missions()
 
 
 @pytest.mark.parametrize(

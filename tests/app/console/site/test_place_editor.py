@@ -162,6 +162,18 @@ def test_a_place_that_was_checked_on_the_map_of_another_site_is_not_taken(
     assert desk.controller._requests.place is None
 
 
+def test_a_search_that_was_meant_for_the_map_of_another_site_does_not_begin(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def enters_meanwhile() -> None:
+        desk.controller.change(lambda intent: dataclasses.replace(intent, site_id="a third"))
+
+    monkeypatch.setattr("app.console.site.place_editor.require_meant_site", enters_meanwhile)
+    with pytest.raises(OtherSite):
+        desk.editor.search()
+    assert not desk.controller.intent.searching
+
+
 def test_a_robot_that_is_driven_while_its_place_is_checked_is_placed_where_it_is_then(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
