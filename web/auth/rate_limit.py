@@ -92,12 +92,17 @@ class PasswordTries:
 
     async def attempt(self, address: str, check: Callable[[], _Found]) -> _Found:
         """Return what `check` returns in a thread, something true for the right password; raises
-        `TooManyTries`."""
+        `TooManyTries`, and what `check` raises, which is about something else than the password:
+        that counts as no try."""
         wait_s = self._limiter.wait_s(address)
         if wait_s:
             raise TooManyTries(wait_s)
         async with self._one_at_a_time:
-            found = await asyncio.to_thread(check)
+            try:
+                found = await asyncio.to_thread(check)
+            except Exception:
+                self._limiter.refund(address)
+                raise
         if found:
             self._limiter.refund(address)
         return found

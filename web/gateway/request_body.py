@@ -27,7 +27,10 @@ MAX_BODY_BYTES = 1_000_000
 """Largest body in bytes."""
 BODY_TIMEOUT_S = 10.0
 """Time limit of the arrival of a body, seconds."""
-LARGE_BODIES = {
+MAX_PASSWORD_BODY_BYTES = 10_000
+"""Largest body in bytes of a change of the own password: the event loop reads it."""
+BODY_LIMITS = {
+    "/api/v1/me/password": (MAX_PASSWORD_BODY_BYTES, BODY_TIMEOUT_S),
     "/api/v1/sites/import": (MAX_ARCHIVE_BYTES, 120.0),
     "/api/v1/sites/import-nav2": (MAX_IMAGE_FILE + MAX_BODY_BYTES, 120.0),
     "/api/v1/zones/import": (MAX_IMPORT_BYTES, 120.0),
@@ -55,7 +58,7 @@ async def bounded_body(
     if scope["method"] in SAFE or scope["path"] == STOP:
         return b""
     path = "labels" if _LABELS.fullmatch(scope["path"]) else scope["path"]
-    at_most, limit_s = LARGE_BODIES.get(path, (MAX_BODY_BYTES, BODY_TIMEOUT_S))
+    at_most, limit_s = BODY_LIMITS.get(path, (MAX_BODY_BYTES, BODY_TIMEOUT_S))
     length = Headers(scope=scope).get("content-length", "0")
     if not length.isdigit() or len(length) > 12 or int(length) > at_most:
         return _too_large(at_most)

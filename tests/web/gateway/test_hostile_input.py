@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 from navcore.errors import Refused
 from tests.web.api.answers import wrong, zone
 from tests.web.fake_operations import FakeOperations
+from web.auth.users import LONGEST_PASSWORD
 from web.gateway import request_body
 from web.gateway.request_body import MAX_BODY_BYTES
 from web.interface.teaching import NetworkVersion
@@ -230,6 +231,16 @@ def test_a_secret_in_the_input_is_not_echoed(client: httpx.Client) -> None:
     assert answer.status_code == 422 and "hunter2" not in answer.text
 
 
+def test_the_body_of_a_password_is_small_because_the_event_loop_reads_it(
+    client: httpx.Client,
+) -> None:
+    url, longest = "/api/v1/me/password", "\U0001f511" * LONGEST_PASSWORD
+    fits = dumped({"present": longest, "password": longest})
+    wrong(client.put(url, content=fits, headers=JSON), 409)
+    padded = fits + b" " * request_body.MAX_PASSWORD_BODY_BYTES
+    wrong(client.put(url, content=padded, headers=JSON), 413)
+
+
 def test_a_body_that_is_too_large_is_refused_whether_or_not_it_says_so(
     client: httpx.Client,
 ) -> None:
@@ -268,7 +279,7 @@ def test_a_large_archive_lies_on_the_disk_while_it_arrives_and_is_bounded_there_
 
     monkeypatch.setattr(operations.teaching.frames, "add_archive", note)
     assert client.post(url, content=chunks(size)).json() == {"added": 2 * size}
-    monkeypatch.setitem(request_body.LARGE_BODIES, url, (size, 60.0))
+    monkeypatch.setitem(request_body.BODY_LIMITS, url, (size, 60.0))
     assert wrong(client.post(url, content=chunks(size + 1)), 413)["code"] == "too_large"
 
     class Full(io.FileIO):
