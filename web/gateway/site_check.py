@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from navcore.errors import OtherSite
 from web.auth.permissions import SAFE
-from web.gateway.problems import problem
+from web.gateway.problems import refusal
 from web.interface.meant_site import mean_site, require_meant_site
 
 HEADER = "Site-Id"
@@ -37,6 +37,6 @@ class SiteCheck:
         try:
             require_meant_site()
         except OtherSite as error:
-            await problem(409, "other_site", str(error), HEADER)(scope, receive, send)
+            await refusal(error)(scope, receive, send)
         else:
             await self._app(scope, receive, send)

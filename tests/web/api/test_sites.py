@@ -25,6 +25,11 @@ YAML = (
 )
 PICTURE = base64.b64encode(b"P5 20 20 255\n" + bytes([254] * 400)).decode()
 
+OTHER_SITE = {
+    "code": "other_site",
+    "message": "the robot is at another site now; nothing was changed",
+    "where": None,
+}
 RING = [[0, 0], [1, 0], [1, 1], [0, 0]]
 ZONE: dict[str, Any] = {"name": "wet", "geometry": {"type": "Polygon", "coordinates": [RING]}}
 
@@ -56,7 +61,7 @@ def test_what_is_meant_for_the_map_of_another_site_changes_nothing(client: httpx
     client.post("/api/v1/sites/hall/choose")
     for path, body in (("goals", goal), ("zones", ZONE)):
         refused = client.post(f"/api/v1/{path}", json=body, headers=there)
-        assert (refused.status_code, refused.json()["error"]["code"]) == (409, "other_site")
+        assert refused.status_code == 409 and refused.json()["error"] == OTHER_SITE
     assert client.post("/api/v1/stop", headers=there).is_success, "wherever the robot is"
     assert client.post("/api/v1/stop/reset", headers=there).is_success
     taught = client.put("/api/v1/teach/capturing", json={"on": True}, headers=there)
@@ -106,7 +111,7 @@ def test_an_edit_is_refused_where_the_site_has_changed_between_its_check_and_its
 
     monkeypatch.setattr(editor, name, in_turn)
     refused = client.request(method, f"/api/v1/{path}", json=body, headers=here)
-    assert (refused.status_code, refused.json()["error"]["code"]) == (409, "other_site")
+    assert refused.status_code == 409 and refused.json()["error"] == OTHER_SITE
     assert client.get("/api/v1/edits").json() == before
     assert client.get("/api/v1/goals").json()["queue"] == []
     assert client.get("/api/v1/missions").json() == client.get("/api/v1/zone-sets").json() == []
