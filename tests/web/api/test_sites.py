@@ -6,6 +6,8 @@ import asyncio
 import base64
 import io
 import math
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -231,6 +233,33 @@ def test_an_archive_is_closed_before_its_last_part_is_sent() -> None:
 
     asyncio.run(Archive(file, "a.zip").stream_response(send))
     assert was_closed == [False, True]
+
+
+def test_an_archive_whose_client_has_gone_is_closed_also_where_no_thread_is_free() -> None:
+    file = io.BytesIO(bytes(2 * PART_BYTES))
+
+    async def leave() -> None:
+        began, freed = asyncio.Event(), threading.Event()
+        loop = asyncio.get_running_loop()
+        loop.set_default_executor(ThreadPoolExecutor(1))
+        loop.run_in_executor(None, freed.wait, 30)
+
+        async def send(message: Message) -> None:
+            if message.get("body"):
+                began.set()
+                await asyncio.Event().wait()
+
+        async def receive() -> Message:
+            await began.wait()
+            return {"type": "http.disconnect"}
+
+        await Archive(file, "a.zip")({"type": "http"}, receive, send)
+        assert not file.closed
+        freed.set()
+        await asyncio.to_thread(lambda: None)
+
+    asyncio.run(leave())
+    assert file.closed
 
 
 def test_an_archive_counts_as_one_until_its_answer_has_ended() -> None:
