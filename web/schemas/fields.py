@@ -62,8 +62,8 @@ def hand_over(value: Any) -> Any:
     """Return a value as it is. Called for each entry of what may be large, because the interpreter
     changes threads between the steps of Python code alone: compiled code that reads or checks many
     megabytes would hold up the event loop, and with it a stop, from any thread. Each object and
-    each number of a body is such an entry; texts, constants and empty lists, which no body holds by
-    the million, are read some ten times faster."""
+    each number of a body is such an entry; a list of nothing but texts, constants or empty lists is
+    read at once, 20 MB of them in about 0.3 s."""
     return value
 
 
