@@ -53,9 +53,10 @@ def kernels(package: ModuleType = navcore) -> dict[str, Dispatcher]:
 
 
 def modules(package: ModuleType) -> Iterator[ModuleType]:
-    """The modules of a package."""
+    """The modules of a package, but for those that are programs."""
     for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        yield importlib.import_module(info.name)
+        if not info.name.endswith("__main__"):
+            yield importlib.import_module(info.name)
 
 
 def called(node: ast.AST, module: ModuleType) -> Iterator[str]:
