@@ -69,7 +69,7 @@ SENTENCES = (
     "app/teaching/training/live_trainings.py",
     "app/teaching/training/run.py",
     "app/teaching/networks/versions.py",
-    "app/teaching/single_file.py",
+    "web/interface/single_file.py",
     "navcore/control/motion.py",
     "navcore/costmap/cell_description.py",
     "navcore/files.py",

@@ -1,20 +1,15 @@
-"""Archives that are downloaded: each route makes and sends one at a time, since the computer of a
-robot may lack the memory for more."""
+"""Archives that are downloaded."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 import os
-import threading
-import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import BinaryIO
 
 from fastapi.responses import StreamingResponse
 from starlette.types import Message, Send
-
-from navcore.errors import Refused
 
 PART_BYTES = 1 << 16
 """Size of the parts in which an archive is sent, so small that a slow client takes one in time."""
@@ -62,30 +57,3 @@ def _parts(file: BinaryIO, size: int) -> Iterator[bytes]:
         if size <= 0:
             file.close()
         yield part
-
-
-class OneSiteAtATime:
-    """Maker of one archive of a site at a time: until its file is closed, another one is
-    refused."""
-
-    def __init__(self) -> None:
-        self._making = threading.Lock()
-        self._last: Callable[[], BinaryIO | None] = lambda: None
-
-    def made(self, make: Callable[[], BinaryIO]) -> BinaryIO:
-        """Return what `make` makes; raises `Refused`."""
-        if not self._making.acquire(blocking=False):
-            raise _busy()
-        try:
-            last = self._last()
-            if last is not None and not last.closed:
-                raise _busy()
-            file = make()
-            self._last = weakref.ref(file)
-            return file
-        finally:
-            self._making.release()
-
-
-def _busy() -> Refused:
-    return Refused("a site is being exported already; wait until that has ended")

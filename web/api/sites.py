@@ -10,10 +10,11 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Request, Response
 
 from navcore.errors import NotKnown
-from web.api.archive import Archive, OneSiteAtATime
+from web.api.archive import Archive
 from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.interface.operations import RobotService
+from web.interface.single_file import SingleFile
 from web.interface.sites import SITE_NAME, MapChanges, SeenTag, Site
 from web.schemas.sites import AcceptIn, Nav2ImportIn, SiteChangesIn, SiteIn, SitesOut, TagIn
 
@@ -24,10 +25,11 @@ _EDITS = refusals(404, 409, 422, 503)
 def sites_router(operations: RobotService) -> APIRouter:
     """Return the routes below `/api/v1`."""
     router = api_router("sites")
-    exports = OneSiteAtATime()
+    # One at a time: the computer of a robot may lack the memory for more.
+    exports = SingleFile("a site is being exported already; wait until that has ended")
 
     def archive(pack: Callable[[], bytes], name: str) -> Response:
-        return Archive(exports.made(lambda: io.BytesIO(pack())), name)
+        return Archive(exports.open(lambda: io.BytesIO(pack())), name)
 
     def find(name: str) -> Site:
         for site in operations.sites.all():

@@ -17,11 +17,11 @@ from app.teaching.frames import frame_archive
 from app.teaching.frames.frame_record import UNITS_PER_M
 from app.teaching.frames.frame_store import FrameStore, NoDepth
 from app.teaching.frames.rules import CaptureRules, RegionRules
-from app.teaching.single_file import SingleFile
 from navcore.errors import BadConfiguration, BewareNavError, Refused, StorageFailed
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.perception.region_growing import alike_at
 from navcore.robot.frame import Frame
+from web.interface.single_file import SingleFile
 from web.interface.teaching import (
     NOTHING_NAME,
     Annotation,

@@ -30,10 +30,10 @@ from app.teaching.networks.versions import (
     check_version_name,
     write_version,
 )
-from app.teaching.single_file import SingleFile
 from navcore.errors import BadConfiguration, BewareNavError, Refused, StorageFailed
 from navcore.files import sync_folder
 from navcore.perception.esanet.inference.network_file import SHIPPED
+from web.interface.single_file import SingleFile
 from web.interface.teaching import NetworkVersion
 
 CHECK_S = 120.0

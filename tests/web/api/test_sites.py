@@ -17,8 +17,9 @@ from starlette.types import Message
 
 from navcore.errors import Refused
 from tests.web.fake_operations import FakeOperations
-from web.api.archive import PART_BYTES, Archive, OneSiteAtATime
+from web.api.archive import PART_BYTES, Archive
 from web.gateway.request_body import MAX_BODY_BYTES
+from web.interface.single_file import SingleFile
 from web.server import ConsoleServer
 
 YAML = (
@@ -263,16 +264,16 @@ def test_an_archive_whose_client_has_gone_is_closed_also_where_no_thread_is_free
 
 
 def test_an_archive_counts_as_one_until_its_answer_has_ended() -> None:
-    one = OneSiteAtATime()
-    first = one.made(lambda: io.BytesIO(b"1"))
+    one = SingleFile("is exported already")
+    first = one.open(lambda: io.BytesIO(b"1"))
     with pytest.raises(Refused, match="exported already"):
-        one.made(io.BytesIO)
+        one.open(io.BytesIO)
     first.close()
     with pytest.raises(OSError):
-        one.made(lambda: io.BytesIO(Path("/no/such/file").read_bytes()))
-    second = one.made(io.BytesIO)
+        one.open(lambda: io.BytesIO(Path("/no/such/file").read_bytes()))
+    second = one.open(io.BytesIO)
     del second  # an answer that was never begun
-    one.made(io.BytesIO)
+    one.open(io.BytesIO)
 
 
 def test_a_nav2_map_is_placed_by_two_points(
