@@ -7,10 +7,13 @@ import numpy as np
 from navcore.compiled import compiled, inlined, nested
 from navcore.config.mapping import ClearingRules
 from navcore.geometry.arrays import FloatImage, Indices
-from navcore.geometry.camera import Pinhole
+from navcore.geometry.camera import Pinhole, column_slope, row_slope
 from navcore.geometry.transform import Matrix
 from navcore.mapping.points.point_links import Records
 from navcore.mission.beware_list import NOTHING
+
+_DEEP_M = -0.1
+"""Height in metres below which a point is that of a drop."""
 
 
 @nested
@@ -19,7 +22,14 @@ def pixel_of(
 ) -> tuple[int, int, float]:
     """Return row, column and depth in metres of a map point in the camera image; row and column are
     −1 for a depth below `nearest_m`."""
-    t, x, y, z = T_camera_map, float(point.x), float(point.y), float(point.z)  # type: ignore[attr-defined]
+    return pixel_at(point.x, point.y, point.z, T_camera_map, lens, nearest_m)  # type: ignore[attr-defined]
+
+
+@nested
+def pixel_at(
+    x: float, y: float, z: float, t: Matrix, lens: Pinhole, nearest_m: float
+) -> tuple[int, int, float]:
+    """Return the same for a position."""
     depth = t[2, 0] * x + t[2, 1] * y + t[2, 2] * z + t[2, 3]
     if depth < nearest_m:
         return -1, -1, depth
@@ -74,6 +84,8 @@ def _is_outdated(
         return False
     nearest = _nearest_m(depth_m, i, j)
     tolerance = clearing.constant_m + clearing.per_m2 * depth * depth
+    if point.z < _DEEP_M and nearest < depth - tolerance:  # type: ignore[attr-defined]
+        return _is_ground(point, depth_m, t, lens, clearing, max_range_m)
     beware = point.class_id != NOTHING  # type: ignore[attr-defined]
     flat = beware and point.z < clearing.flat_m  # type: ignore[attr-defined]
     if nearest == np.inf or nearest < depth - tolerance or flat:
@@ -81,6 +93,32 @@ def _is_outdated(
     nearer = depth < clearing.nearer_share * point.range_m  # type: ignore[attr-defined]
     again = not beware and (point.pose_id == pose_id or nearer)  # type: ignore[attr-defined]
     return bool(nearest > depth + tolerance or again)
+
+
+@inlined
+def _is_ground(
+    point: np.void,
+    depth_m: FloatImage,
+    t: Matrix,
+    lens: Pinhole,
+    clearing: ClearingRules,
+    max_range_m: float,
+) -> bool:
+    """Whether there is ground at the robot's height where a point was seen below it: the robot has
+    come down to the level of the point."""
+    height, width = depth_m.shape
+    i, j, depth = pixel_at(point.x, point.y, 0.0, t, lens, clearing.nearest_m)  # type: ignore[attr-defined]
+    if not (0 < i < height - 1 and 0 < j < width - 1 and depth <= max_range_m):
+        return False
+    for row in range(i - 1, i + 2):
+        for col in range(j - 1, j + 2):
+            measured = depth_m[row, col]
+            x = column_slope(col, lens) * measured - t[0, 3]
+            y = row_slope(row, lens) * measured - t[1, 3]
+            z = t[0, 2] * x + t[1, 2] * y + t[2, 2] * (measured - t[2, 3])
+            if abs(z) > -_DEEP_M:
+                return False
+    return True
 
 
 @inlined

@@ -72,11 +72,15 @@ def observe(
             )
     camera, intrinsics = frame.T_map_camera, frame.intrinsics
     view = depth_view(frame, spec, rules.max_range_m, ground_m)
+    edges = drop_edges(view, spec.resolution_m, rules)
     geometric, seen = measured_voxels(
-        view, (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m), rules.min_support
+        view,
+        (rules.obstacle_height_m, rules.ceiling_m, -rules.drop_m),
+        rules.min_support,
+        edges.lower_level,
     )
     measured = np.flatnonzero(seen != 0)  # of truth values: those of words take five times as long
-    geometric = np.concatenate([geometric, drop_edges(view, spec.resolution_m, rules)])
+    geometric = np.concatenate([geometric, edges.pixels])
     heights_m, named = _max_heights(beware), []
     for hypothesis in labels.all_hypotheses:
         of_source = _labelled(hypothesis.class_ids, view, heights_m, rules.min_support)

@@ -30,6 +30,8 @@ BIN_M = 0.05
 LOWEST_M = -0.425
 """Lower end of the bins in metres; the upper one is 2.775 m. The floor is in the middle of a bin,
 not on the border of two."""
+_FLOOR_BIN = 8
+"""Height bin of the ground."""
 
 Pixels = npt.NDArray[np.int32]
 """(N,) pixels, row · width + column."""
@@ -139,13 +141,17 @@ _scratch = _Scratch()
 
 
 def measured_voxels(
-    view: DepthView, limits_m: tuple[float, float, float], min_support: int
+    view: DepthView,
+    limits_m: tuple[float, float, float],
+    min_support: int,
+    lower_level: npt.NDArray[np.int32] | None = None,
 ) -> tuple[Pixels, npt.NDArray[np.uint64]]:
     """Return one pixel of each voxel of an obstacle or a drop, and the measured height bins.
 
     A voxel is an obstacle with at least `min_support` pixels between the first two of `limits_m`,
-    in metres above the ground, and a drop with as many below the third. The second array is (rows ·
-    columns of the box,) with one bit for each height bin.
+    in metres above the ground, and a drop with as many below the third. `lower_level`: (W,) row in
+    each column of the image above which what is deep is no drop, −1 or None for none. The second
+    array is (rows · columns of the box,) with one bit for each height bin.
     """
     rows, cols = view.shape
     seen = np.zeros(rows * cols + 1, dtype=np.uint64)  # the last one for unmeasured pixels
@@ -153,9 +159,10 @@ def measured_voxels(
         return np.empty(0, dtype=np.int32), seen[:0]
     limits = np.array([*limits_m, view.max_range_m], dtype=np.float32)
     rays = (view.depth_m, view.ground_m, view.across, view.down, view.affine)
-    pixels = _measured(
-        *rays, rows, cols, limits, seen, _scratch.counters(rows * cols * HEIGHT_BINS), min_support
-    )
+    if lower_level is None:
+        lower_level = np.full(view.depth_m.shape[1], -1, dtype=np.int32)
+    counters = _scratch.counters(rows * cols * HEIGHT_BINS)
+    pixels = _measured(*rays, rows, cols, limits, seen, counters, min_support, lower_level)
     return pixels, seen[:-1]
 
 
@@ -234,6 +241,7 @@ def _measured(
     seen: npt.NDArray[np.uint64],
     counts: npt.NDArray[np.uint8],
     min_support: int,
+    lower_level: npt.NDArray[np.int32],
 ) -> Pixels:
     height, width = depth_m.shape
     codes = np.full(width + 1, -2, dtype=np.int32)
@@ -254,7 +262,8 @@ def _measured(
             voxel = np.uint32(code >> 1) if code >= 0 else outside
             seen[voxel >> 6] |= ONE << np.uint64(voxel & 63)
             tall[high] = run
-            high += (code >= 0) & (code & 1)
+            counts_here = (voxel & 63 >= _FLOOR_BIN) | (i >= lower_level[starts[run]])
+            high += (code >= 0) & (code & 1) & counts_here
         for index in range(high):
             run = tall[index]
             first = starts[run]

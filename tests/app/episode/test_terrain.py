@@ -1,20 +1,26 @@
-"""Drives over raised ground: up a ramp to a goal behind it, and round a kerb."""
+"""Drives over raised ground: up and down a ramp to a goal behind it, and round a kerb."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.episode.episode import Episode, EpisodeSettings
 from navcore.config.mapping import MappingConfig, TerrainConfig
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.perception.perception import ObservationConfig
 from navcore.geometry.transform import Pose2
+from navcore.mapping.views import observation
+from navcore.mapping.views.drop_edges import DropEdges, drop_edges
+from navcore.mapping.views.voxels import DepthView
 from navcore.mission.beware_list import default_beware_list
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 
 UP_THE_RAMP = (Pose2(x_m=-3.0, y_m=4.2, yaw_rad=0.0), (4.6, 4.2))
+DOWN_THE_RAMP = (Pose2(x_m=5.4, y_m=3.0, yaw_rad=0.0), (9.0, 0.0))
 ACROSS_THE_KERB = (Pose2(x_m=-1.6, y_m=-2.0, yaw_rad=0.0), (1.4, -2.0))
 OFF = NavigatorConfig(map=MappingConfig(terrain=TerrainConfig(enabled=False)))
 
@@ -52,6 +58,26 @@ def test_a_ramp_within_the_limit_is_driven_to_the_goal_behind_it(
     if config is None:
         assert report["causes"] == [] and report["ground_intrusions"] == 0
         assert report["spl"] > 0.9 and report["ideal_m"] >= report["shortest_m"] > 7.5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("is_control", [False, True], ids=["lower level", "control"])
+def test_a_goal_below_the_platform_on_which_the_robot_stands_is_reached_by_the_ramp(
+    is_control: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if is_control:  # all that is deep is an obstacle, wherever a path leads there
+        monkeypatch.setattr(observation, "drop_edges", without_lower_level)
+    report = driven(DOWN_THE_RAMP, None, max_time_s=10.0 if is_control else 60.0)
+    assert report["ground_intrusions"] == 0 and not report["fell"]
+    assert report["success"] == (not is_control)
+    assert (report["distance_m"] < 0.1) == is_control
+
+
+def without_lower_level(
+    view: DepthView, resolution_m: float, rules: ObservationConfig
+) -> DropEdges:
+    edges = drop_edges(view, resolution_m, rules)
+    return edges._replace(lower_level=np.full_like(edges.lower_level, -1))
 
 
 @pytest.mark.long

@@ -11,10 +11,11 @@ import pytest
 
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.perception.perception import ObservationConfig
+from navcore.costmap.costmap import layer_grid
 from navcore.geometry.camera import pixel_rays
 from navcore.geometry.transform import Pose2
 from navcore.mapping.views import observation
-from navcore.mapping.views.drop_edges import drop_edges
+from navcore.mapping.views.drop_edges import DropEdges, drop_edges
 from navcore.mapping.views.voxels import depth_view
 from navcore.mission.order import NavigationRequest
 from navcore.navigator import Navigator
@@ -23,10 +24,12 @@ from navcore.perception.ground import ground_heights
 from navcore.planning.path import Path
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
+from tests.navcore.mapping.small_maps import drive
 from tests.navcore.scene import LENS, MOUNT, RED_LIST, SPEC, Box, picture
 
 Points = npt.NDArray[np.float64]
 RULES = ObservationConfig()
+NO_EDGES = DropEdges(np.empty(0, dtype=np.int32), np.full(LENS.width, -1, dtype=np.int32))
 
 
 def with_pit(flat: Frame, x_m: tuple[float, float], deep_m: float, half_m: float = np.inf) -> Frame:
@@ -70,7 +73,7 @@ def floor_of(frame: Frame, depth: Points) -> npt.NDArray[np.bool_]:
 def rims(frame: Frame) -> Points:
     """(N, 2) positions x, y of the rims that the frame shows."""
     view = depth_view(frame, SPEC, RULES.max_range_m, ground_heights(frame, RULES.max_slope))
-    rows, cols = np.divmod(drop_edges(view, SPEC.resolution_m, RULES), LENS.width)
+    rows, cols = np.divmod(drop_edges(view, SPEC.resolution_m, RULES).pixels, LENS.width)
     _, _, _, x, y = cast_rays(frame)
     return np.column_stack([x[rows, cols], y[rows, cols]])
 
@@ -102,6 +105,46 @@ def test_an_object_that_hides_the_ground_is_no_rim() -> None:
     assert len(rims(with_pit(picture(tall), (2.2, 12.0), 3.0))) == 0
 
 
+def deep_points(frame: Frame) -> Points:
+    """(N, 3) points below the ground that the frame adds to the map."""
+    labels = ColourSegmenter().segment(frame, RED_LIST)
+    ground = ground_heights(frame, RULES.max_slope)
+    points = observation.observe(frame, labels, RED_LIST, SPEC, RULES, ground).points_map
+    return points[points[:, 2] < -0.1].astype(np.float64)
+
+
+def test_the_bottom_of_a_pit_is_an_obstacle_and_a_lower_level_is_none() -> None:
+    pit = deep_points(with_pit(picture(), (1.8, 3.2), 0.3))
+    assert len(pit) > 50 and ((pit[:, 0] > 1.8) & (pit[:, 0] < 3.3)).all()
+    assert len(deep_points(with_pit(picture(), (1.8, 12.0), 0.3))) == 0
+    # What stands on the lower level shows some of its height at that of the upper floor.
+    wall = Box(x=(4.0, 4.4), y=(-6.0, 6.0), z=(-0.3, 0.5))
+    assert len(deep_points(with_pit(picture(wall), (1.8, 12.0), 0.3))) == 0
+
+
+def test_where_the_rim_is_below_the_image_a_strip_of_the_lower_level_is_an_obstacle() -> None:
+    frame = with_pit(picture(), (-1.0, 12.0), 0.3)
+    strip = deep_points(frame)
+    assert len(rims(frame)) == 0 and len(strip) > 50
+    _, _, _, x, _ = cast_rays(frame)
+    first = strip[:, 0].min()
+    assert (strip[np.abs(strip[:, 1]) < 0.2, 0] < first + 0.6).all()
+    assert (frame.depth_m > 0).any() and x.max() > first + 1.0  # control: more of it is in view
+
+
+def test_what_was_a_drop_from_above_is_ground_for_a_robot_that_has_come_down() -> None:
+    there = Pose2(x_m=0.3, y_m=0.3, yaw_rad=0.0)  # not so near that points are replaced
+    pit = (2.0, 3.0)
+    cloud = drive(with_pit(picture(), pit, 0.3))
+    before = layer_grid(cloud, RED_LIST, ()).occupied()
+    drive(with_pit(picture(pose=there), pit, 0.3), cloud=cloud)
+    assert not (before & ~layer_grid(cloud, RED_LIST, ()).occupied()).any()  # control
+    drive(picture(pose=there), cloud=cloud)
+    (top, left), (bottom, _) = SPEC.cell(pit[0] + 0.1, -1.5), SPEC.cell(0.0, 1.5)  # still in view
+    assert before[top:bottom, left:].sum() > 50
+    assert layer_grid(cloud, RED_LIST, ()).occupied()[top:bottom, left:].sum() == 0
+
+
 def offsets_m(navigator: Navigator) -> list[float]:
     """Look at a pit from afar, then from so near that its rim is below the image; return how far
     beside its middle the two paths cross the line of the rim."""
@@ -126,5 +169,5 @@ def test_the_path_leads_round_the_rim_of_a_pit_whose_bottom_is_out_of_range(
 
     assert min(offsets_m(navigator())) > 1.5
     # Control: without the rim the pit is floor that was not seen, which is free to the planner.
-    monkeypatch.setattr(observation, "drop_edges", lambda *_: np.empty(0, dtype=np.int32))
+    monkeypatch.setattr(observation, "drop_edges", lambda *_: NO_EDGES)
     assert max(offsets_m(navigator())) < 0.5

@@ -244,7 +244,7 @@ def test_surfaces_off_the_grid_make_no_points() -> None:
     )
 
 
-def test_a_stair_down_is_an_obstacle_and_an_uneven_floor_is_not() -> None:
+def test_the_rim_of_a_stair_down_is_an_obstacle_and_an_uneven_floor_is_not() -> None:
     def lowered(by_m: float) -> Frame:
         flat = picture()
         z = flat.T_map_camera[2]
@@ -265,8 +265,7 @@ def test_a_stair_down_is_an_obstacle_and_an_uneven_floor_is_not() -> None:
     assert len(look(lowered(0.05)).points_map) == 0
     for by_m in (0.3, 0.44, 0.6):  # deeper still, the ground there is beyond the range
         seen = look(lowered(by_m))
-        below = seen.points_map[:, 2] < -0.15
-        assert below.sum() > 20, by_m
-        # The others are the rim, the last of the upper floor.
-        assert np.all(seen.points_map[~below, 2] > -0.01)
-        assert np.all(seen.range_m[~below] > 1.8)
+        # The rim, the last of the upper floor; the lower one may be reached by another way.
+        assert len(seen.points_map) > 20, by_m
+        assert np.all(np.abs(seen.points_map[:, 2]) < 0.01)
+        assert np.all(seen.range_m > 1.8)
