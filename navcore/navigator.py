@@ -41,7 +41,8 @@ from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import GrownZone
-from navcore.perception.ground import cell_centres, ground_heights
+from navcore.perception.ground import cell_centres
+from navcore.perception.ground_memory import GroundMemory
 from navcore.perception.labels import Labels, Segmenter, only_coloured
 from navcore.perception.people.track import Track
 from navcore.perception.people.tracker import PeopleTracker
@@ -106,9 +107,9 @@ class Stages:
 
     segment: Callable[[Segmenter, Frame, BewareList], Labels] = _segment
     """Label the pixels."""
-    estimate_ground: Callable[[Frame, float, GroundConfig, Floats | None], FloatImage] = (
-        ground_heights
-    )
+    estimate_ground: Callable[
+        [GroundMemory, Frame, float, GroundConfig, Floats | None], FloatImage
+    ] = GroundMemory.estimate
     """Height of the ground below each pixel, as of `ground_heights`; the number is the steepest
     slope of ground, the last argument the slopes that were seen earlier."""
     track: Callable[[PeopleTracker, Frame, Labels, BewareList, FloatImage], tuple[Track, ...]] = (
@@ -162,6 +163,7 @@ class Navigator:
         self.config = self._config = config
         """The configuration."""
         self._profile, self._segmenter = profile, segmenter
+        self._ground = GroundMemory()
         self._tracker = PeopleTracker(
             profile, non_cooperative=config.people.non_cooperative, config=config.perception
         )
@@ -216,7 +218,7 @@ class Navigator:
             frame.placed(self.place.T_map_odom), cell_centres(ground_rules)
         )
         ground_m = stages.estimate_ground(
-            frame, self._config.points.max_slope, ground_rules, slopes
+            self._ground, frame, self._config.points.max_slope, ground_rules, slopes
         )
         people = stages.track(self._tracker, frame, labels, beware, ground_m)
         correction = self._correction.apply(self.place.T_map_base, frame.twist)
@@ -421,6 +423,7 @@ class Navigator:
     def reset_pose(self) -> None:
         """Expect the robot anywhere: it was moved by other means than its wheels."""
         self._mapper.reset_pose()
+        self._ground.forget()
         self._cell_margins.forget()
         self._controller.reset()
         self.behaviour = self.behaviour.after_reset()

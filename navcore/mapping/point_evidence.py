@@ -18,6 +18,7 @@ from navcore.mapping.placed_points import PlacedPoints
 from navcore.mapping.points.clearing import find_outdated
 from navcore.mapping.points.confidence import update_confidence
 from navcore.mapping.points.fading import faded, left_alone, line_limits
+from navcore.mapping.views.observation import Observation
 from navcore.mission.beware_list import BewareList, ColourRule
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
@@ -54,17 +55,18 @@ class PointEvidence:
             held = self._placed.indices_in(box)
         return held
 
-    def outdated(self, frame: Frame, max_range_m: float, pose_id: int, held: Indices) -> Indices:
-        """Return the indices of those of (N,) points that the frame sees through, or measures again
-        from its pose ID."""
+    def outdated(self, frame: Frame, seen: Observation, pose_id: int, held: Indices) -> Indices:
+        """Return the indices of those of (N,) points that the frame sees through, measures again
+        from its pose ID, or shows to be ground."""
         return find_outdated(
             self._placed.table.records,
             held,
             frame.depth_m,
+            seen.ground_m,
             invert(frame.T_map_camera),
             frame.intrinsics.pinhole,
             self._rules.clearing,
-            max_range_m,
+            seen.max_range_m,
             pose_id,
         )
 

@@ -132,7 +132,7 @@ class PointMap:
         if labels is not None:
             held = self._evidence.count(frame, labels, recognised, held, box)
         pose_id = self.pose_ids.id_of(frame.pose)
-        outdated = self._evidence.outdated(frame, observation.max_range_m, pose_id, held)
+        outdated = self._evidence.outdated(frame, observation, pose_id, held)
         new = self._new_points(observation, pose_id, labels)
         is_beware = new["class_id"] != NOTHING
         placed.has_uncertain |= bool((new["confidence"] < 1).any())

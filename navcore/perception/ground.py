@@ -21,7 +21,7 @@ import numpy as np
 
 from navcore.compiled import compiled, inlined
 from navcore.config.perception.perception import DEFAULT_PERCEPTION, GroundConfig
-from navcore.geometry.arrays import FloatImage, Floats, Indices, Points
+from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, Points
 from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
 from navcore.robot.frame import Frame
 
@@ -37,6 +37,18 @@ class _Grid(NamedTuple):
     max_range_m: float
 
 
+class GroundCells(NamedTuple):
+    """Ground around the robot in cells of the base frame: x forward from one row behind the origin,
+    then y from right to left."""
+
+    heights_m: Floats
+    """(cells_ahead, 2 · cells_aside) heights in metres above the plane on which the robot
+    stands."""
+    is_measured: Bools
+    """(cells_ahead, 2 · cells_aside) whether each was measured, and is no continuation of the
+    ground before it."""
+
+
 def ground_heights(
     frame: Frame,
     max_slope: float,
@@ -47,11 +59,22 @@ def ground_heights(
     below each measured pixel; (1, W) where that plane is all of it; read-only.
 
     `max_slope` is the rise per metre up to which the ground continues; a steeper one is a step.
-    With 0 the ground is that plane. `slopes`: those seen earlier, as in `cell_heights`.
+    With 0 the ground is that plane. `slopes`: those seen earlier, as in `ground_cells`.
     """
-    if max_slope > 0:
-        cells = cell_heights(frame, max_slope, config, slopes)
-        if cells.any():
+    return heights_per_pixel(frame, ground_cells(frame, max_slope, config, slopes), config)
+
+
+def heights_per_pixel(frame: Frame, ground: GroundCells | None, config: GroundConfig) -> FloatImage:
+    """Return the heights of `ground_heights` by the ground of a frame; None for the plane on which
+    the robot stands.
+
+    They are exactly 0 where the ground differs from this plane by less than `tolerance_m`, and
+    nearer to it by as much everywhere else.
+    """
+    if ground is not None:
+        raised = np.maximum(np.abs(ground.heights_m) - config.tolerance_m, 0.0)
+        if raised.any():
+            cells = np.asarray(np.sign(ground.heights_m) * raised)
             heights = _per_pixel(
                 frame.depth_m, frame.T_base_camera, frame.intrinsics.pinhole, _grid(config), cells
             )
@@ -70,20 +93,23 @@ def flat_ground(width: int) -> FloatImage:
     return level
 
 
-def cell_heights(
+def ground_cells(
     frame: Frame,
     max_slope: float,
-    config: GroundConfig = _DEFAULT,
+    config: GroundConfig,
     slopes: Floats | None = None,
-) -> Floats:
-    """Return the (cells_ahead, 2 · cells_aside) height in metres of the ground in the base frame, x
-    forward from one row behind the origin, then y from right to left.
+    known_m: Floats | None = None,
+) -> GroundCells | None:
+    """Return the ground around the robot; None where all that is measured counts as the plane on
+    which it stands, or `max_slope` is 0.
 
-    Exactly 0 where it differs from the robot's plane by less than `tolerance_m`, and nearer to it
-    by as much everywhere else. `slopes`: (cells_ahead · 2 · cells_aside, 2) rise per metre along x
-    and y of the base frame, relative to the robot's plane, of the ground as it was seen earlier;
-    NaN where it was not.
+    Of the ground as it was seen earlier, in the cells of the result: `slopes`: (cells_ahead ·
+    2 · cells_aside, 2) rise per metre along x and y of the base frame, relative to the robot's
+    plane; `known_m`: (cells_ahead · 2 · cells_aside,) heights in metres above it, near which a
+    measurement is ground. NaN where it was not.
     """
+    if max_slope <= 0:
+        return None
     measured = _lowest_heights(
         frame.depth_m,
         frame.T_base_camera,
@@ -93,25 +119,25 @@ def cell_heights(
         (config.band_m, config.object_height_m),
     )
     if not (np.abs(measured) > config.tolerance_m).any():  # of NaN, too
-        # Nor is then any median of them, or mean: all of it counts as level.
-        return np.zeros_like(measured)
+        return None  # nor is then any median of them, or mean
     order, distance_m = _cells_outward(config.cell_m, config.cells_ahead, config.cells_aside)
-    heights = _grow_ground(
+    heights_m, is_measured = _grow_ground(
         _median_filter(measured),
         order,
         distance_m,
         np.full((*measured.shape, 2), np.nan)
         if slopes is None
         else slopes.reshape(*measured.shape, 2),
-        (config.cell_m, max_slope, config.max_step_m, config.tolerance_m),
+        np.full(measured.shape, np.nan) if known_m is None else known_m.reshape(measured.shape),
+        (config.cell_m, max_slope, config.max_step_m, config.tolerance_m, config.known_m),
     )
-    return np.asarray(np.sign(heights) * np.maximum(np.abs(heights) - config.tolerance_m, 0.0))
+    return GroundCells(heights_m, is_measured)
 
 
 @lru_cache(maxsize=4)
 def cell_centres(config: GroundConfig = _DEFAULT) -> Points:
     """Return the (cells_ahead · 2 · cells_aside, 2) middles in metres of the base frame of the
-    cells of `cell_heights`, row by row; read-only."""
+    cells of `ground_cells`, row by row; read-only."""
     x, y = _along_and_across(config.cell_m, config.cells_ahead, config.cells_aside)
     centres = np.column_stack([np.repeat(x, len(y)), np.tile(y, len(x))])
     centres.flags.writeable = False
@@ -223,17 +249,20 @@ def _grow_ground(
     order: Indices,
     distance_m: Floats,
     slopes: Floats,
-    limits: tuple[float, float, float, float],
-) -> Floats:
+    known: Floats,
+    limits: tuple[float, float, float, float, float],
+) -> tuple[Floats, Bools]:
     """Return the ground, grown from the robot outward: the measurement where that can be ground,
-    the continuation of the ground before it elsewhere, with the slope that is known of it.
+    the continuation of the ground before it elsewhere, with the slope that is known of it; and
+    which of it was measured.
 
-    `slopes` are those of `cell_heights`; `limits` are the side of a cell, the largest slope, the
-    largest step and the tolerance.
+    `slopes` and `known` are those of `ground_cells`; `limits` are the side of a cell, the largest
+    slope, the largest step, the tolerance, and that of a known height.
     """
-    cell_m, max_slope, max_step_m, tolerance_m = limits
+    cell_m, max_slope, max_step_m, tolerance_m, known_m = limits
     rows, cols = measured.shape
     ground, gap = np.zeros((rows, cols)), np.zeros((rows, cols))
+    is_measured = np.zeros((rows, cols), dtype=np.bool_)
     for index in range(len(order)):
         row, col = order[index, 0], order[index, 1]
         total, weights, least = 0.0, 0.0, np.inf
@@ -253,13 +282,14 @@ def _grow_ground(
         before = total / weights if weights > 0 else 0.0
         reach = least if weights > 0 else distance_m[row, col]
         height = measured[row, col]
-        # Never true of a cell without a measurement, which is NaN.
-        if abs(height - before) <= min(max_slope * reach, max_step_m) + tolerance_m:
-            ground[row, col] = height
+        # Never true of a cell without a measurement, or that is not known, which is NaN.
+        continues = abs(height - before) <= min(max_slope * reach, max_step_m) + tolerance_m
+        if continues or abs(height - known[row, col]) <= known_m:
+            ground[row, col], is_measured[row, col] = height, True
         else:
             # What was seen earlier adds nothing to the gap.
             ground[row, col], gap[row, col] = before, reach - cell_m if is_known else reach
-    return ground
+    return ground, is_measured
 
 
 @inlined

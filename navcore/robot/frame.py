@@ -76,6 +76,13 @@ class Frame:
         return tilt_matrix(self.roll_rad, self.pitch_rad)
 
     @property
+    def plane_slope(self) -> npt.NDArray[np.float64]:
+        """(2,) rise per metre along x and y of the base frame of the plane on which the robot
+        stands."""
+        upward = self.T_level_base[2]
+        return np.asarray(upward[:2] / upward[2])
+
+    @property
     def T_level_camera(self) -> Matrix:
         """(4, 4) pose of the camera in the frame with the origin and heading of the base and a
         vertical z axis: x and y are horizontal distances, z is no height above a slope."""

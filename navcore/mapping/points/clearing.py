@@ -14,6 +14,8 @@ from navcore.mission.beware_list import NOTHING
 
 _DEEP_M = -0.1
 """Height in metres below which a point is that of a drop."""
+_LEVEL_M = 0.05
+"""Greatest distance in metres from the ground of what counts as ground."""
 
 
 @nested
@@ -43,6 +45,7 @@ def find_outdated(
     records: Records,
     held: Indices,
     depth_m: FloatImage,
+    ground_m: FloatImage,
     T_camera_map: Matrix,
     lens: Pinhole,
     clearing: ClearingRules,
@@ -50,7 +53,8 @@ def find_outdated(
     pose_id: int,
 ) -> Indices:
     """Return the indices of those of (N,) `held` points that the frame sees through, or measures
-    again for the same pose or from much nearer.
+    again for the same pose or from much nearer, or shows to be ground of the heights `ground_m`,
+    those of `ground.ground_heights`.
 
     A point is judged by its pixel and the neighbouring pixels. One of them that measures something
     nearer occludes the point; the point is seen through only if all measured ones measure beyond
@@ -62,7 +66,7 @@ def find_outdated(
     for index in held:
         outdated[found] = index
         found += _is_outdated(
-            records[index], depth_m, T_camera_map, lens, clearing, max_range_m, pose_id
+            records[index], depth_m, ground_m, T_camera_map, lens, clearing, max_range_m, pose_id
         )
     return outdated[:found]
 
@@ -71,6 +75,7 @@ def find_outdated(
 def _is_outdated(
     point: np.void,
     depth_m: FloatImage,
+    ground_m: FloatImage,
     t: Matrix,
     lens: Pinhole,
     clearing: ClearingRules,
@@ -84,31 +89,32 @@ def _is_outdated(
         return False
     nearest = _nearest_m(depth_m, i, j)
     tolerance = clearing.constant_m + clearing.per_m2 * depth * depth
-    if point.z < _DEEP_M and nearest < depth - tolerance:  # type: ignore[attr-defined]
-        return _is_ground(point, depth_m, t, lens, clearing, max_range_m)
     beware = point.class_id != NOTHING  # type: ignore[attr-defined]
     flat = beware and point.z < clearing.flat_m  # type: ignore[attr-defined]
+    is_deep = not beware and point.z < _DEEP_M  # type: ignore[attr-defined]
+    if is_deep and nearest < depth - tolerance:
+        # The robot may have come down to its level: then there is ground at the robot's height.
+        i, j, depth = pixel_at(point.x, point.y, 0.0, t, lens, clearing.nearest_m)  # type: ignore[attr-defined]
+        is_ground = depth <= max_range_m and _is_ground(i, j, depth_m, ground_m, t, lens)
+        return is_ground and abs(ground_m[min(i, len(ground_m) - 1), j]) <= _LEVEL_M
     if nearest == np.inf or nearest < depth - tolerance or flat:
         return False
     nearer = depth < clearing.nearer_share * point.range_m  # type: ignore[attr-defined]
     again = not beware and (point.pose_id == pose_id or nearer)  # type: ignore[attr-defined]
-    return bool(nearest > depth + tolerance or again)
+    if nearest > depth + tolerance or again:
+        return True
+    # On the robot's plane what was higher or lower than it is so still.
+    is_raised = len(ground_m) > 1 and abs(ground_m[min(i, len(ground_m) - 1), j]) > _LEVEL_M
+    return is_raised and not beware and _is_ground(i, j, depth_m, ground_m, t, lens)
 
 
-@inlined
+@nested
 def _is_ground(
-    point: np.void,
-    depth_m: FloatImage,
-    t: Matrix,
-    lens: Pinhole,
-    clearing: ClearingRules,
-    max_range_m: float,
+    i: int, j: int, depth_m: FloatImage, ground_m: FloatImage, t: Matrix, lens: Pinhole
 ) -> bool:
-    """Whether there is ground at the robot's height where a point was seen below it: the robot has
-    come down to the level of the point."""
+    """Whether a pixel and those beside it show ground, whose height is `ground_m`."""
     height, width = depth_m.shape
-    i, j, depth = pixel_at(point.x, point.y, 0.0, t, lens, clearing.nearest_m)  # type: ignore[attr-defined]
-    if not (0 < i < height - 1 and 0 < j < width - 1 and depth <= max_range_m):
+    if not (0 < i < height - 1 and 0 < j < width - 1):
         return False
     for row in range(i - 1, i + 2):
         for col in range(j - 1, j + 2):
@@ -116,7 +122,8 @@ def _is_ground(
             x = column_slope(col, lens) * measured - t[0, 3]
             y = row_slope(row, lens) * measured - t[1, 3]
             z = t[0, 2] * x + t[1, 2] * y + t[2, 2] * (measured - t[2, 3])
-            if abs(z) > -_DEEP_M:
+            ground = ground_m[row if len(ground_m) > 1 else 0, col]
+            if abs(z - ground) > _LEVEL_M:
                 return False
     return True
 

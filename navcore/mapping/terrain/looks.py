@@ -64,17 +64,9 @@ def terrain_looks(
         np.array([rules.max_range_m, object_height_m], dtype=np.float32),
         rules.min_pixels,
     )
-    tilt = frame.pose.matrix()[:2, :2] @ tilt_slope(frame)
+    tilt = frame.pose.matrix()[:2, :2] @ frame.plane_slope
     cells, values = _fit(heights, cell_m, rules.min_cells, (float(tilt[0]), float(tilt[1])))
     return TerrainLooks(cells + np.array([top, left]), values)
-
-
-def tilt_slope(frame: Frame) -> Floats:
-    """Return the (2,) rise per metre along x and y of the base frame of the plane on which the
-    robot stands."""
-    upward = frame.T_level_base[2]
-    slope: Floats = upward[:2] / upward[2]
-    return slope
 
 
 @compiled

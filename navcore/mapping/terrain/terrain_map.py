@@ -31,7 +31,7 @@ from navcore.mapping.terrain.ground_sums import (
     add_looks,
     judged,
 )
-from navcore.mapping.terrain.looks import VALUES, TerrainLooks, terrain_looks, tilt_slope
+from navcore.mapping.terrain.looks import VALUES, TerrainLooks, terrain_looks
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 
@@ -127,7 +127,7 @@ class TerrainMap:
         placed in the map: rise per metre along x and y of this frame, relative to the plane on
         which the robot stands; NaN where the ground is not known, not smooth, or beyond the robot's
         limits. None where all of it is that plane."""
-        tilt, rules = tilt_slope(frame), self._rules
+        tilt, rules = frame.plane_slope, self._rules
         cells = np.floor(frame.pose.to_parent(points_base)[:, ::-1] / self._cell_m).astype(np.int64)
         tiles = {key: self._tiles[key] for key in _tiles_between(cells) if key in self._tiles}
         if math.hypot(*tilt) <= rules.uneven_slope and not any(t.is_uneven for t in tiles.values()):

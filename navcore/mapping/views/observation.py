@@ -34,6 +34,8 @@ class Observation:
     """(N,) depth in metres at which each point was measured."""
     max_range_m: float
     """Largest depth in metres that was used."""
+    ground_m: FloatImage
+    """(H, W), or (1, W) for all rows alike: height in metres of the ground below each pixel."""
     spec: GridSpec
     """Grid of the box and of the cells."""
     box: Box
@@ -108,6 +110,7 @@ def observe(
         rgb=frame.rgb.reshape(-1, 3).take(pixels, axis=0),
         range_m=depth,
         max_range_m=rules.max_range_m,
+        ground_m=view.ground_m,
         spec=spec,
         box=view.box,
         cells_seen=_grid_cells(measured, view, spec),

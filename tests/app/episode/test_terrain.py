@@ -16,11 +16,13 @@ from navcore.mapping.views import observation
 from navcore.mapping.views.drop_edges import DropEdges, drop_edges
 from navcore.mapping.views.voxels import DepthView
 from navcore.mission.beware_list import default_beware_list
+from navcore.perception.ground_memory import GroundMemory
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 
 UP_THE_RAMP = (Pose2(x_m=-3.0, y_m=4.2, yaw_rad=0.0), (4.6, 4.2))
 DOWN_THE_RAMP = (Pose2(x_m=5.4, y_m=3.0, yaw_rad=0.0), (9.0, 0.0))
+UP_FROM_THE_SIDE = (Pose2(x_m=-3.15, y_m=-1.85, yaw_rad=1.53), (5.75, 3.65))
 ACROSS_THE_KERB = (Pose2(x_m=-1.6, y_m=-2.0, yaw_rad=0.0), (1.4, -2.0))
 OFF = NavigatorConfig(map=MappingConfig(terrain=TerrainConfig(enabled=False)))
 
@@ -51,13 +53,27 @@ def driven(
 @pytest.mark.long
 @pytest.mark.parametrize("config", [None, OFF], ids=["with terrain", "control"])
 def test_a_ramp_within_the_limit_is_driven_to_the_goal_behind_it(
-    config: NavigatorConfig | None,
+    config: NavigatorConfig | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if config is OFF:
+        monkeypatch.setattr(GroundMemory, "_remember", lambda *_: None)
     report = driven(UP_THE_RAMP, config, max_time_s=14.0)
     assert report["success"] == (config is None)
     if config is None:
         assert report["causes"] == [] and report["ground_intrusions"] == 0
         assert report["spl"] > 0.9 and report["ideal_m"] >= report["shortest_m"] > 7.5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("is_control", [False, True], ids=["memory", "control"])
+def test_a_ramp_that_the_robot_passes_at_its_side_is_driven(
+    is_control: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if is_control:  # beside the ramp, whose foot is out of view, its surface is an obstacle
+        monkeypatch.setattr(GroundMemory, "_remember", lambda *_: None)
+    report = driven(UP_FROM_THE_SIDE, None, max_time_s=30.0)
+    assert report["ground_intrusions"] == 0 and not report["fell"]
+    assert report["success"] == (not is_control)
 
 
 @pytest.mark.long

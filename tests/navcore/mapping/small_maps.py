@@ -17,9 +17,10 @@ from navcore.mapping.point_map import PointMap
 from navcore.mapping.views.observation import Observation, observe
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
 from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.perception.ground import flat_ground
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
-from tests.navcore.scene import MOUNT, RED_LIST, SPEC, Box, Paint, picture
+from tests.navcore.scene import LENS, MOUNT, RED_LIST, SPEC, Box, Paint, picture
 
 SMALL = GridSpec.centred(size_m=(6.0, 6.0), resolution_m=0.1)
 TINY_LENS = Intrinsics(width=16, height=12, fx=8.0, fy=8.0, cx=7.5, cy=5.5)
@@ -111,6 +112,7 @@ def seen(
         rgb=np.zeros((len(points), 3), dtype=np.uint8),
         range_m=np.ones(len(points), dtype=np.float32),
         max_range_m=5.0,
+        ground_m=flat_ground(LENS.width),
         spec=SMALL,
         box=(0, 0, SMALL.rows, SMALL.cols),
         cells_seen=np.empty(0, dtype=np.int64),

@@ -11,13 +11,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.config.perception.perception import ObservationConfig
+from navcore.config.perception.perception import GroundConfig, ObservationConfig
 from navcore.geometry.camera import pixel_rays
-from navcore.geometry.transform import STANDSTILL, Twist
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.ground import cell_centres, ground_heights
+from navcore.perception.ground_memory import GroundMemory
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import RecentObstacles, time_to_contact
@@ -25,7 +26,7 @@ from tests.navcore.scene import LENS, MOUNT, ORIGIN, RED_LIST, SPEC, Box, pictur
 
 Floats = npt.NDArray[np.float64]
 Surface = Callable[[Floats, Floats], Floats]
-RULES = ObservationConfig()
+RULES, GROUND = ObservationConfig(), GroundConfig()
 NOTHING = BewareList(classes=())
 FAR_M = 12.0
 
@@ -225,6 +226,86 @@ def test_behind_a_hidden_foot_of_a_ramp_its_surface_is_ground_if_it_was_seen_bef
     assert len(heights(slopes)) == 0
     # Control: without memory a surface that rises from nowhere is an obstacle.
     assert len(heights(None)) > 10
+
+
+def beside(x_m: float, y_m: float, yaw_rad: float) -> Surface:
+    """A ramp of 15 % that rises along x of the world and is 1.6 m wide, from a pose on the floor."""
+    there = Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+
+    def surface(x: Floats, y: Floats) -> Floats:
+        at = there.to_parent(np.column_stack([x.ravel(), y.ravel()]))
+        is_ramp = (at[:, 0] > 0.0) & (abs(at[:, 1]) < 0.8)
+        return np.where(is_ramp, 0.15 * at[:, 0], 0.0).reshape(x.shape)
+
+    return surface
+
+
+def views_of_a_ramp() -> list[Frame]:
+    """From before its foot, and then from its side, where the foot is out of view."""
+    poses = (Pose2(x_m=-1.6, y_m=-1.2, yaw_rad=0.5), Pose2(x_m=0.6, y_m=-2.4, yaw_rad=1.2))
+    return [
+        dataclasses.replace(seen(beside(pose.x_m, pose.y_m, pose.yaw_rad)), pose=pose)
+        for pose in poses
+    ]
+
+
+def driven(memory: GroundMemory, poses: list[Pose2]) -> None:
+    """Drive over poses with a camera that measures nothing."""
+    blind = seen(lambda x, y: np.full_like(x, -np.inf))
+    for pose in poses:
+        memory.estimate(dataclasses.replace(blind, pose=pose), RULES.max_slope, GROUND, None)
+
+
+def memory_of_the_ramp() -> GroundMemory:
+    """Of the first view, after the way to the second."""
+    memory, (first, second) = GroundMemory(), views_of_a_ramp()
+    memory.estimate(first, RULES.max_slope, GROUND, None)
+    x, y = (np.linspace(a, b, 5) for a, b in zip((-1.6, -1.2), (0.6, -2.4), strict=True))
+    driven(memory, [Pose2(x_m=a, y_m=b, yaw_rad=0.0) for a, b in zip(x, y, strict=True)])
+    return memory
+
+
+def on_the_ramp(frame: Frame, ground: Floats) -> Floats:
+    """Heights above the ground of the obstacles on the surface of the ramp."""
+    labels = ColourSegmenter().segment(frame, NOTHING)
+    points = observe(frame, labels, NOTHING, SPEC, RULES, ground.astype(np.float32)).points_map
+    inside = (points[:, 0] > 0.8) & (points[:, 0] < 2.6) & (abs(points[:, 1]) < 0.3)
+    return np.asarray(points[inside, 2], dtype=np.float64)
+
+
+def test_a_ramp_whose_foot_is_out_of_view_is_ground_if_it_was_seen_a_moment_before() -> None:
+    memory, second = memory_of_the_ramp(), views_of_a_ramp()[1]
+    ground = memory.estimate(second, RULES.max_slope, GROUND, None)
+    assert len(on_the_ramp(second, ground)) == 0
+    # Control: by this view alone it is an obstacle, and so it is once the memory has been left.
+    assert len(on_the_ramp(second, ground_heights(second, RULES.max_slope))) > 10
+    memory.forget()
+    assert len(on_the_ramp(second, memory.estimate(second, RULES.max_slope, GROUND, None))) > 10
+
+
+def test_remembered_ground_makes_nothing_else_ground() -> None:
+    memory, second = memory_of_the_ramp(), views_of_a_ramp()[1]
+    ramp_and_box = beside(second.pose.x_m, second.pose.y_m, second.pose.yaw_rad)
+
+    def surface(x: Floats, y: Floats) -> Floats:
+        at = second.pose.to_parent(np.column_stack([x.ravel(), y.ravel()])).T.reshape(2, *x.shape)
+        return ramp_and_box(x, y) + 0.3 * ((abs(at[0] - 1.3) < 0.2) & (abs(at[1]) < 0.2))
+
+    frame = dataclasses.replace(seen(surface), pose=second.pose)
+    assert len(on_the_ramp(frame, memory.estimate(frame, RULES.max_slope, GROUND, None))) > 5
+
+
+def test_raised_ground_is_forgotten_after_some_metres_and_after_a_jump() -> None:
+    def after(way: list[Pose2]) -> int:
+        memory, second = memory_of_the_ramp(), views_of_a_ramp()[1]
+        driven(memory, way)
+        ground = memory.estimate(second, RULES.max_slope, GROUND, None)
+        return len(on_the_ramp(second, ground))
+
+    to_and_fro = [Pose2(x_m=0.6, y_m=-2.4 - 0.5 * (n % 2), yaw_rad=0.0) for n in range(1, 31)]
+    assert after(to_and_fro[:10]) == 0
+    assert after(to_and_fro) > 10
+    assert after([Pose2(x_m=8.0, y_m=8.0, yaw_rad=0.0)]) > 10
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.12])
