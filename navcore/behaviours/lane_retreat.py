@@ -15,7 +15,7 @@ import numpy as np
 from navcore.config.behaviours import BehavioursConfig
 from navcore.config.people import PeopleConfig
 from navcore.control.motion import ControllerState, Motion
-from navcore.geometry.arrays import Bools, Points
+from navcore.geometry.arrays import Floats, Points
 from navcore.geometry.transform import Pose2
 from navcore.robot.profile import RobotProfile
 
@@ -59,8 +59,8 @@ class LaneRetreat:
             + rules.margin_m
         )
         here = np.array([[pose.x_m, pose.y_m]])
-        in_lane = not _is_clear(here, walked, clear_m)[0]
-        possible = in_lane and _leads_out(trail, walked, clear_m, rules.longest_m)
+        in_lane = bool(_apart_m(here, walked)[0] <= clear_m)
+        possible = in_lane and _leads_out(trail, walked, clear_m, rules.longest_m, rules.margin_m)
         if self.active:
             free = motion.outcome is not ControllerState.BLOCKED
             now = replace(self, free_ns=stamp_ns) if free else self
@@ -77,14 +77,20 @@ class LaneRetreat:
         return replace(self, failed_at=None)
 
 
-def _leads_out(trail: Points, walked: Points, clear_m: float, longest_m: float) -> bool:
-    """Return whether the driven path leads out of the lane within a distance."""
+def _leads_out(
+    trail: Points, walked: Points, clear_m: float, longest_m: float, deeper_m: float
+) -> bool:
+    """Return whether the driven path leads out of the lane within a distance, and before that
+    nowhere nearer to its middle, but for `deeper_m`: a robot that has just crossed the lane would
+    back into it."""
     steps_m = np.hypot(*np.diff(trail, axis=0).T)
-    within = trail[1:][np.cumsum(steps_m) <= longest_m]
-    return bool(_is_clear(within, walked, clear_m).any())
+    apart_m = _apart_m(trail, walked)
+    clear = np.flatnonzero((apart_m[1:] > clear_m) & (np.cumsum(steps_m) <= longest_m))
+    return len(clear) > 0 and bool((apart_m[: clear[0] + 1] >= apart_m[0] - deeper_m).all())
 
 
-def _is_clear(points: Points, walked: Points, clear_m: float) -> Bools:
-    """(N,) whether each point is farther than a distance from everywhere that people walked."""
+def _apart_m(points: Points, walked: Points) -> Floats:
+    """(N,) distance of each point from where people walked; infinite where none did."""
     apart = points[:, None] - walked
-    return np.asarray((np.hypot(apart[..., 0], apart[..., 1]) > clear_m).all(axis=1))
+    least: Floats = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1, initial=np.inf)
+    return least

@@ -66,6 +66,7 @@ def test_a_robot_that_has_waited_in_a_lane_backs_off_until_it_can_turn_beside_it
         {"walked": np.empty((0, 2))},
         {"trail": came_from(0.8, along=True)},
         {"trail": came_from(0.8, length_m=0.3)},
+        {"trail": came_from(0.8) * (1.0, -1.0) + (0.0, 1.6)},  # across the lane
         {"trail": np.empty((0, 2))},
     ],
 )
