@@ -264,7 +264,7 @@ def test_a_campaign_of_another_robot_or_other_people_has_a_name_and_a_row_of_its
 ) -> None:
     other = {**KEPT["office"], **departs}
     assert file_name(other) == name
-    assert f"| `{other['scenario']}`, {words} (" in full_table([other])
+    assert f"| `{other['scenario']}`, {words} " in full_table([other])
 
 
 def test_the_first_page_has_the_robot_of_the_paper_alone() -> None:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from navcore.config.perception.perception import GroundConfig, ObservationConfig
+from navcore.geometry.arrays import FloatImage
 from navcore.geometry.camera import pixel_rays
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mapping.views.observation import observe
@@ -229,7 +230,7 @@ def test_behind_a_hidden_foot_of_a_ramp_its_surface_is_ground_if_it_was_seen_bef
 
 
 def beside(x_m: float, y_m: float, yaw_rad: float) -> Surface:
-    """A ramp of 15 % that rises along x of the world and is 1.6 m wide, from a pose on the floor."""
+    """A ramp of 15 % along x of the world, 1.6 m wide, as it is from a pose on the floor."""
     there = Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
     def surface(x: Floats, y: Floats) -> Floats:
@@ -258,17 +259,17 @@ def driven(memory: GroundMemory, poses: list[Pose2]) -> None:
 
 def memory_of_the_ramp() -> GroundMemory:
     """Of the first view, after the way to the second."""
-    memory, (first, second) = GroundMemory(), views_of_a_ramp()
-    memory.estimate(first, RULES.max_slope, GROUND, None)
+    memory = GroundMemory()
+    memory.estimate(views_of_a_ramp()[0], RULES.max_slope, GROUND, None)
     x, y = (np.linspace(a, b, 5) for a, b in zip((-1.6, -1.2), (0.6, -2.4), strict=True))
     driven(memory, [Pose2(x_m=a, y_m=b, yaw_rad=0.0) for a, b in zip(x, y, strict=True)])
     return memory
 
 
-def on_the_ramp(frame: Frame, ground: Floats) -> Floats:
+def on_the_ramp(frame: Frame, ground: FloatImage) -> Floats:
     """Heights above the ground of the obstacles on the surface of the ramp."""
     labels = ColourSegmenter().segment(frame, NOTHING)
-    points = observe(frame, labels, NOTHING, SPEC, RULES, ground.astype(np.float32)).points_map
+    points = observe(frame, labels, NOTHING, SPEC, RULES, ground).points_map
     inside = (points[:, 0] > 0.8) & (points[:, 0] < 2.6) & (abs(points[:, 1]) < 0.3)
     return np.asarray(points[inside, 2], dtype=np.float64)
 
@@ -289,7 +290,8 @@ def test_remembered_ground_makes_nothing_else_ground() -> None:
 
     def surface(x: Floats, y: Floats) -> Floats:
         at = second.pose.to_parent(np.column_stack([x.ravel(), y.ravel()])).T.reshape(2, *x.shape)
-        return ramp_and_box(x, y) + 0.3 * ((abs(at[0] - 1.3) < 0.2) & (abs(at[1]) < 0.2))
+        box = (abs(at[0] - 1.3) < 0.2) & (abs(at[1]) < 0.2)
+        return np.asarray(ramp_and_box(x, y) + 0.3 * box)
 
     frame = dataclasses.replace(seen(surface), pose=second.pose)
     assert len(on_the_ramp(frame, memory.estimate(frame, RULES.max_slope, GROUND, None))) > 5
