@@ -8,6 +8,7 @@ clear of the lane, and looks from there for a moment to cross.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,7 +61,10 @@ class LaneRetreat:
         )
         here = np.array([[pose.x_m, pose.y_m]])
         in_lane = bool(_apart_m(here, walked)[0] <= clear_m)
-        possible = in_lane and _leads_out(trail, walked, clear_m, rules.longest_m, rules.margin_m)
+        # Who stands in the lane itself gets out of it either way; once it backs off, it goes on.
+        in_way_m = profile.circumscribed_radius_m + config.lanes.person_radius_m
+        stays_m = math.inf if self.active else in_way_m
+        possible = in_lane and _leads_out(trail, walked, clear_m, rules.longest_m, stays_m)
         if self.active:
             free = motion.outcome is not ControllerState.BLOCKED
             now = replace(self, free_ns=stamp_ns) if free else self
@@ -78,15 +82,17 @@ class LaneRetreat:
 
 
 def _leads_out(
-    trail: Points, walked: Points, clear_m: float, longest_m: float, deeper_m: float
+    trail: Points, walked: Points, clear_m: float, longest_m: float, stays_m: float
 ) -> bool:
-    """Return whether the driven path leads out of the lane within a distance, and before that
-    nowhere nearer to its middle, but for `deeper_m`: a robot that has just crossed the lane would
-    back into it."""
+    """Return whether the driven path leads out of the lane within a distance, and, from farther
+    than `stays_m` from where people walked, no nearer than that: a robot that has crossed the lane
+    would back into it."""
     steps_m = np.hypot(*np.diff(trail, axis=0).T)
     apart_m = _apart_m(trail, walked)
     clear = np.flatnonzero((apart_m[1:] > clear_m) & (np.cumsum(steps_m) <= longest_m))
-    return len(clear) > 0 and bool((apart_m[: clear[0] + 1] >= apart_m[0] - deeper_m).all())
+    if len(clear) == 0:
+        return False
+    return bool(apart_m[0] <= stays_m or (apart_m[: clear[0] + 1] > stays_m).all())
 
 
 def _apart_m(points: Points, walked: Points) -> Floats:

@@ -44,9 +44,24 @@ class GroundCells(NamedTuple):
     heights_m: Floats
     """(cells_ahead, 2 · cells_aside) heights in metres above the plane on which the robot
     stands."""
-    is_measured: Bools
-    """(cells_ahead, 2 · cells_aside) whether each was measured, and is no continuation of the
-    ground before it."""
+    seen_m: Floats
+    """(cells_ahead, 2 · cells_aside) way in metres that the robot had driven when it saw what a
+    measurement is ground by, which for most is now; NaN for a cell without a measurement, in which
+    the ground before it continues."""
+    is_refuted: Bools
+    """(cells_ahead, 2 · cells_aside) whether something else than the known ground was measured."""
+
+
+class KnownGround(NamedTuple):
+    """Ground as it was seen earlier, in cells of `GroundCells`."""
+
+    heights_m: Floats
+    """(cells_ahead, 2 · cells_aside) heights in metres above the plane on which the robot stands
+    now; NaN for none."""
+    seen_m: Floats
+    """(cells_ahead, 2 · cells_aside) way in metres that the robot had driven then."""
+    driven_m: float
+    """Way in metres that it has driven by now."""
 
 
 def ground_heights(
@@ -98,15 +113,14 @@ def ground_cells(
     max_slope: float,
     config: GroundConfig,
     slopes: Floats | None = None,
-    known_m: Floats | None = None,
+    known: KnownGround | None = None,
 ) -> GroundCells | None:
     """Return the ground around the robot; None where all that is measured counts as the plane on
     which it stands, or `max_slope` is 0.
 
-    Of the ground as it was seen earlier, in the cells of the result: `slopes`: (cells_ahead ·
-    2 · cells_aside, 2) rise per metre along x and y of the base frame, relative to the robot's
-    plane; `known_m`: (cells_ahead · 2 · cells_aside,) heights in metres above it, near which a
-    measurement is ground. NaN where it was not.
+    Of the ground as it was seen earlier: `slopes`: (cells_ahead · 2 · cells_aside, 2) rise per
+    metre along x and y of the base frame, relative to the robot's plane, NaN where it was not seen;
+    `known`: heights near which a measurement is ground.
     """
     if max_slope <= 0:
         return None
@@ -121,17 +135,20 @@ def ground_cells(
     if not (np.abs(measured) > config.tolerance_m).any():  # of NaN, too
         return None  # nor is then any median of them, or mean
     order, distance_m = _cells_outward(config.cell_m, config.cells_ahead, config.cells_aside)
-    heights_m, is_measured = _grow_ground(
+    if known is None:
+        nowhere = np.full(measured.shape, np.nan)
+        known = KnownGround(nowhere, nowhere, 0.0)
+    heights_m, seen_m, is_refuted = _grow_ground(
         _median_filter(measured),
         order,
         distance_m,
         np.full((*measured.shape, 2), np.nan)
         if slopes is None
         else slopes.reshape(*measured.shape, 2),
-        np.full(measured.shape, np.nan) if known_m is None else known_m.reshape(measured.shape),
+        known,
         (config.cell_m, max_slope, config.max_step_m, config.tolerance_m, config.known_m),
     )
-    return GroundCells(heights_m, is_measured)
+    return GroundCells(heights_m, seen_m, is_refuted)
 
 
 @lru_cache(maxsize=4)
@@ -249,23 +266,23 @@ def _grow_ground(
     order: Indices,
     distance_m: Floats,
     slopes: Floats,
-    known: Floats,
+    known: KnownGround,
     limits: tuple[float, float, float, float, float],
-) -> tuple[Floats, Bools]:
+) -> tuple[Floats, Floats, Bools]:
     """Return the ground, grown from the robot outward: the measurement where that can be ground,
     the continuation of the ground before it elsewhere, with the slope that is known of it; and
-    which of it was measured.
+    `seen_m` and `is_refuted` of `GroundCells`.
 
-    `slopes` and `known` are those of `ground_cells`; `limits` are the side of a cell, the largest
-    slope, the largest step, the tolerance, and that of a known height.
+    `slopes` are those of `ground_cells`; `limits` are the side of a cell, the largest slope, the
+    largest step, the tolerance, and that of known heights.
     """
     cell_m, max_slope, max_step_m, tolerance_m, known_m = limits
     rows, cols = measured.shape
     ground, gap = np.zeros((rows, cols)), np.zeros((rows, cols))
-    is_measured = np.zeros((rows, cols), dtype=np.bool_)
+    seen, is_refuted = np.full((rows, cols), np.nan), np.zeros((rows, cols), dtype=np.bool_)
     for index in range(len(order)):
         row, col = order[index, 0], order[index, 1]
-        total, weights, least = 0.0, 0.0, np.inf
+        total, weights, least, since_m = 0.0, 0.0, np.inf, known.driven_m
         is_known = not np.isnan(slopes[row, col, 0])
         for r in range(max(row - 1, 0), min(row + 2, rows)):
             for c in range(max(col - 1, 0), min(col + 2, cols)):
@@ -278,18 +295,23 @@ def _grow_ground(
                             slopes[row, col, 0] * (row - r) + slopes[row, col, 1] * (col - c)
                         )
                     total, weights = total + weight * height, weights + weight
+                    if seen[r, c] < since_m:  # never true of NaN
+                        since_m = seen[r, c]
                     least = min(least, gap[r, c] + apart)
         before = total / weights if weights > 0 else 0.0
         reach = least if weights > 0 else distance_m[row, col]
         height = measured[row, col]
         # Never true of a cell without a measurement, or that is not known, which is NaN.
         continues = abs(height - before) <= min(max_slope * reach, max_step_m) + tolerance_m
-        if continues or abs(height - known[row, col]) <= known_m:
-            ground[row, col], is_measured[row, col] = height, True
+        if continues:
+            ground[row, col], seen[row, col] = height, since_m
+        elif abs(height - known.heights_m[row, col]) <= known_m:
+            ground[row, col], seen[row, col] = height, known.seen_m[row, col]
         else:
             # What was seen earlier adds nothing to the gap.
             ground[row, col], gap[row, col] = before, reach - cell_m if is_known else reach
-    return ground, is_measured
+        is_refuted[row, col] = abs(height - known.heights_m[row, col]) > known_m
+    return ground, seen, is_refuted
 
 
 @inlined

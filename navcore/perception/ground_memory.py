@@ -3,8 +3,11 @@
 Seen from the side, or with its foot out of view, a ramp is a surface above the floor like a table.
 If its foot was in view before, what was ground then is ground still, and the ramp is grown from
 there. Heights are remembered against gravity: the height of the robot's own plane follows the
-slopes that it drives, by roll and pitch. As their errors add up over the way, what was seen more
-than some metres of driving ago is forgotten, and the memory only confirms a measurement.
+slopes that it drives, by roll and pitch, which a robot must measure for it. As their errors add up
+over the way, what was seen more than some metres of driving ago is forgotten, however often it was
+taken for ground since by the memory alone. The memory only confirms a measurement above the plane
+on which the robot stands: what is below is a drop, unless this image shows how the ground leads
+there.
 """
 
 from __future__ import annotations
@@ -15,7 +18,13 @@ import numpy.typing as npt
 from navcore.config.perception.perception import GroundConfig
 from navcore.geometry.arrays import FloatImage, Floats, Indices
 from navcore.geometry.transform import Pose2
-from navcore.perception.ground import GroundCells, cell_centres, ground_cells, heights_per_pixel
+from navcore.perception.ground import (
+    GroundCells,
+    KnownGround,
+    cell_centres,
+    ground_cells,
+    heights_per_pixel,
+)
 from navcore.robot.frame import Frame
 
 SIDE = 128
@@ -39,8 +48,7 @@ class GroundMemory:
         """Return the heights of `ground.ground_heights`, with what is remembered of raised ground,
         and remember what this frame shows of it."""
         self._follow(frame)
-        known = None if self._cells is None else self._known(self._cells, frame, config)
-        ground = ground_cells(frame, max_slope, config, slopes, known)
+        ground = ground_cells(frame, max_slope, config, slopes, self._known(frame, config))
         if ground is not None:
             self._remember(frame, ground, config)
         return heights_per_pixel(frame, ground, config)
@@ -60,28 +68,35 @@ class GroundMemory:
             self._driven_m += step_m
         self._pose = frame.pose
 
-    def _known(self, cells: npt.NDArray[np.void], frame: Frame, config: GroundConfig) -> Floats:
-        """Return the remembered heights in the cells around the robot, as `ground_cells` takes
-        them."""
-        at = _cells_around(frame, config)
-        held = cells[at[:, 0] % SIDE, at[:, 1] % SIDE]
-        is_held = (held["cell"] == at).all(axis=1)
-        is_held &= self._driven_m - held["seen_m"] <= config.remembered_m
-        return np.where(is_held, held["height_m"] - self._plane_m(frame, config), np.nan)
+    def _known(self, frame: Frame, config: GroundConfig) -> KnownGround:
+        heights_m = np.full((config.cells_ahead, 2 * config.cells_aside), np.nan)
+        known = KnownGround(heights_m, heights_m.copy(), self._driven_m)
+        if self._cells is not None:
+            at = _cells_around(frame, config)
+            held = self._cells[at[:, 0] % SIDE, at[:, 1] % SIDE]
+            above_m = held["height_m"] - self._plane_m(frame, config)
+            is_held = (held["cell"] == at).all(axis=1) & (above_m >= config.object_height_m)
+            is_held &= self._driven_m - held["seen_m"] <= config.remembered_m
+            known.heights_m.flat[is_held] = above_m[is_held]
+            known.seen_m.flat[is_held] = held["seen_m"][is_held]
+        return known
 
     def _remember(self, frame: Frame, ground: GroundCells, config: GroundConfig) -> None:
-        # What is lower is no obstacle either where it is not known to be ground.
-        raised = ground.is_measured & (np.abs(ground.heights_m) >= config.object_height_m)
-        if not raised.any():
-            return
+        # Ground that rises by less is none that could be taken for an obstacle.
+        raised = ~np.isnan(ground.seen_m) & (ground.heights_m >= config.object_height_m)
         if self._cells is None:
+            if not raised.any():
+                return
             self._cells = np.zeros((SIDE, SIDE), dtype=_CELL)
             self._cells["seen_m"] = -np.inf
+        around, heights_m = _cells_around(frame, config), ground.heights_m.reshape(-1)
+        refuted = around[ground.is_refuted.reshape(-1)]
+        self._cells["seen_m"][refuted[:, 0] % SIDE, refuted[:, 1] % SIDE] = -np.inf
         chosen = raised.reshape(-1)
-        at = _cells_around(frame, config)[chosen]
-        height_m = (ground.heights_m.reshape(-1) + self._plane_m(frame, config))[chosen]
+        at = around[chosen]
         new = np.empty(len(at), dtype=_CELL)
-        new["cell"], new["height_m"], new["seen_m"] = at, height_m, self._driven_m
+        new["cell"], new["seen_m"] = at, ground.seen_m.reshape(-1)[chosen]
+        new["height_m"] = (heights_m + self._plane_m(frame, config))[chosen]
         self._cells[at[:, 0] % SIDE, at[:, 1] % SIDE] = new
 
     def _plane_m(self, frame: Frame, config: GroundConfig) -> Floats:

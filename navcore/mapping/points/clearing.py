@@ -16,6 +16,8 @@ _DEEP_M = -0.1
 """Height in metres below which a point is that of a drop."""
 _LEVEL_M = 0.05
 """Greatest distance in metres from the ground of what counts as ground."""
+_NEAR_M = 4.0
+"""Depth in metres up to which an image tells whether ground is where a drop was."""
 
 
 @nested
@@ -53,8 +55,9 @@ def find_outdated(
     pose_id: int,
 ) -> Indices:
     """Return the indices of those of (N,) `held` points that the frame sees through, or measures
-    again for the same pose or from much nearer, or shows to be ground of the heights `ground_m`,
-    those of `ground.ground_heights`.
+    again for the same pose or from much nearer, or shows to be ground: raised ground of the
+    heights `ground_m`, those of `ground.ground_heights`, or, of what was a drop, ground at the
+    robot's own height.
 
     A point is judged by its pixel and the neighbouring pixels. One of them that measures something
     nearer occludes the point; the point is seen through only if all measured ones measure beyond
@@ -95,17 +98,23 @@ def _is_outdated(
     if is_deep and nearest < depth - tolerance:
         # The robot may have come down to its level: then there is ground at the robot's height.
         i, j, depth = pixel_at(point.x, point.y, 0.0, t, lens, clearing.nearest_m)  # type: ignore[attr-defined]
-        is_ground = depth <= max_range_m and _is_ground(i, j, depth_m, ground_m, t, lens)
-        return is_ground and abs(ground_m[min(i, len(ground_m) - 1), j]) <= _LEVEL_M
+        if depth > _NEAR_M or not _is_ground(i, j, depth_m, ground_m, t, lens):
+            return False
+        # The line of sight is flat: over a trench it meets the ground behind.
+        is_there = abs(depth_m[i, j] - depth) <= clearing.constant_m
+        return bool(is_there and abs(ground_m[min(i, len(ground_m) - 1), j]) <= _LEVEL_M)
     if nearest == np.inf or nearest < depth - tolerance or flat:
         return False
     nearer = depth < clearing.nearer_share * point.range_m  # type: ignore[attr-defined]
     again = not beware and (point.pose_id == pose_id or nearer)  # type: ignore[attr-defined]
     if nearest > depth + tolerance or again:
         return True
-    # On the robot's plane what was higher or lower than it is so still.
-    is_raised = len(ground_m) > 1 and abs(ground_m[min(i, len(ground_m) - 1), j]) > _LEVEL_M
-    return is_raised and not beware and _is_ground(i, j, depth_m, ground_m, t, lens)
+    if beware or len(ground_m) == 1:
+        return False
+    # Above or below the robot's plane; on the plane the point's own height has told what it is.
+    ground = ground_m[i, j]
+    is_at_ground = abs(ground) > _LEVEL_M and abs(point.z - ground) <= -_DEEP_M  # type: ignore[attr-defined]
+    return bool(is_at_ground and _is_ground(i, j, depth_m, ground_m, t, lens))
 
 
 @nested

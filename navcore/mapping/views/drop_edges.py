@@ -8,7 +8,8 @@ that it hides may be a slope which the robot can drive, as behind the crest of a
 
 A pit has ground at the height of its rim on its other side. Where none is in view, the ground below
 is another level, as at the foot of a platform, which may be reached by a ramp. There the rim alone
-keeps the robot from it, or, where the rim is not in view, a strip of what is seen of it first.
+keeps the robot from it, or, where the rim is not in view, a strip of what is seen of it first. So
+it is with a pit whose other side is hidden, out of range, or a wall.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from navcore.mapping.views.voxels import DepthView, Pixels
 STRIP_M = 0.5
 """Width in metres of the strip."""
 COARSE_STEP = 4
-"""Every so many rows and columns are looked through first, the others only if these show a rim."""
+"""Every so many rows and columns are looked through first, the others only if these show a drop."""
 
 
 class DropEdges(NamedTuple):
@@ -54,7 +55,8 @@ def drop_edges(view: DepthView, resolution_m: float, rules: ObservationConfig) -
         [rules.obstacle_height_m, rules.drop_m, fall, view.max_range_m, strip], dtype=np.float32
     )
     rays = (view.depth_m, view.ground_m, view.across, view.down, view.affine)
-    if (_rims(*rays, rows, cols, limits, COARSE_STEP)[2] < 0).all():
+    pixels, _, lower_level, _ = _rims(*rays, rows, cols, limits, COARSE_STEP)
+    if len(pixels) == 0 and (lower_level < 0).all():
         return _no_edges(width)
     pixels, cells, lower_level, is_rim = _rims(*rays, rows, cols, limits, 1)
     distinct, first, which, counts = np.unique(
@@ -104,6 +106,7 @@ def _rims(
     first = np.full((width, 2), np.nan, dtype=np.float32)  # deep ground before which there is none
     behind = np.full((width, 2), np.nan, dtype=np.float32)  # ground that may be behind a pit
     pixels, cells, count = np.empty(width, dtype=np.int32), np.empty(width, dtype=np.int32), 0
+    is_lost = np.zeros(width, dtype=np.bool_)  # whether a rim is not among the pixels
     for i in range(height - 1, -1, -step):
         b, ground = down[i], ground_m[i if len(ground_m) > 1 else 0]
         for j in range(0, width, step):
@@ -124,9 +127,9 @@ def _rims(
                 elif math.hypot(x - behind[j, 0], y - behind[j, 1]) > strip:
                     lower[j], first[j, 0] = -1, np.nan
                 continue
-            behind[j, 0] = np.nan  # of a wall only a part of its height was at that of the ground
+            behind[j, 0] = np.nan  # it may be a wall that has a part of its height in common
             if above > obstacle:  # whatever stands there hides the ground behind it
-                rim[j] = -1
+                rim[j], first[j, 0] = -1, np.nan
             elif rim[j] >= 0:
                 away = math.hypot(x - at[j, 0], y - at[j, 1])
                 if z < at[j, 2] - max(drop, fall * away):
@@ -136,10 +139,13 @@ def _rims(
                         count += 1
                         if lower[j] < 0:
                             lower[j], level_m[j], is_rim[j] = rim[j], at[j, 2], True
+                    else:
+                        is_lost[j] = True
                     rim[j] = -1
             elif above < -drop and lower[j] < 0:
                 if np.isnan(first[j, 0]):
                     first[j, 0], first[j, 1], level_m[j] = x, y, ground[j]
                 elif math.hypot(x - first[j, 0], y - first[j, 1]) > strip:
                     lower[j], is_rim[j] = i, False
+    lower[is_lost] = -1
     return pixels[:count], cells[:count], lower, is_rim

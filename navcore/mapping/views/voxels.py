@@ -262,7 +262,10 @@ def _measured(
             voxel = np.uint32(code >> 1) if code >= 0 else outside
             seen[voxel >> 6] |= ONE << np.uint64(voxel & 63)
             tall[high] = run
-            counts_here = (voxel & 63 >= _FLOOR_BIN) | (i >= lower_level[starts[run]])
+            counts_here = voxel & 63 >= _FLOOR_BIN
+            if code >= 0 and code & 1 and not counts_here:
+                for j in range(starts[run], starts[run + 1]):
+                    counts_here |= i >= lower_level[j]
             high += (code >= 0) & (code & 1) & counts_here
         for index in range(high):
             run = tall[index]

@@ -66,12 +66,23 @@ def test_a_robot_that_has_waited_in_a_lane_backs_off_until_it_can_turn_beside_it
         {"walked": np.empty((0, 2))},
         {"trail": came_from(0.8, along=True)},
         {"trail": came_from(0.8, length_m=0.3)},
-        {"trail": came_from(0.8) * (1.0, -1.0) + (0.0, 1.6)},  # across the lane
+        {"y_m": 1.0, "trail": came_from(-1.0) * (1.0, -1.0)},  # across the lane
         {"trail": np.empty((0, 2))},
     ],
 )
 def test_no_other_robot_does(stays: dict[str, object]) -> None:
     assert not after(LaneRetreat(), **stays).active  # type: ignore[arg-type]
+
+
+def test_who_stands_in_the_lane_itself_backs_out_of_it_on_either_side() -> None:
+    to_and_fro = np.vstack([LANE + np.array([0.0, y_m]) for y_m in (0.45, -0.45)])
+    across = came_from(0.0) * (1.0, -1.0)
+    retreat = after(LaneRetreat(), y_m=0.0, trail=across, walked=to_and_fro)
+    assert retreat.active
+    # Once it has begun it goes on, though its way leads past where they walked.
+    assert after(
+        retreat, y_m=0.95, motion=BACKS, trail=came_from(-0.95) * (1.0, -1.0), walked=LANE
+    ).active
 
 
 def test_a_retreat_that_takes_too_long_is_not_tried_again_at_that_position() -> None:

@@ -310,6 +310,44 @@ def test_raised_ground_is_forgotten_after_some_metres_and_after_a_jump() -> None
     assert after([Pose2(x_m=8.0, y_m=8.0, yaw_rad=0.0)]) > 10
 
 
+def test_a_ramp_that_led_up_to_where_the_robot_stands_is_no_ground_beside_its_edge() -> None:
+    """On a platform beside the ramp that it came up, the remembered ramp lies below it."""
+    memory = GroundMemory()
+    memory.estimate(views_of_a_ramp()[0], RULES.max_slope, GROUND, None)
+    tilted = dataclasses.replace(views_of_a_ramp()[0], pitch_rad=-math.atan(0.15))
+    blind = dataclasses.replace(tilted, depth_m=np.zeros_like(tilted.depth_m))
+    for x_m in np.arange(-1.6, 2.5, 0.5):  # by the accelerometer 0.6 m up
+        pose = Pose2(x_m=float(x_m), y_m=-1.2, yaw_rad=0.0)
+        memory.estimate(dataclasses.replace(blind, pose=pose), RULES.max_slope, GROUND, None)
+    above = Pose2(x_m=2.4, y_m=-1.2, yaw_rad=1.6)
+
+    def edge(x: Floats, y: Floats) -> Floats:
+        at = above.to_parent(np.column_stack([x.ravel(), y.ravel()]))
+        return np.where(at[:, 1] > -0.1, -0.3, 0.0).reshape(x.shape)
+
+    frame = dataclasses.replace(seen(edge), pose=above)
+    ground = memory.estimate(frame, RULES.max_slope, GROUND, None)
+    np.testing.assert_array_equal(ground, ground_heights(frame, RULES.max_slope))
+    assert memory._cells is not None and np.isfinite(memory._cells["seen_m"]).any()  # control
+
+
+def test_what_is_measured_elsewhere_than_remembered_ground_ends_the_memory_of_it() -> None:
+    memory, second = memory_of_the_ramp(), views_of_a_ramp()[1]
+    flat = dataclasses.replace(seen(lambda x, y: np.where(x > 3.5, 0.08, 0.0)), pose=second.pose)
+    memory.estimate(flat, RULES.max_slope, GROUND, None)
+    ground = memory.estimate(second, RULES.max_slope, GROUND, None)
+    assert len(on_the_ramp(second, ground)) > 10
+
+
+def test_ground_that_is_known_by_memory_alone_is_forgotten_all_the_same() -> None:
+    memory, second = memory_of_the_ramp(), views_of_a_ramp()[1]
+    beside_it = [Pose2(x_m=0.6, y_m=-2.4 - 0.5 * (n % 2), yaw_rad=0.0) for n in range(1, 31)]
+    for pose in beside_it:
+        driven(memory, [pose, second.pose])
+        ground = memory.estimate(second, RULES.max_slope, GROUND, None)
+    assert len(on_the_ramp(second, ground)) > 10
+
+
 @pytest.mark.parametrize("slope", [0.0, 0.12])
 def test_striped_tape_on_a_ramp_is_seen_as_on_flat_ground(slope: float) -> None:
     frame = seen(ramp(slope))

@@ -25,7 +25,7 @@ from navcore.planning.path import Path
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from tests.navcore.mapping.small_maps import drive
-from tests.navcore.scene import LENS, MOUNT, RED_LIST, SPEC, Box, picture
+from tests.navcore.scene import LENS, MOUNT, RED_ID, RED_LIST, SPEC, Box, picture
 
 Points = npt.NDArray[np.float64]
 RULES = ObservationConfig()
@@ -80,8 +80,11 @@ def rims(frame: Frame) -> Points:
 
 @pytest.mark.parametrize("rim_m", [1.2, 1.8, 2.4])
 @pytest.mark.parametrize("deep_m", [0.5, 1.0, 3.0])
-def test_the_rim_is_the_last_ground_before_a_drop_however_deep(rim_m: float, deep_m: float) -> None:
-    found = rims(with_pit(picture(), (rim_m, 12.0), deep_m))
+@pytest.mark.parametrize("wide_m", [2.0, 10.0])
+def test_the_rim_is_the_last_ground_before_a_drop_however_deep(
+    rim_m: float, deep_m: float, wide_m: float
+) -> None:
+    found = rims(with_pit(picture(), (rim_m, rim_m + wide_m), deep_m))
     assert len(found) > 5
     assert (found[:, 0] <= rim_m).all() and (found[:, 0] > rim_m - 0.2).all()
     assert np.ptp(found[:, 1]) > 1.0
@@ -116,6 +119,7 @@ def deep_points(frame: Frame) -> Points:
 def test_the_bottom_of_a_pit_is_an_obstacle_and_a_lower_level_is_none() -> None:
     pit = deep_points(with_pit(picture(), (1.8, 3.2), 0.3))
     assert len(pit) > 50 and ((pit[:, 0] > 1.8) & (pit[:, 0] < 3.3)).all()
+    assert len(rims(with_pit(picture(), (1.8, 3.2), 0.3))) > 5
     assert len(deep_points(with_pit(picture(), (1.8, 12.0), 0.3))) == 0
     # What stands on the lower level shows some of its height at that of the upper floor.
     wall = Box(x=(4.0, 4.4), y=(-6.0, 6.0), z=(-0.3, 0.5))
@@ -143,6 +147,32 @@ def test_what_was_a_drop_from_above_is_ground_for_a_robot_that_has_come_down() -
     (top, left), (bottom, _) = SPEC.cell(pit[0] + 0.1, -1.5), SPEC.cell(0.0, 1.5)  # still in view
     assert before[top:bottom, left:].sum() > 50
     assert layer_grid(cloud, RED_LIST, ()).occupied()[top:bottom, left:].sum() == 0
+
+
+def test_a_marking_that_was_seen_below_is_not_cleared_as_a_drop() -> None:
+    pit = with_pit(picture(), (2.0, 3.0), 0.3)
+    red = np.where((pit.depth_m != picture().depth_m)[..., None], (220, 20, 20), pit.rgb)
+    cloud = drive(dataclasses.replace(pit, rgb=red.astype(np.uint8)))
+    before = layer_grid(cloud, RED_LIST, ()).beware[RED_ID]
+    drive(picture(pose=Pose2(x_m=0.3, y_m=0.3, yaw_rad=0.0)), cloud=cloud)
+    assert before.sum() > 50
+    np.testing.assert_array_equal(layer_grid(cloud, RED_LIST, ()).beware[RED_ID], before)
+
+
+@pytest.mark.parametrize("wide_m", [0.5, 0.8])
+@pytest.mark.parametrize("deep_m", [0.3, 1.0])
+@pytest.mark.parametrize("x_m", [-2.2, -1.3, -0.6])
+def test_a_trench_stays_on_the_map_when_it_is_seen_from_farther_away(
+    wide_m: float, deep_m: float, x_m: float
+) -> None:
+    trench = (1.2, 1.2 + wide_m)
+    cloud = drive(with_pit(picture(), trench, deep_m))
+    before = layer_grid(cloud, RED_LIST, ()).occupied()
+    drive(with_pit(picture(pose=Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)), trench, deep_m), cloud=cloud)
+    after = layer_grid(cloud, RED_LIST, ()).occupied()
+    edge = SPEC.cell(trench[1] - 0.1, 0.0)[1]  # behind it is ground
+    assert before.sum() > 40
+    assert not (before & ~after)[:, :edge].any()
 
 
 def offsets_m(navigator: Navigator) -> list[float]:
