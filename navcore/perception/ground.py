@@ -25,6 +25,8 @@ from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices, Points
 from navcore.geometry.camera import Pinhole, column_slope, point_on_ray, row_slope
 from navcore.robot.frame import Frame
 
+KNOWN_M = 0.05
+"""Difference in metres from a known height up to which a measurement is that ground."""
 _DEFAULT = DEFAULT_PERCEPTION.ground
 
 
@@ -146,7 +148,7 @@ def ground_cells(
         if slopes is None
         else slopes.reshape(*measured.shape, 2),
         known,
-        (config.cell_m, max_slope, config.max_step_m, config.tolerance_m, config.known_m),
+        (config.cell_m, max_slope, config.max_step_m, config.tolerance_m),
     )
     return GroundCells(heights_m, seen_m, is_refuted)
 
@@ -267,16 +269,16 @@ def _grow_ground(
     distance_m: Floats,
     slopes: Floats,
     known: KnownGround,
-    limits: tuple[float, float, float, float, float],
+    limits: tuple[float, float, float, float],
 ) -> tuple[Floats, Floats, Bools]:
     """Return the ground, grown from the robot outward: the measurement where that can be ground,
     the continuation of the ground before it elsewhere, with the slope that is known of it; and
     `seen_m` and `is_refuted` of `GroundCells`.
 
     `slopes` are those of `ground_cells`; `limits` are the side of a cell, the largest slope, the
-    largest step, the tolerance, and that of known heights.
+    largest step and the tolerance.
     """
-    cell_m, max_slope, max_step_m, tolerance_m, known_m = limits
+    cell_m, max_slope, max_step_m, tolerance_m = limits
     rows, cols = measured.shape
     ground, gap = np.zeros((rows, cols)), np.zeros((rows, cols))
     seen, is_refuted = np.full((rows, cols), np.nan), np.zeros((rows, cols), dtype=np.bool_)
@@ -305,12 +307,12 @@ def _grow_ground(
         continues = abs(height - before) <= min(max_slope * reach, max_step_m) + tolerance_m
         if continues:
             ground[row, col], seen[row, col] = height, since_m
-        elif abs(height - known.heights_m[row, col]) <= known_m:
+        elif abs(height - known.heights_m[row, col]) <= KNOWN_M:
             ground[row, col], seen[row, col] = height, known.seen_m[row, col]
         else:
             # What was seen earlier adds nothing to the gap.
             ground[row, col], gap[row, col] = before, reach - cell_m if is_known else reach
-        is_refuted[row, col] = abs(height - known.heights_m[row, col]) > known_m
+        is_refuted[row, col] = abs(height - known.heights_m[row, col]) > KNOWN_M
     return ground, seen, is_refuted
 
 

@@ -29,6 +29,8 @@ from navcore.robot.frame import Frame
 
 SIDE = 128
 """Side in cells of the square around the robot that is remembered."""
+REMEMBERED_M = 10.0
+"""Way in metres that the robot drives until the height of raised ground is forgotten."""
 JUMP_M = 1.0
 """Distance in metres between two frames from which the robot was moved by other means."""
 _CELL = np.dtype([("cell", np.int64, (2,)), ("height_m", np.float64), ("seen_m", np.float64)])
@@ -76,7 +78,7 @@ class GroundMemory:
             held = self._cells[at[:, 0] % SIDE, at[:, 1] % SIDE]
             above_m = held["height_m"] - self._plane_m(frame, config)
             is_held = (held["cell"] == at).all(axis=1) & (above_m >= config.object_height_m)
-            is_held &= self._driven_m - held["seen_m"] <= config.remembered_m
+            is_held &= self._driven_m - held["seen_m"] <= REMEMBERED_M
             known.heights_m.flat[is_held] = above_m[is_held]
             known.seen_m.flat[is_held] = held["seen_m"][is_held]
         return known

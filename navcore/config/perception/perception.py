@@ -67,11 +67,6 @@ class GroundConfig:
     """Error of a height in metres; flat ground comes out as exactly flat."""
     max_range_m: float = ranged(0.5, 20.0, default=6.0)
     """Depth in metres beyond which a measurement is too coarse."""
-    remembered_m: float = ranged(0.0, 100.0, default=10.0)
-    """Way in metres that the robot drives until the height of raised ground is forgotten: the error
-    of its tilt adds up over the way."""
-    known_m: float = ranged(0.0, 0.2, default=0.05)
-    """Difference in metres from a remembered height up to which a measurement is that ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
