@@ -181,6 +181,7 @@ def test_an_arrow_key_on_a_slider_a_handle_or_the_splitter_does_not_drive(
     assert splitter.get_attribute("aria-valuenow") != height
     handle.press("ArrowDown")
     page.get_by_test_id("path-settings").click()
+    expect(page.get_by_test_id("path-price")).to_be_enabled()
     page.get_by_test_id("path-price").press("ArrowRight")
     expect(page.get_by_test_id("path-price-shown")).not_to_have_text("× 1")
     page.keyboard.press("Escape")

@@ -52,9 +52,11 @@ menu.addEventListener("toggle", (event) => {
     show({ text: "", path: [] });
     return;
   }
+  set(slider, { disabled: true }); // what is set before the value in force is known would be lost
   attempt(async () => {
     const { unknown_price: price, limits } = await get("/path/settings");
-    set(slider, { min: limits.unknown_price.low, max: limits.unknown_price.high });
+    const { low: min, high: max } = limits.unknown_price;
+    set(slider, { min, max, disabled: false });
     slider.value = inForce = price;
     describe();
   });
