@@ -3,7 +3,7 @@
 Texts of the page: `t("…")` and `tn("…", "…", n)` in its scripts, `text("…")` in the log-in, and
 what a person reads in the HTML files. Sentences of the robot's program: the strings of the modules
 whose refusals, reasons and log lines the page shows; the values in an f-string become fields, a
-number keeps its format: "{age_s:.2f} s old".
+number keeps its format: "{age_s:.2f} s old". So are the names of the classes of its beware list.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -125,6 +126,8 @@ SENTENCES = (
     "web/schemas/zones.py",
 )
 """Modules whose strings the page shows."""
+LIST = "navcore/mission/beware.toml"
+"""The beware list that comes with the program, the names of whose classes the page shows."""
 _LITERAL = r'"(?:[^"\\]|\\.)*"'
 _STRING = rf"({_LITERAL}(?:\s*\+\s*{_LITERAL})*)"
 _CALL = re.compile(rf"(?<![\w$])(?:(?:t|text)\(\s*{_STRING}|tn\(\s*{_STRING},\s*{_STRING})")
@@ -190,6 +193,8 @@ def texts(root: Path = REPOSITORY) -> Catalog:
                 found.add(text, locations=[_at(path, root)], context=ROBOT)
     for text in (*MORE, *PAST):
         found.add(text, context=ROBOT)
+    for entry in tomllib.loads((root / LIST).read_text(encoding="utf-8"))["beware"]:
+        found.add(entry["name"], locations=[(LIST, 0)], context=ROBOT)
     return found
 
 

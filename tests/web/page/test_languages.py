@@ -122,7 +122,6 @@ def test_all_that_the_page_says_comes_from_the_catalog(
     page = opened(new_context, marked, MARKED)
     given = {zone.name for zone in operations.zones.stored}
     given |= {goal.name for goal in operations.state().queue} | KEYS
-    given |= {entry.name for entry in default_beware_list().classes}
     given |= {"default", "fake hall", "Nav2"}
     foreign = set()
     menus = [lambda page, name=name: page.get_by_test_id(name).click() for name in MENUS]
@@ -186,6 +185,8 @@ def test_reasons_refusals_and_figures_are_in_the_language_of_the_browser(
     expect(page.get_by_test_id("state-badge")).to_have_text(words.text("● IDLE"))
     expect(page.get_by_test_id("stop")).to_contain_text(words.text("STOP"))
     expect(page.locator("#figures")).to_contain_text(re.compile(r"\d,\d m"))
+    classes = page.get_by_test_id("beware-class").all_text_contents()
+    assert any(words.sentences["book"] in text for text in classes)
     operations.place.now = replace(operations.place.now, on_trial=True)
     expect(page.locator("#figures")).to_contain_text(f"{words.text('being confirmed')} ± ")
     page.get_by_test_id("stop").click()
@@ -337,9 +338,11 @@ def test_stored_log_entries_are_shown_to_each_reader_in_their_language(
     for language, shown in zip(OTHERS, others, strict=True):
         words = CATALOGS[language].sentences
         assert words["Zone “{name}” was switched off."].format(name="wet") in shown
-        assert any(words["“{title}” removed"].format(title="cable") in text for text in shown)
-        assert words["“{name}” leaves the beware list."].format(name="cable") == shown[-1]
-        assert any("0,9 m" in text and "cable" in text for text in shown)
+        assert any(
+            words["“{title}” removed"].format(title=words["cable"]) in text for text in shown
+        )
+        assert words["“{name}” leaves the beware list."].format(name=words["cable"]) == shown[-1]
+        assert any("0,9 m" in text and words["cable"] in text for text in shown)
         assert [text for text in shown if ENGLISH_WORDS.search(text)] == []
         assert set(shown).isdisjoint(said)
 

@@ -4,6 +4,7 @@ import { post, request } from "../core/link/api.js";
 import { element, make, reconcile, set, setText, setValue } from "../core/dom.js";
 import { capitalised, decimal, sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
+import { classTitle } from "./class_title.js";
 import { kindOf } from "./colour_picker.js";
 import * as entryForm from "./entry.js";
 import { point } from "./example.js";
@@ -73,7 +74,7 @@ export function show(beware) {
       child.classList.toggle("off", !entry.enabled);
       const [name, foundBy] = child.querySelector(".label").children;
       const isFound = entry.found_by !== "nothing";
-      setText(name, entry.label ?? entry.name);
+      setText(name, classTitle(entry));
       foundBy.title = isFound
         ? t("What detects it in the camera image")
         : entry.prototype

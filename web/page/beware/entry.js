@@ -6,6 +6,7 @@ import { element, set, setText } from "../core/dom.js";
 import { sentence, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { isDrawing, onDraft, setMode } from "../zones/draft.js";
+import { classTitle } from "./class_title.js";
 import { kindOf, onRule, ruleOf, showRule } from "./colour_picker.js";
 import { effectAsker, showOnMap } from "./effect.js";
 import { exampleOf, onExample, point, showExample } from "./example.js";
@@ -41,7 +42,7 @@ export function open(entry, listVersion, limits) {
   stored = entry;
   version = listVersion;
   form.hidden = false;
-  setText(element("entry-title"), entry ? (entry.label ?? entry.name) : t("New class"));
+  setText(element("entry-title"), entry ? classTitle(entry) : t("New class"));
   field("name").value = entry?.name ?? "";
   field("network").value = entry?.network_class ?? "";
   for (const [name, [key, factor]] of Object.entries(NUMBERS)) {

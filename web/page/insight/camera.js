@@ -3,7 +3,7 @@
 
 import { abortableFetch, get } from "../core/link/api.js";
 import { element, make, reconcile, setText } from "../core/dom.js";
-import { t } from "../core/text/language.js";
+import { named, t } from "../core/text/language.js";
 import { oneAtATime, pause } from "../core/link/updates.js";
 
 const IMAGE_MS = 250;
@@ -72,7 +72,7 @@ function showNames(labels) {
     ({ key }) => key,
     () => make("span", { "data-testid": "camera-label" }),
     (node, { name, confidence, left, row }) => {
-      setText(node, `${name} ${Math.round(100 * confidence)} %`);
+      setText(node, `${named(name)} ${Math.round(100 * confidence)} %`);
       node.style.left = percent(left);
       node.style.top = percent(row);
     },

@@ -1,6 +1,7 @@
 // The detections: counts of each class, and a card with image and position of each object. A wrong
 // one can be corrected for the next training.
 
+import { classTitle } from "../beware/class_title.js";
 import { swatchOf } from "../beware/swatch.js";
 import { get, post, request } from "../core/link/api.js";
 import { element, make, reconcile, setText } from "../core/dom.js";
@@ -62,7 +63,7 @@ export async function tick(isOpen) {
 
 const entryOf = (id) => shared.beware.classes.find((entry) => entry.class_id === id);
 // A class that was removed from the list keeps the name with which it was seen.
-const titleOf = ({ class_id: id, class_name: name }) => entryOf(id)?.label ?? entryOf(id)?.name ?? name;
+const titleOf = ({ class_id: id, class_name: name }) => classTitle(entryOf(id) ?? { name });
 
 function show({ seen, sightings, labelling, labelling_failure: failure }) {
   showCounts(seen, sightings);

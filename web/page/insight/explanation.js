@@ -1,6 +1,7 @@
 // Why this path: the path in the colours of the rules that bend it, what each rule costs, and the
 // fewest rules whose removal opens a path where there is none.
 
+import { classTitle } from "../beware/class_title.js";
 import { swatch, patternOf } from "../beware/swatch.js";
 import { edit, get, post } from "../core/link/api.js";
 import { make } from "../core/dom.js";
@@ -147,7 +148,7 @@ function offButtons() {
   const entry =
     kind === "class" && shared.beware.classes.find(({ class_id: one }) => String(one) === id);
   if (!(zone || entry) || document.body.dataset.role === "viewer") return [];
-  const name = zone ? zone.properties.name : (entry.label ?? entry.name);
+  const name = zone ? zone.properties.name : classTitle(entry);
   const switchClass = () =>
     attempt(() => edit("PATCH", `/beware/${encodeURIComponent(entry.name)}`, { enabled: false }));
   const onclick = async () => {

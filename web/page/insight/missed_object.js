@@ -1,5 +1,6 @@
 // A box drawn on a frozen camera image labels an object that was not detected.
 
+import { classTitle } from "../beware/class_title.js";
 import { post } from "../core/link/api.js";
 import { make } from "../core/dom.js";
 import { t } from "../core/text/language.js";
@@ -19,7 +20,7 @@ export async function openMissed(pane, classes, onAdded) {
   const choice = make(
     "select",
     { "aria-label": t("Class of the object"), "data-testid": "missed-class" },
-    ...classes.map((entry) => make("option", { value: entry.name }, entry.label ?? entry.name)),
+    ...classes.map((entry) => make("option", { value: entry.name }, classTitle(entry))),
   );
   const add = make(
     "button",

@@ -1,5 +1,6 @@
 // The layers of the map: each has a switch and a slider, remembered by this browser.
 
+import { classTitle } from "../beware/class_title.js";
 import { signOf } from "../beware/legend.js";
 import { swatchOf } from "../beware/swatch.js";
 import { element, loadSetting, make, reconcile, saveSetting, set, setText } from "../core/dom.js";
@@ -54,7 +55,7 @@ export function showLayers(classes = shownClasses) {
   shownClasses = classes;
   const layers = [
     ...FIXED,
-    ...classes.map((entry) => [layerOf(entry), entry.label ?? entry.name, entry]),
+    ...classes.map((entry) => [layerOf(entry), classTitle(entry), entry]),
   ];
   reconcile(
     element("map-layers"),

@@ -67,7 +67,7 @@ export const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1
 
 // The robot's sentences carry figures and names: a template that fits is translated, and so are the
 // sentences in it. Templates with many words come first.
-const NAMES = new Set(["name", "title", "class_name"]); // given by people, and shown as they are
+const NAMES = new Set(["name", "title", "class_name"]); // mostly given by people
 const FIELD = /\{(\w+)(?::([^}]*))?\}/g;
 const FIGURE = "([-+]?[\\d.]+(?:e[-+]?\\d+)?%?)";
 const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
@@ -101,6 +101,10 @@ export function sentence(text) {
   return said.get(text);
 }
 
+// A name as people gave it, or translated if it came with the program, as the classes of the beware
+// list do.
+export const named = (name) => (Object.hasOwn(sentences, name) ? sentences[name] : name);
+
 function translated(text) {
   if (Object.hasOwn(sentences, text)) return sentences[text];
   if (Object.hasOwn(texts, text)) return texts[text][0];
@@ -110,7 +114,9 @@ function translated(text) {
     const values = Object.fromEntries(names.map((name, i) => [name, found[i + 1]]));
     return target.replace(FIELD, (_, name, format) => {
       if (format) return localNumber(values[name]);
-      return NAMES.has(name) ? values[name] : sentence(values[name]);
+      return NAMES.has(name)
+        ? values[name].replace(/[^“”]+/, named) // it may be quoted
+        : sentence(values[name]);
     });
   }
   if (text.endsWith(".")) return `${sentence(text.slice(0, -1))}.`;

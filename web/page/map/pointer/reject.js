@@ -1,6 +1,7 @@
 // "Not one": what was taken for a class is none; its place is free, and it takes better evidence
 // there.
 
+import { classTitle } from "../../beware/class_title.js";
 import { edit } from "../../core/link/api.js";
 import { t } from "../../core/text/language.js";
 import { attempt } from "../../core/toasts.js";
@@ -18,8 +19,9 @@ export const reject = (path, body, name, then = () => {}) =>
   });
 
 // The items of a menu for a class that the map holds at a place.
-export function rejectItems({ class_id, name, label }, [x, y]) {
-  const shown = label ?? name;
+export function rejectItems(entry, [x, y]) {
+  const { class_id } = entry;
+  const shown = classTitle(entry);
   const run = (isAll) => () =>
     reject("/map/reject", { class_id, at: [x, y], all_of_class: isAll }, shown);
   return [

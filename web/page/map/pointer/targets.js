@@ -1,5 +1,6 @@
 // What lies below a pixel of the map: a goal, a person, a sighting or a zone; and a point in words.
 
+import { classTitle } from "../../beware/class_title.js";
 import { isInside } from "../../core/geometry.js";
 import { decimal, number, t } from "../../core/text/language.js";
 import { cellAt } from "../ground/tiles.js";
@@ -111,7 +112,7 @@ function cellText(at) {
   const cell = world.map && cellAt(world.map, at);
   if (!cell) return t("outside the map");
   const found = classAt(at);
-  if (found) return t("{name} of the beware list", { name: found.label ?? found.name });
+  if (found) return t("{name} of the beware list", { name: classTitle(found) });
   if (cell.flags & OBSTACLE) return t("an obstacle");
   if (cell.flags & PRIOR) return t("an obstacle of the prior map, not seen yet");
   if (cell.flags & BLOCKED) return t("too close to something for the robot's centre");
