@@ -104,6 +104,27 @@ def capture_two(client: httpx.Client, operations: FakeOperations) -> None:
         client.post("/api/v1/teach/frames")
 
 
+def test_a_region_is_of_the_class_that_was_selected_when_it_was_clicked(
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+) -> None:
+    capture_two(client, operations)
+    page = opened(new_context, server, 1024, 768)
+    expect(page.get_by_test_id("canvas")).to_have_attribute("aria-busy", "false")
+    chosen = page.get_by_test_id("class")
+    chosen.select_option("shoe")
+    held: list[Route] = []
+    page.route("**/region", lambda route: held.append(route))
+    click_pixel(page, *ON_BLOCK)
+    eventually(page, lambda: len(held) == 1)
+    chosen.select_option("background")
+    held[0].continue_()
+    expect(page.get_by_test_id("frame-000001")).to_contain_text("shoe")
+    assert marked(client, "shoe")[BLOCK].all()
+
+
 def test_keys_belong_to_the_field_that_has_the_focus_and_a_stroke_to_its_image(
     new_context: Callable[..., BrowserContext],
     server: ConsoleServer,

@@ -130,11 +130,12 @@ function pixelAt(event) {
 
 async function markRegion(at) {
   const of = labels;
+  const label = labelOf(selectedName()); // of the click: another class may be chosen meanwhile
   const body = { ...at, tolerance: Number(element("tolerance").value) };
   const region = await post(`/teach/frames/${frame.id}/region`, body);
   if (of !== labels) return; // another image is shown meanwhile
   labels.remember();
-  labels.fill(region.runs, labelOf(selectedName()));
+  labels.fill(region.runs, label);
   edited();
 }
 
