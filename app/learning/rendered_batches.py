@@ -170,11 +170,12 @@ class RenderedBatches:
             yield batch
 
     def _check_thread(self) -> None:
-        if self._failure is not None:
-            raise BadConfiguration(
-                "--rendered: the images cannot be kept: "
-                f"{type(self._failure).__name__}: {self._failure!s:.300}"
-            ) from self._failure
+        """Raise `BadConfiguration` where no image is taken into the pools any more."""
+        if self._failure is None and self._thread.is_alive():
+            return
+        error = self._failure
+        why = "their thread has ended" if error is None else f"{type(error).__name__}: {error!s}"
+        raise BadConfiguration(f"--rendered: the images cannot be kept: {why:.300}") from error
 
     def _batch(self) -> Batch:
         """Return a batch with windows of each size by its share of the images."""
@@ -191,22 +192,27 @@ class RenderedBatches:
         )
 
     def _receive(self) -> None:
-        """Take images into the pools until the end."""
-        while not self._ending.is_set():
-            try:
-                number, images = self._queue.get(timeout=WAIT_S)
-            except Empty:
-                continue
-            except (OSError, EOFError):  # the process whose memory holds the images has ended
-                continue
-            try:
-                with self._lock:
-                    self._pools[self._sources[number].size].add(images)
-            except Exception as error:
-                self._failure = error
-                return
-            finally:
-                self._arrived.set()
+        """Take images into the pools until the end; what goes wrong ends the training, which would
+        else go on with the images that are there."""
+        try:
+            while not self._ending.is_set():
+                self._take()
+        except Exception as error:
+            self._failure = error
+        finally:
+            self._arrived.set()
+
+    def _take(self) -> None:
+        """Take the images of a world into their pool, if some come in time."""
+        try:
+            number, images = self._queue.get(timeout=WAIT_S)
+        except Empty:
+            return
+        except (OSError, EOFError):  # the process whose memory holds the images has ended
+            return
+        with self._lock:
+            self._pools[self._sources[number].size].add(images)
+        self._arrived.set()
 
 
 def _render(

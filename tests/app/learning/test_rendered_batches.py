@@ -108,6 +108,39 @@ def test_an_error_of_the_thread_that_keeps_the_images_ends_the_training(
         next(batches.batches(1))
 
 
+class CannotBeRead:
+    """Stands for images that raise an error when they are taken out of the queue."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unreadable, ()
+
+
+def _unreadable() -> None:
+    raise RuntimeError("received 0 items of ancdata")
+
+
+def test_an_error_of_the_queue_ends_a_training_that_has_images_already(
+    batches: RenderedBatches,
+) -> None:
+    batches._queue.put((0, pooled()))
+    steps = batches.batches(1)
+    next(steps)
+    batches._queue.put(CannotBeRead())
+    batches._thread.join(30.0)
+    with pytest.raises(BadConfiguration, match="cannot be kept: RuntimeError: received 0 items"):
+        next(steps)
+
+
+def test_the_end_of_the_thread_that_keeps_the_images_is_noticed(batches: RenderedBatches) -> None:
+    batches._queue.put((0, pooled()))
+    steps = batches.batches(1)
+    next(steps)
+    batches._ending.set()
+    batches._thread.join(30.0)
+    with pytest.raises(BadConfiguration, match="cannot be kept: their thread has ended"):
+        next(steps)
+
+
 def test_a_data_set_without_images_to_report_on_is_refused(tmp_path: Path) -> None:
     dataset = data_set(tmp_path / "d", valid=0, test=0)
     with pytest.raises(BadConfiguration, match="no valid and no test images"):
