@@ -22,8 +22,8 @@ from navcore.errors import BadConfiguration, Refused, StorageFailed
 from navcore.files import DAMAGED_ZIP, link_or_copy
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Split
 from navcore.learning.data.dataset import Dataset, load_dataset
-from navcore.learning.data.importers import MAX_ENTRIES
 from navcore.learning.data.writer import write_text
+from navcore.learning.data.zip_archive import open_zip
 from web.interface.teaching import MAX_FRAMES_BYTES, Annotation
 
 PART_BYTES = 1 << 20
@@ -151,12 +151,8 @@ def _upload(
 
 def _unpack(packed: BinaryIO, folder: Path) -> None:
     """Write the entries of an archive below a folder."""
-    with _reading(), zipfile.ZipFile(packed) as archive:
+    with _reading(), open_zip(packed, "the archive") as archive:
         entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-        if len(entries) > MAX_ENTRIES:
-            raise BadConfiguration(
-                f"the archive has {len(entries)} files, at most {MAX_ENTRIES} are read"
-            )
         if sum(entry.file_size for entry in entries) > MAX_FRAMES_BYTES:
             raise BadConfiguration(f"the archive unpacks to more than {MAX_FRAMES_BYTES} bytes")
         for entry in entries:

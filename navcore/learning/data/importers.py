@@ -11,7 +11,6 @@ from __future__ import annotations
 import base64
 import binascii
 import json
-import zipfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -35,9 +34,8 @@ from navcore.learning.data.images import (
     read_depth,
     read_rgb,
 )
+from navcore.learning.data.zip_archive import MAX_ENTRIES, open_zip
 
-MAX_ENTRIES = 200_000
-"""Largest number of files in an archive or folder."""
 MAX_POINTS = 100_000
 """Largest number of points of a polygon."""
 MASKS, IMAGES, SETS = "SegmentationClass/", "JPEGImages/", "ImageSets/Segmentation/"
@@ -84,18 +82,15 @@ class CvatArchive:
         """
         self.path, self._depth_dir, self._rgb_dir = path, depth_dir, rgb_dir
         try:
-            self._archive = zipfile.ZipFile(path)
+            self._archive = open_zip(path, str(path))
         except DAMAGED_ZIP as error:
             raise BadConfiguration(
                 f"{path}: not readable as a zip archive: {error!s:.200}"
             ) from None
-        entries = self._archive.infolist()
-        if len(entries) > MAX_ENTRIES:
-            raise BadConfiguration(
-                f"{path}: {len(entries)} entries, at most {MAX_ENTRIES} are read"
-            )
         self._entries = {
-            _safe(entry.filename, str(path)): entry for entry in entries if not entry.is_dir()
+            _safe(entry.filename, str(path)): entry
+            for entry in self._archive.infolist()
+            if not entry.is_dir()
         }
         colours = self._labelmap()
         kept = {

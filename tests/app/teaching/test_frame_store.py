@@ -18,13 +18,14 @@ from typing import BinaryIO
 import numpy as np
 import pytest
 
-from app.teaching.frames import frame_archive, frame_store, live_frames
+from app.teaching.frames import frame_store, live_frames
 from app.teaching.frames.frame_archive import add_archive, exported
 from app.teaching.frames.frame_store import FrameStore, Upload
 from app.teaching.frames.live_frames import LiveFrames
 from app.teaching.frames.rules import CaptureRules
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import write_whole
+from navcore.learning.data import zip_archive
 from navcore.learning.data.card import DepthSums, Split
 from navcore.learning.data.dataset import load_dataset
 from navcore.learning.data.images import DepthArray, RgbArray
@@ -389,8 +390,8 @@ def test_an_archive_of_very_many_files_is_refused(
     store: FrameStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with archive_of(store, "shoe") as archive:
-        monkeypatch.setattr(frame_archive, "MAX_ENTRIES", 5)
-        with pytest.raises(BadConfiguration, match="the archive has 13 files, at most 5"):
+        monkeypatch.setattr(zip_archive, "MAX_ENTRIES", 5)
+        with pytest.raises(BadConfiguration, match="the archive: 13 entries, at most 5"):
             add_archive(FrameStore(tmp_path / "other"), archive)
 
 

@@ -16,6 +16,7 @@ import pytest
 
 from navcore.errors import BadConfiguration
 from navcore.learning.data import importers as imports
+from navcore.learning.data import zip_archive
 from navcore.learning.data.images import write_grey, write_rgb
 from navcore.learning.data.importers import CvatArchive, LabelmeFolder
 from tests.damaged_zip import METHODS, with_damaged_entry
@@ -165,7 +166,7 @@ def test_what_unpacks_to_too_much_is_refused(
     assert bomb.stat().st_size < 10_000
     with pytest.raises(BadConfiguration, match="unpacks to more than"):
         list(CvatArchive(bomb, depth_dir=depth_dir))
-    monkeypatch.setattr(imports, "MAX_ENTRIES", 3)
+    monkeypatch.setattr(zip_archive, "MAX_ENTRIES", 3)
     with pytest.raises(BadConfiguration, match="4 entries"):
         CvatArchive(archive(tmp_path / "b.zip"), depth_dir=depth_dir)
 
