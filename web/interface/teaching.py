@@ -47,6 +47,8 @@ class CapturedFrame:
     """Whether an annotation was saved; only annotated frames are learned from."""
     class_names: tuple[str, ...]
     """Classes with pixels in the annotation."""
+    version: int
+    """Version of the annotation, another one after each edit that changes it."""
 
 
 @served
@@ -82,6 +84,8 @@ class Annotation:
     """Names of the labels 1, 2, …; unique, ignoring case."""
     labels: npt.NDArray[np.uint8]
     """(H, W) label of each pixel: 0 where the annotation says nothing, else number of the class."""
+    version: int = 0
+    """Version of a stored annotation; 0 of one that is not stored."""
 
 
 class FrameFolder(Protocol):
@@ -109,9 +113,12 @@ class FrameFolder(Protocol):
     def annotation(self, frame_id: str) -> Annotation:
         """Return the annotation of a frame; raises `NotKnown`."""
 
-    def annotate(self, frame_id: str, annotation: Annotation) -> CapturedFrame:
+    def annotate(
+        self, frame_id: str, annotation: Annotation, *, expected_version: int | None = None
+    ) -> CapturedFrame:
         """Replace the annotation of a frame; raises `BadConfiguration` for one that does not fit
-        the image, or names a class twice or one that is not on the beware list."""
+        the image, or names a class twice or one that is not on the beware list, and `Outdated`
+        where another one than `expected_version` is stored."""
 
     def region(self, frame_id: str, row: int, col: int, tolerance: float) -> npt.NDArray[np.bool_]:
         """Return the (H, W) connected pixels around a pixel of like colour without a step of depth

@@ -97,6 +97,18 @@ class AnnotationOut(BaseModel):
         )
 
 
+class StoredAnnotationOut(AnnotationOut):
+    """Stored annotation of a frame."""
+
+    version: int
+    """Version, that of the ETag."""
+
+    @classmethod
+    def of(cls, annotation: Annotation) -> StoredAnnotationOut:
+        """Return the answer for a stored annotation."""
+        return cls(**dict(AnnotationOut.of(annotation)), version=annotation.version)
+
+
 class RegionIn(Closed):
     """Clicked pixel of a frame."""
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import hashlib
 import io
 import json
 import threading
@@ -29,7 +30,7 @@ from app.teaching.frames.frame_record import (
 )
 from app.teaching.frames.rules import CaptureRules
 from app.teaching.frames.thumbnails import is_near_duplicate, near_duplicates
-from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
+from navcore.errors import BadConfiguration, NotKnown, Outdated, Refused, StorageFailed
 from navcore.files import write_whole
 from navcore.learning.data.card import (
     CARD_NAME,
@@ -60,15 +61,18 @@ from web.interface.teaching import NOTHING_NAME, Annotation, CapturedFrame, Fram
 DEFAULT = CaptureRules()
 _LAST_ID = "last_id"
 """Key of the card's source: number of the last frame."""
+VERSION_BYTES = 6
+"""Size of the version of an annotation; an ETag has up to 15 decimal digits."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class _Stored:
-    """A frame of the folder, the labels that occur in its annotation, and the size of its images
-    and labels in bytes."""
+    """A frame of the folder, the labels that occur in its annotation and the version of that, and
+    the size of its images and labels in bytes."""
 
     record: FrameRecord
     labels: tuple[int, ...]
+    version: int
     size_bytes: int
 
 
@@ -217,19 +221,31 @@ class FrameStore:
     def annotation(self, name: str) -> Annotation:
         """Return the annotation of a frame."""
         with self._lock:
-            path = self.folder / self._known(name).record.files[2]
-            return Annotation(class_names=tuple(self._class_names), labels=read_labels(path))
+            stored = self._known(name)
+            return Annotation(
+                class_names=tuple(self._class_names),
+                labels=read_labels(self.folder / stored.record.files[2]),
+                version=stored.version,
+            )
 
-    def annotate(self, name: str, annotation: Annotation) -> CapturedFrame:
+    def annotate(
+        self, name: str, annotation: Annotation, *, expected_version: int | None = None
+    ) -> CapturedFrame:
         """Replace the annotation of a frame; raises `BadConfiguration` for labels that do not fit
-        it."""
+        it, `Outdated` where another one than `expected_version` is stored."""
         with self._lock:
             stored = self._known(name)
             labels, class_names = self._labels_of(stored.record, annotation)
+            version = _version_of(labels)
+            # What is stored already is no conflict: an edit whose answer was lost is sent again.
+            if expected_version not in (None, stored.version) and version != stored.version:
+                raise Outdated(f"the marks of image {name} are not those that were edited")
             self._write_card(class_names)  # first: no label without the name of its class
             write_whole(self.folder / stored.record.files[2], _as_npy(labels))
             self._class_names = class_names
-            self._open()[name] = dataclasses.replace(stored, labels=_occurring(labels))
+            self._open()[name] = dataclasses.replace(
+                stored, labels=_occurring(labels), version=version
+            )
             return self._shown(self._open()[name])
 
     def splits(self) -> dict[str, TrainingSplit]:
@@ -368,6 +384,7 @@ class FrameStore:
             height=record.height,
             annotated=bool(stored.labels),
             class_names=tuple(self._class_names[label - 1] for label in stored.labels),
+            version=stored.version,
         )
 
     def _known(self, name: str) -> _Stored:
@@ -425,7 +442,12 @@ class FrameStore:
 
     def _with_size(self, record: FrameRecord, labels: LabelArray) -> _Stored:
         size_bytes = sum((self.folder / path).stat().st_size for path in record.files)
-        return _Stored(record=record, labels=_occurring(labels), size_bytes=size_bytes)
+        return _Stored(
+            record=record,
+            labels=_occurring(labels),
+            version=_version_of(labels),
+            size_bytes=size_bytes,
+        )
 
     def _publish(self) -> None:
         """Write the lists and the card."""
@@ -469,6 +491,12 @@ def _statistics(sums: DepthSums) -> DepthStatistics:
 def _occurring(labels: LabelArray) -> tuple[int, ...]:
     """Return the labels of an image but void, in ascending order."""
     return tuple(np.unique(labels[labels > 0]).tolist())
+
+
+def _version_of(labels: LabelArray) -> int:
+    """Return the version of an annotation, in the numbers of the folder: it follows from the
+    labels, and so is the same after a restart."""
+    return int.from_bytes(hashlib.sha256(labels.tobytes()).digest()[:VERSION_BYTES])
 
 
 def _as_npy(labels: LabelArray) -> bytes:

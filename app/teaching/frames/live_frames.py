@@ -131,7 +131,9 @@ class LiveFrames:
         """Return the annotation of a frame."""
         return self.store.annotation(frame_id)
 
-    def annotate(self, frame_id: str, annotation: Annotation) -> CapturedFrame:
+    def annotate(
+        self, frame_id: str, annotation: Annotation, *, expected_version: int | None = None
+    ) -> CapturedFrame:
         """Replace the annotation of a frame; refused where a class that is marked in it is neither
         on the beware list nor in the folder."""
         known = {name.casefold() for name in (NOTHING_NAME, *self._class_names())}
@@ -142,7 +144,7 @@ class LiveFrames:
                 raise BadConfiguration(
                     f"{name!r:.60} is not on the beware list; add the class there first"
                 )
-        return self.store.annotate(frame_id, annotation)
+        return self.store.annotate(frame_id, annotation, expected_version=expected_version)
 
     def region(self, frame_id: str, row: int, col: int, tolerance: float) -> npt.NDArray[np.bool_]:
         """Return the region around a pixel."""

@@ -61,6 +61,7 @@ def test_a_frame_is_stored_whole_and_read_again_by_the_next_start(store: FrameSt
     store.annotate(stored.id, block_of("shoe"))
     again = FrameStore(store.folder)
     (shown,) = again.all()
+    assert shown == store.all()[0]
     assert shown.annotated and shown.class_names == ("shoe",) and shown.source == "operator"
     rgb, depth_mm = again.images(stored.id)
     assert np.array_equal(rgb, frame.rgb)

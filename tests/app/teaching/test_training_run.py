@@ -246,7 +246,13 @@ def test_the_plan_of_an_earlier_release_is_still_read(
 def shown(number: int, *names: str) -> CapturedFrame:
     """Return a frame that shows classes."""
     return CapturedFrame(
-        id=str(number), source="operator", width=8, height=8, annotated=True, class_names=names
+        id=str(number),
+        source="operator",
+        width=8,
+        height=8,
+        annotated=True,
+        class_names=names,
+        version=0,
     )
 
 

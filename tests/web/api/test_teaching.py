@@ -63,6 +63,30 @@ def test_a_frame_is_captured_annotated_and_taken_along(
     assert client.get(f"{url}/labels").status_code == 404
 
 
+def test_the_marks_of_another_operator_are_not_overwritten_unseen(
+    operations: FakeOperations, client: httpx.Client
+) -> None:
+    look(operations)
+    client.post("/api/v1/teach/frames")
+    url = "/api/v1/teach/frames/000001/labels"
+    empty = client.get(url)
+    first = {"If-Match": empty.headers["ETag"]}
+    cup, book = ({"class_names": [name], "runs": runs_of_block()} for name in ("cup", "book"))
+    marked = client.put(url, json=cup, headers=first)
+    assert marked.headers["ETag"] == f'"{marked.json()["version"]}"' != empty.headers["ETag"]
+    late = client.put(url, json=book, headers=first)
+    assert late.status_code == 409 and late.json()["error"]["code"] == "outdated"
+    stored = client.get(url)
+    assert late.json()["stored"] == stored.json() and "cup" in stored.json()["class_names"]
+    assert late.headers["ETag"] == stored.headers["ETag"] == marked.headers["ETag"]
+    assert client.put(url, json=cup, headers=first).status_code == 200, "it is stored already"
+    listed = client.get("/api/v1/teach/frames").json()["frames"][0]
+    assert listed["version"] == stored.json()["version"] and listed["class_names"] == ["cup"]
+    assert client.put(url, json=book).json()["class_names"] == ["book"]
+    seen = {"If-Match": client.get(url).headers["ETag"]}
+    assert client.put(url, json=cup, headers=seen).json()["class_names"] == ["cup"]
+
+
 def test_a_client_that_stops_reading_does_not_hold_the_export(
     operations: FakeOperations,
     server: ConsoleServer,

@@ -215,6 +215,72 @@ def test_marks_that_were_not_saved_are_kept_until_they_are(
     assert not marked(client, "shoe")[40, 50]
 
 
+def test_two_pages_do_not_overwrite_the_marks_of_each_other(
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+) -> None:
+    capture_two(client, operations)
+    one, other = (opened(new_context, server, 1024, 768) for _ in range(2))
+    for page in (one, other):
+        page.get_by_test_id("class").select_option("shoe")
+        page.keyboard.press("b")
+        expect(page.get_by_test_id("canvas")).to_have_attribute("aria-busy", "false")
+    click_pixel(one, 10, 10)
+    expect(one.get_by_test_id("saved")).to_have_text("saved")
+    eventually(other, lambda: shows(other, 10, 10))
+    expect(other.get_by_test_id("undo")).to_be_disabled()
+    click_pixel(other, 50, 10)
+    expect(other.get_by_test_id("saved")).to_have_text("saved")
+    assert marked(client, "shoe")[10, 10] and marked(client, "shoe")[10, 50]
+
+    eventually(one, lambda: shows(one, 50, 10))
+    one.route("**/teach/frames", lambda route: route.abort())  # it learns of no other marks
+    click_pixel(other, 30, 40)
+    eventually(other, lambda: bool(marked(client, "shoe")[40, 30]))
+    click_pixel(one, 70, 40)
+    expect(one.locator(".toast")).to_contain_text("marked elsewhere meanwhile")
+    assert shows(one, 30, 40) and not shows(one, 70, 40)
+    assert not marked(client, "shoe")[40, 70]
+    click_pixel(one, 70, 40)
+    eventually(one, lambda: bool(marked(client, "shoe")[40, 70]))
+    assert marked(client, "shoe")[40, 30]
+
+
+def shows(page: Page, col: int, row: int) -> bool:
+    """Return whether the page shows a mark in a pixel."""
+    alpha = "([x, y]) => marks.getContext('2d').getImageData(x, y, 1, 1).data[3]"
+    return bool(page.evaluate(alpha, [col, row]))
+
+
+def test_marks_whose_answer_was_lost_are_no_conflict_with_those_that_follow(
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+) -> None:
+    capture_two(client, operations)
+    page = opened(new_context, server, 1024, 768)
+    page.get_by_test_id("class").select_option("shoe")
+    page.keyboard.press("b")
+    expect(page.get_by_test_id("canvas")).to_have_attribute("aria-busy", "false")
+
+    def lose(route: Route) -> None:
+        if route.request.method == "PUT":
+            route.fetch()
+        route.abort()
+
+    page.route("**/labels", lose)
+    click_pixel(page, 10, 10)
+    expect(page.get_by_test_id("saved")).to_have_text("not saved")
+    assert marked(client, "shoe")[10, 10]
+    page.unroute("**/labels")
+    click_pixel(page, 50, 10)
+    expect(page.get_by_test_id("saved")).to_have_text("saved")
+    assert marked(client, "shoe")[10, 10] and marked(client, "shoe")[10, 50]
+
+
 def test_marks_that_are_refused_are_kept_and_those_of_a_deleted_image_are_not(
     new_context: Callable[..., BrowserContext],
     server: ConsoleServer,

@@ -7,9 +7,10 @@ from typing import Annotated
 import numpy as np
 from fastapi import APIRouter, Path, Request, Response
 
-from navcore.errors import NotKnown
+from navcore.errors import NotKnown, Outdated
 from web.api.archive import Archive
 from web.api.router import api_router
+from web.gateway.etag import ExpectedVersion, etag, outdated
 from web.gateway.problems import refusals
 from web.gateway.request_body import body_file
 from web.interface.operations import RobotService
@@ -22,6 +23,7 @@ from web.schemas.teaching import (
     CapturingIn,
     FramesOut,
     RegionIn,
+    StoredAnnotationOut,
 )
 
 FrameId = Annotated[str, Path(pattern=r"^[0-9]{1,12}$")]
@@ -81,18 +83,32 @@ def teach_frames_router(operations: RobotService) -> APIRouter:
         """Delete a frame and its annotation."""
         operations.teaching.frames.delete(frame_id)
 
-    @router.get("/teach/frames/{frame_id}/labels", response_model=AnnotationOut, responses=_OF_ONE)
-    def get_labels(frame_id: FrameId) -> AnnotationOut:
-        """Return the annotation of a frame."""
-        return AnnotationOut.of(operations.teaching.frames.annotation(frame_id))
+    @router.get(
+        "/teach/frames/{frame_id}/labels", response_model=StoredAnnotationOut, responses=_OF_ONE
+    )
+    def get_labels(frame_id: FrameId, response: Response) -> StoredAnnotationOut:
+        """Return the annotation of a frame; its ETag is its version."""
+        stored = operations.teaching.frames.annotation(frame_id)
+        response.headers.update(etag(stored.version))
+        return StoredAnnotationOut.of(stored)
 
     @router.put("/teach/frames/{frame_id}/labels", response_model=CapturedFrame, responses=_OF_ONE)
-    def put_labels(frame_id: FrameId, body: AnnotationIn) -> CapturedFrame:
+    def put_labels(
+        frame_id: FrameId, body: AnnotationIn, response: Response, expected: ExpectedVersion
+    ) -> CapturedFrame | Response:
         """Replace the annotation of a frame. The classes that are marked must be on the beware
-        list, or `background`: what is none of them."""
-        frame = find(frame_id)
+        list, or `background`: what is none of them. With `If-Match`, an edit of an outdated
+        version is refused."""
+        frame, frames = find(frame_id), operations.teaching.frames
         annotation = body.annotation(frame.height, frame.width)
-        return operations.teaching.frames.annotate(frame_id, annotation)
+        try:
+            marked = frames.annotate(frame_id, annotation, expected_version=expected)
+        except Outdated:
+            stored = frames.annotation(frame_id)
+            shown = StoredAnnotationOut.of(stored).model_dump(mode="json")
+            return outdated("the annotation", expected, shown, stored.version)
+        response.headers.update(etag(marked.version))
+        return marked
 
     @router.post("/teach/frames/{frame_id}/region", response_model=AnnotationOut, responses=_OF_ONE)
     def grow_region(frame_id: FrameId, body: RegionIn) -> AnnotationOut:

@@ -3,7 +3,7 @@
 import { get, post, request } from "../core/link/api.js";
 import { element, setText } from "../core/dom.js";
 import { t } from "../core/text/language.js";
-import { attempt } from "../core/toasts.js";
+import { attempt, notify } from "../core/toasts.js";
 import { classNames, colourOf, labelOf, selectedName } from "./classes.js";
 import { makeLabels, runsOf, valuesOf } from "./labels.js";
 
@@ -14,6 +14,8 @@ const FORBIDDEN = 403;
 const marks = element("marks");
 let frame = null;
 let labels = null;
+let version = 0; // of the stored marks that `labels` began with
+const unanswered = new Set(); // runs that may be stored: their requests had no answer
 let tool = "region";
 let stroke = null;
 let timer = null;
@@ -49,15 +51,32 @@ export async function show(next) {
   for (const id of ["previous", "next", "delete"]) element(id).disabled = !next;
   if (!next) return refresh();
   element("picture").src = `/api/v1/teach/frames/${next.id}.png`;
-  const stored = await get(`/teach/frames/${next.id}/labels`);
+  const stored = await get(addressOf(next));
   if (frame !== next) return undefined; // another one was chosen meanwhile
-  const numbers = [0, ...stored.class_names.map(labelOf)];
-  const values = valuesOf(stored.runs, stored.width * stored.height, numbers);
-  labels = makeLabels(stored.width, stored.height, values);
+  take(stored);
+  canvas.ariaBusy = "false";
+  return undefined;
+}
+
+// Show what was marked elsewhere in the image that is shown, unless it is being marked here.
+export async function follow(listed) {
+  const [of, before] = [labels, version];
+  const isAtRest = () => of && of === labels && before === version && !isUnsaved() && !stroke;
+  if (!isAtRest() || listed.version === version) return;
+  const stored = await get(addressOf(frame));
+  if (isAtRest() && stored.version !== version) take(stored);
+}
+
+const valuesIn = ({ class_names: names, runs, width, height }) =>
+  valuesOf(runs, width * height, [0, ...names.map(labelOf)]);
+
+function take(stored) {
+  labels = makeLabels(stored.width, stored.height, valuesIn(stored));
+  version = stored.version;
+  unanswered.clear();
   marks.width = stored.width;
   marks.height = stored.height;
-  canvas.ariaBusy = "false";
-  return refresh();
+  refresh();
 }
 
 function refresh() {
@@ -85,6 +104,7 @@ const isRefused = (status) => status >= 400 && status < 500 && status !== LOGGED
 const isUnsaved = () => saved < edits;
 const addressOf = ({ id }) => `/teach/frames/${id}/labels`;
 const marked = () => ({ class_names: classNames(), runs: runsOf(labels.values) });
+const ofVersion = () => ({ "If-Match": `"${version}"` });
 
 // Save what is not saved yet; an error says that it could not be, and it is tried again.
 export async function flush() {
@@ -93,14 +113,17 @@ export async function flush() {
 
 async function save() {
   clearTimeout(timer);
-  const upTo = edits;
+  const [of, upTo, body] = [frame, edits, marked()];
   try {
-    const stored = await request("PUT", addressOf(frame), marked());
-    saved = upTo;
+    const stored = await request("PUT", addressOf(of), body, ofVersion());
+    if (of === frame) [saved, version] = [upTo, stored.version];
+    unanswered.clear();
     setText(element("saved"), t("saved"));
     onSaved(stored);
   } catch (error) {
     if (error.status === GONE) return forget();
+    if (error.code === "outdated" && of === frame) return meet(error.body.stored);
+    if (!isRefused(error.status)) unanswered.add(String(body.runs));
     setText(element("saved"), t("not saved"));
     // A viewer can save nothing; what else is refused is kept until it is changed or saved.
     if (error.status === FORBIDDEN) forget();
@@ -109,11 +132,25 @@ async function save() {
   }
 }
 
-// A page that is left waits for no answer.
+// Other marks are stored than those that were edited: by this page, whose request had no answer and
+// which saves again, or by another one.
+function meet(stored) {
+  if (unanswered.has(String(runsOf(valuesIn(stored))))) {
+    version = stored.version;
+    return;
+  }
+  forget();
+  take(stored);
+  setText(element("saved"), "");
+  notify(t("This image was marked elsewhere meanwhile. Those marks are shown now; your last edit was not saved."));
+}
+
+// A page that is left waits for no answer, nor for the version of what it is saving.
 window.addEventListener("pagehide", () => {
   endStroke();
   if (!isUnsaved()) return;
-  const headers = { "Content-Type": "application/json" };
+  const isKnown = !saving && !unanswered.size;
+  const headers = { "Content-Type": "application/json", ...(isKnown ? ofVersion() : {}) };
   const body = JSON.stringify(marked());
   const nothing = () => {}; // browsers refuse a large body that is to outlive the page
   fetch(`/api/v1${addressOf(frame)}`, { method: "PUT", keepalive: true, headers, body }).catch(nothing);
@@ -129,11 +166,11 @@ function pixelAt(event) {
 }
 
 async function markRegion(at) {
-  const of = labels;
+  const of = frame;
   const label = labelOf(selectedName()); // of the click: another class may be chosen meanwhile
   const body = { ...at, tolerance: Number(element("tolerance").value) };
   const region = await post(`/teach/frames/${frame.id}/region`, body);
-  if (of !== labels) return; // another image is shown meanwhile
+  if (of !== frame || !labels) return; // another image is shown meanwhile
   labels.remember();
   labels.fill(region.runs, label);
   edited();

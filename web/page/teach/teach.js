@@ -8,7 +8,7 @@ import "../core/theme.js";
 import { attempt, notify } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
 import { chooseClass, loadClasses } from "./classes.js";
-import { chooseTool, forget, redo, show, shownFrame, undo, whenSaved } from "./drawing.js";
+import { chooseTool, follow, forget, redo, show, shownFrame, undo, whenSaved } from "./drawing.js";
 import { loadRole, refreshExport } from "./export.js";
 import { refreshNetworks, upload } from "./networks.js";
 import { followFrames, refreshTraining } from "./training.js";
@@ -29,7 +29,9 @@ async function refreshFrames() {
   followFrames(frames);
   reconcile(element("frames"), frames, (frame) => frame.id, createFrame, refreshFrame);
   const shown = shownFrame();
-  if (shown && !frames.some(({ id }) => id === shown.id)) {
+  const listed = frames.find(({ id }) => id === shown?.id);
+  if (listed) await follow(listed);
+  else if (shown) {
     forget();
     await show(null);
   }
