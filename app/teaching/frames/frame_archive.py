@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import shutil
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -18,6 +17,7 @@ from typing import IO, BinaryIO, cast, get_args
 
 from app.teaching.frames.frame_record import UNITS_PER_M, TrainingSplit, has_depth
 from app.teaching.frames.frame_store import FrameStore, Upload
+from app.teaching.frames.staging import EXPORTED, UNPACKED
 from navcore.errors import BadConfiguration, Refused, StorageFailed
 from navcore.files import DAMAGED_ZIP, link_or_copy
 from navcore.learning.data.card import CARD_NAME, KINDS, SPLITS, Split
@@ -28,7 +28,6 @@ from web.interface.teaching import MAX_FRAMES_BYTES, Annotation
 
 PART_BYTES = 1 << 20
 """Size of the parts in which a file is unpacked."""
-_LINKS, _UNPACKED = ".export-", ".import-"
 _SPLITS = "splits"
 """Key of the card's source: splits of the frames in trainings, by name."""
 _LISTS = {f"{split}_{kind}.txt" for split in SPLITS for kind in KINDS}
@@ -44,7 +43,7 @@ def exported(store: FrameStore) -> BinaryIO:
     if not store.all():
         raise Refused("there is no captured frame to export")
     try:
-        with _folder_in(store, _LINKS) as name:
+        with store.temporary(EXPORTED) as name:
             folder = Path(name)
             with store.held():
                 files = _linked(store, folder)
@@ -63,15 +62,6 @@ def empty_file(store: FrameStore) -> BinaryIO:
     may be memory; it is gone when it is closed. Raises `OSError`."""
     store.folder.mkdir(parents=True, exist_ok=True)
     return cast(BinaryIO, tempfile.TemporaryFile(dir=store.folder))
-
-
-def _folder_in(store: FrameStore, prefix: str) -> tempfile.TemporaryDirectory[str]:
-    """Make a temporary folder in that of the frames; what a console that was killed has left there
-    goes."""
-    store.folder.mkdir(parents=True, exist_ok=True)
-    for left in store.folder.glob(f"{prefix}*"):
-        shutil.rmtree(left, ignore_errors=True)
-    return tempfile.TemporaryDirectory(prefix=prefix, dir=store.folder)
 
 
 def _linked(store: FrameStore, folder: Path) -> list[str]:
@@ -97,7 +87,7 @@ def add_archive(store: FrameStore, file: BinaryIO) -> int:
     `StorageFailed`. It is unpacked there; one archive at a time can be added.
     """
     try:
-        unpacked = _folder_in(store, _UNPACKED)
+        unpacked = store.temporary(UNPACKED)
     except OSError as error:
         raise StorageFailed(f"the archive cannot be unpacked: {error.strerror or error}") from error
     with unpacked as name:

@@ -3,8 +3,9 @@ and annotations.
 
 Colours, depth and labels lie as `navcore.learning.data.dataset` reads them, all in the split
 `train`; camera and pose of each frame lie beside them. A frame is complete when its record is
-there, which is written last, and annotated when its labels are not all void. Every write replaces a
-file in one go. No name is given twice: the card keeps the last one.
+there, which comes last, and annotated when its labels are not all void. Every write replaces a file
+in one go, and what comes together is staged and moved in. No name is given twice: the card keeps
+the last one.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import hashlib
-import io
 import json
+import tempfile
 import threading
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -29,6 +30,7 @@ from app.teaching.frames.frame_record import (
     record_of,
 )
 from app.teaching.frames.rules import CaptureRules
+from app.teaching.frames.staging import STAGED, NewFrame, as_npy, move_in, settle, stage
 from app.teaching.frames.thumbnails import is_near_duplicate, near_duplicates
 from navcore.errors import BadConfiguration, NotKnown, Outdated, Refused, StorageFailed
 from navcore.files import write_whole
@@ -46,8 +48,6 @@ from navcore.learning.data.images import (
     LabelArray,
     MaskArray,
     RgbArray,
-    encode_grey,
-    encode_rgb,
     png_size,
     read_depth,
     read_labels,
@@ -74,18 +74,6 @@ class _Stored:
     labels: tuple[int, ...]
     version: int
     size_bytes: int
-
-
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _New:
-    """A frame to store, whose labels are numbers of `class_names`."""
-
-    record: FrameRecord
-    rgb: RgbArray
-    depth_mm: DepthArray
-    labels: LabelArray
-    class_names: list[str]
-    uncoloured: MaskArray | None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -142,12 +130,13 @@ class FrameStore:
             if self._is_known(record):
                 self.dropped += 1
                 return None
-            new = _New(
+            self._last_id = int(record.id)
+            self._refuse_when_full()
+            new = NewFrame(
                 record=record,
                 rgb=frame.rgb,
                 depth_mm=depth_mm,
                 labels=np.zeros_like(depth_mm, dtype=np.uint8),
-                class_names=self._class_names,
                 uncoloured=frame.uncoloured,
             )
             return self._add([new])[0]
@@ -158,24 +147,25 @@ class FrameStore:
         Raises `Refused` when the folder is full, `NoDepth`, `BadConfiguration` for an annotation
         that does not fit, `StorageFailed`.
         """
+        return len(self._add(map(self._new, uploads)))
 
-        def new(upload: Upload) -> _New:
-            name = self._next_name()
-            record = dataclasses.replace(
-                record_of(name, upload.rgb, upload.depth_mm, "upload"), split=upload.split
-            )
-            labels, class_names = self._labels_of(record, upload.annotation)
-            return _New(
-                record=record,
-                rgb=upload.rgb,
-                depth_mm=upload.depth_mm,
-                labels=labels,
-                class_names=class_names,
-                uncoloured=upload.uncoloured,
-            )
-
+    def _new(self, upload: Upload) -> NewFrame:
+        """Return the frame of an upload, whose name and classes no other one gets meanwhile."""
         with self._lock:
-            return len(self._add(map(new, uploads)))
+            name = self._next_name()
+            self._last_id = int(name)
+        record = dataclasses.replace(
+            record_of(name, upload.rgb, upload.depth_mm, "upload"), split=upload.split
+        )
+        with self._lock:
+            labels, self._class_names = self._labels_of(record, upload.annotation)
+        return NewFrame(
+            record=record,
+            rgb=upload.rgb,
+            depth_mm=upload.depth_mm,
+            labels=labels,
+            uncoloured=upload.uncoloured,
+        )
 
     def refuse_unless_fit(self, sizes_bytes: Sequence[int]) -> None:
         """Raise `Refused` where images of these sizes do not fit into the folder."""
@@ -241,7 +231,7 @@ class FrameStore:
             if expected_version not in (None, stored.version) and version != stored.version:
                 raise Outdated(f"the marks of image {name} are not those that were edited")
             self._write_card(class_names)  # first: no label without the name of its class
-            write_whole(self.folder / stored.record.files[2], _as_npy(labels))
+            write_whole(self.folder / stored.record.files[2], as_npy(labels))
             self._class_names = class_names
             self._open()[name] = dataclasses.replace(
                 stored, labels=_occurring(labels), version=version
@@ -277,66 +267,75 @@ class FrameStore:
         """Return the lock under which nothing in the folder changes."""
         return self._lock
 
-    def _add(self, frames: Iterable[_New]) -> list[CapturedFrame]:
-        """Store frames; nothing of them stays when that fails."""
-        stored, class_names = self._open(), self._class_names
-        card = self.folder / CARD_NAME
-        is_first = not card.exists()
-        added: list[FrameRecord] = []
+    def temporary(self, prefix: str) -> tempfile.TemporaryDirectory[str]:
+        """Make a temporary folder in that of the frames; raises `OSError`."""
+        with self._lock:
+            self._open()  # removes those of a session that was killed
+        self.folder.mkdir(parents=True, exist_ok=True)
+        return tempfile.TemporaryDirectory(prefix=prefix, dir=self.folder)
+
+    def _add(self, frames: Iterable[NewFrame]) -> list[CapturedFrame]:
+        """Store frames; nothing of them stays when that fails. The folder is locked only while
+        they are moved in."""
+        with self._lock:
+            self._open()
+            known, is_first = len(self._class_names), not (self.folder / CARD_NAME).exists()
+        added: dict[str, _Stored] = {}
         try:
-            for new in frames:
-                self._check(new.record)
-                added.append(new.record)
-                self._last_id = int(new.record.id)
-                self._write(new)
-                self._class_names = new.class_names
-                stored[new.record.id] = self._with_size(new.record, new.labels)
-            self._publish()
+            with self.temporary(STAGED) as name:
+                staged = Path(name)
+                for new in frames:
+                    _refuse_without_depth(new.record)
+                    stage(staged, new)
+                    added[new.record.id] = _stored(staged, new.record, new.labels)
+                with self._lock:
+                    self._take_in(staged, added)
         except BaseException as error:
-            self._class_names = class_names
-            for record in added:
-                stored.pop(record.id, None)
-                with contextlib.suppress(OSError):
-                    self._unlink(record)
-            if added:
-                with contextlib.suppress(OSError, StorageFailed):
-                    self._publish()  # the lists may name them already
-            if is_first:
-                with contextlib.suppress(OSError):
-                    card.unlink(missing_ok=True)
+            with self._lock:
+                self._leave_out(added, known, is_first=is_first)
             if isinstance(error, OSError | StorageFailed):
                 raise StorageFailed(
                     f"the frame cannot be stored, those stored before are intact: {error}"
                 ) from error
             raise
-        return [self._shown(stored[record.id]) for record in added]
+        with self._lock:
+            return [self._shown(one) for one in added.values()]
 
-    def _check(self, record: FrameRecord) -> None:
-        """Raise `Refused` for a frame that cannot be stored."""
+    def _take_in(self, staged: Path, added: Mapping[str, _Stored]) -> None:
+        """Move staged frames into the folder and list them."""
+        if not added:
+            return
+        self.refuse_unless_fit([one.size_bytes for one in added.values()])
+        before = self._open()
+        self._write_card(self._class_names)  # first: no label without the name of its class
+        move_in(staged, self.folder)
+        self._stored = dict(sorted({**before, **added}.items()))
+        try:
+            self._publish()
+        except BaseException:
+            self._stored = before
+            raise
+
+    def _leave_out(self, added: Mapping[str, _Stored], known: int, *, is_first: bool) -> None:
+        """Remove what is there of frames that could not be stored, and their classes beyond the
+        `known` ones, unless others have them by now."""
+        used = max((max(one.labels, default=0) for one in self._open().values()), default=0)
+        self._class_names = self._class_names[: max(known, used)]
+        for one in added.values():
+            with contextlib.suppress(OSError):
+                self._unlink(one.record)
+        with contextlib.suppress(OSError, StorageFailed):
+            if is_first and not self._open():
+                (self.folder / CARD_NAME).unlink(missing_ok=True)
+            else:
+                self._publish()  # the lists may name them already
+
+    def _refuse_when_full(self) -> None:
         if len(self._open()) >= self.rules.max_frames or self.bytes_used >= self.rules.max_bytes:
             raise Refused(
                 f"the folder of captured frames is full ({len(self._open())} frames, "
                 f"{self.bytes_used / 1e6:.0f} MB); delete frames that are not needed"
             )
-        try:
-            record.sums.statistics(units_per_m=UNITS_PER_M)
-        except BadConfiguration as error:
-            raise NoDepth(f"the image cannot be learned from: {error}") from None
-
-    def _write(self, new: _New) -> None:
-        """Write the files of a frame, its record last."""
-        colours, depth, label = (self.folder / path for path in new.record.files)
-        record = self.folder / new.record.path
-        for split in SPLITS:
-            for kind in KINDS:
-                (self.folder / split / kind).mkdir(parents=True, exist_ok=True)
-        record.parent.mkdir(parents=True, exist_ok=True)
-        if new.class_names != self._class_names or not self._open():
-            self._write_card(new.class_names)  # first: no label without the name of its class
-        write_whole(colours, encode_rgb(new.rgb, uncoloured=new.uncoloured))
-        write_whole(depth, encode_grey(new.depth_mm))
-        write_whole(label, _as_npy(new.labels))
-        write_whole(record, new.record.as_json())
 
     def _unlink(self, record: FrameRecord) -> None:
         """Remove the files of a frame, its record first; raises `OSError`."""
@@ -412,6 +411,7 @@ class FrameStore:
         if self._stored is not None:
             return self._stored
         found: dict[str, _Stored] = {}
+        settle(self.folder)
         if (self.folder / CARD_NAME).exists():
             self._class_names, self._last_id = self._read_card()
             for path in sorted(self.folder.glob("train/camera/*.json")):
@@ -423,7 +423,7 @@ class FrameStore:
                     sizes = {png_size(self.folder / image) for image in record.files[:2]}
                     is_known = int(labels.max(initial=0)) <= len(self._class_names)
                     if is_known and sizes == {labels.shape} == {(record.height, record.width)}:
-                        found[record.id] = self._with_size(record, labels)
+                        found[record.id] = _stored(self.folder, record, labels)
         self._stored = found
         if found:
             self._publish()
@@ -439,15 +439,6 @@ class FrameStore:
             raise StorageFailed(
                 f"{self.folder / CARD_NAME} cannot be read: {error}; move the folder away"
             ) from None
-
-    def _with_size(self, record: FrameRecord, labels: LabelArray) -> _Stored:
-        size_bytes = sum((self.folder / path).stat().st_size for path in record.files)
-        return _Stored(
-            record=record,
-            labels=_occurring(labels),
-            version=_version_of(labels),
-            size_bytes=size_bytes,
-        )
 
     def _publish(self) -> None:
         """Write the lists and the card."""
@@ -479,6 +470,23 @@ class FrameStore:
         write_text(self.folder / CARD_NAME, json.dumps(dataclasses.asdict(card), indent=1))
 
 
+def _stored(folder: Path, record: FrameRecord, labels: LabelArray) -> _Stored:
+    """Return what is kept of a frame whose files lie in a folder."""
+    return _Stored(
+        record=record,
+        labels=_occurring(labels),
+        version=_version_of(labels),
+        size_bytes=sum((folder / path).stat().st_size for path in record.files),
+    )
+
+
+def _refuse_without_depth(record: FrameRecord) -> None:
+    try:
+        record.sums.statistics(units_per_m=UNITS_PER_M)
+    except BadConfiguration as error:
+        raise NoDepth(f"the image cannot be learned from: {error}") from None
+
+
 def _statistics(sums: DepthSums) -> DepthStatistics:
     """Return the statistics of depth; those of none, as in a data set without images, where the
     frames of an earlier release have no depth."""
@@ -497,9 +505,3 @@ def _version_of(labels: LabelArray) -> int:
     """Return the version of an annotation, in the numbers of the folder: it follows from the
     labels, and so is the same after a restart."""
     return int.from_bytes(hashlib.sha256(labels.tobytes()).digest()[:VERSION_BYTES])
-
-
-def _as_npy(labels: LabelArray) -> bytes:
-    content = io.BytesIO()
-    np.save(content, np.ascontiguousarray(labels), allow_pickle=False)
-    return content.getvalue()

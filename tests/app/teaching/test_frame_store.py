@@ -18,7 +18,7 @@ from typing import BinaryIO
 import numpy as np
 import pytest
 
-from app.teaching.frames import frame_store, live_frames
+from app.teaching.frames import frame_store, live_frames, staging
 from app.teaching.frames.frame_archive import add_archive, exported
 from app.teaching.frames.frame_store import FrameStore, Upload
 from app.teaching.frames.live_frames import LiveFrames
@@ -121,7 +121,8 @@ def test_a_full_disk_leaves_no_half_of_a_frame(
     def full(path: Path, data: bytes) -> None:
         raise StorageFailed(f"{path} cannot be written: No space left on device")
 
-    monkeypatch.setattr(frame_store, "write_whole", full)
+    for writer in (staging, frame_store):
+        monkeypatch.setattr(writer, "write_whole", full)
     with pytest.raises(StorageFailed, match="No space left"):
         store.add_frame(frame_at(5.0, brightness=40), "drive")
     with pytest.raises(StorageFailed):
@@ -211,7 +212,8 @@ def test_a_class_of_an_annotation_that_was_not_stored_is_none(
         raise StorageFailed(f"{path} cannot be written: No space left on device")
 
     with monkeypatch.context() as context:
-        context.setattr(frame_store, "write_whole", full)
+        for writer in (staging, frame_store):
+            context.setattr(writer, "write_whole", full)
         with pytest.raises(StorageFailed):
             store.annotate("000001", block_of("shoe"))
         with pytest.raises(StorageFailed):
@@ -443,7 +445,7 @@ def test_of_an_archive_that_cannot_be_stored_whole_nothing_stays(
         write_whole(path, data)
 
     with archive_of(store, "shoe", "bag", "cup") as archive:
-        monkeypatch.setattr(frame_store, "write_whole", full)
+        monkeypatch.setattr(staging, "write_whole", full)
         with pytest.raises(StorageFailed, match="No space left"):
             add_archive(other, archive)
     assert [one.id for one in other.all()] == ["000001"] == names_after_a_start(other)
@@ -462,7 +464,7 @@ def test_the_first_archive_leaves_no_classes_behind_where_it_cannot_be_stored(
         write_whole(path, data)
 
     with archive_of(store, "shoe", "bag") as archive, monkeypatch.context() as patched:
-        patched.setattr(frame_store, "write_whole", full)
+        patched.setattr(staging, "write_whole", full)
         with pytest.raises(StorageFailed, match="No space left"):
             add_archive(other, archive)
     again = FrameStore(other.folder)
