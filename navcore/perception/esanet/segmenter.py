@@ -32,7 +32,8 @@ class NetworkSegmenter:
     """A `Segmenter` on a network, run by any engine.
 
     A class of the network stands for the entry of the beware list with the same name, ignoring
-    case, or with the name that `aliases` (network class → entry) gives it.
+    case, or else for the one with the name that `aliases` (network class → entry) gives it. Several
+    classes may stand for one entry.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class NetworkSegmenter:
         self.identity = identity if inference.has_features else ""
         self._inference, self._config = inference, config
         self._entry_names = _entry_names(class_names, aliases or {})
+        self._known = {name for names in self._entry_names for name in names}
         self._depth, self._size, self._prepare = depth, size, Preprocessor(size, depth)
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
@@ -85,8 +87,9 @@ class NetworkSegmenter:
         return describe(frame, features)
 
     def source_of(self, entry: BewareClass) -> LabelSource:
-        """Return whether the network has a class for an entry, or features for its prototype."""
-        if entry.detected_as.casefold() in self._entry_names:
+        """Return whether the network has a class for an entry, or features for its prototype; a
+        class by alias also where an entry of the class's own name is listed and takes it."""
+        if entry.detected_as.casefold() in self._known:
             return LabelSource.NETWORK
         return LabelSource.PROTOTYPE if self._has_prototype(entry) else LabelSource.NOTHING
 
@@ -106,15 +109,19 @@ class NetworkSegmenter:
         """Return the class ids (C,) of the beware list by network output; the first of two entries
         with one name counts."""
         ids = {entry.detected_as.casefold(): entry.class_id for entry in reversed(beware.classes)}
-        return np.array([ids.get(name, NOTHING) for name in self._entry_names], dtype=np.uint8)
+        found = [ids.get(own, ids.get(alias, NOTHING)) for own, alias in self._entry_names]
+        return np.array(found, dtype=np.uint8)
 
 
-def _entry_names(class_names: tuple[str, ...], aliases: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the names of the outputs on the beware list, case-folded."""
+def _entry_names(
+    class_names: tuple[str, ...], aliases: Mapping[str, str]
+) -> tuple[tuple[str, str], ...]:
+    """Return the names that the outputs may have on the beware list, case-folded: their own, which
+    goes before, and the alias, the same where there is none."""
     for name in aliases:
         if name not in class_names:
             raise BadConfiguration(
                 f"ESANet: alias of {name!r:.60}, which is no class of the network: "
                 f"{', '.join(class_names)}"
             )
-    return tuple(aliases.get(name, name).casefold() for name in class_names)
+    return tuple((name.casefold(), aliases.get(name, name).casefold()) for name in class_names)

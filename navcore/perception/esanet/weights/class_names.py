@@ -71,11 +71,5 @@ ALIASES = {
 
 
 def aliases_for(class_names: tuple[str, ...]) -> dict[str, str]:
-    """Return the aliases of a network's classes, without those whose entry is a class of the
-    network itself."""
-    known = {name.casefold() for name in class_names}
-    return {
-        name: ALIASES[name.casefold()]
-        for name in class_names
-        if name.casefold() in ALIASES and ALIASES[name.casefold()] not in known
-    }
+    """Return the aliases of a network's classes."""
+    return {name: ALIASES[name.casefold()] for name in class_names if name.casefold() in ALIASES}

@@ -30,7 +30,11 @@ from navcore.perception.esanet.network.preprocess import (
     to_tensors,
 )
 from navcore.perception.esanet.segmenter import NetworkSegmenter
-from navcore.perception.esanet.weights.class_names import NYUV2_CLASSES, SUNRGBD_CLASSES
+from navcore.perception.esanet.weights.class_names import (
+    NYUV2_CLASSES,
+    SUNRGBD_CLASSES,
+    aliases_for,
+)
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard, load, save
 from navcore.perception.labels import LabelSource, Segmenter
 from navcore.perception.prototype import background_of, example_of, fitted
@@ -132,9 +136,31 @@ def test_an_unlisted_class_is_nothing_and_a_disabled_one_is_labelled_anyway() ->
 
 def test_an_alias_gives_a_class_of_the_network_the_lists_name() -> None:
     segmenter = EsaNetSegmenter(trained(), size=WORKING, aliases={"wall": "Cable", "cup": "cable"})
-    found = segmenter.segment(FRAME, LIST).class_ids
+    without_cup = BewareList(classes=tuple(one for one in LIST.classes if one is not CUP))
+    found = segmenter.segment(FRAME, without_cup).class_ids
     plain = EsaNetSegmenter(trained(), size=WORKING).segment(FRAME, LIST).class_ids
     np.testing.assert_array_equal(found == 4, (plain == NOTHING) | (plain == 9))
+
+
+def test_the_own_name_of_a_class_goes_before_its_alias() -> None:
+    segmenter = EsaNetSegmenter(trained(), size=WORKING, aliases={"wall": "cable"})
+    wall = BewareClass(name="Wall", class_id=11)
+    found = segmenter.segment(FRAME, BewareList(classes=(*LIST.classes, wall))).class_ids
+    plain = EsaNetSegmenter(trained(), size=WORKING).segment(FRAME, LIST).class_ids
+    np.testing.assert_array_equal(found == 11, plain == NOTHING)
+    assert not (found == 4).any()
+    sources = [segmenter.source_of(entry) for entry in (wall, LIST.classes[3])]
+    assert sources == [LabelSource.NETWORK] * 2
+
+
+def test_two_classes_of_a_network_may_stand_for_one_entry() -> None:
+    aliases = aliases_for(("wall", "Books", "Book"))
+    assert aliases == {"Books": "book"}
+    segmenter = EsaNetSegmenter(trained(), size=WORKING, aliases={"wall": "book"})
+    found = segmenter.segment(FRAME, LIST).class_ids
+    plain = EsaNetSegmenter(trained(), size=WORKING).segment(FRAME, LIST).class_ids
+    np.testing.assert_array_equal(found == 7, (plain == NOTHING) | (plain == 7))
+    assert segmenter.source_of(BOOK) is LabelSource.NETWORK
 
 
 def test_an_alias_of_no_class_is_refused() -> None:
