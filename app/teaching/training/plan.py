@@ -3,7 +3,8 @@
 The images are linked into the folder of the run as a data set, annotated ones only: what is
 deleted or annotated later does not change a run that has begun. A quarter of the frames of a class
 is held back and never trained on, in no later run either, nor after an export and an import: the
-split goes with a frame, and with what shows the same.
+split goes with a frame, and with what shows the same; a held-back frame that shows the same as one
+that was trained on is in no run.
 """
 
 from __future__ import annotations
@@ -117,6 +118,20 @@ def held_back(
     return held
 
 
+def _contradicting(
+    before: Mapping[str, TrainingSplit], near_duplicates: Sequence[Set[str]]
+) -> set[str]:
+    """Return the frames that were held back and show the same as one that was trained on, as an
+    import may bring them: no network is to be judged by them, nor trained on them."""
+    return {
+        one
+        for group in near_duplicates
+        if any(before.get(other) == "train" for other in group)
+        for one in group
+        if before.get(one) == "valid"
+    }
+
+
 def _with_near_duplicates(
     before: Mapping[str, TrainingSplit], groups: Sequence[Set[str]]
 ) -> dict[str, TrainingSplit]:
@@ -145,12 +160,14 @@ def prepare(
     without pixels, `StorageFailed` when the disk is full; then nothing is left of the folder.
     """
     with store.held():
-        frames = [frame for frame in store.all() if frame.annotated]
+        before, near_duplicates = store.splits(), store.near_duplicates()
+        out = _contradicting(before, near_duplicates)
+        frames = [frame for frame in store.all() if frame.annotated and frame.id not in out]
         names = taught_names(frames)
         for name in asked:
             if name.casefold() not in (one.casefold() for one in names):
                 raise Refused(f"{name}: no pixel of any captured frame is annotated as it")
-        held = held_back(frames, store.splits(), store.near_duplicates())
+        held = held_back(frames, before, near_duplicates)
         try:
             _link(folder / DATA_NAME, store.folder, frames, held)
             shutil.copyfile(plan.start_path, folder / START_NAME)

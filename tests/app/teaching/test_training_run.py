@@ -25,10 +25,19 @@ from app.teaching.networks.versions import MODEL_NAME, VersionStore, write_versi
 from app.teaching.training import plan, progress, run
 from app.teaching.training.live_trainings import LiveTrainings
 from app.teaching.training.lock import holder_of
-from app.teaching.training.plan import PLAN_NAME, TrainingPlan, held_back, prepare, read_plan
+from app.teaching.training.plan import (
+    DATA_NAME,
+    PLAN_NAME,
+    TrainingPlan,
+    held_back,
+    prepare,
+    read_plan,
+)
 from app.teaching.training.progress import LOOKS_NAME, PROGRESS_NAME, read_progress
 from app.teaching.training.run import STATE_NAME, Cancelled, TeachingRun
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
+from navcore.learning.data.card import SPLITS
+from navcore.learning.data.dataset import load_dataset
 from navcore.learning.data.images import LabelArray
 from navcore.learning.teaching.class_teaching import ClassTeacher
 from navcore.learning.teaching.taught_rows import Encoded
@@ -317,6 +326,24 @@ def test_a_second_import_of_an_image_does_not_move_it_into_the_other_split(
     assert len(frames.all()) == 8 and len(frames.splits()) == 4
     planned(tmp_path / "taught 2", frames, start)
     assert list(frames.splits().values()) == 2 * ["train", "valid", "train", "train"]
+
+
+def test_what_was_held_back_and_shows_the_same_as_a_trained_frame_is_in_no_run(
+    tmp_path: Path, frames: FrameStore, start: Path
+) -> None:
+    with exported(frames) as before_the_training:
+        planned(tmp_path / "taught 1", frames, start)
+        add_archive(frames, before_the_training)
+    frames.note_splits({"000006": "train"})  # as another console had it
+    groups = frames.near_duplicates()
+    assert {"000002", "000006"} in groups
+    planned(tmp_path / "taught 2", frames, start)
+    data = load_dataset(tmp_path / "taught 2" / DATA_NAME)
+    used = {split: {Path(one[0]).stem for one in data.files[split]} for split in SPLITS}
+    assert used["valid"]
+    assert not any(group & used["train"] and group & used["valid"] for group in groups)
+    assert "000002" not in used["train"] | used["valid"]
+    assert frames.splits()["000002"] == "valid"
 
 
 def test_of_a_class_that_was_only_trained_on_one_frame_is_held_back() -> None:
