@@ -12,6 +12,7 @@ measured), labels are `.npy` uint8: 0 = void, else class + 1.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -92,6 +93,14 @@ class Dataset:
         labels = read_labels(path)
         check_labels(labels, len(self.card.class_names), str(path))
         return labels
+
+    def labels_digest(self) -> str:
+        """Return a SHA-256 of the lists and of the bytes of all label files, hexadecimal; raises
+        `BadConfiguration`."""
+        digest = hashlib.sha256(json.dumps(self.files, sort_keys=True).encode())
+        for path in (files[2] for split in SPLITS for files in self.files[split]):
+            digest.update(hashlib.sha256(read_bytes(_inside(self.folder, path))).digest())
+        return digest.hexdigest()
 
 
 def load_dataset(

@@ -4,6 +4,7 @@ identically where its images are those of a data set."""
 from __future__ import annotations
 
 import dataclasses
+import logging
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,7 @@ from navcore.toml_config import from_table
 
 MAX_STATE_BYTES = 8 << 30
 _FORMAT = "bewarenav-training-1"
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +53,9 @@ class RunState:
     """Number of the saved epoch; 0 before the first."""
     best_miou: float = -1.0
     """Of that epoch."""
+    labels: str = ""
+    """Lists and labels of the data set: `Dataset.labels_digest`; empty in the state of an earlier
+    release."""
 
 
 def write_state(path: Path, state: RunState) -> None:
@@ -77,10 +82,12 @@ def write_state(path: Path, state: RunState) -> None:
         ) from error
 
 
-def read_state(path: Path, identity: str) -> RunState:
+def read_state(path: Path, identity: str, labels: str) -> RunState:
     """Read a state of the same recipe and data without executing the file's content.
 
-    Raises `BadConfiguration` for a file of another run, and for a damaged or foreign one.
+    Raises `BadConfiguration` for a file of another run, for labels that were edited since, and for
+    a damaged or foreign file. The state of an earlier release does not tell its labels, and takes
+    `labels`.
     """
     try:
         if path.stat().st_size > MAX_STATE_BYTES:
@@ -95,12 +102,20 @@ def read_state(path: Path, identity: str) -> RunState:
         raise BadConfiguration(
             f"{path}: the training cannot be resumed: {type(error).__name__}: {error!s:.200}"
         ) from None
+    if known and "labels" not in content:
+        log.warning("%s: is of an earlier release; edits of the labels since are not noticed", path)
+        content["labels"] = labels
     if not known or set(content) != set(RunState.__slots__):
         raise BadConfiguration(f"{path}: not the state of a training run of this version")
     if content["identity"] != identity:
         raise BadConfiguration(
             f"{path}: is of a run with another recipe or other data; resume it with the same, "
             "or train elsewhere"
+        )
+    if content["labels"] != labels:
+        raise BadConfiguration(
+            f"{path}: the labels of the data set, or its lists, were edited since; resume it with "
+            "those of before, or train elsewhere"
         )
     content["history"] = [
         from_table(Epoch, epoch, f"{path}: history") for epoch in content["history"]

@@ -148,7 +148,9 @@ class Training:
         self._class_weights = (
             torch.from_numpy(class_weights(recipe, dataset)).float().to(machine.device)
         )
-        self.state = RunState(identity=self.identity, network={}, optimiser={})
+        self.state = RunState(
+            identity=self.identity, network={}, optimiser={}, labels=dataset.labels_digest()
+        )
         if recipe.averaging:
             self.state.average = {
                 key: value.clone() for key, value in self.network.state_dict().items()
@@ -156,7 +158,7 @@ class Training:
 
     def resume(self) -> None:
         """Continue the interrupted run in this folder; at most one epoch is lost."""
-        self.state = read_state(self.out / STATE_NAME, self.identity)
+        self.state = read_state(self.out / STATE_NAME, self.identity, self.state.labels)
         self.network.load_state_dict(self.state.network)
         self._optimiser.load_state_dict(self.state.optimiser)
         self.state.average = {

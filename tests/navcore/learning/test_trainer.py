@@ -8,6 +8,7 @@ import itertools
 import multiprocessing
 import os
 import pickle
+import shutil
 import socket
 from pathlib import Path
 
@@ -177,6 +178,39 @@ def test_runs_that_cannot_be_are_refused(tmp_path: Path) -> None:
             tmp_path / "d",
             tmp_path / "out",
         ).run()
+
+
+def test_a_run_is_not_resumed_on_edited_labels_but_on_a_copy(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    dataset, out = data_set(tmp_path / "d"), tmp_path / "out"
+    recipe = tiny_recipe(epochs=1)
+    begun(recipe, tmp_path / "d", out).run()
+    copy = shutil.copytree(tmp_path / "d", tmp_path / "copy", copy_function=shutil.copyfile)
+    begun(recipe, copy, out).resume()
+    path = copy / dataset.files["train"][0][2]
+    labels = np.load(path)
+    labels[0, 0] = 1 - min(labels[0, 0], 1)
+    np.save(path, labels)
+    with pytest.raises(BadConfiguration, match="labels of the data set, or its lists, were edited"):
+        begun(recipe, copy, out).resume()
+    assert not caplog.messages
+
+    state = torch.load(out / STATE_NAME, weights_only=True)
+    del state["labels"]  # as earlier releases wrote it
+    torch.save(state, out / STATE_NAME)
+    edited = begun(recipe, copy, out)
+    edited.resume()
+    assert "is of an earlier release" in caplog.text
+    assert edited.state.labels == load_dataset(copy).labels_digest()
+
+
+def test_another_order_of_the_images_is_another_data_set(tmp_path: Path) -> None:
+    before = data_set(tmp_path / "d").labels_digest()
+    for kind in ("rgb", "depth", "label"):
+        path = tmp_path / "d" / f"train_{kind}.txt"
+        path.write_text("".join(reversed(path.read_text().splitlines(keepends=True))))
+    assert load_dataset(tmp_path / "d").labels_digest() != before
 
 
 def test_the_state_of_another_run_is_refused(tmp_path: Path) -> None:
