@@ -31,7 +31,7 @@ from navcore.perception.esanet.network.preprocess import Size
 STEPS = 500
 """Number of batches of an epoch."""
 PATIENCE_S = 120.0
-"""Time in seconds without a first image after which the processes are taken to have failed."""
+"""Time in seconds without an image after which the processes are taken to have failed."""
 WAIT_S = 0.5
 """Time in seconds after which a process or thread that waits looks whether it shall end."""
 ENDING_S = 30.0
@@ -150,14 +150,16 @@ class RenderedBatches:
             process.terminate()
 
     def batches(self, epoch: int) -> Iterator[Batch]:
-        """Return the batches of an epoch; before the first, wait for images of each size. Raises
-        `BadConfiguration` where no process renders any more, and where the images cannot be kept.
-        """
-        while not all(pool.count for pool in self._pools.values()):
-            self._arrived.clear()
+        """Return the batches of an epoch; before the first, wait for images of each size, before
+        a later one for any that came since. Raises `BadConfiguration` where no image comes, where
+        no process renders any more, and where the images cannot be kept."""
+        is_waiting = True
+        while is_waiting:
             self._check_thread()
             if not self._arrived.wait(PATIENCE_S):
                 raise BadConfiguration(f"--rendered: no image came within {PATIENCE_S:.0f} s")
+            self._arrived.clear()
+            is_waiting = not all(pool.count for pool in self._pools.values())
         if not any(process.is_alive() for process in self._processes):
             raise BadConfiguration(
                 "--rendered: all processes that render have ended; if memory is short, "

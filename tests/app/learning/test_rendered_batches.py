@@ -84,7 +84,8 @@ def test_no_image_is_replaced_while_windows_are_cut(
     batches: RenderedBatches, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (pool,) = batches._pools.values()
-    pool.add(pooled())
+    batches._queue.put((0, pooled()))
+    assert batches._arrived.wait(30.0)
     added = threading.Event()
     cut = pool.windows
     monkeypatch.setattr(pool, "add", lambda images: added.set())
@@ -106,6 +107,19 @@ def test_an_error_of_the_thread_that_keeps_the_images_ends_the_training(
     batches._queue.put((0, wrong))
     with pytest.raises(BadConfiguration, match="cannot be kept"):
         next(batches.batches(1))
+
+
+def test_no_epoch_begins_without_an_image_since_the_last_one(
+    batches: RenderedBatches, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    batches._queue.put((0, pooled()))
+    next(batches.batches(1))
+    monkeypatch.setattr(rendered_batches, "PATIENCE_S", 0.01)
+    with pytest.raises(BadConfiguration, match="no image came within"):
+        next(batches.batches(2))
+    batches._queue.put((0, pooled()))
+    assert batches._arrived.wait(30.0)
+    next(batches.batches(3))
 
 
 class CannotBeRead:
