@@ -327,7 +327,7 @@ class FrameStore:
         with contextlib.suppress(OSError, StorageFailed):
             if is_first and not self._open():
                 (self.folder / CARD_NAME).unlink(missing_ok=True)
-            else:
+            elif added:
                 self._publish()  # the lists may name them already
 
     def _refuse_when_full(self) -> None:
