@@ -149,9 +149,9 @@ class LiveOperations:
         )
         self._back_off = BackOff(
             controller,
-            drive=self.drive,
+            drive=self._driving,
+            resume=lambda intent: self._after("resume", intent),
             pose=lambda: recorder.pose,
-            resume=lambda: self.mission("resume"),
         )
         self.map_edits = self._map_editor()
         self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits, self.path_settings))
@@ -370,47 +370,42 @@ class LiveOperations:
 
     def mission(self, action: MissionAction) -> None:
         """Apply a transition of the mission."""
+        self._controller.change(lambda intent: self._after(action, intent))
 
-        def edit(intent: OperatorState) -> OperatorState:
-            require_meant_site()
-            if intent.stopped_by is not None and action in ("start", "resume", "leave"):
-                raise Refused(
-                    f"the emergency stop by {intent.stopped_by} is latched; reset it first"
-                )
-            if action in ("start", "resume"):
-                require_known(self._controller.place)
-            mission = intent.mission
-            drives = mission.phase in MOVING or mission.goes_on
-            # A robot that looks for its place, or backs off, can be paused without a mission.
-            moves = intent.searching or self._back_off.is_running
-            if action != "pause" or drives or not moves:
-                mission = TRANSITIONS[action](mission)
-            # Without its command, a robot that backs off ends that: its next one would pause the
-            # mission again.
-            return dataclasses.replace(
-                intent, mission=mission, search=PlaceSearch.NONE, by_hand=None
-            )
-
-        self._controller.change(edit)
+    def _after(self, action: MissionAction, intent: OperatorState) -> OperatorState:
+        """Return the operator's state after a transition of the mission."""
+        require_meant_site()
+        if action in ("start", "resume", "leave"):
+            _require_released(intent)
+        if action in ("start", "resume"):
+            require_known(self._controller.place)
+        mission = intent.mission
+        drives = mission.phase in MOVING or mission.goes_on
+        # A robot that looks for its place, or backs off, can be paused without a mission.
+        moves = intent.searching or self._back_off.is_running
+        if action != "pause" or drives or not moves:
+            mission = TRANSITIONS[action](mission)
+        # Without its command, a robot that backs off ends that.
+        return dataclasses.replace(intent, mission=mission, search=PlaceSearch.NONE, by_hand=None)
 
     def drive(self, twist: Twist | None) -> None:
         """Drive by hand for the lifetime of a command; a driving mission is paused and stays so."""
-        if twist is None:
-            self._controller.change(lambda intent: dataclasses.replace(intent, by_hand=None))
-            return
-        command = Command(twist=twist, stamp_ns=self._robot.now_ns())
+        self._controller.change(self._driving(twist))
+
+    def _driving(self, twist: Twist | None) -> Callable[[OperatorState], OperatorState]:
+        """Return the edit by which an operator drives by hand, as of now."""
+        command = None if twist is None else Command(twist=twist, stamp_ns=self._robot.now_ns())
 
         def edit(intent: OperatorState) -> OperatorState:
-            if intent.stopped_by is not None:
-                raise Refused(
-                    f"the emergency stop by {intent.stopped_by} is latched; reset it first"
-                )
+            if command is None:
+                return dataclasses.replace(intent, by_hand=None)
+            _require_released(intent)
             mission = intent.mission.pause() if intent.mission.phase in MOVING else intent.mission
             return dataclasses.replace(
                 intent, by_hand=command, mission=mission, search=PlaceSearch.NONE
             )
 
-        self._controller.change(edit)
+        return edit
 
     def keep_run(self) -> None:
         """Store what the present run has come to, for the case that the console does not end in
@@ -497,6 +492,12 @@ class LiveOperations:
     def run(self, run_id: str) -> Mapping[str, Any]:
         """Return the whole report of a run."""
         return self._store.run(run_id)
+
+
+def _require_released(intent: OperatorState) -> None:
+    """Raise `Refused` while the emergency stop is latched."""
+    if intent.stopped_by is not None:
+        raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
 
 
 def _length_m(decision: TickResult | None) -> float | None:
