@@ -294,7 +294,9 @@ class RobotController:
         if state is LocalisationState.LOST or (was_known and not self._was_located):
             # The robot never goes on by itself: where it is then is for the operator to see.
             self.change_mission(
-                lambda mission: mission.pause() if mission.phase in MOVING else mission
+                lambda mission: (
+                    mission.pause() if mission.phase in MOVING or mission.goes_on else mission
+                )
             )
         # At a viewpoint before a gap the robot has not arrived at the goal.
         on_path = decision.route is not None and decision.route.reaches_goal

@@ -23,7 +23,7 @@ from navcore.localisation.estimate import LocalisationEstimate, LocalisationStat
 from navcore.localisation.localisation import Localisation
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.erasing import Erasable
-from navcore.mission.mission import Mission
+from navcore.mission.mission import Goal, Mission, Phase
 from navcore.navigator import Stages
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause
@@ -230,6 +230,14 @@ def lost_robot() -> RobotController:
     driver = controller(stages=Stages(localise=lost))
     think(driver)
     return driver
+
+
+def test_a_mission_does_not_go_on_after_backing_off_once_the_place_was_lost() -> None:
+    driver = lost_robot()
+    goal = Goal(id=1, x_m=3.0, y_m=0.0)
+    driver.change_mission(lambda _: Mission(phase=Phase.DRIVING, queue=(goal,)).interrupt())
+    think(driver, picture(stamp_ns=2 * SECOND))
+    assert driver.intent.mission == Mission(phase=Phase.PAUSED, queue=(goal,))
 
 
 def test_a_robot_that_turns_slowly_turns_round_all_the_same() -> None:
