@@ -42,8 +42,9 @@ class BackOff:
         wait: Callable[[threading.Event], bool] = lambda ended: ended.wait(PERIOD_S),
     ) -> None:
         """`drive` gives the edit of an operator who drives by hand now, `resume` is that of one who
-        goes on with a paused mission; `pose` gives the present pose; `wait` waits for the next
-        command and returns whether to end."""
+        goes on with a paused mission; `pose` gives the pose by odometry, or raises `Refused`
+        where that is not known at present; `wait` waits for the next command and returns whether
+        to end."""
         self._holder, self._drive, self._resume = holder, drive, resume
         self._pose, self._wait = pose, wait
         self._ended = threading.Event()

@@ -42,6 +42,7 @@ from app.teaching.networks.live_networks import Compose
 from app.teaching.networks.versions import START
 from app.teaching.service import DEFAULT_CHOICE, LiveTeaching
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.localisation.fixes import TagMap
@@ -151,7 +152,7 @@ class LiveOperations:
             controller,
             drive=self._driving,
             resume=lambda intent: self._after("resume", intent),
-            pose=lambda: recorder.pose,
+            pose=self._odometry,
         )
         self.map_edits = self._map_editor()
         self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits, self.path_settings))
@@ -415,6 +416,15 @@ class LiveOperations:
     def back_off(self) -> None:
         """Drive half a metre straight back; a driving mission goes on afterwards."""
         self._back_off.start()
+
+    def _odometry(self) -> Pose2:
+        """Return the pose by odometry of the newest image, which waits for no tick; raises
+        `Refused` where the images have stopped."""
+        frame = self._robot.newest_frame()
+        life_ns = DEFAULT_SAFETY.gate.frame_life_ns
+        if frame is None or self._robot.now_ns() - frame.stamp_ns > life_ns:
+            raise Refused("the camera sends no images; without them the robot does not back off")
+        return frame.pose
 
     def close(self) -> None:
         """End the threads of this object."""

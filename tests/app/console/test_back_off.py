@@ -28,7 +28,7 @@ class Robot:
         self.intent = OperatorState(mission=mission, beware=BewareList(classes=()))
         self.x_m, self.steps, self.moves = 0.0, 0, moves
         self.at_step, self.before_change = dict[int, Action](), dict[int, Action]()
-        self.going_on = threading.Event()
+        self.is_blind, self.going_on = False, threading.Event()
         self.going_on.set()
 
     def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
@@ -61,6 +61,11 @@ class Robot:
         """Latch the emergency stop."""
         self.intent = dataclasses.replace(self.intent, stopped_by="key", by_hand=None)
 
+    def odometry(self) -> Pose2:
+        if self.is_blind:
+            raise Refused("the camera sends no images")
+        return Pose2(x_m=self.x_m, y_m=0.0, yaw_rad=0.0)
+
     def wait(self, ended: threading.Event) -> bool:
         self.going_on.wait(30.0)
         self.steps += 1
@@ -73,7 +78,7 @@ class Robot:
             self,
             drive=self.driving,
             resume=self.resumed,
-            pose=lambda: Pose2(x_m=self.x_m, y_m=0.0, yaw_rad=0.0),
+            pose=self.odometry,
             wait=self.wait,
         )
 
@@ -115,6 +120,14 @@ def test_a_stop_and_the_hand_of_an_operator_end_it() -> None:
     assert backed_off(driven).steps == 3
     assert driven.intent.by_hand is not None
     assert driven.intent.by_hand.twist == ahead, "the operator's command stays"
+
+
+def test_it_ends_when_the_images_stop() -> None:
+    robot = Robot()
+    robot.at_step[3] = lambda: setattr(robot, "is_blind", True)
+    assert backed_off(robot).steps == 3
+    assert robot.intent.by_hand is None
+    assert robot.intent.mission.phase is Phase.PAUSED and not robot.intent.mission.goes_on
 
 
 def test_it_is_refused_while_it_goes_on_and_while_the_stop_is_latched() -> None:
