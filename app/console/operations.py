@@ -324,6 +324,7 @@ class LiveOperations:
             summary=status_message(intent, decision, reasons, moving=moving, by_hand=by_hand),
             stop_latched=intent.stopped_by is not None or self._controller.sensors_in_doubt,
             stop_pressed=intent.stopped_by is not None,
+            stops=intent.stops,
             stop_warning=self._stop_warning(),
             reasons=reasons,
             pose=self._recorder.pose,
@@ -431,20 +432,17 @@ class LiveOperations:
         self._back_off.stop()
         self.teaching.close()
 
-    def stop(self, source: str) -> bool:
-        """Latch the emergency stop and pause the mission in one step; return whether it was not
-        latched before."""
-        was_latched = False
+    def stop(self, source: str) -> None:
+        """Latch the emergency stop and pause the mission in one step."""
 
         def edit(intent: OperatorState) -> OperatorState:
-            nonlocal was_latched
-            was_latched = intent.stopped_by is not None
             mission = intent.mission
             if mission.phase in MOVING or mission.goes_on:
                 mission = mission.pause()
             return dataclasses.replace(
                 intent,
                 stopped_by=intent.stopped_by or source,
+                stops=intent.stops + 1,
                 mission=mission,
                 by_hand=None,
                 search=PlaceSearch.NONE,
@@ -453,13 +451,15 @@ class LiveOperations:
         self._controller.change(edit)
         # The command thread would send this within its period; the wheels need not wait for it.
         self._robot.send(STANDSTILL)
-        return not was_latched
 
-    def reset_stop(self) -> None:
+    def reset_stop(self, stops: int | None = None) -> None:
         """Release the emergency stop, and accept the pose if odometry has jumped, and the camera's
-        clock; the mission stays paused."""
+        clock; the mission stays paused. `stops`: number of stops that the operator has seen; raises
+        `Refused` after a newer one."""
 
         def edit(intent: OperatorState) -> OperatorState:
+            if stops not in (None, intent.stops):
+                raise Refused("the stop was pressed again meanwhile; look why, then reset it")
             doubted = self._controller.sensors_in_doubt and intent.mission.phase in MOVING
             return dataclasses.replace(
                 intent,

@@ -43,6 +43,8 @@ class OperatorState:
     """Zones in force, in the order in which they were first stored."""
     stopped_by: str | None = None
     """Source of the latched emergency stop; None when it is not latched."""
+    stops: int = 0
+    """Number of emergency stops since the start, also of those while one was latched."""
     by_hand: Command | None = None
     """Newest command of teleoperation; None when there is none."""
     search: PlaceSearch = PlaceSearch.NONE

@@ -64,6 +64,22 @@ def test_poses_that_were_meant_for_the_map_of_another_site_are_not_corrected(
     assert not controller._requests.poses
 
 
+def test_a_reset_releases_no_stop_that_its_sender_has_not_seen(
+    operations: LiveOperations,
+) -> None:
+    operations.stop("key of A")
+    seen = operations.state().stops
+    operations.stop("key of B")
+    with pytest.raises(Refused, match="pressed again"):
+        operations.reset_stop(seen)
+    assert operations.state().stop_pressed
+    operations.reset_stop(seen + 1)
+    assert not operations.state().stop_pressed
+    operations.stop("key of B")
+    operations.reset_stop()
+    assert not operations.state().stop_pressed
+
+
 def show(operations: LiveOperations, *, x_m: float = 0.0, age_s: float = 0.0) -> None:
     """Let the camera send an image, by which no tick runs."""
     robot = operations._robot

@@ -169,8 +169,8 @@ async def _receive(
             renew()
         if isinstance(received, StopMessage):
             by = stop_label(received.by, "console")
-            if session.operations.stop(stop_source(session.visitor, by)):
-                _note(auditor, session.visitor, f"stop?by={by}")
+            session.operations.stop(stop_source(session.visitor, by))
+            _note(auditor, session.visitor, f"stop?by={by}")
             session.release()
         control.heartbeat(session.visitor)
         if isinstance(received, DriveMessage) and session.visitor.role.may(Role.OPERATOR):
