@@ -255,6 +255,7 @@ def console(
         stack.callback(keeper.stop)
         operations.insight.start()
         stack.callback(operations.insight.stop)
+        stack.callback(controller.finish_edits)  # when loop and server have stopped
         loop = ControlLoop(
             robot,
             controller,

@@ -436,14 +436,11 @@ class LiveOperations:
         """Latch the emergency stop and pause the mission in one step."""
 
         def edit(intent: OperatorState) -> OperatorState:
-            mission = intent.mission
-            if mission.phase in MOVING or mission.goes_on:
-                mission = mission.pause()
             return dataclasses.replace(
                 intent,
                 stopped_by=intent.stopped_by or source,
                 stops=intent.stops + 1,
-                mission=mission,
+                mission=intent.mission.halt(),
                 by_hand=None,
                 search=PlaceSearch.NONE,
             )

@@ -177,6 +177,12 @@ class RobotController:
         with self._lock:
             self._ask(edits=(*self._requests.edits, edit))
 
+    def finish_edits(self) -> None:
+        """Do what was asked of the map, when no tick will come that does it."""
+        with self._lock:
+            requests, self._requests = self._requests, MapRequests()
+        requests.apply(self.navigator, None)
+
     def place_robot(
         self, T_map_base: Pose2, covariance: Matrix, *, site_id: str | None = None
     ) -> None:
@@ -310,11 +316,7 @@ class RobotController:
         self._was_located = decision.place.is_known
         if state is LocalisationState.LOST or (was_known and not self._was_located):
             # The robot never goes on by itself: where it is then is for the operator to see.
-            self.change_mission(
-                lambda mission: (
-                    mission.pause() if mission.phase in MOVING or mission.goes_on else mission
-                )
-            )
+            self.change_mission(Mission.halt)
         # At a viewpoint before a gap the robot has not arrived at the goal.
         on_path = decision.route is not None and decision.route.reaches_goal
         if (
@@ -488,12 +490,8 @@ class RobotController:
         return self._verdict(now_ns, 0.0).reasons
 
     def _verdict(self, now_ns: int, period_s: float) -> GateDecision:
-        intent, tick_state, watched, began_ns = (
-            self._intent,
-            self._tick_state,
-            self._watched,
-            now_ns,
-        )
+        intent, tick_state = self._intent, self._tick_state
+        watched, began_ns = self._watched, now_ns
         hand = self._limited(self.hand(now_ns))
         # A command decided before the newest change of the operator's state is void; the next tick
         # decides for the new one.
