@@ -50,8 +50,9 @@ from web.viewer.viewer import Viewer
 log = logging.getLogger(__name__)
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-MAX_MESSAGE_BYTES = 2_000_000
-"""Largest websocket message from a browser in bytes; messages to browsers may be larger."""
+MAX_MESSAGE_BYTES = 500_000
+"""Largest websocket message from a browser in bytes, an explained path with all that it passes;
+messages to browsers may be larger."""
 START_S, STOP_S = 60.0, 5.0
 """Time limits of start and stop, seconds."""
 _ABOUT = """Operate the robot: goals, mission, zones, beware list, emergency stop; read map, path,

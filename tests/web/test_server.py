@@ -28,7 +28,7 @@ from app.bench.console.viser_client import SUBPROTOCOL, camera, names_in
 from navcore.errors import BadConfiguration
 from tests.web.fake_operations import FakeOperations
 from web.port import PortInUse, reserve
-from web.server import ConsoleServer
+from web.server import MAX_MESSAGE_BYTES, ConsoleServer
 from web.viewer.viewer import Viewer
 
 PAGE = "0123456789abcdef"
@@ -357,7 +357,14 @@ def test_a_draft_is_drawn_for_its_own_viewer_and_goes_with_the_page(server: Cons
 
 @pytest.mark.parametrize(
     "message",
-    ["", "[]", "[" * 50_000, '{"type":"draft","corners":[[NaN,0]]}', '{"type":"look","at":"moon"}'],
+    [
+        "",
+        "[]",
+        "[" * 50_000,
+        " " * MAX_MESSAGE_BYTES + '{"type":"look","at":"top"}',
+        '{"type":"draft","corners":[[NaN,0]]}',
+        '{"type":"look","at":"moon"}',
+    ],
 )
 def test_a_page_that_sends_nonsense_is_cut_off(server: ConsoleServer, message: str) -> None:
     with connect(server.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}", proxy=None) as page:

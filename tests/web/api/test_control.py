@@ -11,7 +11,7 @@ from typing import Any
 
 import httpx
 import pytest
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
@@ -20,7 +20,7 @@ from navcore.geometry.transform import Twist
 from navcore.mission.mission import Phase
 from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
-from web.api.mission.control import MAX_DELAY_S, MAX_LATE, TeleopSession
+from web.api.mission.control import MAX_DELAY_S, MAX_LATE, MAX_TEXT, TeleopSession
 from web.auth.access import Access
 from web.auth.authenticator import AnonymousAuthenticator
 from web.auth.control_lease import PAGE_LEASE_S, ControlLeases
@@ -198,6 +198,7 @@ def test_an_operator_whose_velocities_all_come_too_late_is_told_so_once() -> Non
         "[]",
         '{"type":"drive","v_mps":NaN,"w_radps":0,"t_ms":0}',
         '{"type":"drive","v_mps":99,"w_radps":0,"t_ms":0}',
+        '{"type":"here"}' + " " * MAX_TEXT,
     ],
 )
 def test_a_hand_that_speaks_nonsense_is_cut_off(
@@ -209,6 +210,29 @@ def test_a_hand_that_speaks_nonsense_is_cut_off(
             for _ in range(20):
                 page.recv(timeout=60)
     assert operations.hands == []
+
+
+def test_one_visitor_has_so_many_connections_and_takes_none_from_another(
+    locked: ConsoleServer, accounts: Accounts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("web.gateway.guard.MAX_SOCKETS", 2)
+
+    def connected(who: str) -> Connection:
+        return live(locked, Authorization=f"Bearer {accounts.tokens[who]}")
+
+    def is_refused() -> bool:
+        try:
+            with connected("viewer"):
+                return False
+        except InvalidStatus:
+            return True
+
+    with connected("viewer"):
+        with connected("viewer"):
+            assert is_refused()
+            with connected("operator"):
+                pass
+        eventually(lambda: not is_refused())
 
 
 @pytest.mark.parametrize("action", ["start", "leave"])

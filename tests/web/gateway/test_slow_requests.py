@@ -28,6 +28,8 @@ from web.gateway.pooled_route import LARGE_BYTES, _Arrived
 from web.gateway.problems import JsonResponse
 from web.schemas.zones import ZoneImportIn
 from web.server import ConsoleServer
+from web.viewer.messages import PageMessage
+from web.viewer.viewer import Viewer
 
 TAG = {"id": 12, "x_m": 3, "y_m": 0, "z_m": 1, "yaw_rad": 0, "size_m": 0.2, "sigma_m": 0.02}
 
@@ -113,12 +115,13 @@ def test_a_stop_gets_through_while_the_disk_keeps_the_file_of_an_upload_waiting(
         client.post("/api/v1/teach/networks?name=mine", content=b"weights")
 
 
-def test_a_stop_gets_through_while_the_3d_view_works_on_a_message_of_its_page(
-    server: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("slow", "name"), [(Viewer, "receive"), (PageMessage, "validate_json")])
+def test_a_stop_gets_through_while_the_3d_view_reads_or_follows_a_message_of_its_page(
+    slow: Any, name: str, server: ConsoleServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link = server.url.replace("http", "ws") + f"/api/v1/viewer/{'a' * 16}"
     with (
-        stopped_within(server._viewer, "receive", server, monkeypatch),
+        stopped_within(slow, name, server, monkeypatch),
         connect(link, proxy=None) as page,
     ):
         page.send(json.dumps({"type": "draft", "mode": "goal", "corners": [], "path": []}))
