@@ -249,6 +249,22 @@ def test_an_upgrade_from_another_page_is_refused(
         assert refused.value.response.status_code == 403
 
 
+@pytest.mark.parametrize("headers", [{}, {"X-Console-Secret": "a guess"}])
+def test_the_port_of_the_3d_view_itself_answers_the_relay_alone(
+    server: ConsoleServer, headers: dict[str, str]
+) -> None:
+    assert server._viewer is not None
+    address = server._viewer.websocket_url
+    with (
+        pytest.raises(InvalidStatus) as refused,
+        connect(address, subprotocols=[SUBPROTOCOL], proxy=None, additional_headers=headers),
+    ):
+        pass
+    assert refused.value.response.status_code == 403
+    page = httpx.get(address.replace("ws", "http"), headers=headers, trust_env=False)
+    assert page.status_code == 403
+
+
 def test_a_viewer_of_another_version_is_refused(server: ConsoleServer) -> None:
     address = server.url.replace("http", "ws") + "/viewer"
     with (
