@@ -22,6 +22,7 @@ from starlette.types import Message
 from websockets.sync.client import connect
 
 import web.schemas.fields
+from navcore.errors import Refused
 from navcore.geometry.transform import Pose2
 from tests.web.fake_operations import FakeOperations
 from web.gateway.pooled_route import LARGE_BYTES, _Arrived
@@ -125,6 +126,37 @@ def test_a_stop_gets_through_while_the_3d_view_reads_or_follows_a_message_of_its
         connect(link, proxy=None) as page,
     ):
         page.send(json.dumps({"type": "draft", "mode": "goal", "corners": [], "path": []}))
+
+
+def test_requests_that_wait_for_one_another_leave_the_pool_to_all_others(
+    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, goes_on, inside = threading.Semaphore(0), threading.Event(), list[int]()
+    read, count = _Arrived.body, 41  # one more than the pool has threads
+
+    async def arrived(request: _Arrived) -> bytes:
+        body = await read(request)
+        if request.url.path.endswith("explain"):
+            begun.release()
+        return body
+
+    def explain() -> None:
+        inside.append(threading.get_ident())
+        assert goes_on.wait(60)
+        raise Refused("a test")
+
+    monkeypatch.setattr(_Arrived, "body", arrived)
+    monkeypatch.setattr(operations.insight, "explain", explain)
+    with ThreadPoolExecutor(count) as pool:
+        asked = [pool.submit(client.get, "/api/v1/explain") for _ in range(count)]
+        try:
+            for _ in range(count):
+                assert begun.acquire(timeout=60)
+            assert client.get("/api/v1/zones", timeout=30).status_code == 200
+            assert len(inside) == 1
+        finally:
+            goes_on.set()
+        assert {one.result(60).status_code for one in asked} == {409}
 
 
 @pytest.mark.parametrize("is_large", [False, True])
