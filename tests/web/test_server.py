@@ -25,7 +25,7 @@ from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
 from app.bench.console.viser_client import SUBPROTOCOL, camera, names_in
-from navcore.errors import BadConfiguration
+from navcore.errors import BadConfiguration, Refused
 from tests.web.fake_operations import FakeOperations
 from web.port import PortInUse, reserve
 from web.server import MAX_MESSAGE_BYTES, ConsoleServer
@@ -153,6 +153,38 @@ def test_a_stop_closes_the_connection_to_a_3d_view_that_does_not_answer(
             while accepted.recv(4096):
                 pass
     gc.collect()
+
+
+def test_a_connection_without_a_request_is_closed_and_one_that_waits_for_its_answer_is_not(
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked, goes_on = threading.Event(), threading.Event()
+
+    def explain() -> None:
+        asked.set()
+        assert goes_on.wait(60)
+        raise Refused("a test")
+
+    monkeypatch.setattr(operations.insight, "explain", explain)
+    address = ("127.0.0.1", int(server.url.rsplit(":", 1)[1]))
+    healthy = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    with ThreadPoolExecutor() as pool, contextlib.ExitStack() as stack:
+        answer = pool.submit(client.get, "/api/v1/explain")
+        stack.callback(goes_on.set)
+        assert asked.wait(60)
+        monkeypatch.setattr("web.server.HEAD_S", 0.0)
+        slow = [socket.create_connection(address, timeout=60) for _ in range(3)]
+        for one, said in zip(slow, (b"", b"GET / HT", healthy + b"GET"), strict=True):
+            stack.enter_context(one).sendall(said)
+        for one in slow:
+            with contextlib.suppress(ConnectionResetError):
+                while one.recv(4096):
+                    pass
+        goes_on.set()
+        assert answer.result(60).status_code == 409
 
 
 def test_a_stop_closes_connections_that_come_meanwhile(operations: FakeOperations) -> None:
