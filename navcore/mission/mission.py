@@ -196,9 +196,9 @@ class Mission:
         return dataclasses.replace(self, phase=Phase.PAUSED)
 
     def halt(self) -> Mission:
-        """Pause if the robot drives, or is about to go on."""
-        moves = self.phase in (Phase.DRIVING, Phase.LEAVING) or self.goes_on
-        return self.pause() if moves else self
+        """Pause if the robot drives, or is about to go on; refuses nothing."""
+        stands = self.pause() if self.phase in (Phase.DRIVING, Phase.LEAVING) else self
+        return dataclasses.replace(stands, goes_on=False)
 
     def interrupt(self) -> Mission:
         """Pause for a manoeuvre of the operator, after which the mission goes on by itself; raises
