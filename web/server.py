@@ -6,10 +6,13 @@ import asyncio
 import logging
 import socket
 import threading
+import time
 from collections.abc import Sequence
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from web.api.audit import audit_router
 from web.api.beware.beware import beware_router
@@ -50,8 +53,11 @@ from web.viewer.viewer import Viewer
 log = logging.getLogger(__name__)
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-MAX_MESSAGE_BYTES = 2_000_000
-"""Largest websocket message from a browser in bytes; messages to browsers may be larger."""
+MAX_MESSAGE_BYTES = 500_000
+"""Largest websocket message from a browser in bytes, an explained path with all that it passes;
+messages to browsers may be larger."""
+HEAD_S = 10.0
+"""Time in which a connection has to send the whole head of its next request, seconds."""
 START_S, STOP_S = 60.0, 5.0
 """Time limits of start and stop, seconds."""
 _ABOUT = """Operate the robot: goals, mission, zones, beware list, emergency stop; read map, path,
@@ -206,11 +212,29 @@ class _Server(uvicorn.Server):
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
         self.up = threading.Event()
+        self._waiting: dict[tuple[Any, Any], float] = {}
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start up and set `up`."""
         await super().startup(sockets)
         self.up.set()
+
+    async def on_tick(self, counter: int) -> bool:
+        """Close the connections that have sent no whole head of a request in time, now and then:
+        each keeps one of the files that the process may open."""
+        if counter % 10 == 0:
+            now, waiting = time.monotonic(), dict[tuple[Any, Any], float]()
+            for one in self.server_state.connections:
+                if isinstance(one, H11Protocol) and (
+                    one.cycle is None or one.cycle.response_complete
+                ):
+                    # By its last request, too: many may come one after another on one connection.
+                    waiting[one, one.cycle] = self._waiting.get((one, one.cycle), now)
+            self._waiting = waiting
+            for (one, _), since in waiting.items():
+                if now - since > HEAD_S:
+                    one.transport.abort()
+        return await super().on_tick(counter)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Shut down, and close the connections of requests that did not end in time."""
@@ -228,6 +252,7 @@ def _config(app: FastAPI, proxy: str | None) -> uvicorn.Config:
         log_level="warning",
         access_log=False,
         lifespan="off",
+        http="h11",
         ws="websockets-sansio",
         ws_per_message_deflate=False,
         ws_max_size=MAX_MESSAGE_BYTES,

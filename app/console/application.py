@@ -8,6 +8,7 @@ import functools
 import logging
 import signal
 import socket
+import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -73,6 +74,8 @@ EXPIRY_S = 1.0
 """Time between two checks of the zones' expiry, seconds."""
 RUN_PERIOD_S = 60.0
 """Time between two looks at a run whose report is stored while it goes on, seconds."""
+MOST_FILES = 65_536
+"""Number of files that may be open at once, as far as the system allows."""
 STOP_FILE = "stopped"
 """File of the data folder that exists while the emergency stop is latched."""
 SIGNAL_S = 0.5
@@ -255,6 +258,7 @@ def console(
         stack.callback(keeper.stop)
         operations.insight.start()
         stack.callback(operations.insight.stop)
+        stack.callback(controller.finish_edits)  # when loop and server have stopped
         loop = ControlLoop(
             robot,
             controller,
@@ -361,6 +365,19 @@ def _controller_of(
     )
 
 
+def allow_many_connections() -> None:
+    """Raise the limit of open files, of which each connection is one, as far as this process may:
+    often it is 1024, which one visitor reaches."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MOST_FILES if hard == resource.RLIM_INFINITY else min(MOST_FILES, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
 def run_console(
     options: ConsoleOptions,
     *,
@@ -368,6 +385,7 @@ def run_console(
     starting: StartingPage | None = None,
 ) -> None:
     """Serve until the process is told to end, which ends a start at once."""
+    allow_many_connections()
     ended, started = threading.Event(), threading.Event()
 
     def end(number: int, _: FrameType | None) -> None:

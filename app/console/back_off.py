@@ -11,12 +11,14 @@ import logging
 import threading
 from collections.abc import Callable
 
-from app.runtime.control.operator_state import StateHolder
+from app.runtime.control.operator_state import OperatorState, StateHolder
 from navcore.errors import BewareNavError, Refused
 from navcore.geometry.transform import Pose2, Twist
-from navcore.mission.mission import Mission, Phase
+from navcore.mission.mission import Phase
+from navcore.robot.driver import Command
 
 log = logging.getLogger(__name__)
+Edit = Callable[[OperatorState], OperatorState]
 DISTANCE_M = 0.5
 """Distance, metres."""
 BACK = Twist(v_mps=-0.2, w_radps=0.0)
@@ -34,16 +36,17 @@ class BackOff:
         self,
         holder: StateHolder,
         *,
-        drive: Callable[[Twist | None], None],
+        drive: Callable[[Twist], Edit],
+        resume: Edit,
         pose: Callable[[], Pose2],
-        resume: Callable[[], None],
         wait: Callable[[threading.Event], bool] = lambda ended: ended.wait(PERIOD_S),
     ) -> None:
-        """`drive` drives by hand, `pose` gives the present pose, `resume` goes on with a paused
-        mission as an operator would; `wait` waits for the next command and returns whether to
-        end."""
-        self._holder, self._drive, self._pose = holder, drive, pose
-        self._resume, self._wait = resume, wait
+        """`drive` gives the edit of an operator who drives by hand now, `resume` is that of one who
+        goes on with a paused mission; `pose` gives the pose by odometry, or raises `Refused`
+        where that is not known at present; `wait` waits for the next command and returns whether
+        to end."""
+        self._holder, self._drive, self._resume = holder, drive, resume
+        self._pose, self._wait = pose, wait
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -56,17 +59,17 @@ class BackOff:
         """Begin; raises `Refused` while it goes on, and for the reasons of driving by hand."""
         if self.is_running:
             raise Refused("the robot is backing off already")
-        # A robot that was leaving an area waits for the operator as soon as it is out of it.
-        self._change_mission(
-            lambda mission: mission.interrupt() if mission.phase is Phase.DRIVING else mission
-        )
-        try:
-            self._drive(BACK)
-        except BewareNavError:
-            self._change_mission(_stays)
-            raise
+        begin, drive = self._pose(), self._drive(BACK)
+
+        def begun(intent: OperatorState) -> OperatorState:
+            # A robot that was leaving an area waits for the operator as soon as it is out of it.
+            if intent.mission.phase is Phase.DRIVING:
+                intent = dataclasses.replace(intent, mission=intent.mission.interrupt())
+            return drive(intent)
+
+        own = self._holder.change(begun).by_hand
         self._thread = threading.Thread(
-            target=self._run, args=(self._pose(),), name="back off", daemon=True
+            target=self._run, args=(begin, own), name="back off", daemon=True
         )
         self._thread.start()
 
@@ -76,30 +79,37 @@ class BackOff:
         if self._thread is not None:
             self._thread.join(2.0)
 
-    def _change_mission(self, edit: Callable[[Mission], Mission]) -> None:
-        self._holder.change(
-            lambda intent: dataclasses.replace(intent, mission=edit(intent.mission))
-        )
+    def _run(self, begin: Pose2, own: Command | None) -> None:
+        def ended(intent: OperatorState) -> OperatorState:
+            return dataclasses.replace(
+                intent,
+                by_hand=None if intent.by_hand is own else intent.by_hand,
+                mission=dataclasses.replace(intent.mission, goes_on=False),
+            )
 
-    def _run(self, begin: Pose2) -> None:
         try:
             for _ in range(MAX_STEPS):
-                own = self._holder.intent.by_hand
-                ended = self._wait(self._ended)
-                if ended or own is None or self._holder.intent.by_hand is not own:
-                    return  # an operator drives, or has stopped or paused the robot
+                if self._wait(self._ended):
+                    return
                 if self._pose().distance_to(begin.x_m, begin.y_m) >= DISTANCE_M:
                     break
-                self._drive(BACK)
-            self._drive(None)
-            if self._holder.intent.mission.goes_on:
-                self._resume()
+                own = self._change(own, self._drive(BACK)).by_hand
+            self._change(own, self._go_on)
         except BewareNavError as refused:
             log.info("backing off has ended: %s", refused)
         finally:
-            self._change_mission(_stays)
+            self._holder.change(ended)
 
+    def _change(self, own: Command | None, edit: Edit) -> OperatorState:
+        """Edit the operator's state in one step; raises `Refused` unless `own` is still the newest
+        command by hand: an operator drives by now, or has stopped or paused the robot."""
 
-def _stays(mission: Mission) -> Mission:
-    """Return the mission that does not go on by itself."""
-    return dataclasses.replace(mission, goes_on=False)
+        def checked(intent: OperatorState) -> OperatorState:
+            if intent.by_hand is not own:
+                raise Refused("an operator has taken over")
+            return edit(intent)
+
+        return self._holder.change(checked)
+
+    def _go_on(self, intent: OperatorState) -> OperatorState:
+        return self._resume(intent) if intent.mission.goes_on else intent

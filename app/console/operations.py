@@ -42,6 +42,7 @@ from app.teaching.networks.live_networks import Compose
 from app.teaching.networks.versions import START
 from app.teaching.service import DEFAULT_CHOICE, LiveTeaching
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.safety import DEFAULT_SAFETY
 from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.localisation.fixes import TagMap
@@ -149,9 +150,9 @@ class LiveOperations:
         )
         self._back_off = BackOff(
             controller,
-            drive=self.drive,
-            pose=lambda: recorder.pose,
-            resume=lambda: self.mission("resume"),
+            drive=self._driving,
+            resume=lambda intent: self._after("resume", intent),
+            pose=self._odometry,
         )
         self.map_edits = self._map_editor()
         self.edits = AllEdits(lambda: (self.zones, self.beware, self.map_edits, self.path_settings))
@@ -323,6 +324,7 @@ class LiveOperations:
             summary=status_message(intent, decision, reasons, moving=moving, by_hand=by_hand),
             stop_latched=intent.stopped_by is not None or self._controller.sensors_in_doubt,
             stop_pressed=intent.stopped_by is not None,
+            stops=intent.stops,
             stop_warning=self._stop_warning(),
             reasons=reasons,
             pose=self._recorder.pose,
@@ -370,47 +372,42 @@ class LiveOperations:
 
     def mission(self, action: MissionAction) -> None:
         """Apply a transition of the mission."""
+        self._controller.change(lambda intent: self._after(action, intent))
 
-        def edit(intent: OperatorState) -> OperatorState:
-            require_meant_site()
-            if intent.stopped_by is not None and action in ("start", "resume", "leave"):
-                raise Refused(
-                    f"the emergency stop by {intent.stopped_by} is latched; reset it first"
-                )
-            if action in ("start", "resume"):
-                require_known(self._controller.place)
-            mission = intent.mission
-            drives = mission.phase in MOVING or mission.goes_on
-            # A robot that looks for its place, or backs off, can be paused without a mission.
-            moves = intent.searching or self._back_off.is_running
-            if action != "pause" or drives or not moves:
-                mission = TRANSITIONS[action](mission)
-            # Without its command, a robot that backs off ends that: its next one would pause the
-            # mission again.
-            return dataclasses.replace(
-                intent, mission=mission, search=PlaceSearch.NONE, by_hand=None
-            )
-
-        self._controller.change(edit)
+    def _after(self, action: MissionAction, intent: OperatorState) -> OperatorState:
+        """Return the operator's state after a transition of the mission."""
+        require_meant_site()
+        if action in ("start", "resume", "leave"):
+            _require_released(intent)
+        if action in ("start", "resume"):
+            require_known(self._controller.place)
+        mission = intent.mission
+        drives = mission.phase in MOVING or mission.goes_on
+        # A robot that looks for its place, or backs off, can be paused without a mission.
+        moves = intent.searching or self._back_off.is_running
+        if action != "pause" or drives or not moves:
+            mission = TRANSITIONS[action](mission)
+        # Without its command, a robot that backs off ends that.
+        return dataclasses.replace(intent, mission=mission, search=PlaceSearch.NONE, by_hand=None)
 
     def drive(self, twist: Twist | None) -> None:
         """Drive by hand for the lifetime of a command; a driving mission is paused and stays so."""
-        if twist is None:
-            self._controller.change(lambda intent: dataclasses.replace(intent, by_hand=None))
-            return
-        command = Command(twist=twist, stamp_ns=self._robot.now_ns())
+        self._controller.change(self._driving(twist))
+
+    def _driving(self, twist: Twist | None) -> Callable[[OperatorState], OperatorState]:
+        """Return the edit by which an operator drives by hand, as of now."""
+        command = None if twist is None else Command(twist=twist, stamp_ns=self._robot.now_ns())
 
         def edit(intent: OperatorState) -> OperatorState:
-            if intent.stopped_by is not None:
-                raise Refused(
-                    f"the emergency stop by {intent.stopped_by} is latched; reset it first"
-                )
+            if command is None:
+                return dataclasses.replace(intent, by_hand=None)
+            _require_released(intent)
             mission = intent.mission.pause() if intent.mission.phase in MOVING else intent.mission
             return dataclasses.replace(
                 intent, by_hand=command, mission=mission, search=PlaceSearch.NONE
             )
 
-        self._controller.change(edit)
+        return edit
 
     def keep_run(self) -> None:
         """Store what the present run has come to, for the case that the console does not end in
@@ -421,26 +418,29 @@ class LiveOperations:
         """Drive half a metre straight back; a driving mission goes on afterwards."""
         self._back_off.start()
 
+    def _odometry(self) -> Pose2:
+        """Return the pose by odometry of the newest image, which waits for no tick; raises
+        `Refused` where the images have stopped."""
+        frame = self._robot.newest_frame()
+        life_ns = DEFAULT_SAFETY.gate.frame_life_ns
+        if frame is None or self._robot.now_ns() - frame.stamp_ns > life_ns:
+            raise Refused("the camera sends no images; without them the robot does not back off")
+        return frame.pose
+
     def close(self) -> None:
         """End the threads of this object."""
         self._back_off.stop()
         self.teaching.close()
 
-    def stop(self, source: str) -> bool:
-        """Latch the emergency stop and pause the mission in one step; return whether it was not
-        latched before."""
-        was_latched = False
+    def stop(self, source: str) -> None:
+        """Latch the emergency stop and pause the mission in one step."""
 
         def edit(intent: OperatorState) -> OperatorState:
-            nonlocal was_latched
-            was_latched = intent.stopped_by is not None
-            mission = intent.mission
-            if mission.phase in MOVING or mission.goes_on:
-                mission = mission.pause()
             return dataclasses.replace(
                 intent,
                 stopped_by=intent.stopped_by or source,
-                mission=mission,
+                stops=intent.stops + 1,
+                mission=intent.mission.halt(),
                 by_hand=None,
                 search=PlaceSearch.NONE,
             )
@@ -448,13 +448,15 @@ class LiveOperations:
         self._controller.change(edit)
         # The command thread would send this within its period; the wheels need not wait for it.
         self._robot.send(STANDSTILL)
-        return not was_latched
 
-    def reset_stop(self) -> None:
+    def reset_stop(self, stops: int | None = None) -> None:
         """Release the emergency stop, and accept the pose if odometry has jumped, and the camera's
-        clock; the mission stays paused."""
+        clock; the mission stays paused. `stops`: number of stops that the operator has seen; raises
+        `Refused` after a newer one."""
 
         def edit(intent: OperatorState) -> OperatorState:
+            if stops not in (None, intent.stops):
+                raise Refused("the stop was pressed again meanwhile; look why, then reset it")
             doubted = self._controller.sensors_in_doubt and intent.mission.phase in MOVING
             return dataclasses.replace(
                 intent,
@@ -497,6 +499,12 @@ class LiveOperations:
     def run(self, run_id: str) -> Mapping[str, Any]:
         """Return the whole report of a run."""
         return self._store.run(run_id)
+
+
+def _require_released(intent: OperatorState) -> None:
+    """Raise `Refused` while the emergency stop is latched."""
+    if intent.stopped_by is not None:
+        raise Refused(f"the emergency stop by {intent.stopped_by} is latched; reset it first")
 
 
 def _length_m(decision: TickResult | None) -> float | None:

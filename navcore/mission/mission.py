@@ -195,6 +195,11 @@ class Mission:
             raise Refused(f"only a driving mission can be paused, this one is {self.phase}")
         return dataclasses.replace(self, phase=Phase.PAUSED)
 
+    def halt(self) -> Mission:
+        """Pause if the robot drives, or is about to go on; refuses nothing."""
+        stands = self.pause() if self.phase in (Phase.DRIVING, Phase.LEAVING) else self
+        return dataclasses.replace(stands, goes_on=False)
+
     def interrupt(self) -> Mission:
         """Pause for a manoeuvre of the operator, after which the mission goes on by itself; raises
         `Refused` unless driving."""

@@ -5,13 +5,37 @@ from __future__ import annotations
 import shutil
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from app.console import application
 from app.console.application import console
 from app.console.site.sites import SESSION_PERIOD_S
+from app.runtime.control.loop import ControlLoop
+from app.runtime.record.map_keeper import MapKeeper
 from tests.system.test_sites import _when, client, options
+
+
+@pytest.mark.long
+def test_an_edit_of_the_map_after_the_last_tick_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps, stop, finish = list[str](), ControlLoop.stop, MapKeeper.finish
+
+    def stop_and_edit(loop: ControlLoop) -> None:
+        stop(loop)
+        loop._controller.edit_map(lambda _: steps.append("edited"))
+
+    def kept(*given: Any) -> None:
+        finish(*given)
+        steps.append("kept")
+
+    monkeypatch.setattr(ControlLoop, "stop", stop_and_edit)
+    monkeypatch.setattr(MapKeeper, "finish", kept)
+    with console(options(tmp_path / "data")):
+        pass
+    assert set(steps[:-1]) == {"edited"} and steps[-1] == "kept"
 
 
 def test_a_stop_holds_over_a_restart_and_the_run_that_it_interrupts_is_kept(

@@ -218,6 +218,7 @@ class FakeOperations:
                 summary=self._summary(reasons, moving),
                 stop_latched=self._stopped_by is not None,
                 stop_pressed=self._stopped_by is not None,
+                stops=len(self.stops),
                 reasons=reasons,
                 pose=self._pose,
                 place=self.place.status(),
@@ -277,13 +278,11 @@ class FakeOperations:
         """Count the calls."""
         self.backed_off += 1
 
-    def stop(self, source: str) -> bool:
+    def stop(self, source: str) -> None:
         """Implement the port."""
         with self._lock:
             self.stops.append(source)
-            was_latched = self._stopped_by is not None
             self._stopped_by = self._stopped_by or source
-            return not was_latched
 
     def drive(self, twist: Twist | None) -> None:
         """Record the velocity; it does not expire in this world."""
@@ -295,9 +294,11 @@ class FakeOperations:
             self.hand = twist
             self.hands.append(twist)
 
-    def reset_stop(self) -> None:
+    def reset_stop(self, stops: int | None = None) -> None:
         """Implement the port."""
         with self._lock:
+            if stops not in (None, len(self.stops)):
+                raise Refused("the stop was pressed again meanwhile; look why, then reset it")
             self._stopped_by = None
             if self._intent.mission.phase is Phase.DRIVING:
                 self._set_mission(self._intent.mission.pause())

@@ -25,10 +25,10 @@ from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
 from app.bench.console.viser_client import SUBPROTOCOL, camera, names_in
-from navcore.errors import BadConfiguration
+from navcore.errors import BadConfiguration, Refused
 from tests.web.fake_operations import FakeOperations
 from web.port import PortInUse, reserve
-from web.server import ConsoleServer
+from web.server import MAX_MESSAGE_BYTES, ConsoleServer
 from web.viewer.viewer import Viewer
 
 PAGE = "0123456789abcdef"
@@ -155,6 +155,38 @@ def test_a_stop_closes_the_connection_to_a_3d_view_that_does_not_answer(
     gc.collect()
 
 
+def test_a_connection_without_a_request_is_closed_and_one_that_waits_for_its_answer_is_not(
+    server: ConsoleServer,
+    client: httpx.Client,
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked, goes_on = threading.Event(), threading.Event()
+
+    def explain() -> None:
+        asked.set()
+        assert goes_on.wait(60)
+        raise Refused("a test")
+
+    monkeypatch.setattr(operations.insight, "explain", explain)
+    address = ("127.0.0.1", int(server.url.rsplit(":", 1)[1]))
+    healthy = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    with ThreadPoolExecutor() as pool, contextlib.ExitStack() as stack:
+        answer = pool.submit(client.get, "/api/v1/explain")
+        stack.callback(goes_on.set)
+        assert asked.wait(60)
+        monkeypatch.setattr("web.server.HEAD_S", 0.0)
+        slow = [socket.create_connection(address, timeout=60) for _ in range(3)]
+        for one, said in zip(slow, (b"", b"GET / HT", healthy + b"GET"), strict=True):
+            stack.enter_context(one).sendall(said)
+        for one in slow:
+            with contextlib.suppress(ConnectionResetError):
+                while one.recv(4096):
+                    pass
+        goes_on.set()
+        assert answer.result(60).status_code == 409
+
+
 def test_a_stop_closes_connections_that_come_meanwhile(operations: FakeOperations) -> None:
     console = ConsoleServer(operations, port=0)
     console.start()
@@ -247,6 +279,22 @@ def test_an_upgrade_from_another_page_is_refused(
         ):
             pass
         assert refused.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("headers", [{}, {"X-Console-Secret": "a guess"}])
+def test_the_port_of_the_3d_view_itself_answers_the_relay_alone(
+    server: ConsoleServer, headers: dict[str, str]
+) -> None:
+    assert server._viewer is not None
+    address = server._viewer.websocket_url
+    with (
+        pytest.raises(InvalidStatus) as refused,
+        connect(address, subprotocols=[SUBPROTOCOL], proxy=None, additional_headers=headers),
+    ):
+        pass
+    assert refused.value.response.status_code == 403
+    page = httpx.get(address.replace("ws", "http"), headers=headers, trust_env=False)
+    assert page.status_code == 403
 
 
 def test_a_viewer_of_another_version_is_refused(server: ConsoleServer) -> None:
@@ -357,7 +405,14 @@ def test_a_draft_is_drawn_for_its_own_viewer_and_goes_with_the_page(server: Cons
 
 @pytest.mark.parametrize(
     "message",
-    ["", "[]", "[" * 50_000, '{"type":"draft","corners":[[NaN,0]]}', '{"type":"look","at":"moon"}'],
+    [
+        "",
+        "[]",
+        "[" * 50_000,
+        " " * MAX_MESSAGE_BYTES + '{"type":"look","at":"top"}',
+        '{"type":"draft","corners":[[NaN,0]]}',
+        '{"type":"look","at":"moon"}',
+    ],
 )
 def test_a_page_that_sends_nonsense_is_cut_off(server: ConsoleServer, message: str) -> None:
     with connect(server.url.replace("http", "ws") + f"/api/v1/viewer/{PAGE}", proxy=None) as page:

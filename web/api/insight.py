@@ -9,6 +9,7 @@ import numpy.typing as npt
 from fastapi import APIRouter, Query
 
 from web.api.router import api_router
+from web.gateway.pooled_route import one_at_a_time
 from web.gateway.problems import refusals
 from web.interface.insight import Alternative, Explanation, Kind, Page
 from web.interface.operations import RobotService
@@ -28,12 +29,14 @@ def explain_router(operations: RobotService) -> APIRouter:
     router = api_router("understand")
 
     @router.get("/explain", response_model=Explanation, responses=refusals(409))
+    @one_at_a_time
     def explain() -> Explanation:
         """Explain the present path by the rules it touches and the cost of each; without a path,
         name the fewest rules whose removal opens one."""
         return operations.insight.explain()
 
     @router.post("/explain", response_model=Alternative, responses=refusals(404, 409, 422))
+    @one_at_a_time
     def without(body: WithoutIn) -> Alternative:
         """Plan the path without some rules; nothing is applied."""
         return operations.insight.without(body.without)

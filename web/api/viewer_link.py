@@ -58,6 +58,11 @@ async def _receive(socket: WebSocket, viewer: Viewer, page_id: str) -> None:
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
             return
-        received = PageMessage.validate_json(message.get("text") or "")
-        # It waits for a lock and may look through the map, and a stop must not wait for that.
-        await asyncio.to_thread(viewer.receive, page_id, received)
+        # It takes time to read, waits for a lock and may look through the map, and a stop must not
+        # wait for that.
+        await asyncio.to_thread(_take, viewer, page_id, message.get("text") or "")
+
+
+def _take(viewer: Viewer, page_id: str, text: str) -> None:
+    """Read a message of a page and apply it; raises `ValidationError`."""
+    viewer.receive(page_id, PageMessage.validate_json(text))

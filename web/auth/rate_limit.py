@@ -9,6 +9,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
+from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import TypeVar
 
 from starlette.types import Scope
@@ -26,8 +27,20 @@ _Found = TypeVar("_Found")
 
 
 def address_of(scope: Scope) -> str:
-    """Return the address whose tries are counted with those of a request."""
+    """Return the address that a request comes from."""
     return str((scope.get("client") or ("?", 0))[0])
+
+
+def network_of(address: str) -> str:
+    """Return what counts as one address: of IPv6 the network of 64 bits, which one host may have to
+    itself."""
+    try:
+        host = ip_address(address)
+    except ValueError:
+        return address
+    if isinstance(host, IPv4Address):
+        return address
+    return str(host.ipv4_mapped or IPv6Address(int(host) >> 64 << 64))
 
 
 class TooManyTries(Refused):
@@ -49,7 +62,7 @@ class RateLimiter:
 
     def wait_s(self, address: str) -> int:
         """Return 0 and count a try, or the whole seconds until the next try is allowed."""
-        now = self._clock()
+        address, now = network_of(address), self._clock()
         with self._lock:
             waits = [
                 self._excess_s(address, PERIOD_S, now),
@@ -66,7 +79,7 @@ class RateLimiter:
     def refund(self, address: str) -> None:
         """Take back the count of a try, because it was successful."""
         with self._lock:
-            for key, every_s in ((address, PERIOD_S), (_ALL, PERIOD_S / FOR_ALL)):
+            for key, every_s in ((network_of(address), PERIOD_S), (_ALL, PERIOD_S / FOR_ALL)):
                 if key in self._full_until:
                     self._full_until[key] -= every_s
 

@@ -19,7 +19,8 @@ MAX_IDLE_S = 12 * 3600.0
 """Time without a deliberate request or message after which a session ends, seconds."""
 MAX_AGE_S = 7 * 24 * 3600.0
 """Largest age of a session in seconds."""
-MAX_SESSIONS = 1000
+MAX_SESSIONS, MAX_OF_USER = 1000, 20
+"""Largest number of sessions, of all users and of one."""
 
 
 @dataclass(slots=True)
@@ -39,12 +40,16 @@ class Sessions:
         self._sessions: OrderedDict[str, _Session] = OrderedDict()
 
     def begin(self, user: User) -> str:
-        """Return the cookie of a new session; beyond `MAX_SESSIONS`, the longest idle one ends."""
+        """Return the cookie of a new session; beyond `MAX_OF_USER` the longest idle one of the user
+        ends, beyond `MAX_SESSIONS` that of all."""
         cookie, now = secrets.token_urlsafe(32), self._clock()
         with self._lock:
             self._sessions[cookie] = _Session(
                 user=user, client_id=secrets.token_hex(8), began_s=now, seen_s=now
             )
+            own = [key for key, one in self._sessions.items() if one.user.name == user.name]
+            for old in own[:-MAX_OF_USER]:
+                del self._sessions[old]
             while len(self._sessions) > MAX_SESSIONS:
                 self._sessions.popitem(last=False)
         return cookie

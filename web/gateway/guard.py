@@ -15,6 +15,7 @@ The guard is plain ASGI and wraps the whole app, so that no route can omit it.
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Sequence
 from typing import BinaryIO
 
@@ -36,6 +37,9 @@ from web.gateway.request_body import Spools, bounded_body, close, replayed
 from web.gateway.security_headers import with_headers
 from web.gateway.websockets import POLICY_VIOLATION
 
+MAX_SOCKETS = 200
+"""Largest number of open websockets of a visitor; a page of the console has four."""
+
 
 class Guard:
     """ASGI middleware; see the module."""
@@ -51,6 +55,7 @@ class Guard:
         spools: Spools,
     ) -> None:
         self._app, self._spools = app, spools
+        self._sockets = Counter[str]()
         self._hosts = frozenset(host.lower() for host in allowed_hosts)
         self._authenticator, self._control, self._auditor = authenticator, control, auditor
         self._login = (
@@ -149,7 +154,11 @@ class Guard:
         visitor = None
         if check_origin(scope, headers, self._hosts) is None:
             visitor = self._authenticator.authenticate(headers, _cookie(scope, headers))
-        if visitor is None or not visitor.role.may(requirement_of("GET", scope["path"]).role):
+        if (
+            visitor is None
+            or not visitor.role.may(requirement_of("GET", scope["path"]).role)
+            or self._sockets[visitor.name] >= MAX_SOCKETS
+        ):
             await receive()
             await send({"type": "websocket.close", "code": POLICY_VIOLATION})
             return
@@ -157,7 +166,12 @@ class Guard:
         scope[RENEWAL_KEY] = functools.partial(
             self._authenticator.authenticate, headers, _cookie(scope, headers), renews=True
         )
-        await self._app(scope, *self._while_known(scope, headers, visitor, receive, send))
+        one = Counter([visitor.name])
+        self._sockets += one
+        try:
+            await self._app(scope, *self._while_known(scope, headers, visitor, receive, send))
+        finally:
+            self._sockets -= one
 
     def _while_known(
         self, scope: Scope, headers: Headers, visitor: Visitor, receive: Receive, send: Send

@@ -46,7 +46,7 @@ class Login:
 
     async def attempt(self, scope: Scope, body: bytes, cookie_name: str) -> Response:
         """Return the answer to a sent form with name and password."""
-        form = parse_qs(body[:2000].decode("utf-8", "replace"))
+        form = parse_qs(body.decode("utf-8", "replace"))
         name, password = single(form.get("name", [])) or "", single(form.get("password", [])) or ""
         address, authenticator = address_of(scope), self._authenticator
         words = CATALOGS[language_of(Headers(scope=scope))]

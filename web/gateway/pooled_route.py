@@ -4,6 +4,7 @@ rest on the event loop."""
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import gc
 import inspect
@@ -11,7 +12,7 @@ import json
 import threading
 from collections.abc import Callable, Coroutine
 from contextlib import nullcontext
-from typing import Any
+from typing import Any, TypeVar
 
 from fastapi import Request, Response
 from fastapi.routing import APIRoute
@@ -19,8 +20,20 @@ from starlette.concurrency import run_in_threadpool
 
 from web.schemas.fields import hand_over
 
+Handler = TypeVar("Handler", bound=Callable[..., Any])
 LARGE_BYTES = 1_000_000
 """Size of a body in bytes from which its many values keep the garbage collector busy."""
+
+
+_SINGLE = "_is_single"
+"""Attribute of a handler that does one request at a time."""
+
+
+def one_at_a_time(handler: Handler) -> Handler:
+    """Have the requests to a handler that does one at a time wait for that before the pool, whose
+    threads they would keep from all others."""
+    setattr(handler, _SINGLE, True)
+    return handler
 
 
 class PooledRoute(APIRoute):
@@ -29,6 +42,7 @@ class PooledRoute(APIRoute):
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
         self._is_plain = not inspect.iscoroutinefunction(endpoint)
+        self._turn = asyncio.Lock() if hasattr(endpoint, _SINGLE) else nullcontext()
         super().__init__(path, _as_coroutine(endpoint) if self._is_plain else endpoint, **options)
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
@@ -38,8 +52,9 @@ class PooledRoute(APIRoute):
         async def pooled(request: Request) -> Response:
             arrived = _Arrived(request.scope, request.receive)
             is_large = len(await arrived.body()) > LARGE_BYTES
-            with _uncollected if is_large else nullcontext():
-                return await run_in_threadpool(_result, handle(arrived))
+            async with self._turn:
+                with _uncollected if is_large else nullcontext():
+                    return await run_in_threadpool(_result, handle(arrived))
 
         return pooled if self._is_plain else handle
 

@@ -16,6 +16,7 @@ from starlette.types import Message, Receive, Scope
 
 from navcore.errors import BewareNavError
 from web.auth.permissions import SAFE, STOP
+from web.gateway.login import LOGIN_PATH
 from web.gateway.problems import problem, refusal
 from web.interface.sites import MAX_ARCHIVE_BYTES
 from web.interface.teaching import MAX_FRAMES_BYTES, MAX_UPLOAD_BYTES
@@ -28,8 +29,9 @@ MAX_BODY_BYTES = 1_000_000
 BODY_TIMEOUT_S = 10.0
 """Time limit of the arrival of a body, seconds."""
 MAX_PASSWORD_BODY_BYTES = 10_000
-"""Largest body in bytes of a change of the own password: the event loop reads it."""
+"""Largest body in bytes of a password: the event loop reads it."""
 BODY_LIMITS = {
+    LOGIN_PATH: (MAX_PASSWORD_BODY_BYTES, BODY_TIMEOUT_S),
     "/api/v1/me/password": (MAX_PASSWORD_BODY_BYTES, BODY_TIMEOUT_S),
     "/api/v1/sites/import": (MAX_ARCHIVE_BYTES, 120.0),
     "/api/v1/sites/import-nav2": (MAX_IMAGE_FILE + MAX_BODY_BYTES, 120.0),

@@ -258,12 +258,12 @@ class RobotService(Protocol):
         """Drive half a metre straight back, through the safety gate; a driving mission goes on
         afterwards."""
 
-    def stop(self, source: str) -> bool:
-        """Latch the emergency stop; `source` names its origin, such as `console button`. Return
-        whether it was not latched before."""
+    def stop(self, source: str) -> None:
+        """Latch the emergency stop; `source` names its origin, such as `console button`."""
 
-    def reset_stop(self) -> None:
-        """Release the emergency stop; the mission stays paused until it is started or resumed."""
+    def reset_stop(self, stops: int | None = None) -> None:
+        """Release the emergency stop; the mission stays paused until it is started or resumed.
+        `stops`: number of stops that the operator has seen; raises `Refused` after a newer one."""
 
     def preview(self, draft: PreviewDraft) -> Preview:
         """Plan the path with and without a draft; nothing is applied."""

@@ -70,6 +70,8 @@ class State:
     reset."""
     stop_pressed: bool = False
     """Whether an emergency stop holds."""
+    stops: int = 0
+    """Number of emergency stops since the start of the console, also of those while one held."""
     stop_warning: str | None = None
     """Why the stop, or its reset, would not hold over a restart; null while it would."""
     reasons: tuple[Annotated[StopReason, PlainSerializer(_reason_out, return_type=ReasonOut)], ...]

@@ -11,7 +11,8 @@ from typing import Any
 
 PAGE_ID = re.compile(r"[a-z0-9]{16,64}")
 """Random id that a page makes for itself; it names the page and proves nothing."""
-PAGE_ID_HEADER = "X-Console-Page"
+PAGE_ID_HEADER, SECRET_HEADER = "X-Console-Page", "X-Console-Secret"
+"""Headers of the relay to viser's server: the page, and what only this console knows."""
 MAX_WAITING = 64
 """Largest number of messages that wait for a page."""
 

@@ -20,7 +20,7 @@ from websockets.typing import Subprotocol
 from web.auth.roles import CurrentVisitor, Role
 from web.gateway.etag import unless_known
 from web.gateway.websockets import GOING_AWAY, TRY_AGAIN, until_one_ends
-from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER
+from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER, SECRET_HEADER
 from web.viewer.viewer import Viewer
 from web.viewer.viser_compat import PAGE_FILE
 
@@ -94,7 +94,7 @@ async def _relay(socket: WebSocket, viewer: Viewer, page_id: str, *, acts: bool)
     upstream = await websockets.connect(
         viewer.websocket_url,
         subprotocols=[Subprotocol(viewer.subprotocol)],
-        additional_headers={PAGE_ID_HEADER: page_id} if page_id else None,
+        additional_headers={SECRET_HEADER: viewer.secret, PAGE_ID_HEADER: page_id},
         compression=None,
         max_size=MAX_FROM_VIEWER,
         max_queue=1,

@@ -4,6 +4,7 @@ clients."""
 from __future__ import annotations
 
 import logging
+import secrets
 import threading
 import time
 from collections.abc import Callable
@@ -34,8 +35,13 @@ from web.viewer.messages import (
     Highlight,
     Message,
 )
-from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER, PageLinks
-from web.viewer.viser_compat import Quiet, accept_only_needed_messages, request_header
+from web.viewer.page_link import PAGE_ID, PAGE_ID_HEADER, SECRET_HEADER, PageLinks
+from web.viewer.viser_compat import (
+    Quiet,
+    accept_only_needed_messages,
+    refusing_others,
+    request_header,
+)
 
 log = logging.getLogger(__name__)
 
@@ -71,7 +77,9 @@ class Viewer:
         self._failed: set[str] = set()
         self._due: dict[str, float] = {}
         self._has_body = False
-        with Quiet():
+        self.secret = secrets.token_urlsafe(32)
+        """Value of `SECRET_HEADER` without which viser's server answers nothing."""
+        with Quiet(), refusing_others(SECRET_HEADER, self.secret):
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         accept_only_needed_messages(self._server)
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
 import rich
 import viser
+import websockets.asyncio.server
 from viser import _messages
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request
 
 PAGE_FILE = Path(viser.__file__).with_name("client") / "build" / "index.html"
 """viser's page: one file, which its own server sends as it is."""
@@ -39,6 +46,29 @@ def request_header(server: viser.ViserServer, client: viser.ClientHandle, name: 
     connection = server._websock_server._live_connections.get(client.client_id)
     request = None if connection is None else connection.request
     return "" if request is None else str(request.headers.get(name, ""))
+
+
+@contextmanager
+def refusing_others(header: str, secret: str) -> Iterator[None]:
+    """Have the server that viser begins in the block refuse each connection without a header, which
+    only the relay sends: its port is open to every program of this machine, and so to every page in
+    a browser there."""
+    serve = websockets.asyncio.server.serve
+
+    def guarded(*given: Any, process_request: Any, **options: Any) -> Any:
+        def checked(connection: ServerConnection, request: Request) -> Any:
+            told = request.headers.get(header, "")
+            if not secrets.compare_digest(told.encode(), secret.encode()):
+                return connection.respond(HTTPStatus.FORBIDDEN, "the 3D view is in the console\n")
+            return process_request(connection, request)
+
+        return serve(*given, process_request=checked, **options)
+
+    websockets.asyncio.server.serve = guarded  # type: ignore[misc, assignment]
+    try:
+        yield
+    finally:
+        websockets.asyncio.server.serve = serve  # type: ignore[misc]
 
 
 class Quiet:

@@ -103,7 +103,7 @@ class AnchoredItems:
         return told
 
     def _move_goals(self, correction: AppliedCorrection) -> list[str]:
-        moved: dict[int, Goal] = {}
+        moved: dict[GoalKey, Goal] = {}
         told = []
         for goal in self._mission().queue:
             held = self._goal_anchors.get(_key(goal))
@@ -112,14 +112,19 @@ class AnchoredItems:
             as_queued = replace(held.item, id=goal.id, name=goal.name)
             there = replace(held, item=as_queued).at(correction.after)
             if (distance_m := moved_m(goal, there)) >= LEAST_M:
-                moved[goal.id] = there
+                moved[_key(goal)] = there
                 self._goal_anchors[_key(there)] = held
                 told.append(f"Goal {goal.title} moved {distance_m:.2f} m with the map.")
         if moved:
+
+            def follow(goal: Goal) -> Goal:
+                """Return the goal where it is now, unless an operator has put it elsewhere since it
+                was read."""
+                there = moved.get(_key(goal))
+                return goal if there is None else replace(there, name=goal.name)
+
             self._change_mission(
-                lambda mission: replace(
-                    mission, queue=tuple(moved.get(goal.id, goal) for goal in mission.queue)
-                )
+                lambda mission: replace(mission, queue=tuple(map(follow, mission.queue)))
             )
         return told
 

@@ -123,6 +123,7 @@ class LiveSites:
         self._left: dict[str, LocalisationEstimate] = {}
         self._listings: OrderedDict[int, _Listing] = OrderedDict()
         self._listed = 0
+        self._tags = self._world_tags
         self._use_tags()
 
     @property
@@ -312,7 +313,7 @@ class LiveSites:
         expected, kept = self._expected_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
-        price = stored_unknown_price(site)
+        price, tags = stored_unknown_price(site), self._tags_of(site)
         self.keep_session()
         replaced = self._saved
 
@@ -339,16 +340,17 @@ class LiveSites:
             self._controller.navigator.adopt_map(expected, kept=kept)
             self._keeper.use(site.map_file, stored.class_names)
             self._has_entered, self._old_picture = True, self._view.picture
+            self._controller.navigator.localisation.tags = self._tags
 
         with self._user.leaving_site(self._write_map):
             self._store.use(site.name, world=self._world)
             # Until the next tick the robot's place is that on the map of the site before.
-            self._has_entered = False
+            self._has_entered, tags_before, self._tags = False, self._tags, tags
             try:
                 self._controller.enter_site(edit, replace_map)
             except Refused:
                 self._store.site = before  # that of the editors, which go on
-                self._has_entered = True
+                self._has_entered, self._tags = True, tags_before
                 self._store.sites.choose(before.name, None)
                 raise
             self._user.enter_site(self._store.site)
@@ -356,7 +358,6 @@ class LiveSites:
         if left.is_known:
             self._left[before.name] = left
         self._placed = None
-        self._use_tags()
         self._listings.clear()
         if replaced is not None and replaced is not self._saved:  # by a goal of the last moment
             before.save_document(*MISSION, _mission_record(replaced))
@@ -374,9 +375,15 @@ class LiveSites:
         return left.T_map_base @ moved, left if is_there else None
 
     def _use_tags(self) -> None:
-        """Tell the robot of the tags of the present site, else of those of the world."""
-        tags = dock_and_tags.tags_of(self._store.site)
-        self._controller.navigator.localisation.tags = tags if tags.tags else self._world_tags
+        """Tell the robot of the tags of the present site, of another one with its map."""
+        self._tags = self._tags_of(self._store.site)
+        if self._has_entered:
+            self._controller.navigator.localisation.tags = self._tags
+
+    def _tags_of(self, site: SiteStore) -> TagMap:
+        """Return the tags of a site, else those of the world."""
+        tags = dock_and_tags.tags_of(site)
+        return tags if tags.tags else self._world_tags
 
     def _require_own_map(self) -> None:
         if not self._has_own_map:

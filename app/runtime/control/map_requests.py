@@ -7,8 +7,9 @@ import dataclasses
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
-from navcore.errors import BadConfiguration, BadFrame
+from navcore.errors import BadFrame
 from navcore.geometry.transform import Matrix, Pose2
 from navcore.mapping.point_map import PointMap
 from navcore.navigator import Navigator
@@ -35,12 +36,14 @@ class MapRequests:
     """T_map_base at the next frame with its (3, 3) covariance; None to keep the estimate."""
 
     def before(self, newer: MapRequests) -> MapRequests:
-        """Return newer requests with those of these that are about the pose: of two places the
-        newer one counts, and none on another map."""
+        """Return newer requests after these: of two places the newer one counts, and of what is
+        meant for a map none on another one."""
         if newer.replace_map is not None:
             return dataclasses.replace(newer, trust_pose=newer.trust_pose or self.trust_pose)
-        return dataclasses.replace(
-            newer,
+        return MapRequests(
+            replace_map=self.replace_map,
+            poses={**self.poses, **newer.poses},
+            edits=(*self.edits, *newer.edits),
             trust_pose=newer.trust_pose or self.trust_pose,
             search=newer.search or (self.search and newer.place is None),
             place=newer.place or (None if newer.search else self.place),
@@ -50,22 +53,16 @@ class MapRequests:
         """Do what was asked, before the tick of a frame; return what has to wait for another one.
 
         Whatever places the robot by its odometry waits without a frame that can be believed (None),
-        and with one that is malformed.
+        and with one that is malformed. A request that fails keeps no other from being done, but for
+        another map, which all others wait for: raises what that raises, and has done nothing else.
         """
         if self.replace_map is not None:
             self.replace_map()
-        if self.poses:
-            try:
-                navigator.correct_poses(self.poses)
-            except BadConfiguration:  # the map was replaced since they were asked for
-                log.exception("the poses of the map were not corrected")
-        for edit in self.edits:
-            try:
-                edit(navigator.map)
-            except ValueError:  # of two edits at once the first may have left no room
-                log.exception("an edit of the map was refused by the map")
-        if self.replace_map is not None:
             navigator.reset_pose()
+        if self.poses:  # of a map that was replaced since, perhaps
+            attempt(lambda: navigator.correct_poses(self.poses))
+        for edit in self.edits:  # of two at once the first may have left no room
+            attempt(partial(edit, navigator.map))
         later = dataclasses.replace(self, replace_map=None, poses={}, edits=())
         if frame is None or not (self.trust_pose or self.search or self.place):
             return later
@@ -74,9 +71,17 @@ class MapRequests:
         except BadFrame:
             return later
         if self.trust_pose:
-            navigator.accept_jump(frame)
+            attempt(lambda: navigator.accept_jump(frame))
         if self.search:
-            navigator.localisation.search(frame.stamp_ns)
+            attempt(lambda: navigator.localisation.search(frame.stamp_ns))
         if self.place is not None:
-            navigator.place_robot(*self.place, frame)
+            attempt(partial(navigator.place_robot, *self.place, frame))
         return MapRequests()
+
+
+def attempt(act: Callable[[], object]) -> None:
+    """Do one thing of several: whatever it raises is logged, so that the others are done."""
+    try:
+        act()
+    except Exception:
+        log.exception("a request about map or place failed; the others are done")

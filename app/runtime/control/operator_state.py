@@ -9,6 +9,7 @@ from typing import Protocol
 
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission, Phase
+from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
 from navcore.robot.driver import Command
 
@@ -43,6 +44,8 @@ class OperatorState:
     """Zones in force, in the order in which they were first stored."""
     stopped_by: str | None = None
     """Source of the latched emergency stop; None when it is not latched."""
+    stops: int = 0
+    """Number of emergency stops since the start, also of those while one was latched."""
     by_hand: Command | None = None
     """Newest command of teleoperation; None when there is none."""
     search: PlaceSearch = PlaceSearch.NONE
@@ -60,6 +63,19 @@ class OperatorState:
     def drives(self) -> bool:
         """Whether the robot may move by itself: a mission drives, or it turns round."""
         return self.mission.phase in MOVING or self.searching
+
+    @property
+    def request(self) -> NavigationRequest:
+        """What the navigator is asked for."""
+        goal = self.mission.goal
+        return NavigationRequest(
+            goal=(goal.x_m, goal.y_m) if goal else None,
+            beware=self.beware,
+            zones=self.zones,
+            goal_yaw_rad=goal.yaw_rad if goal else None,
+            leave=self.mission.phase is Phase.LEAVING,
+            unknown_price=self.unknown_price,
+        )
 
 
 class StateHolder(Protocol):

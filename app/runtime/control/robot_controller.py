@@ -8,13 +8,15 @@ to immutable values, replaced under a lock.
 from __future__ import annotations
 
 import dataclasses
+import logging
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from app.runtime.control.background import Background, InlineBackground
-from app.runtime.control.map_requests import MapRequests
+from app.runtime.control.map_requests import MapRequests, attempt
 from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.segmentation_ahead import SegmentedFrame
 from app.runtime.control.stage_timer import TICK, StageTimer
@@ -53,6 +55,7 @@ from navcore.safety.sensor_monitor import SensorMonitor
 from navcore.safety.stopping import check_stopping
 from web.interface.sites import at_another_site
 
+log = logging.getLogger(__name__)
 COMMAND_PERIOD_S = 0.05
 """Time between two commands, seconds."""
 STANDSTILL_MPS = 0.03
@@ -174,6 +177,12 @@ class RobotController:
         with self._lock:
             self._ask(edits=(*self._requests.edits, edit))
 
+    def finish_edits(self) -> None:
+        """Do what was asked of the map, when no tick will come that does it."""
+        with self._lock:
+            requests, self._requests = self._requests, MapRequests()
+        requests.apply(self.navigator, None)
+
     def place_robot(
         self, T_map_base: Pose2, covariance: Matrix, *, site_id: str | None = None
     ) -> None:
@@ -248,13 +257,15 @@ class RobotController:
             requests, self._requests = self._requests, MapRequests()
             senses = self._mapped = self._mapped.after(frame, self.profile, now_ns=now_ns)
         is_refused = senses.fault is not None or senses.repeats
-        goal, request = intent.mission.goal, request_of(intent)
+        request = intent.request
         if requests.replace_map is not None:
             self._background.discard()  # it computes on the map before
         if (outcome := self._background.poll()) is not None:
-            self.navigator.take(outcome)
-        later = requests.apply(self.navigator, None if is_refused else frame)
-        if later != MapRequests():
+            attempt(partial(self.navigator.take, outcome))
+        later = requests  # all of them, where the map cannot be replaced
+        try:
+            later = requests.apply(self.navigator, None if is_refused else frame)
+        finally:
             with self._lock:
                 self._requests = later.before(self._requests)
         if is_refused:
@@ -272,6 +283,18 @@ class RobotController:
                 self._tick_state, frame_ns=frame.stamp_ns, bad_frame=str(error), command=None
             )
             return None
+        try:
+            self._follow(decision, frame, intent, clock)
+        except Exception as error:  # a correction by the tick is returned all the same
+            log.exception("what follows the tick failed")
+            self.note_failure(frame, error)
+        return decision
+
+    def _follow(
+        self, decision: TickResult, frame: Frame, intent: OperatorState, clock: Callable[[], int]
+    ) -> None:
+        """Do what follows from a tick for the robot, the mission and the next task."""
+        goal, request = intent.mission.goal, intent.request
         command = (
             Command(twist=self._corrected_twist(decision), stamp_ns=clock())
             if (goal or request.leave) and decision.place.is_known
@@ -293,9 +316,7 @@ class RobotController:
         self._was_located = decision.place.is_known
         if state is LocalisationState.LOST or (was_known and not self._was_located):
             # The robot never goes on by itself: where it is then is for the operator to see.
-            self.change_mission(
-                lambda mission: mission.pause() if mission.phase in MOVING else mission
-            )
+            self.change_mission(Mission.halt)
         # At a viewpoint before a gap the robot has not arrived at the goal.
         on_path = decision.route is not None and decision.route.reaches_goal
         if (
@@ -312,7 +333,6 @@ class RobotController:
                 self.change_mission(
                     lambda mission: mission.left() if mission.phase is Phase.LEAVING else mission
                 )
-        return decision
 
     def _ask(self, **requests: Any) -> None:
         self._requests = dataclasses.replace(self._requests, **requests)
@@ -470,16 +490,12 @@ class RobotController:
         return self._verdict(now_ns, 0.0).reasons
 
     def _verdict(self, now_ns: int, period_s: float) -> GateDecision:
-        intent, tick_state, watched, began_ns = (
-            self._intent,
-            self._tick_state,
-            self._watched,
-            now_ns,
-        )
+        intent, tick_state = self._intent, self._tick_state
+        watched, began_ns = self._watched, now_ns
         hand = self._limited(self.hand(now_ns))
         # A command decided before the newest change of the operator's state is void; the next tick
         # decides for the new one.
-        driving = intent.drives and tick_state.request == request_of(intent)
+        driving = intent.drives and tick_state.request == intent.request
         command = hand or (tick_state.command if driving else None)
         if command is not None and now_ns < command.stamp_ns <= now_ns + CLOCK_SLACK_NS:
             now_ns = command.stamp_ns
@@ -577,16 +593,3 @@ class RobotController:
                 text="There is a beware area in this direction; drive in another one.",
             )
         ]
-
-
-def request_of(intent: OperatorState) -> NavigationRequest:
-    """Return the navigator's request for an operator's state."""
-    goal = intent.mission.goal
-    return NavigationRequest(
-        goal=(goal.x_m, goal.y_m) if goal else None,
-        beware=intent.beware,
-        zones=intent.zones,
-        goal_yaw_rad=goal.yaw_rad if goal else None,
-        leave=intent.mission.phase is Phase.LEAVING,
-        unknown_price=intent.unknown_price,
-    )

@@ -1,7 +1,9 @@
-"""A console that is told to end does so: at once while it starts, in order when it runs."""
+"""A console has the files that it needs, and ends when it is told to: at once while it starts, in
+order when it runs."""
 
 from __future__ import annotations
 
+import resource
 import signal
 import threading
 from collections.abc import Iterator
@@ -13,7 +15,12 @@ from typing import Any
 import pytest
 
 from app.console import application
-from app.console.application import ConsoleOptions, run_console
+from app.console.application import (
+    MOST_FILES,
+    ConsoleOptions,
+    allow_many_connections,
+    run_console,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -23,6 +30,18 @@ def handlers() -> Iterator[None]:
     yield
     for number, handler in kept.items():
         signal.signal(number, handler)
+
+
+def test_many_files_may_be_open_where_the_system_allows_it() -> None:
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (1000, before[1]))
+        allow_many_connections()
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        allowed = MOST_FILES if hard == resource.RLIM_INFINITY else hard
+        assert hard == before[1] and soft == min(MOST_FILES, allowed)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 @pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])

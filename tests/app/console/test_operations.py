@@ -13,12 +13,12 @@ from app.console.back_off import BACK
 from app.console.operations import LiveOperations
 from app.storage import Store
 from navcore.errors import OtherSite, Refused
-from navcore.geometry.transform import IDENTITY, STANDSTILL
+from navcore.geometry.transform import IDENTITY, STANDSTILL, Pose2
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.robot.driver import Command
 from navcore.safety.gate import Cause
 from tests.app.console.test_changing_site import operations_of
-from tests.reliability.fault_runs import first_frame, standing_controller
+from tests.reliability.fault_runs import BenchRobot, first_frame, standing_controller
 from web.interface.operations import MissionAction
 
 PAUSED = Mission(phase=Phase.PAUSED, queue=(Goal(id=1, x_m=3.0, y_m=0.0),))
@@ -64,6 +64,50 @@ def test_poses_that_were_meant_for_the_map_of_another_site_are_not_corrected(
     assert not controller._requests.poses
 
 
+def test_a_reset_releases_no_stop_that_its_sender_has_not_seen(
+    operations: LiveOperations,
+) -> None:
+    operations.stop("key of A")
+    seen = operations.state().stops
+    operations.stop("key of B")
+    with pytest.raises(Refused, match="pressed again"):
+        operations.reset_stop(seen)
+    assert operations.state().stop_pressed
+    operations.reset_stop(seen + 1)
+    assert not operations.state().stop_pressed
+    operations.stop("key of B")
+    operations.reset_stop()
+    assert not operations.state().stop_pressed
+
+
+def show(operations: LiveOperations, *, x_m: float = 0.0, age_s: float = 0.0) -> None:
+    """Let the camera send an image, by which no tick runs."""
+    robot = operations._robot
+    assert isinstance(robot, BenchRobot)
+    stamp_ns = robot.now_ns() - round(age_s * 1e9)
+    pose = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+    robot.newest = dataclasses.replace(first_frame(), pose=pose, stamp_ns=stamp_ns)
+
+
+def test_backing_off_is_measured_by_the_newest_image_also_while_the_planner_hangs(
+    operations: LiveOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.console.back_off.MAX_STEPS", 10**6)
+    with pytest.raises(Refused, match="no images"):
+        operations.back_off()
+    show(operations, age_s=1.0)
+    with pytest.raises(Refused, match="no images"):
+        operations.back_off()
+    show(operations)
+    operations.back_off()
+    show(operations, x_m=-0.6)
+    thread = operations._back_off._thread
+    assert thread is not None
+    thread.join(30.0)
+    assert not operations.state().backs_off
+    assert operations._controller.intent.by_hand is None
+
+
 @pytest.mark.parametrize("mission", [Mission(), PAUSED])
 def test_a_robot_that_backs_off_without_a_mission_can_be_paused(
     operations: LiveOperations, mission: Mission
@@ -73,6 +117,7 @@ def test_a_robot_that_backs_off_without_a_mission_can_be_paused(
     operations.drive(BACK)
     with pytest.raises(Refused, match="only a driving mission"):
         operations.mission("pause")  # an operator drives by hand
+    show(operations)
     operations.back_off()
     assert operations.state().backs_off
     operations.mission("pause")

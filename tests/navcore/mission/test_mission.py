@@ -239,3 +239,13 @@ def test_only_a_paused_mission_goes_on_by_itself() -> None:
     assert interrupted.pause().phase is Phase.PAUSED
     with pytest.raises(Refused):
         interrupted.pause().pause()
+
+
+@pytest.mark.parametrize("phase", Phase)
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_a_halt_is_refused_in_no_state_and_leaves_nothing_that_drives(
+    phase: Phase, goes_on: bool
+) -> None:
+    halted = dataclasses.replace(TWO, phase=phase, goes_on=goes_on).halt()
+    assert halted.queue == TWO.queue and not halted.goes_on
+    assert halted.phase is (Phase.IDLE if phase is Phase.IDLE else Phase.PAUSED)

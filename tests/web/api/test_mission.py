@@ -53,6 +53,17 @@ def test_the_stop_holds_until_it_is_reset_and_then_the_mission_waits(
     assert not released["stop_latched"] and released["phase"] == "paused"
 
 
+def test_a_reset_releases_no_stop_that_its_sender_has_not_seen(client: httpx.Client) -> None:
+    seen = client.post("/api/v1/stop").json()["stops"]
+    client.post("/api/v1/stop", params={"by": "another page"})
+    reset = "/api/v1/stop/reset"
+    assert "pressed again" in wrong(client.post(reset, params={"stops": seen}), 409)["message"]
+    newest = client.get("/api/v1/state").json()
+    assert newest["stop_latched"] and newest["stops"] == seen + 1
+    released = client.post(reset, params={"stops": newest["stops"]}).json()
+    assert not released["stop_latched"]
+
+
 @pytest.mark.parametrize(
     ("act", "status", "says"),
     [

@@ -22,12 +22,15 @@ from starlette.types import Message
 from websockets.sync.client import connect
 
 import web.schemas.fields
+from navcore.errors import Refused
 from navcore.geometry.transform import Pose2
 from tests.web.fake_operations import FakeOperations
 from web.gateway.pooled_route import LARGE_BYTES, _Arrived
 from web.gateway.problems import JsonResponse
 from web.schemas.zones import ZoneImportIn
 from web.server import ConsoleServer
+from web.viewer.messages import PageMessage
+from web.viewer.viewer import Viewer
 
 TAG = {"id": 12, "x_m": 3, "y_m": 0, "z_m": 1, "yaw_rad": 0, "size_m": 0.2, "sigma_m": 0.02}
 
@@ -113,15 +116,47 @@ def test_a_stop_gets_through_while_the_disk_keeps_the_file_of_an_upload_waiting(
         client.post("/api/v1/teach/networks?name=mine", content=b"weights")
 
 
-def test_a_stop_gets_through_while_the_3d_view_works_on_a_message_of_its_page(
-    server: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("slow", "name"), [(Viewer, "receive"), (PageMessage, "validate_json")])
+def test_a_stop_gets_through_while_the_3d_view_reads_or_follows_a_message_of_its_page(
+    slow: Any, name: str, server: ConsoleServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link = server.url.replace("http", "ws") + f"/api/v1/viewer/{'a' * 16}"
     with (
-        stopped_within(server._viewer, "receive", server, monkeypatch),
+        stopped_within(slow, name, server, monkeypatch),
         connect(link, proxy=None) as page,
     ):
         page.send(json.dumps({"type": "draft", "mode": "goal", "corners": [], "path": []}))
+
+
+def test_requests_that_wait_for_one_another_leave_the_pool_to_all_others(
+    client: httpx.Client, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, goes_on, inside = threading.Semaphore(0), threading.Event(), list[int]()
+    read, count = _Arrived.body, 41  # one more than the pool has threads
+
+    async def arrived(request: _Arrived) -> bytes:
+        body = await read(request)
+        if request.url.path.endswith("explain"):
+            begun.release()
+        return body
+
+    def explain() -> None:
+        inside.append(threading.get_ident())
+        assert goes_on.wait(60)
+        raise Refused("a test")
+
+    monkeypatch.setattr(_Arrived, "body", arrived)
+    monkeypatch.setattr(operations.insight, "explain", explain)
+    with ThreadPoolExecutor(count) as pool:
+        asked = [pool.submit(client.get, "/api/v1/explain") for _ in range(count)]
+        try:
+            for _ in range(count):
+                assert begun.acquire(timeout=60)
+            assert client.get("/api/v1/zones", timeout=30).status_code == 200
+            assert len(inside) == 1
+        finally:
+            goes_on.set()
+        assert {one.result(60).status_code for one in asked} == {409}
 
 
 @pytest.mark.parametrize("is_large", [False, True])

@@ -96,7 +96,8 @@ def test_the_stop_is_one_key_or_one_click_gives_a_reason_and_lasts_until_a_reset
     page.keyboard.press("Space")
     expect(page.get_by_test_id("state-text")).to_contain_text("Emergency stop by console key")
     assert operations.state().phase is Phase.DRIVING
-    page.get_by_test_id("reset").click()
+    with page.expect_request("**/stop/reset?stops=1"):  # and no newer one
+        page.get_by_test_id("reset").click()
     expect(page.get_by_test_id("state-badge")).to_contain_text("PAUSED")
     page.get_by_test_id("stop").click()
     expect(page.get_by_test_id("state-badge")).to_contain_text("STOPPED")

@@ -41,6 +41,8 @@ REPEAT_S, POLL_S = 0.5, 0.05
 MAX_DELAY_S = 0.25
 """Delay in seconds, beyond that of the fastest message, after which a velocity is dropped: the
 operator has released the key since."""
+MAX_TEXT = 1000
+"""Largest length of a message of a page in characters; a longer one is none."""
 MAX_LATE = 10
 """Number of velocities in a row that were dropped after which the operator is told so: about a
 second of driving."""
@@ -164,13 +166,15 @@ async def _receive(
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
             return
-        received = LiveMessage.validate_json(message.get("text") or "")
+        text = message.get("text") or ""
+        # What is read here holds up the stop of another visitor.
+        received = LiveMessage.validate_json(text if len(text) <= MAX_TEXT else "")
         if not isinstance(received, HeartbeatMessage):
             renew()
         if isinstance(received, StopMessage):
             by = stop_label(received.by, "console")
-            if session.operations.stop(stop_source(session.visitor, by)):
-                _note(auditor, session.visitor, f"stop?by={by}")
+            session.operations.stop(stop_source(session.visitor, by))
+            _note(auditor, session.visitor, f"stop?by={by}")
             session.release()
         control.heartbeat(session.visitor)
         if isinstance(received, DriveMessage) and session.visitor.role.may(Role.OPERATOR):

@@ -141,9 +141,11 @@ def mission_router(operations: RobotService) -> APIRouter:
         return operations.state()
 
     @router.post("/stop/reset", response_model=State, responses=refusals(409))
-    async def reset_stop() -> State:
-        """Release the emergency stop. The mission stays paused until it is started or resumed."""
-        operations.reset_stop()
+    async def reset_stop(stops: Annotated[int | None, Query()] = None) -> State:
+        """Release the emergency stop. The mission stays paused until it is started or resumed.
+        `stops`: number of stops in the state that the operator has seen; a newer stop then holds,
+        and the answer is 409."""
+        operations.reset_stop(stops)
         return operations.state()
 
     return router

@@ -43,7 +43,11 @@ function warnOfStop(text) {
   unstored = { text, toast: text && notify(sentence(text), { stays: true }) };
 }
 
+// The number of stops that the operator can know of: a reset releases no newer one.
+let seenStops = 0;
+
 export function enableButtons(state) {
+  seenStops = state.stops;
   warnOfStop(state.stop_warning);
   const isViewer = document.body.dataset.role === "viewer";
   const refusals = refusalsOf(state);
@@ -75,4 +79,4 @@ onStale(() => {
 for (const button of document.querySelectorAll("[data-mission]")) {
   button.onclick = () => attempt(() => post(`/mission/${button.dataset.mission}`));
 }
-element("reset").onclick = () => attempt(() => post("/stop/reset"));
+element("reset").onclick = () => attempt(() => post(`/stop/reset?stops=${seenStops}`));

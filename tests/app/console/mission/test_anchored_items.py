@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -82,6 +83,29 @@ def test_a_goal_keeps_the_heading_that_it_was_given_later(pose_ids: PoseIds) -> 
     items.note_tick(shifted(pose_ids, 0.4), pose_ids)
     assert held.mission.queue[0].yaw_rad == pytest.approx(1.0)
     assert held.mission.queue[0].x_m == pytest.approx(2.4)
+
+
+@pytest.mark.parametrize(
+    ("edit", "there"),
+    [
+        ({"x_m": 5.0}, {"x_m": 5.0, "name": "Dock"}),
+        ({"name": "Door"}, {"x_m": 2.4, "name": "Door"}),
+    ],
+)
+def test_a_goal_that_an_operator_edits_at_the_moment_of_a_correction_keeps_the_edit(
+    edit: dict[str, Any], there: dict[str, Any], pose_ids: PoseIds
+) -> None:
+    held = Held()
+    (goal,) = held.mission.queue
+
+    def change(moved: Callable[[Mission], Mission]) -> None:
+        held.mission = moved(replace(held.mission, queue=(replace(goal, **edit),)))
+
+    items = AnchoredItems(lambda: held, lambda: Mission(queue=(goal,)), change)
+    items.note_tick(None, pose_ids)
+    items.note_tick(shifted(pose_ids, 0.4), pose_ids)
+    (found,) = held.mission.queue
+    assert {"x_m": pytest.approx(found.x_m), "name": found.name} == there
 
 
 @pytest.mark.parametrize(("unmoved", "x_m"), [(True, 2.6), (False, 2.0)])

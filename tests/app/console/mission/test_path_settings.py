@@ -11,7 +11,6 @@ import pytest
 from app.console.mission.path_settings import PathSettings, stored_unknown_price
 from app.console.site.site_archive import pack
 from app.console.site.site_files import add
-from app.runtime.control.robot_controller import request_of
 from app.storage import Store
 from navcore.errors import Refused
 from tests.app.console.state import PlainHolder
@@ -21,9 +20,9 @@ def test_a_price_is_kept_with_the_site_and_is_in_the_next_request(tmp_path: Path
     holder = PlainHolder()
     with closing(Store(tmp_path)) as store:
         settings = PathSettings(holder, store=store.site, configured=2.0)
-        assert (settings.unknown_price, request_of(holder.intent).unknown_price) == (2.0, None)
+        assert (settings.unknown_price, holder.intent.request.unknown_price) == (2.0, None)
         settings.set_unknown_price(5.0)
-        assert request_of(holder.intent).unknown_price == 5.0
+        assert holder.intent.request.unknown_price == 5.0
         add(store.sites, "copy", pack(store.site))
         assert stored_unknown_price(store.sites.open("copy")) == 5.0
     with closing(Store(tmp_path)) as store:

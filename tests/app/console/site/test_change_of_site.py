@@ -313,3 +313,25 @@ def test_the_robot_is_told_of_the_tags_of_the_site_it_is_at(desk: Desk) -> None:
     assert known() == {7: (1.0, -2.0)}
     desk.choose("hall")
     assert known() == {}
+
+
+def test_the_first_tick_at_a_site_is_told_of_its_tags(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    enter, told, ticked = desk.controller.enter_site, list[list[int]](), threading.Event()
+    tag = Tag(id=7, x_m=1.0, y_m=-2.0, z_m=0.6, yaw_rad=0.5, size_m=0.3)
+    desk.sites.put_tag("default", tag)
+    desk.sites.put_tag("hall", dataclasses.replace(tag, id=8))
+
+    def enter_and_tick(edit: Any, replace_map: Callable[[], None]) -> None:
+        def replaced() -> None:
+            replace_map()
+            told.append(list(desk.controller.navigator.localisation.tags.tags))
+            ticked.set()
+
+        enter(edit, replaced)
+        assert ticked.wait(30.0)
+
+    monkeypatch.setattr(desk.controller, "enter_site", enter_and_tick)
+    desk.choose("hall")
+    assert told == [[8]]

@@ -23,13 +23,20 @@ from navcore.localisation.estimate import LocalisationEstimate, LocalisationStat
 from navcore.localisation.localisation import Localisation
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.erasing import Erasable
-from navcore.mission.mission import Mission
+from navcore.mission.mission import Goal, Mission, Phase
 from navcore.navigator import Stages
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause
 from tests.app.runtime.control.controlled import causes, command, controller, think
 from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
 from tests.navcore.ticks import OPEN, SECOND, navigator
+
+
+class Computed:
+    """A task beside the tick."""
+
+    def run(self, is_cancelled: Callable[[], bool]) -> str:
+        return "an outcome"
 
 
 def test_a_corrected_pose_moves_its_points_at_the_next_tick_and_an_unknown_one_is_refused() -> None:
@@ -74,6 +81,56 @@ def test_poses_that_were_taken_back_meanwhile_keep_nothing_else_from_being_done(
     driver.place_robot(shown, np.eye(3))
     think(driver, picture(stamp_ns=2 * SECOND))
     assert driver.place.T_map_base.distance_to(shown.x_m, shown.y_m) < 0.01
+
+
+def raising(*_: object) -> None:
+    """A request, or a stage, that has a bug."""
+    raise RuntimeError("a bug")
+
+
+def test_a_request_that_fails_keeps_no_other_from_being_done(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    driver, shown, edited = controller(), Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.0), list[PointMap]()
+    think(driver)
+    monkeypatch.setattr(driver.navigator, "take", raising)
+    driver._background.submit(Computed())
+    driver.edit_map(raising)
+    driver.edit_map(edited.append)
+    driver.place_robot(shown, np.eye(3))
+    think(driver, picture(stamp_ns=2 * SECOND))
+    assert edited == [driver.navigator.map]
+    assert driver.place.T_map_base.distance_to(shown.x_m, shown.y_m) < 0.01
+
+
+def test_a_map_that_cannot_be_replaced_is_tried_again_and_all_requests_wait_for_it() -> None:
+    driver, tried, edited = controller(), list[str](), list[str]()
+    think(driver)
+
+    def replace_map() -> None:
+        tried.append("replaced")
+        if len(tried) == 1:
+            raise RuntimeError("a bug")
+
+    driver.enter_site(lambda intent: intent, replace_map)
+    driver.edit_map(lambda _: edited.append("first"))
+    with pytest.raises(RuntimeError):
+        think(driver, picture(stamp_ns=2 * SECOND))
+    assert not edited
+    driver.edit_map(lambda _: edited.append("second"))
+    think(driver, picture(stamp_ns=3 * SECOND))
+    think(driver, picture(stamp_ns=4 * SECOND))
+    assert len(tried) == 2 and edited == ["first", "second"]
+
+
+def test_what_fails_after_a_tick_keeps_its_correction_from_no_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    driver = controller((3.0, 0.0))
+    monkeypatch.setattr(driver.navigator, "next_task", raising)
+    assert driver.think(OPEN, clock=lambda: OPEN.stamp_ns) is not None
+    assert driver.tick_state.failure == "RuntimeError: a bug"
+    assert driver.tick_state.command is None
 
 
 JUMPED = Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)
@@ -198,10 +255,6 @@ def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_
 def test_what_was_computed_or_shown_on_a_map_is_not_taken_for_the_next_one(
     enters: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class OnOldMap:
-        def run(self, is_cancelled: Callable[[], bool]) -> str:
-            return "places on the old map"
-
     background, taken = InlineBackground(), list[object]()
     shown = Pose2(x_m=1.0, y_m=2.0, yaw_rad=0.0)
     driver = RobotController(
@@ -213,12 +266,12 @@ def test_what_was_computed_or_shown_on_a_map_is_not_taken_for_the_next_one(
     think(driver)
     monkeypatch.setattr(driver.navigator, "take", taken.append)
     monkeypatch.setattr(driver.navigator, "place_robot", lambda *place: taken.append(place[0]))
-    background.submit(OnOldMap())
+    background.submit(Computed())
     driver.place_robot(shown, np.eye(3))
     if enters:
         driver.enter_site(lambda intent: intent, lambda: None)
     think(driver)
-    assert taken == ([] if enters else ["places on the old map", shown])
+    assert taken == ([] if enters else ["an outcome", shown])
 
 
 def lost_robot() -> RobotController:
@@ -230,6 +283,14 @@ def lost_robot() -> RobotController:
     driver = controller(stages=Stages(localise=lost))
     think(driver)
     return driver
+
+
+def test_a_mission_does_not_go_on_after_backing_off_once_the_place_was_lost() -> None:
+    driver = lost_robot()
+    goal = Goal(id=1, x_m=3.0, y_m=0.0)
+    driver.change_mission(lambda _: Mission(phase=Phase.DRIVING, queue=(goal,)).interrupt())
+    think(driver, picture(stamp_ns=2 * SECOND))
+    assert driver.intent.mission == Mission(phase=Phase.PAUSED, queue=(goal,))
 
 
 def test_a_robot_that_turns_slowly_turns_round_all_the_same() -> None:
