@@ -24,9 +24,11 @@ from app.episode.episode import Episode, EpisodeSettings
 from app.episode.latency import NO_LATENCY
 from app.runtime.control.robot_controller import COMMAND_PERIOD_S
 from app.runtime.record.map_persistence import load_map, save_map
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.mission.anchors import Item, anchored
 from navcore.mission.mission import Goal, Mission
+from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from sim.scenario.schema import Scenario
 from sim.scenario.variation import another_day
@@ -63,6 +65,11 @@ class FirstDay:
         held = anchored(item, self.true_poses, frozen=0)
         return item if held is None else held.at(self.map_poses)
 
+    def placed_outline(self, outline: Points) -> Points:
+        """Return where the map shows what an (N, 2) outline of the true world covers."""
+        corners = tuple((float(x), float(y)) for x, y in outline)
+        return np.array(self.placed(Zone(id="", name="", polygon=corners)).polygon)
+
 
 def second_day(world: Scenario, settings: EpisodeSettings, *, seed: int) -> Episode:
     """Drive the first day and return the episode of the second, in the map that was kept.
@@ -96,7 +103,7 @@ def switched_on(
             zones=tuple(map(first.placed, intent.zones)),
         )
     )
-    episode.first_day = dict(first.report)
+    episode.first_day, episode.placed = dict(first.report), first.placed_outline
     episode.before_start = partial(_look_for_place, episode, episode.first_day, first)
     return episode
 

@@ -69,9 +69,20 @@ def _items(result: Result) -> str:
     seen, missed, false = (
         sum(counts[key] for counts in items.values()) for key in ("seen", "missed", "false")
     )
-    driven_m = result["distance_m"] * result["episodes"]
     wrong = {name: counts["false"] for name, counts in items.items() if counts["false"]}
-    return f"{seen - missed} of {seen}; {10 * false / driven_m:.2f} ({listed(wrong)})"
+    driven_m = _driven_m(result)
+    rate = "–" if driven_m is None else f"{10 * false / driven_m:.2f}"
+    return f"{seen - missed} of {seen}; {rate} ({listed(wrong)})"
+
+
+def _driven_m(result: Result) -> float | None:
+    """Return the way in metres on which the maps were made, on both days if there are two; None
+    where that of the first days was not kept."""
+    driven_m: float = result["distance_m"] * result["episodes"]
+    if not is_second_day(result):
+        return driven_m
+    first_m: float | None = result.get("first_days", {}).get("distance_m")
+    return None if first_m is None else first_m + driven_m
 
 
 def _mission_row(result: Result) -> Row:
@@ -137,7 +148,9 @@ RANDOM = Table(
     shows=is_of(Suite.RANDOM),
     columns=(
         *("world", *(RATES[key][0] for key in _SHOWN_RATES)),
-        *("SPL", "baseline", "items held of those in view; false ones per 10 m"),
+        *("SPL", "baseline"),
+        "items held of those in view; false ones per 10 m, with a second day of both days' ways "
+        "(– where that of the first was not kept)",
         "failures by seed",
     ),
     rows=single(_random_row),

@@ -240,6 +240,15 @@ def test_the_second_day_has_rows_of_its_own() -> None:
         assert f"| {world} |" in table_of([first])
 
 
+def test_what_both_days_put_on_the_map_is_divided_by_the_way_of_both() -> None:
+    items = {"box": {"there": 4, "seen": 4, "not_passed": 0, "missed": 1, "false": 6}}
+    second = {**KEPT["office"], "episodes": 2, "distance_m": 10.0, "items": items, "map": "kept"}
+    of_both = full_table([{**second, "first_days": {"distance_m": 40.0}}])
+    assert "| 3 of 4; 1.00 (box 6) |" in of_both
+    assert "| 3 of 4; – (box 6) |" in full_table([{**second, "first_days": {"came_back": 2}}])
+    assert "| 3 of 4; – (box 6) |" in full_table([second])
+
+
 @pytest.mark.parametrize(
     ("departs", "name", "words"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -92,13 +93,14 @@ def test_both_days_and_the_turns_are_in_the_world_that_the_first_seed_has_furnis
     monkeypatch.setattr(turns, "Episode", Episode)
     here = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
     run = Recording(drive=recorded([here], [here]), grade=OdometryGrade.TYPICAL, seed=5)
+    of, scenario = measures(tmp_path), load_scenario(name)
     for drive in (
-        lambda of: of.recording(load_scenario(name)),
-        lambda of: of.recording(load_scenario(name), other_day=True),
-        lambda of: of.turn(load_scenario(name), run, 0),
+        partial(of.recording, scenario),
+        partial(of.recording, scenario, other_day=True),
+        partial(of.turn, scenario, run, 0),
     ):
         with pytest.raises(Refused):
-            drive(measures(tmp_path))
+            drive()
     (first, *made), (second, *second_made), (turned, *turn_made) = driven
     assert made == second_made == turn_made == [True]
     assert first == randomise(load_scenario(name), 5) and turned == second != first
