@@ -93,18 +93,14 @@ class Campaign:
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
             card.write(out)
-            file = kept.open("a", encoding="utf-8")
-        with file:
-            if text and not text.endswith("\n"):
-                file.write("\n")
-            left = [key for key in wanted if key not in done]
-            known = [done[key] for key in wanted if key in done]
-            _tell_older(known, len(wanted))
-            for report in shown(self._driven(left, fleet.engine), known, len(wanted)):
-                done[report[self.key]] = report
-                with writing(out):
-                    file.write(json.dumps({**report, "campaign": name}) + "\n")
-                    file.flush()
+            _append(kept, "\n" if text and not text.endswith("\n") else "")
+        left = [key for key in wanted if key not in done]
+        known = [done[key] for key in wanted if key in done]
+        _tell_older(known, len(wanted))
+        for report in shown(self._driven(left, fleet.engine), known, len(wanted)):
+            done[report[self.key]] = report
+            with writing(out):
+                _append(kept, json.dumps({**report, "campaign": name}) + "\n")
         return [done[key] for key in wanted]
 
     def _driven(self, keys: list[int], engine: Engine) -> Iterator[Driven]:
@@ -120,6 +116,12 @@ class Campaign:
                     self.after(outcome.result)  # recorded by the reader of this, which goes on
         if causes:
             raise EpisodesFailed(self.key, causes)
+
+
+def _append(path: Path, text: str) -> None:
+    """Append to a file and close it, so that it holds the text or this raises the `OSError`."""
+    with path.open("a", encoding="utf-8") as file:
+        file.write(text)
 
 
 def _tell_older(kept: Sequence[Report], wanted: int) -> None:

@@ -6,11 +6,14 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -163,6 +166,27 @@ def test_an_episode_is_recorded_before_its_figures_are_written(tmp_path: Path) -
     assert json.loads((tmp_path / "episodes.jsonl").read_text())["key"] == 0
     reports = campaign().run([0, 1], fleet=HERE, out=tmp_path)
     assert [report["key"] for report in reports] == [0, 1]
+
+
+@contextmanager
+def full_disk(at_bytes: int) -> Iterator[None]:
+    """No file grows beyond a size, as on a disk that is full then."""
+    usual, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (at_bytes, most))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (usual, most))
+
+
+def test_a_full_disk_is_named_and_what_was_recorded_before_is_kept(tmp_path: Path) -> None:
+    def long(key: int) -> dict[str, Any]:
+        return {**drive(key), "note": "x" * (1_000 if key else 1_999_800)}
+
+    with full_disk(2_000_000), pytest.raises(BadConfiguration, match="cannot be written"):
+        campaign(run=long).run([0, 1, 2], fleet=HERE, out=tmp_path)
+    reports = campaign().run([0, 1, 2], fleet=HERE, out=tmp_path)
+    assert ["note" in report for report in reports] == [True, False, False]
 
 
 @pytest.mark.long
