@@ -89,6 +89,22 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
             ("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"),
             "cannot be written",
         ),
+        # Refused before what else is wrong, which shows after hours of work.
+        (
+            ("evaluate", "teaching", "--weights", "/no/such.safetensors", "--out", "/proc/nowhere"),
+            "cannot be written",
+        ),
+        (
+            (
+                *("evaluate", "table-tops", "--images", "/no/such", "--segmenter", "colour"),
+                *("--out", "/proc/nowhere"),
+            ),
+            "cannot be written",
+        ),
+        (
+            ("evaluate", "localisation", "--scenario", "empty_room", "--out", "/proc/nowhere"),
+            "cannot be written",
+        ),
         (("evaluate", "nowhere"), "nowhere"),
         (("evaluate", "barn"), "--worlds"),
         (("evaluate", "barn", "--random"), "suite of its own"),
@@ -158,16 +174,20 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(
     check_refusal(bewarenav(*arguments), words)
 
 
+@pytest.mark.parametrize(
+    ("suite", "left"),
+    [("office", "the same command drives the rest"), ("teaching", "measures all again")],
+)
 def test_an_interrupted_evaluation_says_so_and_ends_with_130(
-    monkeypatch: pytest.MonkeyPatch,
+    suite: str, left: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> bool:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("app.cli.evaluate.command._evaluated", interrupted)
-    answer = bewarenav("evaluate", "office")
+    answer = bewarenav("evaluate", suite)
     assert answer.returncode == 130
-    assert "the same command drives the rest" in answer.stderr
+    assert left in answer.stderr
 
 
 def test_a_process_ends_with_the_line_and_the_exit_code() -> None:
