@@ -36,6 +36,8 @@ from sim.truth.random_missions import SALT
 
 OTHER_DAY = 1000
 """Added to a seed for another day: chairs stand elsewhere, other people are about."""
+FIRST_DAY = 2
+"""Time limit of the first day, there and back, by that of the second."""
 FIRST_LOOK_S = 0.5
 """Time in seconds for which the robot stands before its place is asked for."""
 PATIENCE_S = 8.0
@@ -146,7 +148,7 @@ def drive_first_day(
             goals=(*goals, (home.x_m, home.y_m)),
             zones=(),
             latency=NO_LATENCY,  # so that a tick is of the moment whose true pose is noted
-            max_time_s=2 * settings.max_time_s,
+            max_time_s=FIRST_DAY * settings.max_time_s,
         ),
         seed=seed + OTHER_DAY,
     )

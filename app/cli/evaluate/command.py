@@ -87,11 +87,14 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
 
 
 def _fleet(settings: EvaluateSettings) -> Fleet:
+    from app.episode.second_day import FIRST_DAY
     from app.evaluation.campaign import Fleet
     from app.fleet.shard import parse_shard
 
     shard = None if settings.shard is None else parse_shard(settings.shard)
-    return Fleet(engine=settings.where.chosen(), shard=shard)
+    days = 1 + FIRST_DAY if settings.kept_map else 1
+    engine = settings.where.chosen(simulated_s=days * settings.max_time)
+    return Fleet(engine=engine, shard=shard)
 
 
 def _out(settings: EvaluateSettings, name: str) -> Path:

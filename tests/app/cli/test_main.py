@@ -16,6 +16,9 @@ import pytest
 import torch
 
 from app.cli.main import main
+from app.evaluation.campaign import Fleet
+from app.fleet.local import Processes
+from app.fleet.ray_cluster import RayCluster
 from navcore.perception.esanet import build
 
 COLUMNS = {"COLUMNS": "200"}
@@ -188,6 +191,32 @@ def test_an_interrupted_evaluation_says_so_and_ends_with_130(
     answer = bewarenav("evaluate", suite)
     assert answer.returncode == 130
     assert left in answer.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "limit_s"),
+    [
+        ((), 3600.0),
+        (("--max-time", "60"), 3600.0),
+        (("--max-time", "1200"), 7200.0),
+        (("--kept-map",), 10_800.0),
+        (("--kept-map", "--engine", "ray"), 10_800.0),
+    ],
+)
+def test_an_episode_of_a_worker_has_as_much_time_as_its_own_limit_needs(
+    options: tuple[str, ...], limit_s: float, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    limits = list[float]()
+
+    def driven(*_: object, fleet: Fleet, **__: object) -> dict[str, float]:
+        assert isinstance(fleet.engine, Processes | RayCluster)
+        limits.append(fleet.engine.limit_s)
+        return {"success_rate": 1.0}
+
+    monkeypatch.setattr("app.evaluation.driving.scenario.evaluate_scenario", driven)
+    colour = ("--segmenter", "colour", "--workers", "2", "--out", str(tmp_path))
+    assert bewarenav("evaluate", "office", "--random", *colour, *options).returncode == 0
+    assert limits == [limit_s]
 
 
 def test_a_process_ends_with_the_line_and_the_exit_code() -> None:
