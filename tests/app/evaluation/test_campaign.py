@@ -152,9 +152,16 @@ def test_an_episode_that_fails_twice_is_named_and_all_others_are_recorded(
     assert sorted(json.loads(line)["key"] for line in recorded) == [0, 2]
 
 
-def test_an_error_of_the_program_ends_the_campaign(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError):
-        campaign(run=broken).run([0, 1], fleet=TWO, out=tmp_path)
+@pytest.mark.parametrize("fleet", [HERE, pytest.param(TWO, marks=pytest.mark.long)])
+def test_an_episode_that_raises_an_error_is_named_and_all_others_are_recorded(
+    tmp_path: Path, fleet: Fleet
+) -> None:
+    with pytest.raises(EpisodesFailed) as failure:
+        campaign(run=broken).run([0, 1, 2, 3, 4], fleet=fleet, out=tmp_path)
+    told = "key 0, 3 (no goal can be reached); key 2 (ZeroDivisionError: division by zero)"
+    assert told in str(failure.value)
+    reports = campaign().run([0, 1, 2, 3, 4], fleet=HERE, out=tmp_path)
+    assert [report.get("first") for report in reports] == [None, True, None, None, True]
 
 
 def test_an_episode_is_recorded_before_its_figures_are_written(tmp_path: Path) -> None:
@@ -200,7 +207,9 @@ def test_a_worker_with_other_code_than_this_process_drives_nothing(
 
 
 def broken(key: int) -> dict[str, Any]:
-    return {"key": 1 // 0}
+    if key % 3 == 0:
+        raise BadConfiguration("no goal can be reached")
+    return {**drive(key), "first": 1 / (key - 2) != 0}
 
 
 def within_s(patience_s: float, holds: Any) -> bool:
