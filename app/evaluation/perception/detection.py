@@ -35,6 +35,7 @@ from navcore.mission.zone_cells import rasterise
 from navcore.perception.labels import Segmenter
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
 from sim.dataset.renderer import LABELS, PATTERNS, Labels, SceneRenderer
@@ -83,6 +84,13 @@ class ListedObject:
         return float(np.hypot(*(self.points - (place.x_m, place.y_m)).T).min())
 
 
+def walk_rules() -> tuple[object, ...]:
+    """Return what the counts of a walk depend on besides its seed, segmenter and list."""
+    world = TEST_SHARD, WALK_M, POSE_TRIALS, CLEARANCE_M, STEP_M, SPEED_MPS
+    judged = CELL_M, IN_VIEW_M, IN_TIME_M, ENOUGH_PX, NEAR_M, FALSE_M
+    return HUSKY.depth_sensor, MappingConfig(), ObservationConfig(), world, judged
+
+
 def walk_of_seed(
     segmenter: Segmenter,
     beware: BewareList,
@@ -127,6 +135,7 @@ def walks(
         perception=perception,
         beware=beware,
         size=size,
+        rules=walk_rules(),
         walk=partial(walk_of_seed, perception.segmenter, beware, size=size),
     )
 

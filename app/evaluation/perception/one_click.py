@@ -27,6 +27,7 @@ from app.evaluation.perception.detection import (
     drive_poses,
     picture,
     walk,
+    walk_rules,
 )
 from app.evaluation.perception.detection_counts import COUNTERS, DetectionCounts, Walks
 from app.evaluation.suites import Suite
@@ -109,6 +110,7 @@ def walks(perception: Perception, size: tuple[int, int] = CameraStream().size) -
         perception=perception,
         beware=BewareList(classes=()),
         size=size,
+        rules=(*walk_rules(), CLICKS, BACKGROUNDS, CLICK_M, CLICK_PX, TRIALS),
         walk=partial(click_and_walk, perception.examples, size=size),
     )
 
