@@ -1,10 +1,10 @@
-"""Tables of robots that drive: random missions, the paper's missions, doors and crossings."""
+"""Tables of robots that drive: random missions, given ones as the paper's, doors and crossings."""
 
 from __future__ import annotations
 
 from app.evaluation.suites import Suite
 from app.evaluation.summary import RATES
-from app.evaluation.tables.kinds import departures, is_of, is_second_day
+from app.evaluation.tables.kinds import departures, is_of, is_paper, is_second_day
 from app.evaluation.tables.table import (
     Result,
     Row,
@@ -25,7 +25,8 @@ _SHOWN_RATES = tuple(key for key in RATES if key not in ("struck_rate", "ground_
 def world(result: Result) -> str:
     """Return the world of a result, what sets it apart from others in that world, and how many
     episodes were planned if there were more than it has."""
-    apart = ["second day"] if is_second_day(result) else []
+    apart = ["the paper's"] if is_paper(result) else []
+    apart += ["second day"] if is_second_day(result) else []
     apart += [
         "with a scanner" if key == "scanner" else f"{key} {value}"
         for key, value in departures(result).items()
@@ -159,7 +160,7 @@ RANDOM = Table(
 MISSIONS = Table(
     shows=is_of(Suite.GIVEN),
     columns=(
-        *("the paper's mission", "goals reached", "true distance at G1, G2, G3"),
+        *("given mission", "goals reached", "true distance at each goal"),
         *("drove into something", "over an item, a marking or a zone", "least clearance"),
         *("driven", "time", "explored", "failures by seed"),
     ),
