@@ -210,18 +210,19 @@ class EngineOptions:
         ),
     ] = None
 
-    def chosen(self) -> Engine:
-        """Return the engine."""
-        from app.fleet.local import Processes, ThisProcess
+    def chosen(self, *, simulated_s: float = 0.0) -> Engine:
+        """Return the engine for tasks of up to so many simulated seconds."""
+        from app.fleet.local import Processes, ThisProcess, limit_for
         from app.fleet.ray_cluster import RayCluster
 
+        limit_s = limit_for(simulated_s)
         if self.engine == "ray":
-            return RayCluster(address=self.address, workers=self.workers)
+            return RayCluster(address=self.address, workers=self.workers, limit_s=limit_s)
         if self.address is not None:
             raise BadConfiguration("--address is for --engine ray")
         if self.workers == 1:
             return ThisProcess()
-        return Processes(workers=self.workers)
+        return Processes(workers=self.workers, limit_s=limit_s)
 
 
 def takes_options(command: Callable[[Settings], None]) -> Callable[..., None]:

@@ -32,6 +32,7 @@ from app.runtime.fault_injection import FaultInjector
 from app.runtime.start.segmentation import Perception, colour_perception
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2, Twist, wrap_angle
 from navcore.grid.grid import GridSpec
 from navcore.localisation.estimate import LocalisationEstimate
@@ -214,6 +215,8 @@ class Episode:
         self._error_m = 0.0  # of the estimated position at the newest tick
         self.first_day: dict[str, Any] | None = None
         """How the kept map was made; None in a new map."""
+        self.placed: Callable[[Points], Points] = lambda outline: outline
+        """Returns where the map shows what an (N, 2) outline of the true world covers."""
         self.samples: list[Sample] = []
         """Samples of the episode, one per second."""
         self.driven: list[tuple[float, float]] = []
@@ -262,6 +265,7 @@ class Episode:
             ablation=str(self.ablation),
             latency=self.latency.name,
             first_day=self.first_day,
+            placed=self.placed,
             goals=self.goals,
             zones=self.zones,
             ended=self._end(cut_short=cut_short),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from app.episode.informed_baseline import SensorModel, TrueGrids, ideal_path_m
 from app.runtime.control.stage_timer import StageTimer
 from app.runtime.record.provenance import machine, version
 from navcore.costmap.costmap import layer_grid
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.grid.nearest import nearest_of
@@ -76,6 +78,8 @@ class EpisodeRecord:
     """Time that ticks took on the simulated clock: `none`, `live`, or a fixed one."""
     first_day: dict[str, Any] | None
     """How the kept map was made; None in a new map."""
+    placed: Callable[[Points], Points]
+    """Returns where the map shows what an (N, 2) outline of the true world covers."""
     goals: tuple[Goal, ...]
     """Goals of the mission, in order."""
     zones: tuple[Polygon, ...]
@@ -222,7 +226,7 @@ def _items(record: EpisodeRecord) -> dict[str, dict[str, int]]:
     beware = record.beware
     grid = layer_grid(record.map, beware, ())
     held = {entry.detected_as: grid.beware[entry.class_id] for entry in beware.enabled}
-    return record.detections.counts_by_class(held, record.spec)
+    return record.detections.counts_by_class(held, record.spec, record.placed)
 
 
 def _explored_share(record: EpisodeRecord) -> float:

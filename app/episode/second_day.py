@@ -24,9 +24,11 @@ from app.episode.episode import Episode, EpisodeSettings
 from app.episode.latency import NO_LATENCY
 from app.runtime.control.robot_controller import COMMAND_PERIOD_S
 from app.runtime.record.map_persistence import load_map, save_map
+from navcore.geometry.arrays import Points
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.mission.anchors import Item, anchored
 from navcore.mission.mission import Goal, Mission
+from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from sim.scenario.schema import Scenario
 from sim.scenario.variation import another_day
@@ -34,6 +36,8 @@ from sim.truth.random_missions import SALT
 
 OTHER_DAY = 1000
 """Added to a seed for another day: chairs stand elsewhere, other people are about."""
+FIRST_DAY = 2
+"""Time limit of the first day, there and back, by that of the second."""
 FIRST_LOOK_S = 0.5
 """Time in seconds for which the robot stands before its place is asked for."""
 PATIENCE_S = 8.0
@@ -62,6 +66,11 @@ class FirstDay:
         same place relative to the poses beside it. Far from all of them it stays."""
         held = anchored(item, self.true_poses, frozen=0)
         return item if held is None else held.at(self.map_poses)
+
+    def placed_outline(self, outline: Points) -> Points:
+        """Return where the map shows what an (N, 2) outline of the true world covers."""
+        corners = tuple((float(x), float(y)) for x, y in outline)
+        return np.array(self.placed(Zone(id="", name="", polygon=corners)).polygon)
 
 
 def second_day(world: Scenario, settings: EpisodeSettings, *, seed: int) -> Episode:
@@ -96,7 +105,7 @@ def switched_on(
             zones=tuple(map(first.placed, intent.zones)),
         )
     )
-    episode.first_day = dict(first.report)
+    episode.first_day, episode.placed = dict(first.report), first.placed_outline
     episode.before_start = partial(_look_for_place, episode, episode.first_day, first)
     return episode
 
@@ -139,7 +148,7 @@ def drive_first_day(
             goals=(*goals, (home.x_m, home.y_m)),
             zones=(),
             latency=NO_LATENCY,  # so that a tick is of the moment whose true pose is noted
-            max_time_s=2 * settings.max_time_s,
+            max_time_s=FIRST_DAY * settings.max_time_s,
         ),
         seed=seed + OTHER_DAY,
     )

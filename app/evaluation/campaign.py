@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import statistics
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +23,10 @@ from app.fleet.engine import Engine, Lost, run
 from app.fleet.local import ThisProcess
 from app.fleet.shard import Shard
 from app.runtime.record.provenance import command_line, version
-from navcore.errors import BadConfiguration
+from navcore.errors import BadConfiguration, BewareNavError
 
 SUMMARY = "summary.json"
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,9 +69,9 @@ class Campaign:
         """Drive the episodes of the fleet's share that are not recorded yet and record each when it
         ends.
 
-        An episode is lost when its worker is killed or hangs twice. Returns the reports in the
-        order of the keys; raises `BadConfiguration`, and `EpisodesFailed` after all others are
-        recorded.
+        An episode fails that raises an error, or whose worker is killed or hangs twice. Returns the
+        reports in the order of the keys; raises `BadConfiguration`, and `EpisodesFailed` after all
+        others are recorded.
         """
         name = hashlib.sha256(repr(self.rules).encode()).hexdigest()[:16]
         wanted = list(keys) if fleet.shard is None else fleet.shard.of(keys)
@@ -93,33 +96,58 @@ class Campaign:
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
             card.write(out)
-            file = kept.open("a", encoding="utf-8")
-        with file:
-            if text and not text.endswith("\n"):
-                file.write("\n")
-            left = [key for key in wanted if key not in done]
-            known = [done[key] for key in wanted if key in done]
-            _tell_older(known, len(wanted))
-            for report in shown(self._driven(left, fleet.engine), known, len(wanted)):
-                done[report[self.key]] = report
-                with writing(out):
-                    file.write(json.dumps({**report, "campaign": name}) + "\n")
-                    file.flush()
+            _append(kept, "\n" if text and not text.endswith("\n") else "")
+        left = [key for key in wanted if key not in done]
+        known = [done[key] for key in wanted if key in done]
+        _tell_older(known, len(wanted))
+        for report in shown(self._driven(left, fleet.engine), known, len(wanted)):
+            done[report[self.key]] = report
+            with writing(out):
+                _append(kept, json.dumps({**report, "campaign": name}) + "\n")
         return [done[key] for key in wanted]
 
     def _driven(self, keys: list[int], engine: Engine) -> Iterator[Driven]:
         if not keys:
             return
         causes: dict[int, str] = {}
-        with closing(run(engine, self.drive if engine.alone else self.drive_alone, keys)) as ended:
+        drive = partial(_tried, self.drive if engine.alone else self.drive_alone)
+        with closing(run(engine, drive, keys)) as ended:
             for key, outcome in ended:
                 if isinstance(outcome, Lost):
-                    causes[key] = outcome.cause
+                    causes[key] = f"twice: {outcome.cause}"
+                elif isinstance(outcome.result, _Raised):
+                    causes[key] = outcome.result.cause
                 else:
                     yield Driven(self.report_of(outcome.result), outcome.node, outcome.pid)
                     self.after(outcome.result)  # recorded by the reader of this, which goes on
         if causes:
             raise EpisodesFailed(self.key, causes)
+
+
+@dataclass(frozen=True, slots=True)
+class _Raised:
+    """An error that an episode has raised."""
+
+    cause: str
+    """What it says."""
+
+
+def _tried(drive: Callable[[int], Any], key: int) -> Any:
+    """Drive an episode; return `_Raised` for an error, that of the program with its traceback on
+    stderr."""
+    try:
+        return drive(key)
+    except BewareNavError as error:
+        return _Raised(str(error))
+    except Exception as error:
+        _log.exception("an episode failed")
+        return _Raised(f"{type(error).__name__}: {error}")
+
+
+def _append(path: Path, text: str) -> None:
+    """Append to a file and close it, so that it holds the text or this raises the `OSError`."""
+    with path.open("a", encoding="utf-8") as file:
+        file.write(text)
 
 
 def _tell_older(kept: Sequence[Report], wanted: int) -> None:
@@ -160,15 +188,20 @@ def _planned(out: Path, campaign: str | None = None, keys: Sequence[int] = ()) -
 
 
 class EpisodesFailed(BadConfiguration):
-    """Some episodes failed twice; all others are recorded."""
+    """Some episodes failed; all others are recorded."""
 
     def __init__(self, key: str, causes: dict[int, str]) -> None:
         self.causes = causes
         """Why each episode failed, by its key."""
-        said = ", ".join(f"{key} {number} ({cause})" for number, cause in sorted(causes.items()))
+        numbers: dict[str, list[int]] = {}
+        for number, cause in sorted(causes.items()):
+            numbers.setdefault(cause, []).append(number)
+        said = "; ".join(
+            f"{key} {', '.join(map(str, failed))} ({cause})" for cause, failed in numbers.items()
+        )
         super().__init__(
-            f"these episodes failed twice: {said}; all others are recorded, and the same command "
-            "tries these again"
+            f"these episodes failed: {said}. All others are recorded, and the same command tries "
+            "these again"
         )
 
 

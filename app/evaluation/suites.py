@@ -34,5 +34,7 @@ VIEWING = (
     *(Suite.TABLE_TOPS, Suite.PRINTS),
 )
 """Suites in which a camera sees things and nothing drives."""
+UNRECORDED = (Suite.LOCALISATION, Suite.TEACHING, Suite.TABLE_TOPS)
+"""Suites that write their results at their end alone, and begin again after an interruption."""
 BY_NAME = (*BARN_SUITES, Suite.CROSSINGS, Suite.DOORS, Suite.LOCALISATION, *VIEWING)
 """Suites that `bewarenav evaluate` takes by their names; any other argument is a world."""

@@ -116,6 +116,7 @@ def _first_days(reports: Sequence[Report]) -> dict[str, Any]:
     return {
         "came_back": sum(day["goals_reached"] == day["goals"] for day in days.values()),
         "map_error_m": [day["map_error_m"] for day in days.values()],
+        "distance_m": round(sum(day["distance_m"] for day in days.values()), 1),
         "place_shown_seeds": [seed for seed, day in days.items() if day.get("place_shown")],
     }
 

@@ -20,7 +20,14 @@ from app.runtime.record.provenance import version
 from navcore.errors import BadConfiguration
 
 LIMIT_S = 3600.0
-"""Real time after which a task in a process of its own counts as hung, seconds."""
+"""Least real time after which a task in a process of its own counts as hung, seconds."""
+SLOWEST = 6.0
+"""Real time that a simulated second may take, seconds."""
+
+
+def limit_for(simulated_s: float) -> float:
+    """Return the real time in seconds after which a task counts as hung that simulates so much."""
+    return max(LIMIT_S, SLOWEST * simulated_s)
 
 
 @dataclass(frozen=True, slots=True)

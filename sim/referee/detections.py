@@ -4,7 +4,7 @@ wrongly."""
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import cv2
 import numpy as np
@@ -81,13 +81,18 @@ class DetectionScore:
             self._views[number] += depth_m == 0 or depth_m > z[number] - HIDDEN_M
 
     def counts_by_class(
-        self, held: Mapping[str, BoolGrid], spec: GridSpec
+        self,
+        held: Mapping[str, BoolGrid],
+        spec: GridSpec,
+        placed: Callable[[Polygon], Polygon] = lambda outline: outline,
     ) -> dict[str, dict[str, int]]:
         """Return class → number of objects `there` in the world, `seen` within 4 m or `not_passed`,
         of the seen ones those `missed` on the map under any class, and `false` ones.
 
-        `held`: class → (rows, cols) cells of the map. People move, so of them only false ones are
-        counted: cells where no person has been.
+        `held`: class → (rows, cols) cells of the map, for each class of the list; objects of others
+        are in no count, and no false ones. `placed` returns where the map shows what an outline of
+        the true world covers. People move, so of them only false ones are counted: cells where no
+        person has been.
         """
         counts: defaultdict[str, dict[str, int]] = defaultdict(
             lambda: {"there": 0, "seen": 0, "not_passed": 0, "missed": 0, "false": 0}
@@ -99,8 +104,10 @@ class DetectionScore:
         for cells in held.values():
             anything |= cells
         for entry, views in zip(self._objects, self._views, strict=True):
-            near = _dilated(rasterise(entry.outlines, spec), MATCH_M, spec)
+            near = _dilated(rasterise([*map(placed, entry.outlines)], spec), MATCH_M, spec)
             real |= near
+            if entry.name not in held:
+                continue
             counts[entry.name]["there"] += 1
             counts[entry.name]["seen" if views >= MIN_VIEWS else "not_passed"] += 1
             counts[entry.name]["missed"] += int(views >= MIN_VIEWS and not (near & anything).any())

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from app.cli.evaluate.settings import PAPER, EvaluateSettings, check_options
-from app.cli.options import beware_list
+from app.cli.options import beware_list, prepare
 from app.episode.ablations import Ablation
-from app.evaluation.suites import BARN_SUITES, Suite
+from app.evaluation.suites import BARN_SUITES, UNRECORDED, Suite
 from navcore.errors import BadConfiguration
 from sim.robot.odometry_grade import OdometryGrade
 
@@ -50,11 +50,13 @@ def evaluate(settings: EvaluateSettings) -> None:
     try:
         succeeded = _evaluated(settings, config)
     except KeyboardInterrupt:
-        typer.echo(
-            "bewarenav: interrupted; what was driven is recorded, and the same command drives the "
-            "rest",
-            err=True,
+        left = (
+            f"the suite {settings.suite!r} has no results before its end, and the same command "
+            "measures all again"
+            if settings.suite in UNRECORDED
+            else "what was driven is recorded, and the same command drives the rest"
         )
+        typer.echo(f"bewarenav: interrupted; {left}", err=True)
         sys.exit(130)
     sys.exit(0 if succeeded else 1)
 
@@ -85,17 +87,24 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
 
 
 def _fleet(settings: EvaluateSettings) -> Fleet:
+    from app.episode.second_day import FIRST_DAY
     from app.evaluation.campaign import Fleet
     from app.fleet.shard import parse_shard
 
     shard = None if settings.shard is None else parse_shard(settings.shard)
-    return Fleet(engine=settings.where.chosen(), shard=shard)
+    days = 1 + FIRST_DAY if settings.kept_map else 1
+    engine = settings.where.chosen(simulated_s=days * settings.max_time)
+    return Fleet(engine=engine, shard=shard)
 
 
 def _out(settings: EvaluateSettings, name: str) -> Path:
-    """Return the folder of the results; by default of its own for each share."""
+    """Return the folder of the results; by default of its own for each share. Raises
+    `BadConfiguration` where a suite could not write there at its end, hours later."""
     share = "" if settings.shard is None else f"-shard-{settings.shard.replace('/', '-of-')}"
-    return settings.out or Path("runs") / f"{name}{share}"
+    out = settings.out or Path("runs") / f"{name}{share}"
+    if settings.suite in UNRECORDED:
+        prepare(out)
+    return out
 
 
 def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:

@@ -28,7 +28,7 @@ from app.cli.options import (
     robot_profile,
 )
 from app.episode.ablations import Ablation
-from app.evaluation.suites import BY_NAME, VIEWING, Suite
+from app.evaluation.suites import BARN_SUITES, BY_NAME, VIEWING, Suite
 from navcore.errors import BadConfiguration
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import RobotProfile
@@ -155,9 +155,19 @@ def check_options(settings: EvaluateSettings) -> None:
         raise BadConfiguration(
             "--scenario names the world of the suite 'localisation'; other worlds are the argument"
         )
+    if settings.worlds is not None and settings.suite not in BARN_SUITES:
+        raise BadConfiguration(
+            f"--worlds FILE.json names the worlds of {' and '.join(BARN_SUITES)}; other worlds are "
+            "the argument"
+        )
     if (settings.images is None) == (settings.suite == Suite.TABLE_TOPS):
         raise BadConfiguration(
             f"--images DIR names what the suite '{Suite.TABLE_TOPS}' looks at, and is for it alone"
+        )
+    if settings.suite == Suite.TABLE_TOPS and (settings.episodes is not None or settings.seed):
+        raise BadConfiguration(
+            f"--episodes and --seed are for what is drawn; the suite '{Suite.TABLE_TOPS}' looks at "
+            "all images of --images"
         )
     if settings.latency != "live" and settings.suite in (*VIEWING, Suite.LOCALISATION):
         raise BadConfiguration(
@@ -181,6 +191,11 @@ def check_options(settings: EvaluateSettings) -> None:
         raise BadConfiguration(
             "--shard, --workers and --engine are for suites of separate episodes, and "
             f"{settings.suite!r} runs as a whole"
+        )
+    if settings.robot != usual.robot and (not drives or settings.suite == Suite.LOCALISATION):
+        raise BadConfiguration(
+            f"--robot is for robots that drive missions, and the suite {settings.suite!r} measures "
+            f"the {usual.robot}"
         )
     if settings.camera is not None and settings.suite in (
         Suite.LOCALISATION,

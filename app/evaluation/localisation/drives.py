@@ -80,20 +80,20 @@ class Drive:
 
 
 def record(
-    scenario: Scenario,
+    world: Scenario,
     beware: BewareList,
     *,
     seed: int,
     goals: Sequence[tuple[float, float]] = (),
     max_time_s: float = 600.0,
-    randomised: bool = False,
     config: NavigatorConfig | None = None,
 ) -> Drive:
-    """Drive a mission with nearly perfect odometry and keep every second frame."""
+    """Drive a mission in a world that a seed has made, with nearly perfect odometry, and keep every
+    second frame."""
     episode = Episode(
-        scenario,
+        world,
         EpisodeSettings(
-            beware=beware, goals=tuple(goals), max_time_s=max_time_s, randomised=randomised,
+            beware=beware, goals=tuple(goals), max_time_s=max_time_s, randomised=True,
             odometry=OdometryGrade.IDEAL, config=config,
         ),
         seed=seed,
@@ -139,21 +139,21 @@ class DriveRecorder:
 
 def kept_drive(
     folder: Path,
-    scenario: Scenario,
+    world: Scenario,
     beware: BewareList,
     *,
     seed: int,
     config: NavigatorConfig,
     backwards: bool = False,
 ) -> Drive:
-    """Return the drive of a world with a seed to the goals of the world, from its file in a folder
-    or driven now and kept there; `backwards` takes the goals in reverse order."""
-    goals = tuple(reversed(scenario.goals)) if backwards else scenario.goals
+    """Return the drive of a seed to the goals of a world that a seed has made, from its file in a
+    folder or driven now and kept there; `backwards` takes the goals in reverse order."""
+    goals = tuple(reversed(world.goals)) if backwards else world.goals
     return kept(
         folder,
-        f"{scenario.name}-{seed}{'-back' if backwards else ''}",
-        (scenario, beware.classes, config, seed, goals),
-        lambda: record(scenario, beware, seed=seed, goals=goals, config=config),
+        f"{world.name}-{seed}{'-back' if backwards else ''}",
+        (world, beware.classes, config, seed, goals),
+        lambda: record(world, beware, seed=seed, goals=goals, config=config),
     )
 
 

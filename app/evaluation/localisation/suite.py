@@ -3,6 +3,7 @@ it was switched on, carried away or disturbed, and in wrong maps."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 from collections.abc import Callable
@@ -36,6 +37,7 @@ from navcore.mission.beware_list import BewareList
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import Scenario
+from sim.scenario.variation import another_day, randomise
 
 PLACES = 5
 """Places at which the robot is switched on or carried away, for each episode."""
@@ -66,24 +68,36 @@ class LocalisationSuite:
     config: NavigatorConfig
     """Configuration of the navigation."""
 
-    def recording(self, world: Scenario, *, other_day: bool = False) -> Recording:
-        """Return the drive of a world; that of the other day has the goals in reverse order."""
+    def world(self, scenario: Scenario, *, other_day: bool = False) -> Scenario:
+        """Return what the first seed makes of a scenario, with its rooms, woods and hills; on the
+        other day what people move stands a little elsewhere."""
+        first, given = randomise(scenario, self.seed), len(scenario.furniture)
+        if not other_day:
+            return first
+        # About where the file has it, as on the first day, so that a day is no farther off.
+        furniture = (*scenario.furniture, *first.furniture[given:])
+        items = (*scenario.items, *first.items[len(scenario.items) :])
+        tidy = dataclasses.replace(first, furniture=furniture, items=items)
+        return another_day(tidy, self.seed + OTHER_DAY)
+
+    def recording(self, scenario: Scenario, *, other_day: bool = False) -> Recording:
+        """Return the drive of a scenario; that of the other day has the goals in reverse order."""
         drive = kept_drive(
             self.drives,
-            world,
+            self.world(scenario, other_day=other_day),
             self.beware,
             seed=self.seed + (OTHER_DAY if other_day else 0),
             config=self.config,
             backwards=other_day,
         )
-        mapped = self.recording(world).drive if other_day else None
+        mapped = self.recording(scenario).drive if other_day else None
         return Recording(drive=drive, grade=self.grade, seed=self.seed, mapped=mapped)
 
-    def turn(self, world: Scenario, run: Recording, start: int) -> Drive:
-        """Return the turn of the robot at a frame of the other day's drive through a world."""
+    def turn(self, scenario: Scenario, run: Recording, start: int) -> Drive:
+        """Return the turn of the robot at a frame of the other day's drive."""
         return kept_turn(
             self.drives,
-            world,
+            self.world(scenario, other_day=True),
             self.beware,
             seed=self.seed + OTHER_DAY,
             config=self.config,
@@ -126,8 +140,8 @@ class Site:
 
     suite: LocalisationSuite
     """What is measured, and how often."""
-    world: Scenario
-    """The world."""
+    scenario: Scenario
+    """The scenario of the world."""
     first: Recording
     """The drive of the first day."""
     second: Recording
@@ -136,14 +150,14 @@ class Site:
     """The map of the first day."""
 
     @staticmethod
-    def of(suite: LocalisationSuite, world: Scenario) -> Site:
+    def of(suite: LocalisationSuite, scenario: Scenario) -> Site:
         """Return a world with its drives, which are recorded where none are kept."""
-        first = suite.recording(world)
+        first = suite.recording(scenario)
         return Site(
             suite=suite,
-            world=world,
+            scenario=scenario,
             first=first,
-            second=suite.recording(world, other_day=True),
+            second=suite.recording(scenario, other_day=True),
             saved=suite.saved(first),
         )
 
@@ -164,7 +178,7 @@ class Site:
             self.suite.config,
             self.suite.places,
             is_here=which == SAVED,
-            turn_at=partial(self.suite.turn, self.world, self.second) if turns else None,
+            turn_at=partial(self.suite.turn, self.scenario, self.second) if turns else None,
             **how,
         )
 
@@ -199,10 +213,10 @@ def _say(line: str) -> None:
     print(line.strip(), file=sys.stderr, flush=True)
 
 
-def _measured(suite: LocalisationSuite, world: Scenario, part: tuple[str, str]) -> Any:
+def _measured(suite: LocalisationSuite, scenario: Scenario, part: tuple[str, str]) -> Any:
     """Return one part of the summary in one map."""
     name, which = part
-    return PARTS[name](Site.of(suite, world), which)
+    return PARTS[name](Site.of(suite, scenario), which)
 
 
 def evaluate_localisation(

@@ -23,7 +23,7 @@ _STOP_S = 1.0
 
 def kept_turn(
     folder: Path,
-    scenario: Scenario,
+    world: Scenario,
     beware: BewareList,
     *,
     seed: int,
@@ -31,8 +31,8 @@ def kept_turn(
     drive: Drive,
     start: int,
 ) -> Drive:
-    """Return one turn of the robot where a frame of a drive of that seed was taken, from its file
-    in a folder or driven now and kept there.
+    """Return one turn of the robot where a frame of a drive of that seed was taken in a world that
+    a seed has made, from its file in a folder or driven now and kept there.
 
     The turn is driven by hand with nearly perfect odometry: where the gate stops it, less is seen.
     """
@@ -41,12 +41,13 @@ def kept_turn(
 
     def recorded() -> Drive:
         episode = Episode(
-            scenario,
+            world,
             EpisodeSettings(
                 beware=beware,
                 config=config,
                 odometry=OdometryGrade.IDEAL,
                 start=here,
+                randomised=True,
             ),
             seed=seed,
         )
@@ -59,8 +60,8 @@ def kept_turn(
             episode.close()
         return recorder.drive
 
-    made_of = (scenario, beware.classes, config, seed, here)
-    return kept(folder, f"{scenario.name}-{seed}-turn-{start}", made_of, recorded)
+    made_of = (world, beware.classes, config, seed, here)
+    return kept(folder, f"{world.name}-{seed}-turn-{start}", made_of, recorded)
 
 
 def turned_first(turn: Drive, drive: Drive, start: int) -> Drive:

@@ -35,11 +35,12 @@ from navcore.mission.zone_cells import rasterise
 from navcore.perception.labels import Segmenter
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from sim.dataset.camera_effects import apply_camera_effects
 from sim.dataset.generate import WORLDS_PER_SHARD, shard_seed
 from sim.dataset.renderer import LABELS, PATTERNS, Labels, SceneRenderer
 from sim.dataset.room_generator import random_scene
-from sim.dataset.scene import BACKGROUND, Scene
+from sim.dataset.scene import BACKGROUND, Scene, Spot
 from sim.rendering.lighting import PLAIN, Lighting
 from sim.sensors.camera import T_BASE_CAMERA
 
@@ -77,6 +78,17 @@ class ListedObject:
     """Class under which the map held the object in time; None if it did not."""
     closed: bool = False
     """Whether the robot has been within 1.5 m; later detections do not count."""
+
+    def away_m(self, place: Pose2 | Spot) -> float:
+        """Return the distance in metres from a place to the nearest covered cell."""
+        return float(np.hypot(*(self.points - (place.x_m, place.y_m)).T).min())
+
+
+def walk_rules() -> tuple[object, ...]:
+    """Return what the counts of a walk depend on besides its seed, segmenter and list."""
+    world = TEST_SHARD, WALK_M, POSE_TRIALS, CLEARANCE_M, STEP_M, SPEED_MPS
+    judged = CELL_M, IN_VIEW_M, IN_TIME_M, ENOUGH_PX, NEAR_M, FALSE_M
+    return HUSKY.depth_sensor, MappingConfig(), ObservationConfig(), world, judged
 
 
 def walk_of_seed(
@@ -123,6 +135,7 @@ def walks(
         perception=perception,
         beware=beware,
         size=size,
+        rules=walk_rules(),
         walk=partial(walk_of_seed, perception.segmenter, beware, size=size),
     )
 
@@ -142,17 +155,20 @@ def walk(
     beware: BewareList,
     *,
     labels: Container[str] | None = None,
+    place: Spot | None = None,
     lighting: Lighting = PLAIN,
     turn_radps: float = 0.0,
     on_image: Callable[[Labels], None] = lambda labels: None,
 ) -> DetectionCounts:
     """Drive through a world that the renderer has built, and count; `labels` are the classes of the
-    objects that there are to find, by default those of the list."""
+    objects that there are to find, by default those of the list. With a `place` only the object
+    there is to be found, and the others are no false items."""
     labels = listed_classes(beware) if labels is None else labels
     spec = GridSpec.centred(
         size_m=(2 * scene.reach_m[0] + 8.0, 2 * scene.reach_m[1] + 8.0), resolution_m=CELL_M
     )
     objects = [listed for listed in _objects(scene, spec) if listed.name in labels]
+    sought = objects if place is None else [min(objects, key=lambda one: one.away_m(place))]
     cloud = PointMap(spec, MappingConfig())
     for number, pose in enumerate(poses):
         frame, true_depth_m, truth = picture(
@@ -161,11 +177,11 @@ def walk(
         found = segmenter.segment(frame, beware)
         on_image(truth)
         cloud.insert(observe(frame, found, beware, spec, ObservationConfig()), frame, found)
-        _observe(objects, cloud, beware, frame, true_depth_m, truth)
+        _observe(sought, cloud, beware, frame, true_depth_m, truth)
     counts = DetectionCounts(
         false=_false_items(objects, cloud, beware), walked_m=STEP_M * (len(poses) - 1)
     )
-    for listed in objects:
+    for listed in sought:
         counts.seen[listed.name] += listed.in_view
         counts.found[listed.name] += listed.in_view and listed.found_as is not None
         counts.named[listed.name] += listed.in_view and listed.found_as == listed.name
@@ -277,7 +293,7 @@ def _observe(
     for listed in objects:
         if listed.closed:
             continue
-        away_m = float(np.hypot(*(listed.points - (frame.pose.x_m, frame.pose.y_m)).T).min())
+        away_m = listed.away_m(frame.pose)
         listed.closed = away_m <= IN_TIME_M
         if listed.closed:
             continue

@@ -94,6 +94,8 @@ class Walks:
     """Classes that count."""
     size: tuple[int, int] = CameraStream().size
     """Columns and rows of the images."""
+    rules: object
+    """What the counts of a drive depend on besides all these."""
     walk: Callable[[int], DetectionCounts]
     """Returns the counts of the drive that a seed makes."""
 
@@ -116,8 +118,9 @@ class Walks:
                 self.perception.identity,
                 self.beware.classes,
                 self.size,
+                self.rules,
             ),
-            holds="another suite, network, beware list or image size",
+            holds="another suite, network, beware list or image size, or of other rules of mapping",
             drive=drive,
             drive_alone=drive,
         )

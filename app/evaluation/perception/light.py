@@ -18,7 +18,7 @@ from rich.table import Table
 
 from app.evaluation.campaign import HERE, Campaign, write_summary
 from app.evaluation.origin import origin_of
-from app.evaluation.perception.detection import ENOUGH_PX, listed_classes, walk_of_seed
+from app.evaluation.perception.detection import ENOUGH_PX, listed_classes, walk_of_seed, walk_rules
 from app.evaluation.perception.detection_counts import DetectionCounts
 from app.evaluation.perception.detection_counts import summary as rates_of
 from app.evaluation.perception.light_figures import row_of
@@ -101,8 +101,11 @@ def evaluate_light(
             beware.classes,
             size,
             tuple(disturbances.items()),
+            walk_rules(),
+            TURN_RADPS,
         ),
-        holds="another suite, network, beware list, image size or other disturbances",
+        holds="another suite, network, beware list, image size or other disturbances, or of other "
+        "rules of mapping",
         drive=drive,
         drive_alone=drive,
     )

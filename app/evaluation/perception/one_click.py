@@ -4,8 +4,9 @@ Each walk is a site of its own: a random world of the test split with two things
 `sim.models.unseen_items`. The operator's part: three frames around the first thing, a click into
 the middle of what it covers there, and eight frames of another drive as background. Then the robot
 walks past the second one, as in `detection`: found in time is what the map holds as that class
-before the robot is 1.5 m away; every other region of the class is a false item. A site whose first
-thing is seen from no free place is left out.
+before the robot is 1.5 m away. The first one is not to be found, for the class was learned from it,
+but is no false item either; every other region of the class is. A site whose first thing is seen
+from no free place is left out.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from app.evaluation.perception.detection import (
     drive_poses,
     picture,
     walk,
+    walk_rules,
 )
 from app.evaluation.perception.detection_counts import COUNTERS, DetectionCounts, Walks
 from app.evaluation.suites import Suite
@@ -84,6 +86,7 @@ def click_and_walk(
         FusedSegmenter(network, HUSKY.depth_sensor),
         BewareList(classes=classes),
         labels={UNSEEN},
+        place=site.second,
     )
     kinds = {
         name: Counter({site.kind: getattr(here, name)[UNSEEN]} if getattr(here, name) else {})
@@ -107,6 +110,7 @@ def walks(perception: Perception, size: tuple[int, int] = CameraStream().size) -
         perception=perception,
         beware=BewareList(classes=()),
         size=size,
+        rules=(*walk_rules(), CLICKS, BACKGROUNDS, CLICK_M, CLICK_PX, TRIALS),
         walk=partial(click_and_walk, perception.examples, size=size),
     )
 

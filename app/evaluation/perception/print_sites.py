@@ -125,6 +125,14 @@ class Site:
         return np.random.default_rng((self.seed, 27, PRINT_KINDS.index(self.kind), part))
 
 
+def site_rules() -> tuple[object, ...]:
+    """Return what a site depends on besides its seed and kind."""
+    place = TEST_SHARD, FARTHEST_M, BEHIND_M
+    sheet = CUT_OUT_SHARE, ANAMORPHIC_SHARE, PRINTED_SCALE, STRETCH, ASKEW_RAD
+    drawn = VIEWPOINT_M, LONGEST_M, FINE_PX, SMALLEST_SLOPE, FLAT_M
+    return place, sheet, drawn
+
+
 def renderer_of(seed: int, size: tuple[int, int] = CameraStream().size) -> SceneRenderer:
     """Return the renderer of a seed, with its prints, for images of `size` (columns, rows)."""
     return SceneRenderer(seed=shard_seed(seed, "test", TEST_SHARD), size=size)

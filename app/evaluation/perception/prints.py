@@ -24,7 +24,15 @@ from app.evaluation.campaign import HERE, Campaign, write_summary
 from app.evaluation.origin import origin_of
 from app.evaluation.perception.detection import ENOUGH_PX
 from app.evaluation.perception.print_figures import DISTANCES_M, limit
-from app.evaluation.perception.print_sites import KINDS, Sight, Site, renderer_of, sights, site_of
+from app.evaluation.perception.print_sites import (
+    KINDS,
+    Sight,
+    Site,
+    renderer_of,
+    sights,
+    site_of,
+    site_rules,
+)
 from app.evaluation.suites import Suite
 from app.runtime.record.provenance import command_line, machine, version
 from app.runtime.start.segmentation import Perception
@@ -99,8 +107,11 @@ def evaluate_prints(
     campaign = Campaign(
         suite=Suite.PRINTS,
         key="seed",
-        rules=(str(Suite.PRINTS), perception.identity, known.classes, size, DISTANCES_M),
-        holds="another suite, network, beware list, image size or other distances",
+        rules=(
+            *(str(Suite.PRINTS), perception.identity, known.classes, size, DISTANCES_M),
+            *(site_rules(), HUSKY.depth_sensor, ENOUGH_PX, LEAST_SHARE),
+        ),
+        holds="another suite, network, beware list, image size or other distances, sites or checks",
         drive=look,
         drive_alone=look,
     )

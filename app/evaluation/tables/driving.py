@@ -1,10 +1,10 @@
-"""Tables of robots that drive: random missions, the paper's missions, doors and crossings."""
+"""Tables of robots that drive: random missions, given ones as the paper's, doors and crossings."""
 
 from __future__ import annotations
 
 from app.evaluation.suites import Suite
 from app.evaluation.summary import RATES
-from app.evaluation.tables.kinds import departures, is_of, is_second_day
+from app.evaluation.tables.kinds import departures, is_of, is_paper, is_second_day
 from app.evaluation.tables.table import (
     Result,
     Row,
@@ -25,7 +25,8 @@ _SHOWN_RATES = tuple(key for key in RATES if key not in ("struck_rate", "ground_
 def world(result: Result) -> str:
     """Return the world of a result, what sets it apart from others in that world, and how many
     episodes were planned if there were more than it has."""
-    apart = ["second day"] if is_second_day(result) else []
+    apart = ["the paper's"] if is_paper(result) else []
+    apart += ["second day"] if is_second_day(result) else []
     apart += [
         "with a scanner" if key == "scanner" else f"{key} {value}"
         for key, value in departures(result).items()
@@ -69,9 +70,20 @@ def _items(result: Result) -> str:
     seen, missed, false = (
         sum(counts[key] for counts in items.values()) for key in ("seen", "missed", "false")
     )
-    driven_m = result["distance_m"] * result["episodes"]
     wrong = {name: counts["false"] for name, counts in items.items() if counts["false"]}
-    return f"{seen - missed} of {seen}; {10 * false / driven_m:.2f} ({listed(wrong)})"
+    driven_m = _driven_m(result)
+    rate = "–" if driven_m is None else f"{10 * false / driven_m:.2f}"
+    return f"{seen - missed} of {seen}; {rate} ({listed(wrong)})"
+
+
+def _driven_m(result: Result) -> float | None:
+    """Return the way in metres on which the maps were made, on both days if there are two; None
+    where that of the first days was not kept."""
+    driven_m: float = result["distance_m"] * result["episodes"]
+    if not is_second_day(result):
+        return driven_m
+    first_m: float | None = result.get("first_days", {}).get("distance_m")
+    return None if first_m is None else first_m + driven_m
 
 
 def _mission_row(result: Result) -> Row:
@@ -137,7 +149,9 @@ RANDOM = Table(
     shows=is_of(Suite.RANDOM),
     columns=(
         *("world", *(RATES[key][0] for key in _SHOWN_RATES)),
-        *("SPL", "baseline", "items held of those in view; false ones per 10 m"),
+        *("SPL", "baseline"),
+        "items held of those in view; false ones per 10 m, with a second day of both days' ways "
+        "(– where that of the first was not kept)",
         "failures by seed",
     ),
     rows=single(_random_row),
@@ -146,7 +160,7 @@ RANDOM = Table(
 MISSIONS = Table(
     shows=is_of(Suite.GIVEN),
     columns=(
-        *("the paper's mission", "goals reached", "true distance at G1, G2, G3"),
+        *("given mission", "goals reached", "true distance at each goal"),
         *("drove into something", "over an item, a marking or a zone", "least clearance"),
         *("driven", "time", "explored", "failures by seed"),
     ),

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
 
 from app.evaluation.suites import Suite
 from app.evaluation.tables.table import Result
@@ -22,6 +25,10 @@ USUAL = {
     "scanner": "none",
 }
 """Values that a campaign has without options."""
+TOLD = ("zones", "max-time", "navigation", "beware")
+"""Options that change what is driven and that only the command of a campaign tells."""
+COLOUR = "colour rules"
+"""What begins the segmenter of missions that no network sees."""
 
 
 def is_of(*suites: Suite) -> Callable[[Result], bool]:
@@ -36,6 +43,22 @@ def is_before(result: Result) -> bool:
     return result["suite"] == Suite.LIGHT and shipped not in result["segmenter"]
 
 
+def is_paper(result: Result) -> bool:
+    """Return whether a result is of a mission of the paper."""
+    return result["suite"] == Suite.GIVEN and "experiment" in _options(result)
+
+
+def _options(result: Result) -> dict[str, str]:
+    """Return the options of a result's command with their values, the names of files without their
+    folders."""
+    words = shlex.split(result.get("command", "").replace("=", " "))
+    return {
+        word.removeprefix("--"): Path(value).name.removesuffix(".toml")
+        for word, value in pairwise(words)
+        if word.startswith("--")
+    }
+
+
 def is_second_day(result: Result) -> bool:
     """Return whether a result is of missions in a kept map."""
     return result.get("map") == "kept"
@@ -43,11 +66,15 @@ def is_second_day(result: Result) -> bool:
 
 def departures(result: Result) -> dict[str, str]:
     """Return by key the values in which a campaign departs from one without options: people who
-    yield, another receiver than that of the world, and what differs from `USUAL`."""
+    yield, another receiver than that of the world, missions without a network, what differs from
+    `USUAL`, and the options of `TOLD`."""
     people = result.get("people", "none")
     told = {**result, "people": people if "yield" in people else USUAL["people"]}
     usual = USUAL | {"gnss": _gnss_of(result["scenario"])}
-    return {key: told[key] for key, value in usual.items() if told.get(key, value) != value}
+    own = {key: told[key] for key, value in usual.items() if told.get(key, value) != value}
+    if result["suite"] in (Suite.RANDOM, Suite.GIVEN) and result["segmenter"].startswith(COLOUR):
+        own["segmenter"] = COLOUR
+    return own | {key: value for key, value in _options(result).items() if key in TOLD}
 
 
 def _gnss_of(world: str) -> str:
@@ -63,7 +90,7 @@ def file_name(result: Result) -> str:
         own.pop("odometry", None)
     size = tuple(result.get("images", CameraStream().size))
     kinds = (
-        "paper" if result["suite"] == Suite.GIVEN else "",
+        "paper" if is_paper(result) else "given" if result["suite"] == Suite.GIVEN else "",
         "second-day" if is_second_day(result) else "",
         *("scanner" if key == "scanner" else f"{key}-{value}" for key, value in own.items()),
         "before" if is_before(result) else "",

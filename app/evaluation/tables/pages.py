@@ -35,9 +35,8 @@ HASH = re.compile(r"([0-9a-f]{12})[0-9a-f]{52}")
 
 
 def _origin_row(result: Result) -> Row:
-    kind = {Suite.GIVEN: ", the paper's", Suite.LOCALISATION: ", localisation"}
     return (
-        world(result) + kind.get(result["suite"], ""),
+        world(result) + (", localisation" if result["suite"] == Suite.LOCALISATION else ""),
         *(result.get(key, "–") for key in ("latency", "people", "odometry", "gnss")),
         HASH.sub(r"\1…", result["segmenter"]),
         "; ".join(result["versions"]),

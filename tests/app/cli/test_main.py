@@ -16,6 +16,9 @@ import pytest
 import torch
 
 from app.cli.main import main
+from app.evaluation.campaign import Fleet
+from app.fleet.local import Processes
+from app.fleet.ray_cluster import RayCluster
 from navcore.perception.esanet import build
 
 COLUMNS = {"COLUMNS": "200"}
@@ -89,6 +92,22 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
             ("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"),
             "cannot be written",
         ),
+        # Refused before what else is wrong, which shows after hours of work.
+        (
+            ("evaluate", "teaching", "--weights", "/no/such.safetensors", "--out", "/proc/nowhere"),
+            "cannot be written",
+        ),
+        (
+            (
+                *("evaluate", "table-tops", "--images", "/no/such", "--segmenter", "colour"),
+                *("--out", "/proc/nowhere"),
+            ),
+            "cannot be written",
+        ),
+        (
+            ("evaluate", "localisation", "--scenario", "empty_room", "--out", "/proc/nowhere"),
+            "cannot be written",
+        ),
         (("evaluate", "nowhere"), "nowhere"),
         (("evaluate", "barn"), "--worlds"),
         (("evaluate", "barn", "--random"), "suite of its own"),
@@ -96,6 +115,11 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "finding", "--odometry", "poor"), "--odometry"),
         (("evaluate", "finding", "--latency", "none"), "--latency"),
         (("evaluate", "finding", "--scanner"), "--scanner"),
+        (("evaluate", "one-click", "--robot", "jackal"), "measures the husky"),
+        (("evaluate", "localisation", "--robot", "jackal"), "measures the husky"),
+        (("evaluate", "office", "--worlds", "barn.json"), "--worlds"),
+        (("evaluate", "table-tops", "--images", ".", "--episodes", "3"), "--episodes"),
+        (("evaluate", "table-tops", "--images", ".", "--seed", "3"), "--seed"),
         (("drive", "--robot", "marvin"), "no robot is called 'marvin'"),
         (("drive", "--robot", "nowhere.toml"), "no such file"),
         ((*CONSOLE, "--robot", "marvin"), "no robot is called 'marvin'"),
@@ -153,16 +177,46 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(
     check_refusal(bewarenav(*arguments), words)
 
 
+@pytest.mark.parametrize(
+    ("suite", "left"),
+    [("office", "the same command drives the rest"), ("teaching", "measures all again")],
+)
 def test_an_interrupted_evaluation_says_so_and_ends_with_130(
-    monkeypatch: pytest.MonkeyPatch,
+    suite: str, left: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> bool:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("app.cli.evaluate.command._evaluated", interrupted)
-    answer = bewarenav("evaluate", "office")
+    answer = bewarenav("evaluate", suite)
     assert answer.returncode == 130
-    assert "the same command drives the rest" in answer.stderr
+    assert left in answer.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "limit_s"),
+    [
+        ((), 3600.0),
+        (("--max-time", "60"), 3600.0),
+        (("--max-time", "1200"), 7200.0),
+        (("--kept-map",), 10_800.0),
+        (("--kept-map", "--engine", "ray"), 10_800.0),
+    ],
+)
+def test_an_episode_of_a_worker_has_as_much_time_as_its_own_limit_needs(
+    options: tuple[str, ...], limit_s: float, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    limits = list[float]()
+
+    def driven(*_: object, fleet: Fleet, **__: object) -> dict[str, float]:
+        assert isinstance(fleet.engine, Processes | RayCluster)
+        limits.append(fleet.engine.limit_s)
+        return {"success_rate": 1.0}
+
+    monkeypatch.setattr("app.evaluation.driving.scenario.evaluate_scenario", driven)
+    colour = ("--segmenter", "colour", "--workers", "2", "--out", str(tmp_path))
+    assert bewarenav("evaluate", "office", "--random", *colour, *options).returncode == 0
+    assert limits == [limit_s]
 
 
 def test_a_process_ends_with_the_line_and_the_exit_code() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.episode import second_day
@@ -47,6 +48,12 @@ def test_goals_and_zones_are_drawn_where_the_drift_of_the_map_has_put_their_plac
     assert by_drift.placed(far) == far
 
 
+def test_things_are_judged_where_the_drift_of_the_map_has_put_them() -> None:
+    outline = np.array([(1.0, 1.0), (2.0, 1.0), (2.0, 2.0)])
+    assert np.allclose(drifted(DRIFT).placed_outline(outline), DRIFT.to_parent(outline))
+    assert np.array_equal(drifted(IDENTITY).placed_outline(outline), outline)
+
+
 @pytest.fixture(scope="module")
 def first(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[FirstDay, Path]]:
     kept = tmp_path_factory.mktemp("first") / "map.npz"
@@ -60,6 +67,7 @@ def driven(first: tuple[FirstDay, Path], **changes: Any) -> dict[str, Any]:
     try:
         assert episode.controller.navigator.map.explored.area_m2 > 5.0
         assert episode.simulator.odometry() == IDENTITY
+        assert episode.placed == day.placed_outline
         return episode.run()
     finally:
         episode.close()

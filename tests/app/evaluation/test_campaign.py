@@ -6,11 +6,14 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -149,9 +152,16 @@ def test_an_episode_that_fails_twice_is_named_and_all_others_are_recorded(
     assert sorted(json.loads(line)["key"] for line in recorded) == [0, 2]
 
 
-def test_an_error_of_the_program_ends_the_campaign(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError):
-        campaign(run=broken).run([0, 1], fleet=TWO, out=tmp_path)
+@pytest.mark.parametrize("fleet", [HERE, pytest.param(TWO, marks=pytest.mark.long)])
+def test_an_episode_that_raises_an_error_is_named_and_all_others_are_recorded(
+    tmp_path: Path, fleet: Fleet
+) -> None:
+    with pytest.raises(EpisodesFailed) as failure:
+        campaign(run=broken).run([0, 1, 2, 3, 4], fleet=fleet, out=tmp_path)
+    told = "key 0, 3 (no goal can be reached); key 2 (ZeroDivisionError: division by zero)"
+    assert told in str(failure.value)
+    reports = campaign().run([0, 1, 2, 3, 4], fleet=HERE, out=tmp_path)
+    assert [report.get("first") for report in reports] == [None, True, None, None, True]
 
 
 def test_an_episode_is_recorded_before_its_figures_are_written(tmp_path: Path) -> None:
@@ -165,6 +175,27 @@ def test_an_episode_is_recorded_before_its_figures_are_written(tmp_path: Path) -
     assert [report["key"] for report in reports] == [0, 1]
 
 
+@contextmanager
+def full_disk(at_bytes: int) -> Iterator[None]:
+    """No file grows beyond a size, as on a disk that is full then."""
+    usual, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (at_bytes, most))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (usual, most))
+
+
+def test_a_full_disk_is_named_and_what_was_recorded_before_is_kept(tmp_path: Path) -> None:
+    def long(key: int) -> dict[str, Any]:
+        return {**drive(key), "note": "x" * (1_000 if key else 1_999_800)}
+
+    with full_disk(2_000_000), pytest.raises(BadConfiguration, match="cannot be written"):
+        campaign(run=long).run([0, 1, 2], fleet=HERE, out=tmp_path)
+    reports = campaign().run([0, 1, 2], fleet=HERE, out=tmp_path)
+    assert ["note" in report for report in reports] == [True, False, False]
+
+
 @pytest.mark.long
 def test_a_worker_with_other_code_than_this_process_drives_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -176,7 +207,9 @@ def test_a_worker_with_other_code_than_this_process_drives_nothing(
 
 
 def broken(key: int) -> dict[str, Any]:
-    return {"key": 1 // 0}
+    if key % 3 == 0:
+        raise BadConfiguration("no goal can be reached")
+    return {**drive(key), "first": 1 / (key - 2) != 0}
 
 
 def within_s(patience_s: float, holds: Any) -> bool:

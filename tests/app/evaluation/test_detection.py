@@ -14,6 +14,7 @@ from app.evaluation.perception import detection
 from app.evaluation.perception.detection_counts import DetectionCounts, Walks, summary
 from app.evaluation.suites import Suite
 from app.runtime.start.segmentation import colour_perception
+from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration
 from navcore.learning.data.class_names import BEWARE_CLASSES
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList, default_beware_list
@@ -156,6 +157,7 @@ def test_walks_are_recorded_and_an_interrupted_suite_walks_only_the_rest(tmp_pat
         names=("teddy", "vase"),
         perception=colour_perception(),
         beware=BewareList(classes=()),
+        rules="rules of mapping",
         walk=walk,
     )
     with pytest.raises(KeyboardInterrupt):
@@ -169,3 +171,18 @@ def test_walks_are_recorded_and_an_interrupted_suite_walks_only_the_rest(tmp_pat
     other = dataclasses.replace(suite, suite=Suite.FINDING)
     with pytest.raises(BadConfiguration, match="another suite"):
         other.run(range(2000, 2004), out=tmp_path)
+    other = dataclasses.replace(suite, rules="others")
+    with pytest.raises(BadConfiguration, match="other rules of mapping"):
+        other.run(range(2000, 2004), out=tmp_path)
+
+
+def test_the_rules_of_a_walk_are_those_by_which_it_maps_and_judges(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rules = detection.walks(colour_perception(), CONES).rules
+    assert detection.walks(colour_perception(), CONES).rules == rules
+    other = MappingConfig(floor_m=MappingConfig().floor_m / 2)
+    for name, value in (("MappingConfig", lambda: other), ("IN_TIME_M", 1.0)):
+        with monkeypatch.context() as changed:
+            changed.setattr(detection, name, value)
+            assert repr(detection.walks(colour_perception(), CONES).rules) != repr(rules)

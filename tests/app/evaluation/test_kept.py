@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from app.evaluation.conclusions import conclusion_of
+from app.evaluation.conclusions import CONCLUSIONS, conclusion_of
 from app.evaluation.kept import FOLDER, SUFFIX, keep_results, resume_campaign
-from app.evaluation.tables.pages import RESULTS
+from app.evaluation.tables.pages import RESULTS, ROOT
 from app.fleet.campaign_files import EPISODES, read_card, recorded
 from navcore.errors import BadConfiguration
 from tests.app.cli.test_main import bewarenav
@@ -71,6 +72,14 @@ def test_the_summary_of_a_kept_campaign_is_that_of_its_episodes(name: str, tmp_p
     card = resume_campaign(name, tmp_path)
     made = conclusion_of(card).write(card.command, reports_in(tmp_path), tmp_path)
     assert made == json.loads((RESULTS / f"{name}.json").read_text())
+
+
+def test_the_page_names_the_campaigns_that_are_kept_as_summaries_alone() -> None:
+    page = (ROOT / "app" / "evaluation" / "README.md").read_text(encoding="utf-8")
+    (named,) = re.findall(r"there are summaries alone: (.*)\.\n", page)
+    kept = {path.stem: json.loads(path.read_text()) for path in RESULTS.glob("*.json")}
+    drive = {name for name, result in kept.items() if result["suite"] in CONCLUSIONS}
+    assert set(re.findall(r"`(.*?)`", named)) == drive - set(KEPT)
 
 
 def test_the_kept_doors_can_go_on_with_the_rules_of_today(tmp_path: Path) -> None:

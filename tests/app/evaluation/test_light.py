@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.evaluation.perception import detection
 from app.evaluation.perception.light import evaluate_light
 from app.evaluation.perception.light_figures import row_of
 from app.runtime.start.segmentation import colour_perception
@@ -54,6 +55,15 @@ def test_a_network_that_is_blind_in_the_dark_loses_there_and_nowhere_else(
     assert dark["iou_by_class"]["person"] == 0.0
     assert row_of(light)[:2] == ("1.000", "2 of 2")
     assert json.loads((tmp_path / "summary.json").read_text())["seeds"] == [SHORT_DRIVE]
+    monkeypatch.setattr(detection, "IN_TIME_M", 1.0)
+    with pytest.raises(BadConfiguration, match="other rules of mapping"):
+        evaluate_light(
+            perception,
+            default_beware_list(),
+            seeds=[SHORT_DRIVE],
+            out=tmp_path,
+            disturbances={"none": PLAIN, "dark": DARK},
+        )
 
 
 def test_what_the_list_does_not_have_is_background(

@@ -125,7 +125,7 @@ def test_a_print_for_a_viewpoint_covers_the_thing_there_and_not_elsewhere(
 
 
 def test_depth_refutes_near_prints_of_what_stands_up_and_no_flat_ones_and_no_things(
-    tmp_path: Path, believer: Believer
+    tmp_path: Path, believer: Believer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     perception = dataclasses.replace(colour_perception(), examples=believer)  # type: ignore[arg-type]
     told = evaluate_prints(perception, LIST, seeds=[SEED], out=tmp_path)
@@ -141,6 +141,11 @@ def test_depth_refutes_near_prints_of_what_stands_up_and_no_flat_ones_and_no_thi
     page = full_table([told])
     assert "| `prints` | 1 to 1 | cup | 1 of 1 |" in page and "never: no least height" in page
     assert file_name(told) == told["suite"] == Suite.PRINTS
+    for module, name in ((prints, "LEAST_SHARE"), (print_sites, "FARTHEST_M")):
+        with monkeypatch.context() as changed:
+            changed.setattr(module, name, 0.5)
+            with pytest.raises(BadConfiguration, match="sites or checks"):
+                evaluate_prints(perception, LIST, seeds=[SEED], out=tmp_path)
 
 
 def test_what_the_network_does_not_claim_is_no_find_of_depth(

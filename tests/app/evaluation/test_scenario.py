@@ -369,13 +369,15 @@ def test_ground_beyond_the_limits_and_falls_are_a_rate_and_earlier_reports_have_
 
 def test_the_summary_of_second_days_says_how_the_maps_came_about() -> None:
     day = {"goals_reached": 2, "goals": 2, "map_error_m": 0.2, "place_shown": False}
-    lost = {**day, "goals_reached": 1, "map_error_m": 0.4, "place_shown": True}
+    day |= {"distance_m": 20.51}
+    lost = {**day, "goals_reached": 1, "distance_m": 7.0, "map_error_m": 0.4, "place_shown": True}
     summary = summarise(
         [made_up(1, map="kept", first_day=day), made_up(2, map="kept", first_day=lost)]
     )
     assert summary["first_days"] == {
         "came_back": 1,
         "map_error_m": [0.2, 0.4],
+        "distance_m": 27.5,
         "place_shown_seeds": [2],
     }
     assert "first_days" not in summarise([made_up(1)])

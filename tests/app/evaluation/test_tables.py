@@ -240,6 +240,15 @@ def test_the_second_day_has_rows_of_its_own() -> None:
         assert f"| {world} |" in table_of([first])
 
 
+def test_what_both_days_put_on_the_map_is_divided_by_the_way_of_both() -> None:
+    items = {"box": {"there": 4, "seen": 4, "not_passed": 0, "missed": 1, "false": 6}}
+    second = {**KEPT["office"], "episodes": 2, "distance_m": 10.0, "items": items, "map": "kept"}
+    of_both = full_table([{**second, "first_days": {"distance_m": 40.0}}])
+    assert "| 3 of 4; 1.00 (box 6) |" in of_both
+    assert "| 3 of 4; – (box 6) |" in full_table([{**second, "first_days": {"came_back": 2}}])
+    assert "| 3 of 4; – (box 6) |" in full_table([second])
+
+
 @pytest.mark.parametrize(
     ("departs", "name", "words"),
     [
@@ -265,6 +274,37 @@ def test_a_campaign_of_another_robot_or_other_people_has_a_name_and_a_row_of_its
     other = {**KEPT["office"], **departs}
     assert file_name(other) == name
     assert f"| `{other['scenario']}`, {words} " in full_table([other])
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "words"),
+    [
+        ("--zones 4", "office-zones-4", "zones 4"),
+        ("--max-time=90.5", "office-max-time-90.5", "max-time 90.5"),
+        ("--navigation my/slow.toml", "office-navigation-slow", "navigation slow"),
+        ("--beware outdoor", "office-beware-outdoor", "beware outdoor"),
+    ],
+)
+def test_an_option_that_only_the_command_tells_is_part_of_the_name(
+    option: str, name: str, words: str
+) -> None:
+    other = {**KEPT["office"], "command": f"bewarenav evaluate office --random {option} --seed 3"}
+    assert file_name(other) == name
+    assert f"| `office`, {words} " in full_table([other])
+    assert short_table([KEPT["office"], other]) == short_table([KEPT["office"]])
+
+
+def test_missions_without_a_network_are_not_those_of_the_plain_name() -> None:
+    blind = {**KEPT["office"], "segmenter": "colour rules"}
+    assert file_name(blind) == "office-segmenter-colour-rules"
+    assert [file_name(KEPT[suite]) for suite in ("doors", "crossings")] == ["doors", "crossings"]
+
+
+def test_only_a_mission_of_the_paper_is_called_so() -> None:
+    paper = KEPT["indoor-paper"]
+    own = {**paper, "scenario": "office", "command": "bewarenav evaluate office --seed 3000"}
+    assert file_name(own) == "office-given"
+    assert "the paper's" in full_table([paper]) and "the paper's" not in full_table([own])
 
 
 def test_the_first_page_has_the_robot_of_the_paper_alone() -> None:

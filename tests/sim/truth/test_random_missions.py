@@ -130,7 +130,8 @@ def test_what_was_seen_and_is_not_on_the_map_is_missed_and_what_is_not_there_is_
     cup[spec.cell(-6.0, 6.0)] = cup[spec.cell(-6.05, 6.05)] = cup[spec.cell(6.0, 6.0)] = True
     people = nothing.copy()
     people[spec.cell(-4.3, 0.2)] = people[spec.cell(4.0, -4.0)] = True  # one where a person was
-    found = score.counts_by_class({"red floor": red, "cup": cup, "person": people}, spec)
+    held = {"red floor": red, "cup": cup, "person": people, "bottle": nothing, "book": nothing}
+    found = score.counts_by_class(held, spec)
     none = {"there": 0, "seen": 0, "not_passed": 0, "missed": 0, "false": 0}
     assert found["red floor"] == {**none, "there": 1, "seen": 1}
     assert found["cup"] == {**none, "there": 1, "seen": 1, "missed": 1, "false": 2}
@@ -138,6 +139,16 @@ def test_what_was_seen_and_is_not_on_the_map_is_missed_and_what_is_not_there_is_
     assert found["book"]["not_passed"] == 1  # behind the robot
     assert found["person"] == {**none, "false": 1}
     assert all(one["there"] == one["seen"] + one["not_passed"] for one in found.values())
+
+    unlisted = score.counts_by_class({"cup": red}, spec)  # which is real by any name
+    assert unlisted == {"cup": {**none, "there": 1, "seen": 1, "missed": 1}}
+
+    # A map that has drifted by 1 m holds what it shows there.
+    drifted = {name: np.roll(cells, 20, axis=1) for name, cells in held.items()}
+    drifted["person"] = people
+    shift = np.array([1.0, 0.0])
+    assert score.counts_by_class(drifted, spec, lambda outline: outline + shift) == found
+    assert score.counts_by_class(drifted, spec) != found
 
 
 @pytest.mark.parametrize("name", ["cup", "red floor", "person", "spill"])

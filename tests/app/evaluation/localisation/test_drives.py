@@ -22,14 +22,14 @@ GOALS = ((2.8, 2.8), (-2.5, 2.6))
 ROOM = dataclasses.replace(load_scenario("empty_room"), goals=GOALS)
 HERE, ELSEWHERE = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.3), Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.3)
 USUAL: dict[str, Any] = {
-    "scenario": ROOM,
+    "world": ROOM,
     "beware": default_beware_list(),
     "config": NavigatorConfig(),
     "seed": 5,
 }
 CHANGES = [
-    {"scenario": dataclasses.replace(ROOM, goals=GOALS[::-1])},
-    {"scenario": dataclasses.replace(ROOM, size_m=(9.0, 9.0))},
+    {"world": dataclasses.replace(ROOM, goals=GOALS[::-1])},
+    {"world": dataclasses.replace(ROOM, size_m=(9.0, 9.0))},
     {"beware": BewareList(classes=())},
     {"config": dataclasses.replace(NavigatorConfig(), safety_margin_m=0.2)},
     {"seed": 6},

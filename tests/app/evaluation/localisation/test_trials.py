@@ -78,7 +78,7 @@ def test_keyframes_of_each_map_lie_at_its_own_poses(monkeypatch: pytest.MonkeyPa
         config=NavigatorConfig(),
     )
     here = Site(
-        suite=measured, world=load_scenario("empty_room"), first=run, second=run, saved=saved
+        suite=measured, scenario=load_scenario("empty_room"), first=run, second=run, saved=saved
     )
     maps = [here.map(which) for which in (SAVED, MIRRORED, "indoor")]
     for one in maps:
