@@ -68,7 +68,7 @@ def laser_log(settings: LaserLogSettings) -> None:
         "command": command_line(),
         "version": version(),
         "machine": machine(),
-        "log": settings.log.name,
+        "file": settings.log.name,
         "view_deg": settings.view,
         "range_m": settings.range_m,
         "scans": len(drive),
@@ -84,7 +84,7 @@ def laser_log(settings: LaserLogSettings) -> None:
     if relations:
         report["relations"] = len(relations)
         for name, poses in (
-            ("localisation", followed.poses), ("log", log.logged), ("odometry", log.odometry)
+            ("localisation", followed.poses), ("as logged", log.logged), ("odometry", log.odometry)
         ):  # fmt: skip
             report[name] = errors = relation_errors(poses, relations)
             typer.echo(
