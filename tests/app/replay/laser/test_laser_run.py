@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from pathlib import Path
 
@@ -24,7 +25,8 @@ from navcore.geometry.transform import IDENTITY, Pose2
 from tests.navcore.localisation.plan_worlds import PlanWorld
 from tests.shared_data import beside
 
-LIDAR = Path(__file__).parents[4].parent / "shared/data/lidar"
+ROOT = Path(__file__).parents[4]
+LIDAR = ROOT.parent / "shared/data/lidar"
 BEARINGS = np.radians(np.arange(180) - 90.0)
 FORWARD = Pose2(x_m=0.6, y_m=0.0, yaw_rad=0.0)
 LEFT = Pose2(x_m=0.1, y_m=0.0, yaw_rad=math.radians(22.5))
@@ -131,6 +133,17 @@ def test_the_command_judges_a_real_log_by_its_relations(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "over 119 relations" in result.output
     assert (tmp_path / "laser-log.png").exists() and (tmp_path / "laser-log.json").exists()
+
+
+def test_the_figures_of_the_page_are_those_of_the_kept_report() -> None:
+    page = (ROOT / "app/evaluation/README.md").read_text(encoding="utf-8")
+    report = json.loads((ROOT / "app/replay/laser/intel.json").read_text(encoding="utf-8"))
+    for name in ("localisation", "as logged", "odometry"):
+        errors = report[name]
+        assert (
+            f"| {errors['m_mean']:.3f} ± {errors['m_std']:.3f} m | {errors['m_median']:.3f} m | "
+            f"{errors['deg_mean']:.2f} ± {errors['deg_std']:.2f}° | {errors['deg_median']:.2f}° |"
+        ) in page
 
 
 def test_a_file_that_is_no_log_is_refused_in_one_line(tmp_path: Path) -> None:
