@@ -59,7 +59,7 @@ class Relation:
 def load_carmen_log(path: Path) -> LaserLog:
     """Return the log of a file; raises `BadConfiguration` for one that is none."""
     scans: list[list[float]] = []
-    odometry: list[tuple[float, float, float, float]] = []
+    odometry: list[list[float]] = []
     for number, line in enumerate(_lines(path), start=1):
         kind, *words = line.split()
         if kind == "FLASER":
@@ -72,7 +72,7 @@ def load_carmen_log(path: Path) -> LaserLog:
                 )
             values = _numbers([*words[:3], words[-1]], where)
             if values[3] > 0.0:  # others repeat the estimate of a SLAM program
-                odometry.append((values[3], *values[:3]))
+                odometry.append([values[3], *values[:3]])
     if len(scans) < 2:
         raise BadConfiguration(f"{path}: has {len(scans)} FLASER lines, expected two or more")
     counts = {len(scan) for scan in scans}
@@ -144,7 +144,7 @@ def _poses(rows: Floats) -> tuple[Pose2, ...]:
     return tuple(Pose2(x_m=x, y_m=y, yaw_rad=wrap_angle(yaw)) for x, y, yaw in rows.tolist())
 
 
-def _at(stamps_s: Floats, odometry: list[tuple[float, float, float, float]]) -> tuple[Pose2, ...]:
+def _at(stamps_s: Floats, odometry: list[list[float]]) -> tuple[Pose2, ...]:
     """Return odometry at some stamps, between the lines before and after."""
     rows = np.array(odometry)
     rows = rows[np.argsort(rows[:, 0], kind="stable")]

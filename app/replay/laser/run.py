@@ -6,6 +6,7 @@ own configuration, which expects a camera at several frames a second, is told so
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -117,8 +118,8 @@ def relation_errors(poses: Sequence[Pose2], relations: Sequence[Relation]) -> di
     for one in relations:
         moved = poses[one.first].inverse() @ poses[one.second]
         error = one.T_first_second.inverse() @ moved
-        errors.append((np.hypot(error.x_m, error.y_m), np.degrees(abs(error.yaw_rad))))
-    rows = np.array(errors)
+        errors.append((math.hypot(error.x_m, error.y_m), math.degrees(abs(error.yaw_rad))))
+    rows: Floats = np.array(errors)
     return {
         f"{name}_{kind}": round(float(value), 4)
         for name, column in (("m", rows[:, 0]), ("deg", rows[:, 1]))

@@ -68,7 +68,7 @@ def made_log(poses: list[Pose2]) -> LaserLog:
         x, y, yaw = (rng.normal(size=3) * (0.06, 0.02, math.radians(5.0))).tolist()
         odometry.append(odometry[-1] @ before.inverse() @ after @ Pose2(x_m=x, y_m=y, yaw_rad=yaw))
     return LaserLog(
-        stamps_s=1.5 * np.arange(len(poses)),
+        stamps_s=np.array([1.5 * k for k in range(len(poses))]),
         bearings_rad=BEARINGS,
         ranges_m=np.array(rows),
         odometry=tuple(odometry),
@@ -90,7 +90,7 @@ def test_poor_wheels_and_loops_lead_to_the_true_poses() -> None:
     assert found["m_mean"] < 0.1 and found["deg_mean"] < 1.0, found
     assert relation_errors(log.odometry, relations)["m_mean"] > 0.5  # control
     picture = cv2.imdecode(np.frombuffer(picture_of(drive, followed.poses), np.uint8), 1)
-    assert min(picture.shape[:2]) > 12.0 / 0.05
+    assert picture is not None and min(picture.shape[:2]) > 12.0 / 0.05
 
 
 def test_scans_are_cropped_to_a_view_and_a_range() -> None:
