@@ -16,6 +16,7 @@ from app.bench.parts import BenchPart
 from app.cli.console import console
 from app.cli.drive import drive
 from app.cli.evaluate.command import evaluate
+from app.cli.laser_log import laser_log
 from app.cli.learning.dataset import dataset_cli
 from app.cli.learning.segment import segment
 from app.cli.learning.train import train
@@ -43,6 +44,7 @@ cli.command()(takes_options(train))
 cli.command()(takes_options(segment))
 cli.command()(takes_options(plan))
 cli.command()(takes_options(replay))
+cli.command()(takes_options(laser_log))
 cli.command()(takes_options(evaluate))
 cli.command()(merge)
 cli.command()(compare)

@@ -64,6 +64,16 @@ class Drive:
         pairs = zip(self.true_poses, self.true_poses[1:], strict=False)
         return sum(a.distance_to(b.x_m, b.y_m) for a, b in pairs)
 
+    def first(self, count: int) -> Drive:
+        """Return the drive up to a number of frames."""
+        return Drive(
+            stamps_ns=self.stamps_ns[:count],
+            by_odometry=self.by_odometry[:count],
+            pitch_rad=self.pitch_rad[:count],
+            true_poses=self.true_poses[:count],
+            scans=self.scans[:count],
+        )
+
     def frame(self, k: int, T_odom_base: Pose2, stamp_ns: int | None = None) -> Frame:
         """Return a frame without a picture at a pose by another odometry, by default at the time of
         frame `k`."""

@@ -26,6 +26,7 @@ from navcore.localisation.scans.scan import Keyframe
 from navcore.localisation.tracking.keyframe_chain import KeyframeChain, KnownPoses
 from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from sim.robot.odometry import GYRO_BIAS_DRIFT
@@ -114,6 +115,11 @@ class Replay:
         """Number of pushes that scans have told."""
         self.duration_s = 0.0
         """Processor time of the newest frame without tasks, seconds."""
+
+    @property
+    def pose_ids(self) -> PoseIds:
+        """The poses of the map by ID, as corrected last."""
+        return self._map.pose_ids
 
     @property
     def poses(self) -> Floats:

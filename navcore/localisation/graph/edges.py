@@ -37,3 +37,7 @@ class ConstantErrors:
     """(3,) gyro bias in rad/s, relative errors of lengths and of turns."""
     covariance: Matrix
     """(3, 3) their covariance."""
+
+
+NO_ERRORS = ConstantErrors(mean=np.zeros(3), covariance=np.zeros((3, 3)))
+"""Odometry without constant errors."""

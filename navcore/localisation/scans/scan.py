@@ -134,6 +134,20 @@ def scan_of(
     return Scan(points_base=points, variance_m2=variance, normals=normals, origin=origin)
 
 
+def scan_of_points(
+    points_base: Points, origin: Matrix, *, sigma_m: float, neighbours_m: float
+) -> Scan:
+    """Return the scan of (N, 2) points of a laser scanner at an (2,) origin, in metres of the base
+    frame, from left to right; each errs by `sigma_m`, and its normal is that of the points within
+    `neighbours_m`."""
+    return Scan(
+        points_base=points_base,
+        variance_m2=np.full(len(points_base), sigma_m**2),
+        normals=_normals(points_base, origin, neighbours_m),
+        origin=origin,
+    )
+
+
 @compiled
 def _surfaces(
     depth_m: FloatImage,

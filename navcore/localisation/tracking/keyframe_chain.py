@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference
 from navcore.localisation.fresh_fixes import FreshFixes, Source, source_of
-from navcore.localisation.graph.edges import Edge
+from navcore.localisation.graph.edges import NO_ERRORS, ConstantErrors, Edge
 from navcore.localisation.graph.pose_graph import AbsolutePose
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
@@ -20,6 +20,7 @@ from navcore.localisation.tracking.odometry_model import (
     OdometryStep,
     in_axes_of,
 )
+from navcore.localisation.tracking.scan_motion import ScanReference
 from navcore.robot.fix import PositionFix
 
 _CERTAIN: Matrix = np.zeros((3, 3))
@@ -49,7 +50,7 @@ class KeyframeChain:
     """
 
     def __init__(self, pose_ids: KnownPoses, config: LocalisationConfig) -> None:
-        self._pose_ids, self._config = pose_ids, config.odometry
+        self._pose_ids, self._config = pose_ids, config
         self.map = ScanMap(config.match)
         """Surfaces of these keyframes."""
         self._last: Keyframe | None = None
@@ -70,10 +71,16 @@ class KeyframeChain:
         self._since.push(motion, covariance)
 
     def add(
-        self, scan: Scan, T_map_base: Pose2, stamp_ns: int, covariance: Matrix = _CERTAIN
+        self,
+        scan: Scan,
+        T_map_base: Pose2,
+        stamp_ns: int,
+        covariance: Matrix = _CERTAIN,
+        constant_errors: ConstantErrors = NO_ERRORS,
     ) -> Keyframe | None:
         """Keep a scan if the pose, which is uncertain by (3, 3) `covariance`, is a new one; returns
-        its keyframe, else None."""
+        its keyframe, else None. `constant_errors` are those of odometry as far as they are known
+        now."""
         pose_id = self._pose_ids.id_of(T_map_base)
         if pose_id < self._pose_ids.frozen or pose_id in self.map:
             return None
@@ -87,10 +94,10 @@ class KeyframeChain:
             covariance=covariance,
         )
         if self._last is not None:
-            self._connect(self._last, keyframe, offset)
+            self._connect(self._last, keyframe, offset, constant_errors)
         self.map.put(keyframe)
         self._last = keyframe
-        self._since = OdometryMotion(offset, self._config)
+        self._since = OdometryMotion(offset, self._config.odometry)
         return keyframe
 
     def take_edges(self) -> tuple[Edge, ...]:
@@ -143,15 +150,43 @@ class KeyframeChain:
         """Begin a new chain: the robot was placed, and no edge leads there."""
         self._last, self._fresh, self._fixed = None, FreshFixes(), {}
 
-    def _connect(self, last: Keyframe, new: Keyframe, offset: Pose2) -> None:
-        """Add the edge by odometry; `offset` is the robot's pose in the frame of the new one."""
+    def _connect(
+        self, last: Keyframe, new: Keyframe, offset: Pose2, constant_errors: ConstantErrors
+    ) -> None:
+        """Add the edge by odometry, and the one by the two scans; `offset` is the robot's pose in
+        the frame of the new one."""
         measured, covariance, by_constant_errors = self._since.to(offset)
-        self._edges.append(
-            Edge(
-                from_id=last.pose_id,
-                to_id=new.pose_id,
-                T_from_to=measured,
-                covariance=covariance,
-                by_constant_errors=by_constant_errors,
-            )
+        edge = Edge(
+            from_id=last.pose_id,
+            to_id=new.pose_id,
+            T_from_to=measured,
+            covariance=covariance,
+            by_constant_errors=by_constant_errors,
+        )
+        self._edges.append(edge)
+        by_scans = self._by_scans(last, new, edge, constant_errors)
+        if by_scans is not None:
+            self._edges.append(by_scans)
+
+    def _by_scans(
+        self, last: Keyframe, new: Keyframe, by_odometry: Edge, constant_errors: ConstantErrors
+    ) -> Edge | None:
+        """Return the edge between two keyframes as their scans measure it, if odometry does not
+        exclude it. Both are kept: odometry knows the way along a corridor, and scans the turn of a
+        robot whose gyro errs."""
+        rules, by_errors = self._config.scan_odometry, by_odometry.by_constant_errors
+        x, y, yaw = (by_errors @ constant_errors.mean).tolist()
+        expected = by_odometry.T_from_to @ Pose2(x_m=x, y_m=y, yaw_rad=yaw)
+        spread = by_odometry.covariance + by_errors @ constant_errors.covariance @ by_errors.T
+        found = ScanReference(last.scan, self._config).motion_to(
+            new.scan, expected, in_axes_of(expected, spread)
+        )
+        if found is None:
+            return None
+        motion, covariance = found.located()
+        error = difference(expected.inverse() @ motion, IDENTITY)
+        if error @ np.linalg.solve(spread + covariance, error) > rules.gate_sigmas**2:
+            return None
+        return Edge(
+            from_id=last.pose_id, to_id=new.pose_id, T_from_to=motion, covariance=covariance
         )

@@ -462,7 +462,7 @@ class Localiser:
             pose = self._flow.T_map_odom @ frame.pose
             behind = difference(self._pose, pose)
             covariance = self._require_filter().covariance_but_scale + np.outer(behind, behind)
-            keyframe = self._chain.add(scan, pose, frame.stamp_ns, covariance)
+            keyframe = self._chain.add(scan, pose, frame.stamp_ns, covariance, self.constant_errors)
             if keyframe is not None:
                 self._relative[keyframe.pose_id] = self._require_filter().relative
                 while len(self._relative) > _COVARIANCES:

@@ -1,9 +1,7 @@
 """Scan odometry: the motion since a scan of half a metre ago, by matching the newest scan with it.
 
 Wheels measure lengths with an error of scale that is the same for a whole drive, up to some percent
-on another floor or with other tyres. Two scans half a metre apart tell the motion between them to a
-few millimetres, wherever the map lies, so many of them tell that scale. Over more than that the
-parts of surfaces that come into view and leave it pull the match towards no motion.
+on another floor or with other tyres. Many motions by two scans (`scan_motion`) tell that scale.
 
 They also tell when the robot was pushed, or its wheels have slipped: once that is over. People who
 walk together before the camera look the same for a moment, but they walk on.
@@ -12,17 +10,13 @@ walk together before the camera look the same for a moment, but they walk on.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-
-import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Pose2, difference
-from navcore.localisation.scans.matching import match
-from navcore.localisation.scans.scan import Keyframe, Scan
-from navcore.localisation.scans.scan_map import ScanMap
+from navcore.localisation.scans.scan import Scan
 from navcore.localisation.tracking.pose_filter import PoseFilter
 from navcore.localisation.tracking.push_search import Push, PushSearch
+from navcore.localisation.tracking.scan_motion import ScanReference
 
 _MOST_SPACINGS = 2.0
 """Number of spacings over which a scan is compared with the reference if it does not fit."""
@@ -35,9 +29,8 @@ class ScanOdometry:
 
     def __init__(self, config: LocalisationConfig) -> None:
         self._config, self._rules = config, config.scan_odometry
-        self._match = replace(config.match, fine_m=self._rules.window_m)
         self._pushes = PushSearch(config)
-        self._reference: ScanMap | None = None
+        self._reference: ScanReference | None = None
         self._checked_ns = 0
         self._refused_ns: int | None = None
         self._pushed: Pose2 | None = None
@@ -71,7 +64,7 @@ class ScanOdometry:
         elif self._refused_ns is None or stamp_ns - self._refused_ns >= rules.refused_s * 1e9:
             self._refused_ns = stamp_ns
             so_far = self._pushed or IDENTITY
-            push = self._told(self._pushes.find(scan, self._reference, own, so_far), own)
+            push = self._told(self._pushes.find(scan, self._reference.surfaces, own, so_far), own)
         if push is not None:
             own.push(*push)
         # A push takes a while: until all of it is told, no part of it becomes the reference.
@@ -109,36 +102,17 @@ class ScanOdometry:
         """Refer to the newest scan."""
         self.clear()
         if len(scan) >= self._config.match.min_points:
-            self._reference = ScanMap(self._match)
-            self._reference.put(Keyframe(pose_id=0, T_map_base=IDENTITY, scan=scan))
+            self._reference = ScanReference(scan, self._config)
         own.refer()
 
-    def _measured(self, scan: Scan, own: PoseFilter, reference: ScanMap, *, fuse: bool) -> bool:
+    def _measured(
+        self, scan: Scan, own: PoseFilter, reference: ScanReference, *, fuse: bool
+    ) -> bool:
         """Return whether a scan fits near where odometry expects it; `fuse` the motion."""
-        rules, least = self._rules, self._config.match.min_points
-        if len(scan) < least:
-            return False
-        expected, loose = own.motion, np.diag([rules.loose_m, rules.loose_m, rules.loose_rad]) ** 2
-        found = match(
-            scan,
-            reference,
-            expected,
-            loose,
-            scale=rules.point_weight,
-            search_m=rules.window_m,
-            config=self._match,
-        )
-        if found.fitting < least or found.share_of_near < self._config.tracking.located_share:
-            return False
-        # With z the motion by the scan alone: (prior + information) · (found − expected)
-        # = information · (z − expected); the floor is then added to the covariance of z.
-        known = rules.point_weight * found.information
-        pull = (np.linalg.inv(loose) + known) @ difference(found.pose, expected)
-        weakened = np.linalg.inv(np.eye(3) + known @ rules.floor)
-        information = weakened @ known
-        return own.fuse_motion(
-            np.asarray(weakened @ pull, dtype=np.float64),
-            np.asarray((information + information.T) / 2, dtype=np.float64),
-            gate=rules.gate_sigmas**2,
+        found = reference.motion_to(scan, own.motion, own.motion_covariance)
+        return found is not None and own.fuse_motion(
+            found.pull,
+            found.information,
+            gate=self._rules.gate_sigmas**2,
             only_judge=not fuse,
         )

@@ -70,7 +70,7 @@ class PlanWorld:
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
         origin = np.array([CAMERA_X_M, 0.0])
         turn = Pose2(x_m=0.0, y_m=0.0, yaw_rad=pose.yaw_rad)
-        ranges = self._ranges(pose.to_parent(origin), turn.to_parent(directions))
+        ranges = self.ranges(pose.to_parent(origin), turn.to_parent(directions))
         depth = ranges * directions[:, 0]
         sigma = 0.004 + 0.003 * np.square(depth)
         seen = np.isfinite(ranges) & (depth < RANGE_M)
@@ -85,7 +85,8 @@ class PlanWorld:
             origin=origin,
         )
 
-    def _ranges(self, origin: Points, directions: Points) -> Floats:
+    def ranges(self, origin: Points, directions: Points) -> Floats:
+        """Distances from a place along (N, 2) directions; infinite where nothing is met."""
         starts, ends = self.edges()
         near = (np.minimum(starts, ends) < origin + RANGE_M * 1.3).all(axis=1) & (
             np.maximum(starts, ends) > origin - RANGE_M * 1.3

@@ -1,0 +1,1 @@
+"""Logs of real laser scanners: localisation alone follows them."""
