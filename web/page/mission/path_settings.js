@@ -48,11 +48,11 @@ function show({ text, path, bad = false }) {
 
 menu.addEventListener("toggle", (event) => {
   if (event.newState === "closed") {
+    set(slider, { disabled: true }); // what is set before the value in force is known would be lost
     ask(null);
     show({ text: "", path: [] });
     return;
   }
-  set(slider, { disabled: true }); // what is set before the value in force is known would be lost
   attempt(async () => {
     const { unknown_price: price, limits } = await get("/path/settings");
     const { low: min, high: max } = limits.unknown_price;
