@@ -22,8 +22,8 @@ def test_every_page_stops_the_robot_by_button_and_space_bar(
         page.set_viewport_size({"width": width, "height": height})
         page.mouse.wheel(0.0, 2000.0)
         # The page is laid out again at its own time.
-        for is_shown in (IS_WITHIN_VIEWPORT, IS_TOPMOST):
-            eventually(page, lambda js=is_shown: button.evaluate(js))
+        eventually(page, lambda: button.evaluate(IS_WITHIN_VIEWPORT))
+        eventually(page, lambda: button.evaluate(IS_TOPMOST))
     button.click()
     eventually(page, lambda: len(operations.stops) == 1)
     expect(page.locator("#toasts")).to_contain_text("The robot is stopped.")
