@@ -44,8 +44,8 @@ def laser_log(settings: LaserLogSettings) -> None:
     from rich.console import Console as Terminal
     from rich.progress import Progress
 
-    from app.replay.laser.carmen_log import load_carmen_log, load_relations
-    from app.replay.laser.run import (
+    from app.evaluation.laser_log.carmen_log import load_carmen_log, load_relations
+    from app.evaluation.laser_log.run import (
         drive_of,
         follow_log,
         laser_config,

@@ -14,9 +14,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from app.evaluation.laser_log.carmen_log import LaserLog, Relation
 from app.evaluation.localisation.drives import Drive
 from app.evaluation.localisation.replay import Replay
-from app.replay.laser.carmen_log import LaserLog, Relation
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import Pose2

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from app.replay.laser.carmen_log import load_carmen_log, load_relations
+from app.evaluation.laser_log.carmen_log import load_carmen_log, load_relations
 from navcore.errors import BadConfiguration
 
 

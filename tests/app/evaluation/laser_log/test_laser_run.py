@@ -13,8 +13,8 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli.main import cli
-from app.replay.laser.carmen_log import LaserLog, Relation, load_carmen_log
-from app.replay.laser.run import (
+from app.evaluation.laser_log.carmen_log import LaserLog, Relation, load_carmen_log
+from app.evaluation.laser_log.run import (
     drive_of,
     follow_log,
     laser_config,
@@ -137,7 +137,7 @@ def test_the_command_judges_a_real_log_by_its_relations(tmp_path: Path) -> None:
 
 def test_the_figures_of_the_page_are_those_of_the_kept_report() -> None:
     page = (ROOT / "app/evaluation/README.md").read_text(encoding="utf-8")
-    report = json.loads((ROOT / "app/replay/laser/intel.json").read_text(encoding="utf-8"))
+    report = json.loads((ROOT / "app/evaluation/laser_log/intel.json").read_text(encoding="utf-8"))
     for name in ("localisation", "as logged", "odometry"):
         errors = report[name]
         assert (
