@@ -225,9 +225,9 @@ class _Server(uvicorn.Server):
         if counter % 10 == 0:
             now, waiting = time.monotonic(), dict[tuple[Any, Any], float]()
             for one in self.server_state.connections:
-                if isinstance(one, H11Protocol) and (
-                    one.cycle is None or one.cycle.response_complete
-                ):
+                if not isinstance(one, H11Protocol) or one.transport.get_write_buffer_size():
+                    continue  # a slow network still takes an answer
+                if one.cycle is None or one.cycle.response_complete:
                     # By its last request, too: many may come one after another on one connection.
                     waiting[one, one.cycle] = self._waiting.get((one, one.cycle), now)
             self._waiting = waiting

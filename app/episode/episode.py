@@ -384,6 +384,8 @@ class Episode:
         if decision is not None:
             self._note_push(decision.place)
             self.on_decision(self.now_s, decision)
+        if (failed := self.controller.failed) is not None:
+            raise failed
         if goal is not None and goal in self.controller.intent.mission.reached:
             truly, believed = self.simulator.true_pose(), self.simulator.dead_reckoning()
             (true_goal,) = (one for one in self.goals if one.id == goal.id)

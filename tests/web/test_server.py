@@ -17,6 +17,7 @@ import httpx
 import msgspec
 import numpy as np
 import pytest
+from fastapi import FastAPI, Response
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.http11 import Request
 from websockets.server import ServerProtocol
@@ -28,7 +29,7 @@ from app.bench.console.viser_client import SUBPROTOCOL, camera, names_in
 from navcore.errors import BadConfiguration, Refused
 from tests.web.fake_operations import FakeOperations
 from web.port import PortInUse, reserve
-from web.server import MAX_MESSAGE_BYTES, ConsoleServer
+from web.server import MAX_MESSAGE_BYTES, ConsoleServer, _config, _Server
 from web.viewer.viewer import Viewer
 
 PAGE = "0123456789abcdef"
@@ -185,6 +186,37 @@ def test_a_connection_without_a_request_is_closed_and_one_that_waits_for_its_ans
                     pass
         goes_on.set()
         assert answer.result(60).status_code == 409
+
+
+def test_a_slow_network_takes_the_whole_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    size, app = 30_000_000, FastAPI()
+    app.get("/large")(lambda: Response(bytes(size)))
+    monkeypatch.setattr("web.server.HEAD_S", 0.0)
+    ticks = list[int]()
+    serving = _Server(_config(app, None))
+
+    async def on_tick(counter: int) -> bool:
+        ticks.append(counter)
+        return await _Server.on_tick(serving, counter)
+
+    monkeypatch.setattr(serving, "on_tick", on_tick)
+    listener = reserve("127.0.0.1", 0)
+    thread = threading.Thread(target=serving.run, args=([listener],))
+    thread.start()
+    try:
+        assert serving.up.wait(60)
+        with socket.create_connection(listener.getsockname(), timeout=60) as slow:
+            slow.sendall(b"GET /large HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n")
+            received = len(slow.recv(1))
+            begun = len(ticks)
+            while len(ticks) < begun + 30:  # three looks at the connections
+                time.sleep(0.01)
+            while part := slow.recv(1 << 20):
+                received += len(part)
+        assert received > size
+    finally:
+        serving.should_exit = True
+        thread.join()
 
 
 def test_a_stop_closes_connections_that_come_meanwhile(operations: FakeOperations) -> None:

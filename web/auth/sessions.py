@@ -29,6 +29,8 @@ class _Session:
     client_id: str
     began_s: float
     seen_s: float
+    used_s: float
+    """Time of the last request of any kind, that of an open page included."""
 
 
 class Sessions:
@@ -40,14 +42,16 @@ class Sessions:
         self._sessions: OrderedDict[str, _Session] = OrderedDict()
 
     def begin(self, user: User) -> str:
-        """Return the cookie of a new session; beyond `MAX_OF_USER` the longest idle one of the user
-        ends, beyond `MAX_SESSIONS` that of all."""
+        """Return the cookie of a new session; beyond `MAX_OF_USER` the user's one that was not used
+        for longest ends, an open page uses its own; beyond `MAX_SESSIONS` the longest idle one of
+        all."""
         cookie, now = secrets.token_urlsafe(32), self._clock()
         with self._lock:
             self._sessions[cookie] = _Session(
-                user=user, client_id=secrets.token_hex(8), began_s=now, seen_s=now
+                user=user, client_id=secrets.token_hex(8), began_s=now, seen_s=now, used_s=now
             )
             own = [key for key, one in self._sessions.items() if one.user.name == user.name]
+            own.sort(key=lambda key: self._sessions[key].used_s)
             for old in own[:-MAX_OF_USER]:
                 del self._sessions[old]
             while len(self._sessions) > MAX_SESSIONS:
@@ -65,6 +69,7 @@ class Sessions:
             if now - session.seen_s > MAX_IDLE_S or now - session.began_s > MAX_AGE_S:
                 del self._sessions[cookie]
                 return None
+            session.used_s = now
             if renews:
                 session.seen_s = now
                 self._sessions.move_to_end(cookie)

@@ -397,8 +397,10 @@ class LiveSites:
             self._write_map()
 
     def _write_map(self) -> None:
-        """Write the present map, with all that an operator was told is erased."""
-        self._keeper.write_now(self._controller.edit_map)
+        """Write the present map, with all that an operator was told is erased, unless it is still
+        that of the site before, which was written then."""
+        if self._has_entered:
+            self._keeper.write_now(self._controller.edit_map)
 
     def _present(self) -> CellMap:
         picture = self._view.picture

@@ -109,6 +109,8 @@ class ControlLoop:
                 decision = self._controller.think(frame, clock=self._robot.now_ns, ahead=segmented)
                 if decision is not None:
                     self._on_decision(decision)
+                if (failed := self._controller.failed) is not None:
+                    raise failed
                 retry_s, failure = FRAME_WAIT_S, None
             except Exception as error:
                 # The loop survives any bug above it: the robot stands with this reason, and the

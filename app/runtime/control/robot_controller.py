@@ -8,15 +8,13 @@ to immutable values, replaced under a lock.
 from __future__ import annotations
 
 import dataclasses
-import logging
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from app.runtime.control.background import Background, InlineBackground
-from app.runtime.control.map_requests import MapRequests, attempt
+from app.runtime.control.map_requests import MapRequests
 from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.segmentation_ahead import SegmentedFrame
 from app.runtime.control.stage_timer import TICK, StageTimer
@@ -55,7 +53,6 @@ from navcore.safety.sensor_monitor import SensorMonitor
 from navcore.safety.stopping import check_stopping
 from web.interface.sites import at_another_site
 
-log = logging.getLogger(__name__)
 COMMAND_PERIOD_S = 0.05
 """Time between two commands, seconds."""
 STANDSTILL_MPS = 0.03
@@ -126,6 +123,8 @@ class RobotController:
         self._found: _Found | None = None
         self._requests = MapRequests()
         self._search, self._was_located = SearchTurn(), False
+        self.failed: Exception | None = None
+        """What failed beside the newest tick, whose result counts; for who called `think`."""
 
     @property
     def intent(self) -> OperatorState:
@@ -251,7 +250,7 @@ class RobotController:
         `clock` gives the time in ns, which no frame may be ahead of, and dates the command when
         the tick has ended. `ahead`: the same frame, labelled beside the tick before.
         """
-        now_ns = clock()
+        self.failed, now_ns = None, clock()
         with self._lock:
             intent = self._intent
             requests, self._requests = self._requests, MapRequests()
@@ -261,7 +260,10 @@ class RobotController:
         if requests.replace_map is not None:
             self._background.discard()  # it computes on the map before
         if (outcome := self._background.poll()) is not None:
-            attempt(partial(self.navigator.take, outcome))
+            try:
+                self.navigator.take(outcome)
+            except Exception as error:
+                self.failed = error
         later = requests  # all of them, where the map cannot be replaced
         try:
             later = requests.apply(self.navigator, None if is_refused else frame)
@@ -286,7 +288,7 @@ class RobotController:
         try:
             self._follow(decision, frame, intent, clock)
         except Exception as error:  # a correction by the tick is returned all the same
-            log.exception("what follows the tick failed")
+            self.failed = error
             self.note_failure(frame, error)
         return decision
 

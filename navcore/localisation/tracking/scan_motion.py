@@ -75,18 +75,20 @@ class ScanReference:
                 scan, self.surfaces, expected, prior, scale=rules.point_weight,
                 search_m=rules.window_m, config=self._match,
             )  # fmt: skip
+            held = np.linalg.inv(prior)
         else:
-            prior = spread
             found = match_widely(
-                scan, self.surfaces, expected, prior, scale=rules.point_weight,
+                scan, self.surfaces, expected, spread, scale=rules.point_weight,
                 config=self._config.match,
             )  # fmt: skip
+            # Its information is less than what its pose was found with where several places fit.
+            held = np.zeros((3, 3))
         if found.fitting < least or found.share_of_near < self._config.tracking.located_share:
             return None
-        # With z the motion by the scan alone: (prior⁻¹ + information) · (found − expected)
+        # With z the motion by the scan alone: (held + information) · (found − expected)
         # = information · (z − expected); the floor is then added to the covariance of z.
         known = rules.point_weight * found.information
-        pull = (np.linalg.inv(prior) + known) @ difference(found.pose, expected)
+        pull = (held + known) @ difference(found.pose, expected)
         weakened = np.linalg.inv(np.eye(3) + known @ rules.floor)
         information = weakened @ known
         return ScanMotion(

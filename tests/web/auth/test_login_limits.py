@@ -28,6 +28,17 @@ def test_a_user_who_logs_in_over_and_over_ends_own_sessions_only() -> None:
     )
 
 
+def test_a_script_that_logs_in_over_and_over_does_not_end_the_session_of_an_open_page() -> None:
+    clock = Clock()
+    sessions = Sessions(clock=clock)
+    page, left = sessions.begin(ANNA), sessions.begin(ANNA)
+    for _ in range(2 * MAX_OF_USER):
+        clock.now_s += 1.0
+        sessions.begin(ANNA)
+        assert sessions.find(page) is not None  # as a page that only watches
+    assert sessions.find(left) is None
+
+
 @pytest.mark.parametrize(
     ("first", "second", "is_same"),
     [

@@ -131,6 +131,10 @@ def test_what_fails_after_a_tick_keeps_its_correction_from_no_one(
     assert driver.think(OPEN, clock=lambda: OPEN.stamp_ns) is not None
     assert driver.tick_state.failure == "RuntimeError: a bug"
     assert driver.tick_state.command is None
+    assert str(driver.failed) == "a bug"  # for who called it: it is logged there, or ends a test
+    monkeypatch.undo()
+    think(driver, picture(stamp_ns=2 * SECOND))
+    assert driver.failed is None
 
 
 JUMPED = Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -77,6 +78,25 @@ def test_along_a_corridor_the_motion_stays_as_expected_and_uncertain() -> None:
     motion, covariance = found.located()
     assert motion.x_m == pytest.approx(expected.x_m, abs=0.02)
     assert covariance[0, 0] > 4 * covariance[1, 1]
+
+
+@pytest.mark.parametrize("away_m", [1.5, 2.5])
+@pytest.mark.parametrize("error_m", [-0.25, -0.1, 0.1, 0.25])
+def test_between_equal_doors_scans_bring_the_motion_no_farther_from_the_truth(
+    away_m: float, error_m: float
+) -> None:
+    world, rng = PlanWorld(), np.random.default_rng(2)
+    for x, side in itertools.product(np.arange(-2.5, 40.0, 2.5).tolist(), (1.0, -1.0)):
+        world.box(x, 0.9 * side, x + 1.6, 1.2 * side)
+        world.box(x + 1.6, 1.05 * side, x + 2.5, 1.2 * side)
+    reference = ScanReference(world.scan(IDENTITY, rng), CONFIG)
+    along = Pose2(x_m=away_m, y_m=0.0, yaw_rad=0.02)
+    expected = along @ Pose2(x_m=error_m, y_m=0.02, yaw_rad=0.0)
+    spread = np.diag([0.12, 0.08, 0.02]) ** 2
+    found = reference.motion_to(world.scan(along, rng), expected, spread)
+    assert found is not None
+    motion, _ = found.located()
+    assert abs(motion.x_m - along.x_m) < abs(error_m) + 0.02
 
 
 def test_keyframes_are_connected_by_odometry_and_by_their_scans() -> None:
