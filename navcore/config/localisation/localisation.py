@@ -174,7 +174,7 @@ class OdometryConfig:
     """Standard deviation over runs of the bias of the gyro after calibration, degrees per hour."""
     gyro_bias_drift_degph: float = ranged(0.0, 10_000.0, default=8.0)
     """Standard deviation of the change of that bias within an hour, degrees per hour."""
-    gyro_noise_deg: float = ranged(0.0, 30.0, default=0.02)
+    gyro_noise_deg: float = ranged(0.0, 5.0, default=0.02)
     """White noise of the gyro, degrees per square root of a second."""
     slip_m: float = ranged(0.0, 1.0, default=0.012)
     """Standard deviation of the distance after one metre by slip, metres."""

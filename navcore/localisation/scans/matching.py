@@ -34,6 +34,9 @@ class Match:
     information: Matrix
     """(3, 3) information about x, y in metres and yaw in radians from the scan alone, in map axes:
     every point counts as independent. Its smallest eigenvector is the way along a corridor."""
+    found_with: Matrix
+    """(3, 3) information that the pose was found with: more than `information` where several poses
+    are nearly as probable."""
     points: int
     """Number of points of the scan."""
     near: int
@@ -93,6 +96,7 @@ def match(
     return Match(
         pose=Pose2(x_m=pose[0], y_m=pose[1], yaw_rad=wrap_angle(pose[2])),
         information=information,
+        found_with=information,
         points=len(scan),
         near=counts[0],
         fitting=counts[1],

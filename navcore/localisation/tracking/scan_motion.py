@@ -21,6 +21,8 @@ from navcore.localisation.scans.scan_map import ScanMap
 _WEAK = np.diag([1.0, 1.0, 1.0])
 """Information of a motion by scans in metres and radians below which it tells nothing, as along a
 corridor; so that it can be inverted."""
+_LEAST = 1e-6 * np.eye(3)
+"""Information that is as good as none, so that any can be inverted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,20 +77,24 @@ class ScanReference:
                 scan, self.surfaces, expected, prior, scale=rules.point_weight,
                 search_m=rules.window_m, config=self._match,
             )  # fmt: skip
-            held = np.linalg.inv(prior)
         else:
+            prior = spread
             found = match_widely(
-                scan, self.surfaces, expected, spread, scale=rules.point_weight,
+                scan, self.surfaces, expected, prior, scale=rules.point_weight,
                 config=self._config.match,
             )  # fmt: skip
-            # Its information is less than what its pose was found with where several places fit.
-            held = np.zeros((3, 3))
         if found.fitting < least or found.share_of_near < self._config.tracking.located_share:
             return None
-        # With z the motion by the scan alone: (held + information) · (found − expected)
-        # = information · (z − expected); the floor is then added to the covariance of z.
-        known = rules.point_weight * found.information
-        pull = (held + known) @ difference(found.pose, expected)
+        # With z the motion by the scan alone: (prior⁻¹ + found_with) · (found − expected)
+        # = found_with · (z − expected).
+        known, found_with = (
+            rules.point_weight * found.information,
+            rules.point_weight * found.found_with,
+        )
+        pull = (np.linalg.inv(prior) + found_with) @ difference(found.pose, expected)
+        if found.found_with is not found.information:  # several places fit alike
+            pull = known @ np.linalg.inv(found_with + _LEAST) @ pull
+        # The floor is added to the covariance of z.
         weakened = np.linalg.inv(np.eye(3) + known @ rules.floor)
         information = weakened @ known
         return ScanMotion(
