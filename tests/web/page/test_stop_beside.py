@@ -9,6 +9,11 @@ from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, eventually
 from web.server import ConsoleServer
 
+TO_THE_END = """() => {
+  for (const node of [document.scrollingElement, document.body, document.querySelector("main")])
+    if (node) node.scrollTop = node.scrollHeight;
+}"""
+"""JavaScript: scroll whatever a page scrolls to its end."""
 THEME = "document.documentElement.dataset.theme"
 
 
@@ -18,10 +23,11 @@ def test_every_page_stops_the_robot_by_button_and_space_bar(
 ) -> None:
     page.goto(server.url + path)
     button = page.get_by_test_id("stop")
+    page.wait_for_load_state("networkidle")
     for width, height in ((1440, 900), (1024, 700), (390, 844)):
         page.set_viewport_size({"width": width, "height": height})
-        page.mouse.wheel(0.0, 2000.0)
-        # The page is laid out again at its own time.
+        # All the way down, wherever that leads; the page is laid out again at its own time.
+        page.evaluate(TO_THE_END)
         eventually(page, lambda: button.evaluate(IS_WITHIN_VIEWPORT))
         eventually(page, lambda: button.evaluate(IS_TOPMOST))
     button.click()
