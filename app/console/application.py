@@ -26,7 +26,7 @@ from app.console.site.site_map import beware_of, map_of, put_in_force
 from app.console.site.sites import SESSION_PERIOD_S, expected_place, mission_of
 from app.console.stop_latch import PERIOD_S as STOP_PERIOD_S
 from app.console.stop_latch import StopLatch, read_latch
-from app.replay.odometry import for_recordings
+from app.replay.carried_camera import for_recordings
 from app.runtime.control.background import Background, ThreadBackground
 from app.runtime.control.loop import ControlLoop, PeriodicThread, lower_other_priorities
 from app.runtime.control.operator_state import OperatorState
@@ -361,7 +361,12 @@ def _controller_of(
         unknown_price=stored_unknown_price(site),
     )
     return RobotController(
-        navigator=navigator, profile=robot, intent=intent, timer=timer, background=background
+        navigator=navigator,
+        profile=robot,
+        intent=intent,
+        timer=timer,
+        background=background,
+        sensors=back_end.sensors,
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.replay.carried_camera import PLAUSIBLE
 from app.replay.floor_plane import find_floor
 from app.replay.recording import open_recording
 from app.replay.robot import ReplayRobot, map_around
@@ -14,6 +15,7 @@ from app.runtime.control.loop import LiveRobot
 from app.runtime.record.run_report import Referee
 from app.runtime.simulator_process import SimulatorProcess
 from navcore.config.navigator import NavigatorConfig
+from navcore.config.safety import DEFAULT_SAFETY, SensorMonitorConfig
 from navcore.grid.grid import DEFAULT_RESOLUTION_M, GridSpec
 from navcore.localisation.fixes import TagMap
 from navcore.mission.beware_list import BewareList, default_beware_list
@@ -45,6 +47,8 @@ class BackEnd:
     """Tags of the world, for sites that name none."""
     beware: BewareList = field(default_factory=default_beware_list)
     """List that a new site in this world starts with."""
+    sensors: SensorMonitorConfig = DEFAULT_SAFETY.sensors
+    """Which frames of the robot are plausible."""
 
 
 def simulated(
@@ -81,4 +85,6 @@ def recorded(folder: Path, *, config: NavigatorConfig, level: bool = False) -> B
         recording, T_map_world, reach_m=config.points.max_range_m, resolution_m=DEFAULT_RESOLUTION_M
     )
     robot = ReplayRobot(recording, T_map_world, back_and_forth=True)
-    return BackEnd(robot=robot, spec=spec, name=f"recording {folder.resolve().name}")
+    return BackEnd(
+        robot=robot, spec=spec, name=f"recording {folder.resolve().name}", sensors=PLAUSIBLE
+    )

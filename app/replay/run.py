@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from app.replay.annotation import Annotation, BewareAgreement, judge_beware
-from app.replay.odometry import for_recordings
+from app.replay.carried_camera import for_recordings
 from app.replay.recording import Recording
 from app.replay.reference import Agreement, Reference, agreement, occupied_cells
 from app.replay.robot import base_below, frames_of, map_around

@@ -22,7 +22,7 @@ from app.runtime.control.stop_reasons import planner_stops
 from app.runtime.control.tick_state import TickState
 from navcore.behaviours.assisted_teleop import stays_out
 from navcore.behaviours.search_turn import SearchTurn
-from navcore.config.safety import DEFAULT_SAFETY
+from navcore.config.safety import DEFAULT_SAFETY, SensorMonitorConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.errors import BadFrame, BewareNavError, Refused
 from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
@@ -98,11 +98,14 @@ class RobotController:
         intent: OperatorState,
         timer: StageTimer | None = None,
         background: Background | None = None,
+        sensors: SensorMonitorConfig = DEFAULT_SAFETY.sensors,
     ) -> None:
         """`timer`: the timer of the navigator's stages, which times the ticks too. `background`
-        runs what the tick does not wait for; by default at once, for simulated time. Raises
-        `BadConfiguration` for a platform that the safety gate could not stop in time."""
+        runs what the tick does not wait for; by default at once, for simulated time. `sensors`:
+        which frames are plausible. Raises `BadConfiguration` for a platform that the safety gate
+        could not stop in time."""
         check_stopping(profile)
+        self._sensors = sensors
         self._background = background or InlineBackground()
         self.navigator = navigator
         self.timer = timer or StageTimer()
@@ -254,7 +257,9 @@ class RobotController:
         with self._lock:
             intent = self._intent
             requests, self._requests = self._requests, MapRequests()
-            senses = self._mapped = self._mapped.after(frame, self.profile, now_ns=now_ns)
+            senses = self._mapped = self._mapped.after(
+                frame, self.profile, self._sensors, now_ns=now_ns
+            )
         is_refused = senses.fault is not None or senses.repeats
         request = intent.request
         if requests.replace_map is not None:
@@ -460,7 +465,7 @@ class RobotController:
     def _watch(self, now_ns: int, newest: Frame | None) -> None:
         """Check the newest frame, independently of the tick, and whether the wheels turn."""
         if newest is not None and newest is not self._watched.newest:
-            self._watched = self._watched.after(newest, self.profile, now_ns=now_ns)
+            self._watched = self._watched.after(newest, self.profile, self._sensors, now_ns=now_ns)
             if self._watched.newest_is_trusted:
                 self._recent_obstacles = self._recent_obstacles.after(newest, self.profile)
         if not self._intent.drives:
