@@ -15,7 +15,7 @@ from sim.models.solids import Polygon
 from sim.referee.clearance import Outlines, distance_m
 
 TOUCH_M = 0.005
-"""Distance at which the footprint is on a displaced object: the engine lets nothing overlap."""
+"""Distance at which the footprint is on an object: the engine lets nothing overlap."""
 Parts = Sequence[Polygon]
 """Outlines of the parts of one object in the map frame."""
 
@@ -38,7 +38,10 @@ class Intrusion:
 class IntrusionMonitor:
     """Named areas and the intrusions into them."""
 
-    def __init__(self, named: Sequence[tuple[str, Parts]]) -> None:
+    def __init__(self, named: Sequence[tuple[str, Parts]], *, objects: int = 0) -> None:
+        """`objects`: how many of the first areas are objects, which count when touched; the others
+        are drawn on the floor, and count when the footprint is over them."""
+        self._objects = objects
         self._outlines = Outlines.of([])
         self._names: tuple[str, ...] = ()
         self._parts: tuple[Parts, ...] = ()
@@ -71,7 +74,7 @@ class IntrusionMonitor:
         self._outlines = Outlines.of(self._parts)
         inside = np.zeros(len(named), dtype=np.bool_)
         if body is not None:
-            inside, _ = self._outlines.proximity(body, 0.0, 0.0)
+            inside = self._inside(body)
         states = [
             before.get(_key(parts), (None, bool(over)))
             for parts, over in zip(self._parts, inside, strict=True)
@@ -82,7 +85,7 @@ class IntrusionMonitor:
     def excuse(self, body: Polygon) -> None:
         """Excuse the areas that overlap the `body` until they have been left once."""
         if self._names:
-            self._excused |= self._outlines.proximity(body, 0.0, 0.0)[0]
+            self._excused |= self._inside(body)
 
     def judge(
         self,
@@ -100,7 +103,7 @@ class IntrusionMonitor:
         """
         if not self._names:
             return
-        inside, _ = self._outlines.proximity(body, 0.0, 0.0)
+        inside = self._inside(body)
         for number, parts in displaced.items():
             inside[number] |= any(distance_m(body, part) <= TOUCH_M for part in parts)
         self._excused &= inside
@@ -126,6 +129,14 @@ class IntrusionMonitor:
             }
             for intrusion in self.intrusions[part]
         ]
+
+    def _inside(self, body: Polygon) -> npt.NDArray[np.bool_]:
+        """Return the mask of the areas that the footprint is on, at their original positions."""
+        inside, _ = self._outlines.proximity(body, 0.0, 0.0)
+        if self._objects:
+            touched, _ = self._outlines.proximity(body, TOUCH_M, 0.0)
+            inside[: self._objects] |= touched[: self._objects]
+        return inside
 
     def _note(self, number: int, believed: Polygon, *, t_s: float, period_s: float) -> None:
         intrusion = self._now[number]

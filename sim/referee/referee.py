@@ -32,8 +32,9 @@ CONTACT_M = 0.005
 engine keeps a margin."""
 STANDING_MPS = 0.02
 """Speed of a corner of the footprint below which the robot stands."""
-DISPLACED_M = 0.01
-"""Displacement of an item from which it is judged at both positions."""
+DISPLACED_M = 0.001
+"""Displacement of an item from which it is judged at both positions; the engine's own motion of a
+body at rest is less."""
 SERIES_PERIOD_S = 1.0
 """Period of the series of driven distance."""
 
@@ -57,7 +58,8 @@ class Referee:
             if marking.beware
         ]
         self._beware = IntrusionMonitor(
-            [*((item.name, item.outlines()) for item in self._items), *markings]
+            [*((item.name, item.outlines()) for item in self._items), *markings],
+            objects=len(self._items),
         )
         self._zones = IntrusionMonitor([])
         self._ground = IntrusionMonitor(
@@ -166,8 +168,8 @@ class Referee:
 
     @property
     def beware_intrusions(self) -> int:
-        """Number of times that the footprint came over a beware marking, the original position of
-        an item, or an item."""
+        """Number of times that the footprint came over a beware marking or the original position of
+        an item, or touched an item."""
         return len(self._beware.intrusions)
 
     @property

@@ -18,6 +18,7 @@ from navcore.robot.profile import HUSKY
 from sim.models.solids import Polygon, rectangle
 from sim.referee.clearance import Outlines, distance_m
 from sim.referee.referee import Referee
+from sim.robot.skid_steer import pose_of
 from sim.scenario.schema import Furniture, Item, Marking, Person, Scenario
 from tests.sim.worlds import blind, drive, open_floor, shifted, wait
 
@@ -146,6 +147,23 @@ def test_the_simulator_tells_the_referee_the_position_of_a_displaced_item() -> N
             simulator.referee.beware_intrusions == 1
         )  # it lay there, and is pushed on, and is one bag
         assert simulator.referee.summary()["intruded"] == {"bag": 1}
+
+
+def test_a_bag_that_is_touched_slowly_and_hardly_moves_counts() -> None:
+    bag = Item(kind="bag", at=(1.2, 0.0))
+    with blind(open_floor(items=(bag,), start=(0.0, 0.0, 0.0))) as simulator:
+        lies = pose_of(simulator.client, simulator.world.item_bodies[0])
+
+        def moved_m() -> float:
+            now = pose_of(simulator.client, simulator.world.item_bodies[0])
+            return lies.distance_to(now.x_m, now.y_m)
+
+        drive(simulator, 0.5, 0.0, 0.6)
+        assert moved_m() < 5e-4 and simulator.referee.beware_intrusions == 0
+        while moved_m() < 5e-4:
+            drive(simulator, 0.05, 0.0, 0.02)
+        assert moved_m() < 0.003  # the footprint is not yet over where it lay
+        assert simulator.referee.beware_intrusions == 1
 
 
 def test_a_marking_without_beware_may_be_driven_over() -> None:
