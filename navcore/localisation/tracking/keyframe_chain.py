@@ -20,7 +20,7 @@ from navcore.localisation.tracking.odometry_model import (
     OdometryStep,
     in_axes_of,
 )
-from navcore.localisation.tracking.scan_motion import ScanReference
+from navcore.localisation.tracking.scan_to_scan.scan_motion import ScanReference
 from navcore.robot.fix import PositionFix
 
 _CERTAIN: Matrix = np.zeros((3, 3))

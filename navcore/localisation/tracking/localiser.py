@@ -28,10 +28,10 @@ from navcore.localisation.tracking.odometry_model import OdometryStep
 from navcore.localisation.tracking.pose_filter import PoseFilter
 from navcore.localisation.tracking.pose_matcher import PoseMatcher
 from navcore.localisation.tracking.recent_odometry import RecentOdometry
-from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
 from navcore.localisation.tracking.refused_fixes import RefusedFixes
 from navcore.localisation.tracking.refused_matches import RefusedMatches
-from navcore.localisation.tracking.scan_odometry import ScanOdometry
+from navcore.localisation.tracking.scan_to_scan.recent_scans import RecentScans, is_elsewhere
+from navcore.localisation.tracking.scan_to_scan.scan_odometry import ScanOdometry
 from navcore.localisation.tracking.tracking_state import TrackingState
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame

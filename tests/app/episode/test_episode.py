@@ -18,8 +18,8 @@ from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.tracking.pose_filter import PoseFilter
-from navcore.localisation.tracking.push_search import Push
-from navcore.localisation.tracking.scan_odometry import ScanOdometry
+from navcore.localisation.tracking.scan_to_scan.push_search import Push
+from navcore.localisation.tracking.scan_to_scan.scan_odometry import ScanOdometry
 from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.navigator import TickResult
 from navcore.robot.camera_stream import CameraStream

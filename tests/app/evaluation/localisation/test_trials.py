@@ -21,7 +21,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationState
 from navcore.localisation.scans.scan import Keyframe
-from navcore.localisation.tracking.push_search import PushSearch
+from navcore.localisation.tracking.scan_to_scan.push_search import PushSearch
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.beware_list import BewareList
 from sim.robot.odometry_grade import OdometryGrade

@@ -16,8 +16,8 @@ from navcore.geometry.transform import IDENTITY, Matrix, Pose2, Twist, differenc
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.scans.scan import Keyframe
 from navcore.localisation.tracking.localiser import Localiser
-from navcore.localisation.tracking.recent_scans import RecentScans
-from navcore.localisation.tracking.scan_odometry import ScanOdometry
+from navcore.localisation.tracking.scan_to_scan.recent_scans import RecentScans
+from navcore.localisation.tracking.scan_to_scan.scan_odometry import ScanOdometry
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.fix import FixSource, PositionFix
 from navcore.robot.frame import Frame

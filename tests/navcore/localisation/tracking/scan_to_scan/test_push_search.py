@@ -20,7 +20,7 @@ from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep, in_axes_of
 from navcore.localisation.tracking.pose_filter import PoseFilter
-from navcore.localisation.tracking.push_search import PushSearch
+from navcore.localisation.tracking.scan_to_scan.push_search import PushSearch
 from navcore.mapping.points.pose_ids import PoseIds
 from tests.navcore.localisation.plan_worlds import PlanWorld
 from tests.navcore.localisation.tracking.test_localiser import Trip, frame_at

@@ -15,8 +15,8 @@ from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Pose2, difference
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.tracking.pose_filter import PoseFilter
-from navcore.localisation.tracking.push_search import Push, PushSearch
-from navcore.localisation.tracking.scan_motion import ScanReference
+from navcore.localisation.tracking.scan_to_scan.push_search import Push, PushSearch
+from navcore.localisation.tracking.scan_to_scan.scan_motion import ScanReference
 
 _MOST_SPACINGS = 2.0
 """Number of spacings over which a scan is compared with the reference if it does not fit."""

@@ -12,9 +12,9 @@ from navcore.geometry.transform import Pose2
 from navcore.localisation.scans.matching import match
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.scans.scan_map import ScanMap
-from navcore.localisation.tracking import recent_scans
 from navcore.localisation.tracking.odometry_model import OdometryStep
-from navcore.localisation.tracking.recent_scans import RecentScans, is_elsewhere
+from navcore.localisation.tracking.scan_to_scan import recent_scans
+from navcore.localisation.tracking.scan_to_scan.recent_scans import RecentScans, is_elsewhere
 from tests.navcore.localisation.plan_worlds import PlanWorld, drive, office
 
 WORLD = office(3)

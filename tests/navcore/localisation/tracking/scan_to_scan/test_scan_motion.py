@@ -13,10 +13,10 @@ from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.tracking.keyframe_chain import KeyframeChain
 from navcore.localisation.tracking.odometry_model import OdometryStep
-from navcore.localisation.tracking.scan_motion import ScanReference
+from navcore.localisation.tracking.scan_to_scan.scan_motion import ScanReference
 from navcore.mapping.points.pose_ids import PoseIds
 from tests.navcore.localisation.plan_worlds import PlanWorld
-from tests.navcore.localisation.tracking.test_push_search import room
+from tests.navcore.localisation.tracking.scan_to_scan.test_push_search import room
 
 CONFIG = LocalisationConfig()
 TRUE = Pose2(x_m=0.5, y_m=0.05, yaw_rad=math.radians(6.0))

@@ -1,0 +1,1 @@
+"""The newest scan against those before it, without a map: motion, pushes, being carried away."""
