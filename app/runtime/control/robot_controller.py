@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.runtime.control.background import Background, InlineBackground
+from app.runtime.control.held_timer import HeldTimer
 from app.runtime.control.map_requests import MapRequests
 from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.segmentation_ahead import SegmentedFrame
@@ -62,18 +63,11 @@ STANDSTILL_RADPS = 0.05
 CLOCK_SLACK_NS = 100_000_000
 """A command that is younger than the clock's reading by at most this much was decided while the
 command thread waited for the lock, nanoseconds."""
-HELD_NS = 1_000_000_000
-"""Time for which the gate has to keep the robot from its motion, before a zone or an object of the
-beware list, until the recovery tries another, nanoseconds."""
-CONTACT_HELD_NS = HELD_NS + round(DEFAULT_SAFETY.collision.memory_s * 1e9)
-"""The same before an obstacle, which the gate remembers for a while where nothing is any more."""
 HAND_LIFE_NS = DEFAULT_SAFETY.gate.command_life_ns
 """Lifetime of a command of teleoperation, nanoseconds."""
 REASONS_NS = 2 * round(COMMAND_PERIOD_S * 1e9)
 """Age from which the reasons of a decision are found again though nothing has changed,
 nanoseconds."""
-_HOLDING = {Cause.BEWARE_AHEAD, Cause.CONTACT_IMMINENT}
-"""Reasons for which the gate keeps the robot from a motion, and may let it make another."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,8 +115,7 @@ class RobotController:
         self._mapped, self._watched = SensorMonitor(), SensorMonitor()
         self._recent_obstacles = RecentObstacles()
         self._blocked_since_ns: int | None = None
-        self._held_since_ns: int | None = None
-        self._stopped_since_ns: int | None = None
+        self._held = HeldTimer()
         self._found: _Found | None = None
         self._requests = MapRequests()
         self._search, self._was_located = SearchTurn(), False
@@ -358,7 +351,10 @@ class RobotController:
             labels = None
             if ahead is not None:
                 labels = ahead.labels_by(request.beware) or self.segment(frame, request.beware)
-            return self.navigator.tick(frame, request, labels, held=self._is_held(frame))
+            with self._lock:
+                if held := self._held.is_over(frame.stamp_ns):
+                    self._held = HeldTimer()  # what the robot tries next is judged afresh
+            return self.navigator.tick(frame, request, labels, held=held)
 
     def _corrected_twist(self, decision: TickResult) -> Twist:
         """Return the twist of a tick; a standstill while a large correction waits for it."""
@@ -421,32 +417,10 @@ class RobotController:
             self._watch(clock(), newest)
             verdict = self._verdict(clock(), period_s)
             self._sent = verdict.twist
-            self._note_held(verdict)
+            newest = self._watched.newest
+            self._held = self._held.after(verdict, None if newest is None else newest.stamp_ns)
             send(verdict.twist)
         return verdict
-
-    def _note_held(self, verdict: GateDecision) -> None:
-        """Note since when zones, the beware list and obstacles are all that keeps the robot from
-        its motion, and since when zones and the list alone."""
-        causes, newest = {reason.cause for reason in verdict.reasons}, self._watched.newest
-        if newest is None or not causes or causes - _HOLDING:
-            self._held_since_ns = self._stopped_since_ns = None
-            return
-        if self._stopped_since_ns is None:
-            self._stopped_since_ns = newest.stamp_ns
-        if Cause.CONTACT_IMMINENT in causes:
-            self._held_since_ns = None
-        elif self._held_since_ns is None:
-            self._held_since_ns = newest.stamp_ns
-
-    def _is_held(self, frame: Frame) -> bool:
-        """Whether the gate has held the robot for so long that it has to try another motion."""
-        waits = (self._held_since_ns, HELD_NS), (self._stopped_since_ns, CONTACT_HELD_NS)
-        if all(since is None or frame.stamp_ns - since < lasts for since, lasts in waits):
-            return False
-        # What the robot tries next is judged afresh.
-        self._held_since_ns = self._stopped_since_ns = None
-        return True
 
     @property
     def sensors_in_doubt(self) -> bool:
