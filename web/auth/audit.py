@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import datetime
 from typing import Any, Protocol
@@ -14,7 +15,7 @@ from urllib.parse import quote
 from starlette.types import Message, Scope, Send
 
 from web.auth.permissions import SAFE, SILENT, STOP
-from web.auth.roles import Visitor
+from web.auth.roles import Role, Visitor
 
 log = logging.getLogger(__name__)
 
@@ -22,6 +23,9 @@ MAX_DETAIL_BYTES = 4000
 """Largest body that is logged, bytes."""
 MAX_DEPTH = 20
 """Largest nesting of JSON that is logged."""
+MOST_REFUSED, PERIOD_S = 200, 3600.0
+"""Number of entries of requests that were refused, or that a viewer made, which are logged of one
+name within a period in seconds: refused requests push none that were done out of the log."""
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
@@ -48,9 +52,14 @@ class Auditor:
     """Writer of the audit log; it writes in a thread, so that no disk delays the event loop, in the
     order in which it is asked."""
 
-    def __init__(self, audit_log: AuditLog | None) -> None:
+    def __init__(
+        self, audit_log: AuditLog | None, *, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self.audit_log = audit_log
         self._thread = ThreadPoolExecutor(1, "audit log")
+        self._clock = clock
+        self._refused: dict[str, tuple[float, int]] = {}
+        """Of each name the end of its period, and the number of entries in it."""
 
     def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
         """Return a `send` that logs the request before its answer, and the emergency stop right
@@ -78,12 +87,27 @@ class Auditor:
         return self._thread.submit(self._add, entry)
 
     def _add(self, entry: Mapping[str, Any]) -> None:
-        if self.audit_log is None:
+        if self.audit_log is None or (counted := self._counted(entry)) is None:
             return
         try:
-            self.audit_log.add(entry)
+            self.audit_log.add(counted)
         except Exception:
             log.exception("the audit log misses an entry: %s", dict(entry))
+
+    def _counted(self, entry: Mapping[str, Any]) -> Mapping[str, Any] | None:
+        """Return the entry, or None where too many of its name were refused already; the last one
+        says so."""
+        if entry.get("status", 200) < 400 and entry.get("role") != Role.VIEWER:
+            return entry
+        who, now = str(entry.get("who")), self._clock()
+        until, number = self._refused.get(who, (now + PERIOD_S, 0))
+        if now >= until:
+            until, number = now + PERIOD_S, 0
+        self._refused[who] = until, number + 1
+        if number + 1 < MOST_REFUSED:
+            return entry
+        last = f"the last of {MOST_REFUSED} that are logged within an hour"
+        return None if number >= MOST_REFUSED else {**entry, "detail": last}
 
 
 def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str, Any]:

@@ -53,35 +53,50 @@ class TooManyTries(Refused):
 
 
 class RateLimiter:
-    """Leaky bucket per address; a successful try is refunded. Safe from any thread."""
+    """Leaky bucket per address, and one for all addresses but those of an earlier successful try;
+    a successful try is refunded. Safe from any thread."""
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._lock = threading.Lock()
         self._full_until: OrderedDict[str, float] = OrderedDict()
+        self._known: OrderedDict[str, None] = OrderedDict()
 
     def wait_s(self, address: str) -> int:
         """Return 0 and count a try, or the whole seconds until the next try is allowed."""
         address, now = network_of(address), self._clock()
         with self._lock:
-            waits = [
-                self._excess_s(address, PERIOD_S, now),
-                self._excess_s(_ALL, PERIOD_S / FOR_ALL, now),
-            ]
-            if max(waits) > 0:
-                return math.ceil(max(waits))
-            self._fill(address, PERIOD_S, now)
-            self._fill(_ALL, PERIOD_S / FOR_ALL, now)
+            buckets = self._buckets(address)
+            wait_s = max(self._excess_s(key, every_s, now) for key, every_s in buckets)
+            if wait_s > 0:
+                return math.ceil(wait_s)
+            for key, every_s in buckets:
+                self._fill(key, every_s, now)
             while len(self._full_until) > MAX_ADDRESSES:
                 self._full_until.popitem(last=False)
         return 0
 
     def refund(self, address: str) -> None:
-        """Take back the count of a try, because it was successful."""
+        """Take back the count of a try, because it was none."""
         with self._lock:
-            for key, every_s in ((network_of(address), PERIOD_S), (_ALL, PERIOD_S / FOR_ALL)):
+            for key, every_s in self._buckets(network_of(address)):
                 if key in self._full_until:
                     self._full_until[key] -= every_s
+
+    def succeed(self, address: str) -> None:
+        """Take back the count of a try, because it was successful; bad tries from ever new
+        addresses do not hold up the next one from this address."""
+        self.refund(address)
+        with self._lock:
+            self._known[network_of(address)] = None
+            self._known.move_to_end(network_of(address))
+            while len(self._known) > MAX_ADDRESSES:
+                self._known.popitem(last=False)
+
+    def _buckets(self, address: str) -> list[tuple[str, float]]:
+        """Return the buckets that a try from an address counts in, each with its period."""
+        for_all = [] if address in self._known else [(_ALL, PERIOD_S / FOR_ALL)]
+        return [(address, PERIOD_S), *for_all]
 
     def _excess_s(self, key: str, every_s: float, now: float) -> float:
         return (
@@ -117,5 +132,5 @@ class PasswordTries:
                 self._limiter.refund(address)
                 raise
         if found:
-            self._limiter.refund(address)
+            self._limiter.succeed(address)
         return found

@@ -212,6 +212,22 @@ def test_a_hand_that_speaks_nonsense_is_cut_off(
     assert operations.hands == []
 
 
+@pytest.mark.parametrize(
+    "message",
+    [
+        json.dumps({"type": "stop", "by": "x" * MAX_TEXT}),
+        '{"by":"' + "x" * MAX_TEXT + '", "type" : "stop"}',
+    ],
+)
+def test_a_stop_on_the_connection_is_not_refused_for_the_length_of_its_label(
+    server: ConsoleServer, operations: FakeOperations, message: str
+) -> None:
+    with live(server) as page:
+        page.send(message)
+        eventually(lambda: operations.stops)
+    assert operations.stops == ["console"]
+
+
 def test_one_visitor_has_so_many_connections_and_takes_none_from_another(
     locked: ConsoleServer, accounts: Accounts, monkeypatch: pytest.MonkeyPatch
 ) -> None:

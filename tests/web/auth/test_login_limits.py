@@ -8,7 +8,7 @@ import pytest
 
 from tests.web.auth.test_access import ANNA, Clock, browser
 from tests.web.conftest import PASSWORD
-from web.auth.rate_limit import BURST, RateLimiter
+from web.auth.rate_limit import BURST, FOR_ALL, RateLimiter
 from web.auth.sessions import MAX_OF_USER, MAX_SESSIONS, Sessions
 from web.auth.users import LONGEST_PASSWORD
 from web.gateway.request_body import MAX_PASSWORD_BODY_BYTES
@@ -58,6 +58,17 @@ def test_the_addresses_of_one_ipv6_network_share_their_tries(
     assert (limiter.wait_s(second) > 0) == is_same
     limiter.refund(second)
     assert (limiter.wait_s(first) == 0) == is_same
+
+
+def test_bad_tries_from_ever_new_addresses_keep_no_one_out_who_has_logged_in_before() -> None:
+    limiter = RateLimiter(clock=Clock())
+    assert limiter.wait_s("192.0.2.1") == 0
+    limiter.succeed("192.0.2.1")
+    waits = [limiter.wait_s(f"198.51.100.{host}") for host in range(2 * BURST * FOR_ALL)]
+    assert waits[0] == 0 and waits[-1] > 0
+    assert limiter.wait_s("203.0.113.1") > 0
+    assert [limiter.wait_s("192.0.2.1") for _ in range(BURST)] == [0] * BURST
+    assert limiter.wait_s("192.0.2.1") > 0, "its own tries are limited as before"
 
 
 def test_the_longest_password_logs_in_and_no_larger_form_is_read(locked: ConsoleServer) -> None:

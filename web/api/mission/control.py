@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import time
 from collections import deque
 from typing import Annotated, Literal
@@ -42,7 +43,8 @@ MAX_DELAY_S = 0.25
 """Delay in seconds, beyond that of the fastest message, after which a velocity is dropped: the
 operator has released the key since."""
 MAX_TEXT = 1000
-"""Largest length of a message of a page in characters; a longer one is none."""
+"""Largest length of a message of a page in characters; a longer one is none, or a stop."""
+_STOP = re.compile(r'"type"\s*:\s*"stop"')
 MAX_LATE = 10
 """Number of velocities in a row that were dropped after which the operator is told so: about a
 second of driving."""
@@ -166,9 +168,7 @@ async def _receive(
         message = await socket.receive()
         if message["type"] == "websocket.disconnect":
             return
-        text = message.get("text") or ""
-        # What is read here holds up the stop of another visitor.
-        received = LiveMessage.validate_json(text if len(text) <= MAX_TEXT else "")
+        received = _message_of(message.get("text") or "")
         if not isinstance(received, HeartbeatMessage):
             renew()
         if isinstance(received, StopMessage):
@@ -188,6 +188,14 @@ async def _receive(
             if session.is_driving != was_driving:
                 change = "begins" if session.is_driving else "ends"
                 _note(auditor, session.visitor, f"by hand: {change}")
+
+
+def _message_of(text: str) -> HeartbeatMessage | StopMessage | DriveMessage:
+    """Return the message in a text; raises `ValidationError` where there is none. What is read here
+    holds up the stop of another visitor; of a long text only a stop is taken, without its label."""
+    if len(text) <= MAX_TEXT:
+        return LiveMessage.validate_json(text)
+    return StopMessage(type="stop") if _STOP.search(text) else LiveMessage.validate_json("")
 
 
 def _note(auditor: Auditor, visitor: Visitor, what: str) -> None:
