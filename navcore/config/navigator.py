@@ -30,8 +30,9 @@ class NavigatorConfig:
     cell to plan from."""
     plan_budget: int = ranged(1_000, 1_000_000_000, default=2_000_000)
     """Number of straight walks and diagonal steps after which a search is given up ("time budget
-    exceeded"); a large maze takes some ten thousand. A count and not a clock, so that a run can be
-    repeated exactly."""
+    exceeded"); a large maze takes some ten thousand. Where unseen floor has a price, the number of
+    cells after which the shortest path is followed instead. A count and not a clock, so that a run
+    can be repeated exactly."""
     start_clear_m: float = ranged(0.0, 5.0, default=1.2)
     """Radius in metres of the floor that is taken for free around the start pose, where the camera
     cannot look. A robot that is put down in a narrow place needs a smaller one."""

@@ -73,7 +73,7 @@ class PlanningConfig:
     unknown_price: float = ranged(1.0, 20.0, default=1.0)
     """Cost of a metre of path over floor that was not seen yet, in metres of seen floor. 1 is the
     paper's rule, unknown is free, and plans by jump-point search; above 1 an exact weighted A*
-    plans, which takes longer on large maps."""
+    plans, which takes longer on large maps; where it takes too long (`plan_budget`), 1 counts."""
     goal_tolerance_m: float = ranged(0.0, 0.3, default=0.15)
     """Distance in metres from a goal, at most half of the robot's width, within which the path may
     end where the goal itself is too close to something. The robot has arrived there."""

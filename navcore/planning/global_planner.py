@@ -48,6 +48,9 @@ class GlobalPlanner:
         self._profile, self._config = profile, config
         self._price = config.planning.unknown_price
         self._replanner, self._weighted = Replanner(space), WeightedPlanner()
+        self._too_large: tuple[Cell, float] | None = None
+        """Goal and price of unseen floor for which the search would take too long: the shortest
+        path is followed."""
         self.lacking: Box | None = None
         """Part of the map that the grid has to contain before the newest route can be believed: a
         shorter one may lead through cells outside the grid. None where it is the shortest."""
@@ -99,7 +102,7 @@ class GlobalPlanner:
         self._replanner.grow(space, growth)
         if self.lacking is not None:
             self._replanner.search_again()
-        self._weighted = WeightedPlanner()
+        self._weighted, self._too_large = WeightedPlanner(), None
 
     def plan(
         self, costmap: Costmap, pose: Pose2, goal: tuple[float, float], beware: BewareList
@@ -156,7 +159,7 @@ class GlobalPlanner:
         if price > 1:
             unseen, free = self._explored.unseen_on(costmap.spec), ~costmap.blocked
             outcome = plan_weighted(free, unseen, price, *ends, max_expansions=budget)
-        else:
+        if price == 1 or outcome == NoPath(reason=Reason.TIMEOUT):
             outcome = plan_in(space, SearchWorkspace(space), *ends, max_expansions=budget)
         return build_route(
             outcome, point, space.across[FREE], costmap.spec, self._profile, self._config
@@ -257,9 +260,10 @@ class GlobalPlanner:
         return self._config.planning.unknown_price if asked is None else asked
 
     def _search(self, costmap: Costmap, start: Cell, goal: Cell) -> Path | NoPath:
-        """The path of the live search: the shortest, or the cheapest where unseen floor costs."""
-        budget = self._config.plan_budget
-        if self._price == 1:
+        """The path of the live search: the shortest, or the cheapest where unseen floor costs and
+        that is found in time."""
+        budget, priced = self._config.plan_budget, (goal, self._price)
+        if self._price == 1 or self._too_large == priced:
             searches = self._replanner.searches
             outcome = self._replanner.plan(start, goal, max_expansions=budget)
             if self._replanner.searches != searches:
@@ -268,6 +272,10 @@ class GlobalPlanner:
             return outcome
         free, unseen = ~costmap.blocked, self._explored.unseen_on(costmap.spec)
         found = self._weighted.plan(free, unseen, self._price, start, goal, max_expansions=budget)
+        if found == NoPath(reason=Reason.TIMEOUT):
+            # A preference for seen floor keeps no goal from being reached.
+            self._too_large = priced
+            return self._search(costmap, start, goal)
         bound = found
         if isinstance(found, Path):
             # Outside the grid no path costs less than its length.

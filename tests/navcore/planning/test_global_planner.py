@@ -30,7 +30,7 @@ SPEC = GridSpec.centred(size_m=(12.0, 8.0), resolution_m=0.1)
 POSE, GOAL = Pose2(x_m=-5.0, y_m=0.0, yaw_rad=0.0), (5.0, 0.0)
 
 
-def metres_unseen(price: float, asked: float | None = None) -> float:
+def metres_unseen(price: float, asked: float | None = None, *, budget: int = 2_000_000) -> float:
     """Metres of the live and of the previewed path over a band that was not seen, at the price of a
     configuration or at one that is asked for; both agree."""
     nothing = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
@@ -38,7 +38,7 @@ def metres_unseen(price: float, asked: float | None = None) -> float:
     seen[20:, 50:70] = False
     explored = VisibilityMap(SPEC, MappingConfig().raycast, PoseIds(0.5, 20.0))
     pack(seen, explored.measured)
-    config = NavigatorConfig(planning=PlanningConfig(unknown_price=price))
+    config = NavigatorConfig(planning=PlanningConfig(unknown_price=price), plan_budget=budget)
     planner = GlobalPlanner(FreeSpace.of(nothing), explored, HUSKY, config)
     grid = OccupancyGrid(spec=SPEC, geometric=nothing, beware={}, zones=nothing)
     costmap = Costmap.of(grid, nothing, version=1)
@@ -68,6 +68,11 @@ def test_unseen_floor_is_free_by_default_and_avoided_at_a_price() -> None:
 def test_a_price_that_is_asked_for_takes_the_place_of_the_configured_one() -> None:
     assert metres_unseen(1.0, asked=5.0) == 0.0
     assert metres_unseen(5.0, asked=1.0) == pytest.approx(2.0, abs=0.2)
+
+
+def test_where_the_search_for_seen_floor_takes_too_long_the_shortest_path_is_followed() -> None:
+    assert metres_unseen(5.0, budget=1_000) == pytest.approx(2.0, abs=0.2)
+    assert metres_unseen(5.0, budget=10_000) == 0.0
 
 
 def test_a_price_below_one_is_refused() -> None:

@@ -97,6 +97,15 @@ def test_the_path_is_kept_while_no_other_is_cheaper() -> None:
     assert isinstance(other, Path) and path_cost(other.cells, free, unseen, 2.0) < np.inf
 
 
+@pytest.mark.parametrize("price", [1.5, 5.0])
+@pytest.mark.parametrize("goal", [(300, 1100), (900, 950), (600, 1190)])
+def test_on_a_large_map_few_cells_are_searched_beside_the_path(price: float, goal: Cell) -> None:
+    free, unseen = np.ones((1200, 1200), dtype=np.bool_), np.ones((1200, 1200), dtype=np.bool_)
+    unseen[550:650, 550:650] = False
+    found = plan_weighted(free, unseen, price, (600, 600), goal, max_expansions=20_000)
+    assert isinstance(found, Path)
+
+
 def test_ends_that_are_blocked_or_outside_and_a_spent_budget_are_named() -> None:
     free, unseen = np.ones((5, 5), dtype=np.bool_), np.zeros((5, 5), dtype=np.bool_)
     free[0, 0] = False
