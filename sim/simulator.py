@@ -288,7 +288,9 @@ class Simulator:
         self._crowd = Crowd(
             self.world, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile
         )
-        self.ground = Ground(self.scenario.relief, self.scenario.raised)
+        self.ground = Ground(
+            self.scenario.relief, self.scenario.raised, foot_m=self._chassis.foot_m
+        )
         """The ground of the world."""
         self._robot = SkidSteer(self.client, self.scenario.start_pose, self._chassis, self.ground)
         for _ in range(SETTLING_STEPS):
