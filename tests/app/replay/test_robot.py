@@ -3,9 +3,11 @@ refusal names the file."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +26,7 @@ from app.replay.reference import (
     load_reference,
     occupied_cells,
 )
-from app.replay.robot import ReplayRobot, frames_of
+from app.replay.robot import ReplayRobot, frames_of, map_around
 from app.replay.run import compare, replay
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration, BadGeometry
@@ -237,6 +239,31 @@ def test_a_file_that_is_no_reference_is_refused(tmp_path: Path) -> None:
     (tmp_path / "text.npz").write_text("text")
     with pytest.raises(BadConfiguration, match="no reference, or a damaged one"):
         load_reference(tmp_path / "text.npz")
+
+
+@pytest.mark.parametrize(
+    ("origin", "voxel_size"), [(["a", "b", "c"], 0.1), ([0.0, 0.0, 0.0], 0.1j)]
+)
+def test_a_reference_whose_origin_or_voxel_size_is_no_number_is_refused(
+    tmp_path: Path, origin: list[Any], voxel_size: complex
+) -> None:
+    state = np.zeros((2, 2, 2), dtype=np.uint8)
+    np.savez(tmp_path / "r.npz", state=state, origin=origin, voxel_size=voxel_size)
+    with pytest.raises(BadConfiguration, match="origin must be three finite numbers"):
+        load_reference(tmp_path / "r.npz")
+
+
+def test_a_recording_whose_map_would_be_too_large_is_refused(walk: Path) -> None:
+    recording = open_recording(walk)
+    far = recording.T_world_camera.copy()
+    far[-1, :2, 3] += 450.0
+    with pytest.raises(BadConfiguration, match="walk: its map would be 9"):
+        map_around(
+            dataclasses.replace(recording, T_world_camera=far),
+            np.eye(4),
+            reach_m=5.0,
+            resolution_m=0.05,
+        )
 
 
 def test_the_command_tells_maps_and_draws(walk: Path, tmp_path: Path) -> None:
