@@ -423,6 +423,7 @@ class Episode:
             Sample(
                 t_s=self.now_s,
                 pose=self.simulator.true_pose(),
+                distance_m=self.simulator.referee.distance_m,
                 explored_m2=explored.area_m2,
                 explored_m3=explored.volume_m3,
             )

@@ -243,6 +243,10 @@ def test_commands_and_samples_keep_their_period_after_the_robot_has_stood_and_lo
     assert times_s[0] == pytest.approx(1.0, abs=0.02)
     assert np.diff(times_s).min() > 0.8 * COMMAND_PERIOD_S
     assert sampled_s == pytest.approx([1.0, 2.0, 3.0], abs=0.02)
+    driven_m = [sample.distance_m for sample in episode.samples]
+    assert driven_m[0] == pytest.approx(0.0, abs=1e-3)
+    assert driven_m == sorted(driven_m)
+    assert driven_m[-1] == episode.simulator.referee.distance_m > 0.5
 
 
 @pytest.mark.parametrize("kind", ["garbage", "wrong"])
