@@ -102,6 +102,7 @@ class ReplayRobot:
             stamp_ns=self._began_ns + due.stamp_ns,
             rgb=self._recording.rgb(due.index),
             depth_m=self._recording.depth_m(due.index),
+            uncoloured=self._recording.uncoloured(due.index),
             intrinsics=self._recording.intrinsics,
             T_base_camera=invert(pose.matrix()) @ T_map_camera,
             pose=pose,

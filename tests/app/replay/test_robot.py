@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from app.cli.main import cli
 from app.replay.annotation import judge_beware, load_annotation
 from app.replay.floor_plane import find_floor
-from app.replay.recording import open_recording
+from app.replay.recording import RecordingWriter, open_recording
 from app.replay.reference import (
     FREE,
     OCCUPIED,
@@ -39,7 +39,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import Path as GridPath
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, load_profile
-from tests.navcore.scene import LENS
+from tests.navcore.scene import LENS, picture
 from tests.recorded import HAND, PLACES, RECORDING_GAP_NS, TILTED, write_recording
 from tests.shared_data import beside
 
@@ -251,6 +251,22 @@ def test_a_reference_whose_origin_or_voxel_size_is_no_number_is_refused(
     np.savez(tmp_path / "r.npz", state=state, origin=origin, voxel_size=voxel_size)
     with pytest.raises(BadConfiguration, match="origin must be three finite numbers"):
         load_reference(tmp_path / "r.npz")
+
+
+def test_pixels_whose_colour_is_not_known_are_so_in_what_is_read_of_a_recorded_drive(
+    tmp_path: Path,
+) -> None:
+    first, second = (picture(stamp_ns=number * 1_000_000_000) for number in range(2))
+    unknown = np.zeros(first.depth_m.shape, dtype=np.bool_)
+    unknown[10:20, 5:9] = True
+    rgb = np.where(unknown[..., None], np.uint8(0), first.rgb)
+    writer = RecordingWriter(tmp_path)
+    writer.add(dataclasses.replace(first, rgb=rgb, uncoloured=unknown))
+    writer.add(second)
+    known, all_known = frames_of(open_recording(tmp_path), np.eye(4))
+    assert np.array_equal(known.rgb, rgb) and known.uncoloured is not None
+    assert np.array_equal(known.uncoloured, unknown)
+    assert all_known.uncoloured is None
 
 
 def test_a_recording_whose_map_would_be_too_large_is_refused(walk: Path) -> None:
