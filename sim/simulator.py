@@ -104,6 +104,7 @@ class Simulator:
         self._yaw_rate_radps = 0.0
         self._faults = FaultSchedule(scenario.faults, (seed, Source.FAULTS))
         self._frame: Frame | None = None
+        self._taken: Frame | None = None
         self.referee = Referee(self.scenario, robot)
         """The judge of this run by the ground truth."""
 
@@ -139,11 +140,17 @@ class Simulator:
         )
         if self._steps * PERIOD_S * self._camera_rate_hz >= self._frames:
             self._frames += 1
-            self._frame = self._faults.frame(self.capture(), self._steps * PERIOD_S) or self._frame
+            self._taken = self.capture()
+            self._frame = self._faults.frame(self._taken, self._steps * PERIOD_S) or self._frame
 
     def newest_frame(self) -> Frame | None:
         """Return the frame that was due last, or None before the first."""
         return self._frame
+
+    def taken_frame(self) -> Frame | None:
+        """Return the frame that was taken last, without faults, or None before the first: for the
+        referee, never for navigation."""
+        return self._taken
 
     def capture(self) -> Frame:
         """Return a frame taken now."""
@@ -281,7 +288,9 @@ class Simulator:
         self._crowd = Crowd(
             self.world, self.scenario, generator(seed, Source.PEOPLE), PERIOD_S, self.profile
         )
-        self.ground = Ground(self.scenario.relief, self.scenario.raised)
+        self.ground = Ground(
+            self.scenario.relief, self.scenario.raised, foot_m=self._chassis.foot_m
+        )
         """The ground of the world."""
         self._robot = SkidSteer(self.client, self.scenario.start_pose, self._chassis, self.ground)
         for _ in range(SETTLING_STEPS):

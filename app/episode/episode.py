@@ -346,21 +346,22 @@ class Episode:
                 self._newest = newest
                 self._note_truth(newest)
                 self._schedule.skip(newest)
-                self._think(newest)
+                self._tick(newest)
             self.simulator.step()
         # Commands that were not due while the robot stood are not made up for.
         self._next_command_s = max(self._next_command_s, seconds)
 
     def _receive(self) -> None:
         """Take the newest frame, which is judged even if no tick gets it."""
-        newest = self.simulator.newest_frame()
-        if newest is None or newest is self._newest:
+        newest, taken = self.simulator.newest_frame(), self.simulator.taken_frame()
+        if newest is None or newest is self._newest or taken is None:
             return
         self._newest = newest
         self._note_truth(newest)
+        # A fault of the sensors must not decide what counts as seen.
         self.detections.observe(
-            newest,
-            self.simulator.true_pose().matrix() @ newest.T_base_camera,
+            taken,
+            self.simulator.true_pose().matrix() @ taken.T_base_camera,
             self.simulator.moving_poses()[: len(self.scenario.people)],
         )
 
@@ -422,6 +423,7 @@ class Episode:
             Sample(
                 t_s=self.now_s,
                 pose=self.simulator.true_pose(),
+                distance_m=self.simulator.referee.distance_m,
                 explored_m2=explored.area_m2,
                 explored_m3=explored.volume_m3,
             )

@@ -6,7 +6,8 @@ The folder holds
 * `poses.txt`: one line per frame, its number and T_world_camera (4 × 4) row by row, metres
   (lines with # are comments);
 * `frame-NNNNNN.depth.png`: 16 bits, millimetres, 0 and 65535 = not measured;
-* `frame-NNNNNN.color.jpg` (or `.png`): the colour image of the same size.
+* `frame-NNNNNN.color.jpg` (or `.png`): the colour image of the same size; pixels whose colour
+  is not known are transparent in a PNG.
 
 Frame numbers count images at 30 Hz. The camera frame is the optical one (x right, y down, z
 ahead); the floor of the world frame need not be known (`floor_plane.py` finds it).
@@ -25,7 +26,11 @@ from navcore.files import read_whole
 from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import Matrix
 from navcore.learning.data.images import (
+    MaskArray,
     RgbArray,
+    decode_uncoloured,
+    encode_rgb,
+    read_bytes,
     read_depth,
     read_rgb,
     write_bytes,
@@ -86,12 +91,20 @@ class Recording:
 
     def rgb(self, index: int) -> RgbArray:
         """Return the colours (H, W, 3); raises `BadConfiguration` naming the file."""
-        path = self._path(index, "color.jpg")
-        if not path.exists():
-            path = self._path(index, "color.png")
+        path = self._colour_path(index)
         rgb = read_rgb(path)
         self._check_size(rgb.shape[:2], path)
         return rgb
+
+    def uncoloured(self, index: int) -> MaskArray | None:
+        """Return the pixels (H, W) whose colour is not known; None where all are. Raises
+        `BadConfiguration` naming the file."""
+        path = self._colour_path(index)
+        return decode_uncoloured(read_bytes(path), str(path)) if path.suffix == ".png" else None
+
+    def _colour_path(self, index: int) -> Path:
+        path = self._path(index, "color.jpg")
+        return path if path.exists() else self._path(index, "color.png")
 
     def _path(self, index: int, ending: str) -> Path:
         return self.folder / f"frame-{self.numbers[index]:06d}.{ending}"
@@ -126,7 +139,12 @@ class RecordingWriter:
         self._last = number
         depth = np.round(frame.depth_m * UNITS_PER_M).clip(0, NOT_MEASURED).astype(np.uint16)
         write_grey(self._folder / f"frame-{number:06d}.depth.png", depth)
-        write_rgb(self._folder / f"frame-{number:06d}.color.jpg", frame.rgb, jpeg_quality=QUALITY)
+        colours = self._folder / f"frame-{number:06d}.color.jpg"
+        if frame.uncoloured is None:
+            write_rgb(colours, frame.rgb, jpeg_quality=QUALITY)
+        else:
+            content = encode_rgb(frame.rgb, uncoloured=frame.uncoloured)
+            write_bytes(colours.with_suffix(".png"), content)
         # Last, so that no pose is without its images when the drive is killed.
         row = " ".join(f"{value:.9g}" for value in frame.T_map_camera.ravel())
         with (self._folder / POSES).open("a", encoding="utf-8") as poses:

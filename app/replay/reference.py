@@ -99,6 +99,7 @@ def load_reference(path: Path) -> Reference:
     if (
         origin.shape != (3,)
         or voxel.shape != ()
+        or not {origin.dtype.kind, voxel.dtype.kind} <= set("fiu")
         or not np.isfinite(origin).all()
         or not 1e-3 <= float(voxel) <= 1.0
     ):

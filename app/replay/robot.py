@@ -16,8 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.replay.recording import Recording
+from navcore.errors import BadConfiguration
 from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist, invert, wrap_angle
+from navcore.grid.bitplane import LONGEST_SIDE, MOST_CELLS
 from navcore.grid.grid import GridSpec
+from navcore.grid.growth import is_possible
 from navcore.robot.frame import Frame
 
 POLL_S = 0.01
@@ -99,6 +102,7 @@ class ReplayRobot:
             stamp_ns=self._began_ns + due.stamp_ns,
             rgb=self._recording.rgb(due.index),
             depth_m=self._recording.depth_m(due.index),
+            uncoloured=self._recording.uncoloured(due.index),
             intrinsics=self._recording.intrinsics,
             T_base_camera=invert(pose.matrix()) @ T_map_camera,
             pose=pose,
@@ -159,16 +163,23 @@ def base_below(T_map_camera: Matrix) -> Pose2:
 def map_around(
     recording: Recording, T_map_world: Matrix, *, reach_m: float, resolution_m: float
 ) -> GridSpec:
-    """Return the grid of everything within `reach_m` of the camera positions."""
+    """Return the grid of everything within `reach_m` of the camera positions; raises
+    `BadConfiguration` where they lie too far apart for one map."""
     positions = recording.T_world_camera[:, :3, 3] @ T_map_world[:2, :3].T + T_map_world[:2, 3]
     low = np.floor((positions.min(axis=0) - reach_m) / resolution_m)
     cols, rows = (
         (np.ceil((positions.max(axis=0) + reach_m) / resolution_m) - low).astype(int).tolist()
     )
-    return GridSpec(
+    spec = GridSpec(
         resolution_m=resolution_m,
         rows=rows,
         cols=cols,
         origin_x_m=float(low[0]) * resolution_m,
         origin_y_m=float(low[1]) * resolution_m,
     )
+    if not is_possible(spec):
+        raise BadConfiguration(
+            f"{recording.folder}: its map would be {rows} × {cols} cells, possible are "
+            f"{MOST_CELLS} in all and {LONGEST_SIDE} a side; use a part of the recording"
+        )
+    return spec

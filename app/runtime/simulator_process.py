@@ -233,6 +233,8 @@ def _encode(frame: Frame, stamp_ns: int, report: dict[str, Any]) -> bytes:
         "tilt": [frame.roll_rad, frame.pitch_rad],
         "fixes": [_encoded_fix(fix, stamp_ns - frame.stamp_ns) for fix in frame.fixes],
         "stamp_ns": stamp_ns,
+        # Of a faulty depth camera it may differ from that of the intrinsics.
+        "depth_shape": frame.depth_m.shape,
         "is_part_uncoloured": frame.uncoloured is not None,
         "scan": None
         if frame.scan is None
@@ -276,12 +278,17 @@ def _decode(message: bytes) -> tuple[Frame, dict[str, Any]]:
     header = json.loads(message[4:split])
     intrinsics = Intrinsics(**header["intrinsics"])
     shape, pixels = (intrinsics.height, intrinsics.width), intrinsics.height * intrinsics.width
-    end = split + (8 if header["is_part_uncoloured"] else 7) * pixels
+    depth_shape = header["depth_shape"]
+    colours = split + 4 * math.prod(depth_shape)
+    unknown = colours + 3 * pixels
+    end = unknown + pixels * header["is_part_uncoloured"]
     return Frame(
         stamp_ns=header["stamp_ns"],
-        rgb=np.frombuffer(message, np.uint8, 3 * pixels, split + 4 * pixels).reshape(*shape, 3),
-        depth_m=np.frombuffer(message, np.float32, pixels, split).reshape(shape),
-        uncoloured=np.frombuffer(message, np.bool_, pixels, split + 7 * pixels).reshape(shape)
+        rgb=np.frombuffer(message, np.uint8, 3 * pixels, colours).reshape(*shape, 3),
+        depth_m=np.frombuffer(message, np.float32, math.prod(depth_shape), split).reshape(
+            depth_shape
+        ),
+        uncoloured=np.frombuffer(message, np.bool_, pixels, unknown).reshape(shape)
         if header["is_part_uncoloured"]
         else None,
         intrinsics=intrinsics,

@@ -183,9 +183,9 @@ class MappingConfig:
     bodies_from_m: float = ranged(0.0, 10.0, default=2.0)
     """Distance in metres from the robot from which obstacles of a loaded map go that belong to a
     person of it."""
-    budget_mb: float = ranged(0.01, 16_384.0, default=256.0)
+    budget_mb: float = ranged(0.01, 512.0, default=256.0)
     """Memory of the points in megabytes. Beyond it the oldest are thinned to one a cell and class:
-    detail goes, obstacles stay."""
+    detail goes, obstacles stay. With more, the map file could become larger than is read."""
     budget_slack: float = ranged(0.0, 1.0, default=0.9)
     """Share of the budget above which new points stay thinned after thinning."""
     confidence: ConfidenceConfig = field(default_factory=ConfidenceConfig)

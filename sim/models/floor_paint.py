@@ -101,7 +101,8 @@ def painted_parts(
 
 def _both(area: BaseGeometry, drawn: BaseGeometry, below: Colour, above: Colour
           ) -> list[Part]:  # fmt: skip
-    return [(below, area.difference(drawn)), (above, area.intersection(drawn))]
+    parts = [(below, area.difference(drawn)), (above, area.intersection(drawn))]
+    return [(colour, part) for colour, part in parts if part.area > 0]
 
 
 def _stripes(area: BaseGeometry, width_m: float, period_m: float) -> BaseGeometry:

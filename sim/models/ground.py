@@ -26,7 +26,7 @@ LONGEST = 2.0
 FLAT_SHARE = 1e-9
 """A smaller slope counts as flat."""
 FOOT_M = 0.27
-"""Distance of the feet of a body from its middle along x and y: wheels of the Husky."""
+"""Default distance of the feet of a body from its middle along x and y."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,13 +44,22 @@ class Relief:
 class Ground:
     """A ground of plane waves, or of raised parts; without either it is flat, at height 0."""
 
-    def __init__(self, relief: Relief | None = None, raised: Sequence[RaisedGround] = ()) -> None:
+    def __init__(
+        self,
+        relief: Relief | None = None,
+        raised: Sequence[RaisedGround] = (),
+        *,
+        foot_m: float = FOOT_M,
+    ) -> None:
+        """`foot_m`: distance of the feet of the bodies that stand on it from their middle along x
+        and y."""
         rng = np.random.default_rng((0 if relief is None else relief.seed, WAVES))
         slope, wave_m = (0.0, 1.0) if relief is None else (relief.slope, relief.wave_m)
         self.rolls = slope >= FLAT_SHARE
         """Whether there are waves."""
         self.is_flat = not self.rolls and not raised
         """Whether the height is 0 everywhere."""
+        self._foot_m = foot_m
         self.raised = tuple(raised)
         """Raised parts, which stand on a floor without waves."""
         turn, length_m = (
@@ -94,7 +103,7 @@ class Ground:
             (back_right, back_left), (front_right, front_left) = self._feet_m(pose).reshape(2, 2)
             ahead = front_right + front_left - back_right - back_left
             left = back_left + front_left - back_right - front_right
-            return float(ahead) / (4 * FOOT_M), float(left) / (4 * FOOT_M)
+            return float(ahead) / (4 * self._foot_m), float(left) / (4 * self._foot_m)
         ((along_x, along_y),) = self.slopes(np.array([[pose.x_m, pose.y_m]])).tolist()
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         return cos * along_x + sin * along_y, cos * along_y - sin * along_x
@@ -123,7 +132,7 @@ class Ground:
 
     def _feet_m(self, pose: Pose2) -> Floats:
         """Return (4,) heights below the feet: back right, back left, front right, front left."""
-        feet = FOOT_M * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)], dtype=np.float64)
+        feet = self._foot_m * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)], dtype=np.float64)
         return self.heights(pose.to_parent(feet))
 
 

@@ -51,8 +51,8 @@ class DetectionScore:
         self._people: set[tuple[float, float]] = set()
 
     def observe(self, frame: Frame, T_map_camera: Matrix, people: Iterable[Pose2] = ()) -> None:
-        """Record the objects that a frame shows, taken from this true pose of the camera, and where
-        the people are."""
+        """Record the objects that a frame without faults shows, taken from this true pose of the
+        camera, and where the people are."""
         self._people |= {
             (round(pose.x_m / PEOPLE_STEP_M), round(pose.y_m / PEOPLE_STEP_M)) for pose in people
         }

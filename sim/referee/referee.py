@@ -35,8 +35,6 @@ STANDING_MPS = 0.02
 DISPLACED_M = 0.001
 """Displacement of an item from which it is judged at both positions; the engine's own motion of a
 body at rest is less."""
-SERIES_PERIOD_S = 1.0
-"""Period of the series of driven distance."""
 
 
 class Referee:
@@ -79,7 +77,6 @@ class Referee:
         self._t_s = 0.0
         self._pose = pose
         self._contacts = Contacts(self._name_of, lambda number: number >= self._fixed.count)
-        self._series: tuple[list[float], list[float]] = ([], [])
         self.min_clearance_m = math.inf
         """Least distance of the footprint from any obstacle or person so far."""
         self.distance_m = 0.0
@@ -126,7 +123,6 @@ class Referee:
         for areas in (self._zones, self._ground):
             areas.judge(body, believed, t_s=self._t_s, period_s=period_s, displaced={})
         self.fell = self.fell or tilt_rad > self._max_tilt_rad
-        self._sample()
 
     def set_zones(self, polygons: Sequence[Polygon]) -> None:
         """Replace the zones, (N, 2) corners each. A zone drawn over the robot counts once the robot
@@ -203,21 +199,8 @@ class Referee:
         """t_s, duration_s and reason of every stop, including the present one."""
         return self._stops.intervals(self._t_s)
 
-    @property
-    def series(self) -> dict[str, list[float]]:
-        """t_s and distance_m, once a second."""
-        return {"t_s": list(self._series[0]), "distance_m": list(self._series[1])}
-
-    def distance_at(self, t_s: float) -> float:
-        """Return the distance driven until `t_s`, from the series."""
-        return float(
-            np.interp(
-                t_s, [0.0, *self._series[0], self._t_s], [0.0, *self._series[1], self.distance_m]
-            )
-        )
-
     def summary(self, part: slice = EVERYTHING) -> dict[str, Any]:
-        """Return all verdicts under the names of the episode report, without the series. `part`:
+        """Return all verdicts under the names of the episode report. `part`:
         which of all contacts, intrusions and stops are listed; all are counted."""
         return {
             "distance_m": round(self.distance_m, 3),
@@ -340,11 +323,6 @@ class Referee:
         if apart_m > CONTACT_M and apart_m >= self.min_clearance_m:
             return math.inf
         return distance_m(body, person.to_parent(outline))
-
-    def _sample(self) -> None:
-        if self._t_s >= len(self._series[0]) * SERIES_PERIOD_S:
-            self._series[0].append(self._t_s)
-            self._series[1].append(self.distance_m)
 
 
 def _by_name(areas: IntrusionMonitor) -> dict[str, int]:

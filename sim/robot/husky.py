@@ -60,6 +60,7 @@ HUSKY_CHASSIS = Chassis(
     wheels=WHEELS,
     wheel_radius_m=0.17775,
     track_m=0.5708,
+    foot_m=0.27,
     wheel_torque_nm=60.0,
     grip_height_m=0.2,
     tyres=Tyres(stiffness_nspm=3000.0, side_grip_n=200.0, scrub_nms=200.0, scrub_nm=60.0),

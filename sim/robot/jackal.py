@@ -19,6 +19,7 @@ JACKAL_CHASSIS = Chassis(
     wheels=(0, 1, 2, 3),
     wheel_radius_m=0.098,
     track_m=0.3755,
+    foot_m=0.16,
     wheel_torque_nm=10.0,
     grip_height_m=0.15,
     tyres=Tyres(stiffness_nspm=1000.0, side_grip_n=66.0, scrub_nms=15.0, scrub_nm=10.0),

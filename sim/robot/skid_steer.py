@@ -38,6 +38,9 @@ class Chassis:
     """Radius of all four wheels."""
     track_m: float
     """Distance between the middles of the left and the right wheels."""
+    foot_m: float
+    """Distance of the wheels from the middle of the body, mean of that along x and along y: where
+    the height of the ground counts."""
     wheel_torque_nm: float
     """Largest motor torque of a wheel: enough for the acceleration of the profile and for dragging
     the wheels sideways in a turn."""

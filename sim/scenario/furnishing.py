@@ -140,7 +140,10 @@ def _furnish_room(
     for group, least, most in _ROOM_CONTENTS[room.kind]:
         for _ in range(int(rng.integers(least, most + 1))):
             for _ in range(TRIES):
-                x, y, yaw_deg, wall = _random_pose(room, group, rng)
+                pose = _random_pose(room, group, rng)
+                if pose is None:
+                    continue
+                x, y, yaw_deg, wall = pose
                 area = affinity.translate(
                     affinity.rotate(_floor(group), yaw_deg, origin=(0, 0)), x, y
                 )
@@ -153,8 +156,9 @@ def _furnish_room(
 
 def _random_pose(
     room: Room, group: Group, rng: np.random.Generator
-) -> tuple[float, float, float, int]:
-    """Return x, y, yaw and number of the wall, -1 for an island, of a random pose in a room."""
+) -> tuple[float, float, float, int] | None:
+    """Return x, y, yaw and number of the wall, -1 for an island, of a random pose in a room; None
+    where the wall is too short for the group."""
     (x0, y0), (x1, y1) = room.corners
     depth, width = group.floor_m
     if group.island:
@@ -163,7 +167,10 @@ def _random_pose(
     wall, off = int(rng.integers(4)), WALL_OFFSET_M + depth / 2
     along_x = wall in (1, 3)
     low, high = (x0, x1) if along_x else (y0, y1)
-    along = float(rng.uniform(low + width / 2 + WALL_OFFSET_M, high - width / 2 - WALL_OFFSET_M))
+    low, high = low + width / 2 + WALL_OFFSET_M, high - width / 2 - WALL_OFFSET_M
+    if low > high:
+        return None
+    along = float(rng.uniform(low, high))
     # The walls in the west, south, east and north; x of the group points away from each.
     points = (
         (x0 + off, along, 0.0),

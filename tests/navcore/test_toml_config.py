@@ -212,6 +212,10 @@ def test_files_are_read_and_errors_name_file_and_key(tmp_path: Path) -> None:
             "[perception.people.detector]\nradius_m = 0.6",
             r"people\.detector: radius_m 0\.6 must be below half of max_width_m 1\.2",
         ),
+        (
+            "[perception.people.detector]\ncell_m = 0.05",
+            r"people\.detector: max_range_m 5\.5 must be at most 3\.2",
+        ),
     ],
 )
 def test_a_bad_configuration_is_refused_by_file_and_key(

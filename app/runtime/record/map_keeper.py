@@ -47,7 +47,7 @@ class MapKeeper:
         self._looked_ns: int | None = None
         self._on_trial = False
         self._asked, self._answered = threading.Event(), threading.Event()
-        self._writing = threading.Lock()
+        self._writing, self._handing = threading.Lock(), threading.Lock()
         self._fails = False
         self._thread = PeriodicThread(
             self._write_logged, period_s=WRITE_PERIOD_S, name="map to disk"
@@ -71,9 +71,11 @@ class MapKeeper:
         """Keep the same map in another file; `rename` moves the file and returns its new path,
         while nothing is written."""
         with self._writing:
-            before, self._path = self._path, rename()
-            if self._waiting is not None and self._waiting.path == before:
-                self._waiting = dataclasses.replace(self._waiting, path=self._path)
+            path = rename()
+            with self._handing:
+                before, self._path = self._path, path
+                if self._waiting is not None and self._waiting.path == before:
+                    self._waiting = dataclasses.replace(self._waiting, path=path)
 
     def note_tick(
         self,
@@ -122,10 +124,9 @@ class MapKeeper:
         if self._on_trial:
             return
         self._names |= names
-        self._copied = _key(point_map)
-        self._waiting = _Snapshot(
-            path=self._path, state=point_map.state(), class_names=dict(self._names)
-        )
+        self._copied, state = _key(point_map), point_map.state()
+        with self._handing:
+            self._waiting = _Snapshot(path=self._path, state=state, class_names=dict(self._names))
 
     def _write(self) -> None:
         with self._writing:
@@ -137,8 +138,9 @@ class MapKeeper:
             except OSError as error:
                 raise StorageFailed(f"{snapshot.path}: {error.strerror}") from None
             map_file.save(snapshot.path, snapshot.state, snapshot.class_names)
-            if self._waiting is snapshot:
-                self._waiting = None
+            with self._handing:  # the think thread may hand over the next one
+                if self._waiting is snapshot:
+                    self._waiting = None
 
     def _write_logged(self) -> None:
         try:

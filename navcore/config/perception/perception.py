@@ -8,6 +8,10 @@ from navcore.config.perception.prototype import PrototypeConfig
 from navcore.errors import BadConfiguration
 from navcore.toml_config import ranged
 
+PERSON_GRID_CELLS = 128
+"""Number of cells along each side of the grid of the person detector, with the camera in its
+middle."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservationConfig:
@@ -218,7 +222,8 @@ class PersonDetectorConfig:
     cell_m: float = ranged(0.02, 0.5, default=0.1)
     """Side in metres of the cells, which are counted from the origin of the map."""
     max_range_m: float = ranged(0.5, 20.0, default=5.5)
-    """Depth in metres beyond which a measurement is too coarse."""
+    """Depth in metres beyond which a measurement is too coarse; 64 cells at most, to which the grid
+    around the camera reaches."""
     floor_range_m: float = ranged(0.5, 20.0, default=4.5)
     """Depth in metres beyond which the floor is seen at too small an angle."""
     body_low_m: float = ranged(0.0, 1.0, default=0.10)
@@ -266,6 +271,13 @@ class PersonDetectorConfig:
             raise BadConfiguration(
                 f"people.detector: radius_m {self.radius_m:g} must be below half of max_width_m "
                 f"{self.max_width_m:g}, or no person would be wider than the least disc"
+            )
+        reach_m = PERSON_GRID_CELLS / 2 * self.cell_m
+        if self.max_range_m > reach_m:
+            raise BadConfiguration(
+                f"people.detector: max_range_m {self.max_range_m:g} must be at most {reach_m:g}, "
+                f"to which a grid of cells of cell_m {self.cell_m:g} reaches; people beyond it "
+                "would not be seen"
             )
 
 

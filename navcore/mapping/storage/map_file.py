@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from navcore.errors import BadConfiguration
+from navcore.errors import BadConfiguration, StorageFailed
 from navcore.files import read_whole, write_whole
 from navcore.formats.map_image import MAX_PIXELS, MAX_SIDE
 from navcore.geometry.transform import Pose2
@@ -113,7 +113,8 @@ class _Head:
 
 
 def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
-    """Write a map file atomically; raises `StorageFailed`, and then an older file is intact."""
+    """Write a map file atomically; raises `StorageFailed`, also for a map larger than is read, and
+    then an older file is intact."""
     check_state(state, path.name)
     head = _Head(
         format=FORMAT,
@@ -133,6 +134,12 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
     parts["head"] = np.frombuffer(json.dumps(asdict(head)).encode(), dtype=np.uint8)
     file = io.BytesIO()
     np.savez_compressed(file, allow_pickle=False, **parts)
+    size, unpacked = file.getbuffer().nbytes, _unpacked(zipfile.ZipFile(file))
+    if size > MAX_BYTES or unpacked > MAX_UNPACKED:
+        raise StorageFailed(
+            f"{path} is not written: the map has {size} bytes, {unpacked} unpacked, of which at "
+            f"most {MAX_BYTES} and {MAX_UNPACKED} are read; lower map.budget_mb or begin a new map"
+        )
     write_whole(path, file.getvalue())
 
 
@@ -202,8 +209,7 @@ def _read(data: bytes, where: str) -> tuple[int, Parts]:
     """Return the version of a file, by the parts that it has, and its parts."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
-            entries = packed.infolist()
-            names = sorted(entry.filename for entry in entries)
+            names = sorted(packed.namelist())
             version = next(
                 (v for v, parts in _KINDS.items() if names == sorted(f"{p}.npy" for p in parts)), 0
             )
@@ -213,7 +219,7 @@ def _read(data: bytes, where: str) -> tuple[int, Parts]:
                     f"{', '.join(_KINDS[VERSION])}"
                 )
             kinds = _KINDS[version]
-            if (size := sum(entry.file_size for entry in entries)) > MAX_UNPACKED:
+            if (size := _unpacked(packed)) > MAX_UNPACKED:
                 raise BadConfiguration(
                     f"{where}: {size} bytes unpacked, at most {MAX_UNPACKED} are read"
                 )
@@ -231,6 +237,11 @@ def _read(data: bytes, where: str) -> tuple[int, Parts]:
         OSError,
     ) as error:
         raise BadConfiguration(f"{where}: no map file, or a damaged one: {error!s:.200}") from None
+
+
+def _unpacked(packed: zipfile.ZipFile) -> int:
+    """Return the total size of the unpacked parts in bytes."""
+    return sum(entry.file_size for entry in packed.infolist())
 
 
 def _array(data: bytes, kind: type[np.generic], axes: int, where: str) -> npt.NDArray[Any]:

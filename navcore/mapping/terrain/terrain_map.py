@@ -247,12 +247,11 @@ class TerrainMap:
 
     def _mark(self, cells: Indices, beyond: Bools) -> Indices:
         """Write (N, 2) distinct cells into the plane; return the cells of the grid that changed."""
-        spec, within = self._spec, (np.arange(self._parts) + 0.5) / self._parts
-        y = (cells[:, 0, None, None] + within[:, None]) * self._cell_m - spec.origin_y_m
-        x = (cells[:, 1, None, None] + within) * self._cell_m - spec.origin_x_m
+        spec, within = self._spec, np.arange(self._parts)
+        # Whole cells, so that the parts are distinct also where the origin lies half a cell off.
         rows, cols = np.broadcast_arrays(
-            np.floor(y / spec.resolution_m).astype(np.int64),
-            np.floor(x / spec.resolution_m).astype(np.int64),
+            (cells[:, 0, None] * self._parts + within)[:, :, None] + self._first(spec.origin_y_m),
+            (cells[:, 1, None] * self._parts + within)[:, None] + self._first(spec.origin_x_m),
         )
         set_to = np.broadcast_to(beyond[:, None, None], rows.shape)
         inside = (rows >= 0) & (rows < spec.rows) & (cols >= 0) & (cols < spec.cols)
@@ -262,6 +261,10 @@ class TerrainMap:
         rows, cols, words, bits = rows[changes], cols[changes], words[changes], bits[changes]
         np.bitwise_xor.at(self.untraversable, (rows + PAD, words), bits)
         return np.asarray(rows * spec.cols + cols)
+
+    def _first(self, origin_m: float) -> int:
+        """Return the row or column of the grid whose cell begins at 0 m, or nearest to it."""
+        return math.floor(0.5 - origin_m / self._spec.resolution_m)
 
 
 def _numbers(cells: Indices) -> Indices:

@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.compiled import compiled, inlined
+from navcore.config.perception.perception import PERSON_GRID_CELLS
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
 from navcore.geometry.camera import Pinhole, column_slope, row_slope
 from navcore.grid.runs import WORD, Codes, run_starts
 
-SIDE = 128
+SIDE = PERSON_GRID_CELLS
 """Number of cells along each side of the grid; beyond, its memory repeats itself."""
 FIXED, MOVABLE, NEW = range(1, 4)
 """Kinds of occupied cells: for long, for a while, and where floor was shortly before."""

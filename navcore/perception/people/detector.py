@@ -182,7 +182,8 @@ class PersonDetector:
         full width, of the camera, or of the scanner with nothing before them."""
         if frame.scan is not None:
             x, y = frame.pose.from_parent(np.array([x_m, y_m])).tolist()
-            if frame.scan.reaches(x, y, half_width_m):
+            is_near = math.hypot(x - frame.scan.x_m, y) <= self._config.max_range_m
+            if is_near and frame.scan.reaches(x, y, half_width_m):
                 return True
         camera = frame.T_map_camera
         x, _, depth = camera[:3, :3].T @ (np.array([x_m, y_m, _BODY_M]) - camera[:3, 3])

@@ -26,7 +26,8 @@ from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import HUSKY
 from sim.robot.odometry_grade import OdometryGrade
 from sim.scenario.load import load_scenario
-from sim.scenario.schema import Scenario
+from sim.scenario.schema import Item, Scenario
+from sim.sensors.faults import Fault
 
 REPORT_KEYS = {
     *(
@@ -242,3 +243,42 @@ def test_commands_and_samples_keep_their_period_after_the_robot_has_stood_and_lo
     assert times_s[0] == pytest.approx(1.0, abs=0.02)
     assert np.diff(times_s).min() > 0.8 * COMMAND_PERIOD_S
     assert sampled_s == pytest.approx([1.0, 2.0, 3.0], abs=0.02)
+    driven_m = [sample.distance_m for sample in episode.samples]
+    assert driven_m[0] == pytest.approx(0.0, abs=1e-3)
+    assert driven_m == sorted(driven_m)
+    assert driven_m[-1] == episode.simulator.referee.distance_m > 0.5
+
+
+@pytest.mark.parametrize("kind", ["garbage", "wrong"])
+def test_a_faulty_depth_camera_ends_no_episode_and_hides_no_item_from_the_judge(kind: Any) -> None:
+    x, y, _ = ROOM.start
+    fault = Fault(sensor="depth", kind=kind, from_s=0.0, scale=0.1)
+    scenario = dataclasses.replace(
+        ROOM, items=(Item(kind="cup", at=(x + 1.6, y)),), faults=(fault,)
+    )
+    episode = Episode(
+        scenario,
+        EpisodeSettings(
+            beware=default_beware_list(),
+            max_time_s=1.5,
+            camera=CameraStream(width=212, height=120),
+        ),
+        seed=0,
+    )
+    try:
+        assert episode.run()["items"]["cup"]["seen"] == 1
+    finally:
+        episode.close()
+
+
+def test_a_planner_that_fails_while_the_robot_looks_around_ends_no_episode() -> None:
+    fault = Fault(sensor="planner", kind="off", from_s=0.0)
+    episode = Episode(
+        dataclasses.replace(ROOM, faults=(fault,)),
+        EpisodeSettings(beware=default_beware_list(), camera=CameraStream(width=212, height=120)),
+        seed=0,
+    )
+    try:
+        episode.observe(0.5)
+    finally:
+        episode.close()

@@ -3,9 +3,11 @@ refusal names the file."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from typer.testing import CliRunner
 from app.cli.main import cli
 from app.replay.annotation import judge_beware, load_annotation
 from app.replay.floor_plane import find_floor
-from app.replay.recording import open_recording
+from app.replay.recording import RecordingWriter, open_recording
 from app.replay.reference import (
     FREE,
     OCCUPIED,
@@ -24,7 +26,7 @@ from app.replay.reference import (
     load_reference,
     occupied_cells,
 )
-from app.replay.robot import ReplayRobot, frames_of
+from app.replay.robot import ReplayRobot, frames_of, map_around
 from app.replay.run import compare, replay
 from navcore.config.navigator import NavigatorConfig, config_for
 from navcore.errors import BadConfiguration, BadGeometry
@@ -37,7 +39,7 @@ from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.planning.path import Path as GridPath
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, load_profile
-from tests.navcore.scene import LENS
+from tests.navcore.scene import LENS, picture
 from tests.recorded import HAND, PLACES, RECORDING_GAP_NS, TILTED, write_recording
 from tests.shared_data import beside
 
@@ -237,6 +239,47 @@ def test_a_file_that_is_no_reference_is_refused(tmp_path: Path) -> None:
     (tmp_path / "text.npz").write_text("text")
     with pytest.raises(BadConfiguration, match="no reference, or a damaged one"):
         load_reference(tmp_path / "text.npz")
+
+
+@pytest.mark.parametrize(
+    ("origin", "voxel_size"), [(["a", "b", "c"], 0.1), ([0.0, 0.0, 0.0], 0.1j)]
+)
+def test_a_reference_whose_origin_or_voxel_size_is_no_number_is_refused(
+    tmp_path: Path, origin: list[Any], voxel_size: complex
+) -> None:
+    state = np.zeros((2, 2, 2), dtype=np.uint8)
+    np.savez(tmp_path / "r.npz", state=state, origin=origin, voxel_size=voxel_size)
+    with pytest.raises(BadConfiguration, match="origin must be three finite numbers"):
+        load_reference(tmp_path / "r.npz")
+
+
+def test_pixels_whose_colour_is_not_known_are_so_in_what_is_read_of_a_recorded_drive(
+    tmp_path: Path,
+) -> None:
+    first, second = (picture(stamp_ns=number * 1_000_000_000) for number in range(2))
+    unknown = np.zeros(first.depth_m.shape, dtype=np.bool_)
+    unknown[10:20, 5:9] = True
+    rgb = np.where(unknown[..., None], np.uint8(0), first.rgb)
+    writer = RecordingWriter(tmp_path)
+    writer.add(dataclasses.replace(first, rgb=rgb, uncoloured=unknown))
+    writer.add(second)
+    known, all_known = frames_of(open_recording(tmp_path), np.eye(4))
+    assert np.array_equal(known.rgb, rgb) and known.uncoloured is not None
+    assert np.array_equal(known.uncoloured, unknown)
+    assert all_known.uncoloured is None
+
+
+def test_a_recording_whose_map_would_be_too_large_is_refused(walk: Path) -> None:
+    recording = open_recording(walk)
+    far = recording.T_world_camera.copy()
+    far[-1, :2, 3] += 450.0
+    with pytest.raises(BadConfiguration, match="walk: its map would be 9"):
+        map_around(
+            dataclasses.replace(recording, T_world_camera=far),
+            np.eye(4),
+            reach_m=5.0,
+            resolution_m=0.05,
+        )
 
 
 def test_the_command_tells_maps_and_draws(walk: Path, tmp_path: Path) -> None:

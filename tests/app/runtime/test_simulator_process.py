@@ -128,6 +128,18 @@ def test_a_laser_scan_crosses_the_link() -> None:
     assert _decode(_encode(picture(), 0, {}))[0].scan is None
 
 
+def test_a_depth_image_of_the_wrong_size_crosses_the_link() -> None:
+    sent = picture()
+    rows = sent.intrinsics.height // 2
+    unknown = np.arange(sent.rgb[..., 0].size).reshape(sent.rgb.shape[:2]) % 3 == 0
+    got, _ = _decode(
+        _encode(dataclasses.replace(sent, depth_m=sent.depth_m[:rows], uncoloured=unknown), 0, {})
+    )
+    np.testing.assert_array_equal(got.depth_m, sent.depth_m[:rows])
+    np.testing.assert_array_equal(got.rgb, sent.rgb)
+    np.testing.assert_array_equal(got.uncoloured, unknown)
+
+
 def test_roll_pitch_and_fixes_cross_the_link_with_stamps_of_the_machine() -> None:
     fixes = tuple(
         PositionFix(

@@ -227,3 +227,26 @@ def test_switched_off_it_sees_nothing() -> None:
         terrain = PointMap(SPEC, config, HUSKY).terrain
         terrain._pose_ids.id_of(ORIGIN)
         assert terrain.observe(frame, ground_m, OBJECT_M) == enabled
+
+
+@pytest.mark.parametrize("cells_off", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize("resolution_m", [0.05, 0.1])
+def test_steep_ground_is_all_blocked_wherever_the_origin_of_the_grid_lies_in_a_cell(
+    cells_off: float, resolution_m: float
+) -> None:
+    origin_m, side = -10.0 + cells_off * resolution_m, round(20.0 / resolution_m)
+    spec = GridSpec(
+        resolution_m=resolution_m,
+        rows=side,
+        cols=side,
+        origin_x_m=origin_m,
+        origin_y_m=origin_m,
+    )
+    point_map = PointMap(spec, CONFIG)
+    terrain, pose_id = point_map.terrain, point_map.pose_ids.id_of(ORIGIN)
+    cells = np.argwhere(np.ones((30, 30))) + 3
+    values = np.tile([1.0, 1.0, 0.0, 0.0, 0.0, 0.0], (len(cells), 1))
+    assert terrain.add(TerrainLooks(cells, values), pose_id)
+    rows, cols = np.nonzero(terrain.bools)
+    assert len(rows) == (3.0 / resolution_m) ** 2 == (np.ptp(rows) + 1) * (np.ptp(cols) + 1)
+    assert origin_m + resolution_m * rows.min() == pytest.approx(0.3, abs=resolution_m / 2 + 1e-9)

@@ -89,6 +89,19 @@ def test_a_person_who_is_gone_is_given_up_as_soon_as_the_scanner_shows_the_floor
     assert not follow(walk, scanner=True)[-1]
 
 
+def test_one_who_leaves_the_range_of_people_is_expected_though_the_scanner_reaches_on() -> None:
+    tracker = PeopleTracker()
+    found: list[tuple[Track, ...]] = []
+    for i in range(65):
+        person = person_at(-2.0 - 0.08 * i, -1.0)  # after 4.3 s farther than people are looked for
+        frame = picture(*person, stamp_ns=(i + 1) * TENTH_NS)
+        frame = dataclasses.replace(frame, scan=scanned(*person))
+        found.append(tracker.follow(frame, unlabelled(frame), NO_LIST))
+    (before,), (after,) = found[40], found[-1]
+    assert after.id == before.id
+    assert after.unseen_s > 1.0
+
+
 def test_a_robot_that_turns_among_walls_sees_no_people() -> None:
     tracker = PeopleTracker()
     for i in range(60):

@@ -43,6 +43,8 @@ def test_the_jackals_urdf_has_the_measures_of_its_chassis_and_the_footprint_of_i
     assert len(joints) == len(JACKAL_CHASSIS.wheels)
     assert {abs(joint.origin[1, 3]) for joint in joints} == {JACKAL_CHASSIS.track_m / 2}
     assert {joint.origin[2, 3] for joint in joints} == {JACKAL_CHASSIS.wheel_radius_m}
+    away_m = np.mean([np.abs(joint.origin[:2, 3]) for joint in joints])
+    assert JACKAL_CHASSIS.foot_m == pytest.approx(away_m, abs=0.001)
     profile = load_profile("jackal")
     body = model.link_map["base_link"].collisions[0].geometry.box.size
     assert np.array(body[:2]) == pytest.approx((profile.length_m, profile.width_m))

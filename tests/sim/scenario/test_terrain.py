@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -11,13 +12,14 @@ import pytest
 from navcore.errors import BadConfiguration
 from navcore.geometry.camera import back_project
 from navcore.geometry.transform import Pose2
+from navcore.robot.profile import load_profile
 from sim.bullet import pybullet
 from sim.models.ground import Ground
 from sim.models.raised_ground import RaisedGround
 from sim.scenario.load import WORLDS, load_scenario
 from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import Simulator
-from tests.sim.worlds import blind, drive
+from tests.sim.worlds import blind, drive, open_floor, wait
 
 RAMP = RaisedGround(at=(1.0, 0.5), size_m=(3.0, 2.4), height_m=(0.0, 0.45), yaw_deg=30.0)
 GRAVEL = RaisedGround(at=(-3.0, 0.0), size_m=(2.0, 1.6), height_m=(0.0, 0.0), bumps_m=0.06)
@@ -60,6 +62,23 @@ def test_the_robot_drives_up_a_ramp_tilted_and_raised_like_it() -> None:
         assert pitch_rad == pytest.approx(-math.atan(0.15), abs=0.01)
         assert simulator.ground.attitude(pose)[1] == pytest.approx(pitch_rad, abs=0.01)
         assert z_m == pytest.approx(simulator.ground.standing_m(pose), abs=0.01)
+
+
+@pytest.mark.parametrize("name", ["husky", "jackal"])
+def test_a_robot_of_any_size_beside_raised_ground_is_neither_tilted_nor_drawn_to_it(
+    name: str,
+) -> None:
+    robot = load_profile(name)
+    platform = RaisedGround(at=(0.0, -2.0), size_m=(6.0, 3.0), height_m=(0.45, 0.45))
+    beside = Pose2(x_m=0.0, y_m=-0.5 + robot.width_m / 2 + 0.03, yaw_rad=0.0)
+    world = dataclasses.replace(open_floor(), raised=(platform,))
+    with Simulator(
+        world, seed=0, robot=robot, camera_size=(16, 16), camera_rate_hz=0.001, start=beside
+    ) as simulator:
+        wait(simulator, 0.5)
+        pose = simulator.true_pose()
+        assert simulator.ground.surface_pose(pose) == pytest.approx(pose.matrix())
+        assert pose.distance_to(beside.x_m, beside.y_m) < 0.01
 
 
 def test_the_camera_sees_raised_ground_where_it_is() -> None:

@@ -17,6 +17,7 @@ from navcore.geometry.camera import back_project
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.robot.profile import HUSKY
+from sim.models.floor_paint import PaintPattern
 from sim.models.ground import FLAT, Ground, Relief
 from sim.models.solids import Polygon
 from sim.physics.pedestrians import BODY_DIAMETER_M
@@ -24,8 +25,8 @@ from sim.physics.terrain_mesh import drape
 from sim.referee.referee import Referee
 from sim.scenario.layout import PlacedObject, doors, items, obstacles
 from sim.scenario.load import WORLDS, load_scenario
-from sim.scenario.scenery import Scatter
-from sim.scenario.schema import Scenario, Wall
+from sim.scenario.scenery import Room, RoomKind, Scatter
+from sim.scenario.schema import Marking, Scenario, Wall
 from sim.scenario.variation import randomise
 from sim.sensors.stereo_noise import PERFECT
 from sim.simulator import Simulator
@@ -312,3 +313,21 @@ def test_a_bad_room_door_or_scatter_is_refused_by_key(
     with pytest.raises(BadConfiguration) as refusal:
         load_scenario(path)
     assert key in str(refusal.value)
+
+
+@pytest.mark.parametrize("kind", ["office", "meeting", "lounge", "store", "hall"])
+def test_a_room_with_walls_too_short_for_its_furniture_is_left_with_what_fits(
+    kind: RoomKind,
+) -> None:
+    narrow = Room(kind=kind, corners=((-4.0, 4.0), (4.0, 5.2)))
+    narrow_floor = shapely.box(-4.0, 4.0, 4.0, 5.2)
+    for seed in range(8):
+        made = randomise(dataclasses.replace(open_floor(), rooms=(narrow,)), seed)
+        assert shapely.within(area(obstacles(made)), narrow_floor) or not made.furniture
+
+
+@pytest.mark.parametrize("pattern", ["tape", "red-white-tape", "radiation", "hatched"])
+def test_a_marking_smaller_than_its_stripes_is_built(pattern: PaintPattern) -> None:
+    piece = Marking(name="tape", polygon=((0.0, 1.0), (0.03, 1.0), (0.03, 1.03)), pattern=pattern)
+    with blind(open_floor(markings=(piece,))):
+        pass

@@ -28,6 +28,7 @@ from navcore.mapping.points.fading import UNKNOWN_LOOKS
 from navcore.mapping.points.placing import base_points, map_points, pose_rows
 from navcore.mapping.points.point_table import MapPoints
 from navcore.mapping.points.rejections import Rejection
+from navcore.mapping.storage import map_file
 from navcore.mapping.storage.map_file import check_classes, load, save
 from navcore.mapping.storage.map_state import MapState
 from navcore.mapping.storage.stored_rejections import KINDS as REJECTED
@@ -157,6 +158,20 @@ def test_saving_replaces_the_old_file_in_one_step_and_leaves_nothing_beside_it(
         save(tmp_path / "m", state_of(seed), NAMES)
         assert_same(state_of(seed), load(tmp_path / "m").state)
     assert [file.name for file in tmp_path.iterdir()] == ["m"]
+
+
+@pytest.mark.parametrize(("limit", "size"), [("MAX_BYTES", 500), ("MAX_UNPACKED", 2000)])
+def test_a_map_larger_than_is_read_is_not_written_and_the_old_file_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, size: int
+) -> None:
+    path = tmp_path / "kept.map"
+    save(path, state_of(1), NAMES)
+    before = path.read_bytes()
+    with monkeypatch.context() as patched:
+        patched.setattr(map_file, limit, size)
+        with pytest.raises(StorageFailed, match=rf"kept\.map is not written: .* {size} "):
+            save(path, state_of(2), NAMES)
+    assert path.read_bytes() == before
 
 
 def test_a_map_that_cannot_be_written_leaves_the_old_file_as_it_was(tmp_path: Path) -> None:

@@ -1,0 +1,69 @@
+"""The map on disk: no snapshot is lost between the thread that copies and the one that writes."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.runtime.record.map_keeper import MapKeeper
+from navcore.config.mapping import MappingConfig
+from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage.map_file import load
+from navcore.mapping.storage.map_state import MapState
+from tests.app.runtime.record.test_map_persistence import observe_scene
+from tests.navcore.scene import SPEC, Paint
+
+NO_NAMES: dict[int, str] = {}
+
+
+class Interrupted(MapKeeper):
+    """A keeper into whose forgetting of a snapshot another thread steps."""
+
+    def interrupt(self, act: Any) -> None:
+        self.thread = threading.Thread(target=act)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if (
+            name == "_waiting"
+            and value is None
+            and hasattr(self, "thread")
+            and not self.thread.ident
+        ):
+            self.thread.start()
+            self.thread.join(0.1)  # it ends before only where nothing keeps it out
+        super().__setattr__(name, value)
+
+
+def test_a_snapshot_that_is_copied_while_the_one_before_is_done_with_is_kept(
+    tmp_path: Path,
+) -> None:
+    kept, cloud = tmp_path / "kept.map", PointMap(SPEC, MappingConfig())
+    keeper = Interrupted(kept, NO_NAMES)
+    keeper.note_tick(cloud, NO_NAMES, 0)
+    observe_scene(cloud, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
+    keeper.interrupt(lambda: keeper._copy(cloud, NO_NAMES))
+    keeper._write()
+    keeper.thread.join()
+    assert not len(load(kept).state.points.pose_ids)
+    keeper._write()
+    np.testing.assert_array_equal(load(kept).state.points.pose_ids, cloud.state().points.pose_ids)
+    assert len(cloud.state().points.pose_ids)
+
+
+def test_a_snapshot_that_is_copied_while_the_file_moves_is_written_to_its_new_path(
+    tmp_path: Path,
+) -> None:
+    before, after = tmp_path / "a.map", tmp_path / "b.map"
+    keeper = MapKeeper(before, NO_NAMES)
+
+    class Moved(PointMap):
+        def state(self) -> MapState:
+            keeper.move(lambda: after)
+            return super().state()
+
+    keeper.note_tick(Moved(SPEC, MappingConfig()), NO_NAMES, 0)
+    keeper._write()
+    assert after.exists() and not before.exists()
