@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from navcore.config.safety import DEFAULT_SAFETY, GateConfig, SafetyConfig
-from navcore.geometry.transform import STANDSTILL, Twist
+from navcore.geometry.transform import IDENTITY, STANDSTILL, Pose2, Twist
 from navcore.robot.driver import Command
 from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import (
@@ -83,7 +83,9 @@ class GateInput:
     sensors: SensorMonitor = field(default_factory=SensorMonitor)
     """Plausibility of the newest frame."""
     obstacles: NearPoints = field(default_factory=lambda: NO_POINTS)
-    """(N, 2) obstacle points in metres of the base frame."""
+    """(N, 2) obstacle points in metres of the base frame of the newest frame."""
+    moved: Pose2 = IDENTITY
+    """Pose of the robot at present in the base frame of the newest frame."""
     keep_outs: KeepOuts = field(default_factory=KeepOuts)
     """Zones and beware cells that the footprint must not enter."""
     blocked_since_ns: int | None = None
@@ -113,7 +115,7 @@ def gate(
     ago."""
     objections = _objections(facts, config.gate)
     asked = STANDSTILL if facts.command is None or objections else facts.command.twist
-    contact_s = time_to_contact(facts.obstacles, asked, profile, config.collision)
+    contact_s = _contact_s(asked, facts, profile, config)
     slowed = _slowed(asked, contact_s, facts, profile, config)
     if slowed == STANDSTILL and asked != STANDSTILL:
         objections.append(_contact_reason(asked, contact_s, config))
@@ -147,7 +149,7 @@ def _refused(
 ) -> StopReason | None:
     """Return why a velocity is too fast, as it would touch something or enter an area; None if it
     is not."""
-    contact_s = time_to_contact(facts.obstacles, twist, profile, config.collision)
+    contact_s = _contact_s(twist, facts, profile, config)
     if _slowed(twist, contact_s, facts, profile, config) != twist:
         return _contact_reason(twist, contact_s, config)
     share, area = permitted_share(
@@ -275,8 +277,14 @@ def _slowed(
     return STANDSTILL if fastest_mps(slowed, profile) < config.collision.creep_mps else slowed
 
 
+def _contact_s(
+    twist: Twist, facts: GateInput, profile: RobotProfile, config: SafetyConfig
+) -> float:
+    return time_to_contact(facts.obstacles, twist, profile, config.collision, start=facts.moved)
+
+
 def _frame_age_s(facts: GateInput) -> float:
-    return 0.0 if facts.frame_ns is None else (facts.now_ns - facts.frame_ns) / 1e9
+    return 0.0 if facts.frame_ns is None else max(facts.now_ns - facts.frame_ns, 0) / 1e9
 
 
 def _contact_reason(asked: Twist, contact_s: float, config: SafetyConfig) -> StopReason:

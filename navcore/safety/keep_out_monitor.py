@@ -80,7 +80,7 @@ class KeepOuts:
     """The areas that the footprint must not enter, and where the robot is."""
 
     pose: Pose2 | None = None
-    """T_map_base of the newest frame; None before the first, and then nothing is checked."""
+    """T_map_base at present; None before the first frame, and then nothing is checked."""
     zones: tuple[Zone, ...] = ()
     """Zones of the operator; only closed ones count."""
     cells: Points = field(default_factory=lambda: NO_CELLS)
@@ -117,7 +117,7 @@ def permitted_share(
     twist, start = _within_limits(twist, profile), keep_outs.pose
     if start is None or fastest_mps(twist, profile) < config.standing_mps:
         return 1.0, ""
-    late_s = max(config.reaction_s, frame_age_s + config.reaction_after_frame_s)
+    late_s = max(config.reaction_s - frame_age_s, config.reaction_after_frame_s)
     travelled_m = abs(twist.v_mps) * (late_s + braking_s(twist, profile)) + config.stop_margin_m
     reach_m = profile.circumscribed_radius_m + travelled_m
     areas = _near_areas(keep_outs, start, reach_m, config)
