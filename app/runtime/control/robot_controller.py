@@ -432,12 +432,14 @@ class RobotController:
         return self._watched.awaits_reset or self._mapped.awaits_reset
 
     def trust_pose(self) -> None:
-        """Accept pose and stamp of the next frame, whatever came before, on the operator's word."""
+        """Accept pose and stamp of the next frame, whatever came before, on the operator's word;
+        without a doubt nothing is accepted: what comes later the operator has not seen."""
         with self._lock:
-            if self.sensors_in_doubt:
-                self._ask(trust_pose=True)
-                # The new pose does not tell where the obstacles are that are out of view.
-                self._recent_obstacles = RecentObstacles()
+            if not self.sensors_in_doubt:
+                return
+            self._ask(trust_pose=True)
+            # The new pose does not tell where the obstacles are that are out of view.
+            self._recent_obstacles = RecentObstacles()
             self._mapped = self._watched = SensorMonitor()
 
     def _watch(self, now_ns: int, newest: Frame | None) -> None:

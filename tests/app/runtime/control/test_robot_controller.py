@@ -23,7 +23,7 @@ from navcore.mission.zone import Zone, ZoneKind
 from navcore.navigator import Stages
 from navcore.planning.path import NoPath, Reason
 from navcore.safety.gate import Cause, GateDecision, GateInput, gate
-from tests.app.runtime.control.controlled import causes, command, controller, think
+from tests.app.runtime.control.controlled import causes, command, controller, forget_frames, think
 from tests.navcore.scene import SPEC, Box, picture
 from tests.navcore.ticks import ACROSS, NAN, OPEN, SECOND
 
@@ -230,7 +230,7 @@ def test_a_bad_frame_leaves_the_map_untouched_and_stops_the_robot_with_the_reaso
         driver.navigator.map.version,
         driver.navigator.map.explored.seen.bools,
     )
-    driver.trust_pose()
+    forget_frames(driver)
     assert driver.think(NAN, clock=lambda: SECOND) is None
     after = driver.navigator.map.points
     np.testing.assert_array_equal(before.points_map, after.points_map)
