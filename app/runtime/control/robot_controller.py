@@ -512,11 +512,18 @@ class RobotController:
         )
         return GateDecision(twist=twist, reasons=reasons)
 
+    @property
+    def _well_formed(self) -> Frame | None:
+        """Newest frame; None where it is malformed, so that the gate objects to it: it may have no
+        pose."""
+        watched = self._watched
+        return None if watched.malformed else watched.newest
+
     def _keep_outs(self, moved: Pose2) -> KeepOuts:
         """Return what the gate keeps the robot out of, in a mission and by hand: the operator's
         present zones, and the beware cells of the newest tick. `moved`: T_frame_now of the newest
         frame."""
-        newest, place, tick_state = self._watched.newest, self.place, self._tick_state
+        newest, place, tick_state = self._well_formed, self.place, self._tick_state
         grown = tick_state.decision.grown_cells if tick_state.decision else GrownCells()
         return KeepOuts(
             pose=newest.placed(place.T_map_odom).pose @ moved
@@ -545,7 +552,7 @@ class RobotController:
 
     def _limited(self, hand: Command | None) -> Command | None:
         """Return a command of teleoperation within the operator's speed limits."""
-        newest = self._watched.newest
+        newest = self._well_formed
         if hand is None or newest is None or self.place.is_lost:
             return hand
         asked = Motion(twist=hand.twist, outcome=ControllerState.FOLLOW)
@@ -566,7 +573,7 @@ class RobotController:
         The present zones hold before the first tick, too, and when ticks fail. A lost robot
         may be driven anywhere: neither zones nor the map tell what is beside it.
         """
-        decision, newest = self._tick_state.decision, self._watched.newest
+        decision, newest = self._tick_state.decision, self._well_formed
         spec = self.navigator.map.spec
         seen = None if decision is None else decision.occupancy
         if newest is None or self.place.is_lost:

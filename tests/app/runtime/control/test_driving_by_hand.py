@@ -120,6 +120,18 @@ def test_teleoperation_stops_at_a_malformed_frame_and_recent_obstacles_are_kept(
     )
 
 
+@pytest.mark.parametrize("x_m", [math.nan, math.inf])
+def test_a_pose_that_is_not_finite_is_told_as_the_reason_by_hand_too(x_m: float) -> None:
+    driver = controller()
+    think(driver)
+    pose, stamp_ns = Pose2(x_m=x_m, y_m=0.0, yaw_rad=x_m), SECOND + 100_000_000
+    bad = dataclasses.replace(picture(stamp_ns=stamp_ns), pose=pose)
+    verdict = pushed(driver).command(lambda: stamp_ns, 0.05, newest=bad)
+    assert (verdict.twist, causes(verdict)) == (STANDSTILL, [Cause.BAD_FRAME])
+    driver._found = None
+    assert [reason.cause for reason in driver.reasons(stamp_ns)] == [Cause.BAD_FRAME]
+
+
 def test_teleoperation_is_held_before_a_beware_area_with_the_reason() -> None:
     near = Zone(id="z", name="near", polygon=((0.6, -1.0), (1.5, -1.0), (1.5, 1.0), (0.6, 1.0)))
     driver = controller()
