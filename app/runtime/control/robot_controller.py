@@ -415,8 +415,10 @@ class RobotController:
         with self._lock:
             now_ns = clock()
             if period_s * 1e9 > DEFAULT_SAFETY.gate.command_life_ns:
-                # The last command has expired in the driver.
+                # The last command has expired in the driver, and the wheels stood meanwhile.
                 self._sent = self._sent.after(STANDSTILL, now_ns)
+                if not self._wheels_block(now_ns - round(period_s * 1e9)):
+                    self._blocked_since_ns = None
             self._watch(now_ns, newest)
             now_ns = clock()
             verdict = self._verdict(now_ns, period_s)
