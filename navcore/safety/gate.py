@@ -114,7 +114,8 @@ def gate(
     """Decide on the newest command. `sent` is the velocity that was sent last, `period_s` seconds
     ago."""
     objections = _objections(facts, config.gate)
-    asked = STANDSTILL if facts.command is None or objections else facts.command.twist
+    command = None if objections else facts.command
+    asked = STANDSTILL if command is None else _reachable(command.twist, profile)
     contact_s = _contact_s(asked, facts, profile, config)
     slowed = _slowed(asked, contact_s, facts, profile, config)
     if slowed == STANDSTILL and asked != STANDSTILL:
@@ -319,6 +320,15 @@ def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotPro
             profile.max_yaw_accel_radps2 * period_s,
             profile.max_yaw_rate_radps,
         ),
+    )
+
+
+def _reachable(asked: Twist, profile: RobotProfile) -> Twist:
+    """Return the velocity within the platform's speed: what the platform drives is checked."""
+    v_mps, w_radps = profile.max_speed_mps, profile.max_yaw_rate_radps
+    return Twist(
+        v_mps=min(max(asked.v_mps, -v_mps), v_mps),
+        w_radps=min(max(asked.w_radps, -w_radps), w_radps),
     )
 
 

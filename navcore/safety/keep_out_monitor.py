@@ -114,7 +114,7 @@ def permitted_share(
     the whole velocity is permitted. Beside a zone relative to which the position is too uncertain,
     the robot is slowed down.
     """
-    twist, start = _within_limits(twist, profile), keep_outs.pose
+    start = keep_outs.pose
     if start is None or fastest_mps(twist, profile) < config.standing_mps:
         return 1.0, ""
     late_s = max(config.reaction_s - frame_age_s, config.reaction_after_frame_s)
@@ -171,14 +171,6 @@ def _area(zone: Zone, covariance: Matrix, config: KeepOutMonitorConfig) -> _Area
     if growth_m <= config.largest_growth_m:
         return _Area(zone, spread, largest_axis_m(spread))
     return _Area(zone, spread, largest_axis_m(spread), config.uncertain_clearance_m)
-
-
-def _within_limits(twist: Twist, profile: RobotProfile) -> Twist:
-    v_mps, w_radps = profile.max_speed_mps, profile.max_yaw_rate_radps
-    return Twist(
-        v_mps=min(max(twist.v_mps, -v_mps), v_mps),
-        w_radps=min(max(twist.w_radps, -w_radps), w_radps),
-    )
 
 
 def _near_cells(keep_outs: KeepOuts, pose: Pose2, reach_m: float) -> KeepOuts:
