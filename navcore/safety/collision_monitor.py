@@ -23,7 +23,7 @@ from navcore.config.safety import DEFAULT_SAFETY, CollisionMonitorConfig
 from navcore.geometry.arrays import Bools, FloatImage, Floats, Indices
 from navcore.geometry.camera import NEAREST_M, Pinhole, column_slope, point_on_ray, row_slope
 from navcore.geometry.kinematics import arc_position
-from navcore.geometry.transform import Pose2, Twist, invert
+from navcore.geometry.transform import IDENTITY, Pose2, Twist, invert
 from navcore.perception.ground import ground_heights
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
@@ -159,13 +159,16 @@ def time_to_contact(
     twist: Twist,
     profile: RobotProfile,
     config: CollisionMonitorConfig = _DEFAULT,
+    *,
+    start: Pose2 = IDENTITY,
 ) -> float:
     """Return the time in seconds after which the footprint, driving this arc, meets the points;
     infinite when it does not within `horizon_s`.
 
-    `points` is (N, 2) in metres of the base frame. A point inside the body at the start is noise;
-    one within the clearance around it counts only when the body itself would touch it, so that the
-    robot can turn away from what it stands close to.
+    `points` is (N, 2) in metres of the base frame in which they were measured, and `start` the pose
+    in it from which the robot drives the arc. A point inside the body where it was measured is
+    noise; one within the clearance around the start counts only when the body itself would touch
+    it, so that the robot can turn away from what it stands close to.
     """
     speed = fastest_mps(twist, profile)
     if len(points) == 0 or speed == 0.0:
@@ -179,7 +182,8 @@ def time_to_contact(
         step_s=config.step_m / speed,
         min_points=config.min_points,
     )
-    return float(_contact_time(points, float(twist.v_mps), float(twist.w_radps), sweep))
+    begin = float(start.x_m), float(start.y_m), float(start.yaw_rad)
+    return float(_contact_time(points, begin, float(twist.v_mps), float(twist.w_radps), sweep))
 
 
 def fastest_mps(twist: Twist, profile: RobotProfile) -> float:
@@ -207,9 +211,9 @@ def allowed_share(
 
     At the share f the distance to contact lasts `contact_s` / f, and stopping takes a reaction and
     f · braking time / 2 of it: v·t + v²/2a ≤ distance, with both sides divided by v, and the same
-    for turning.
+    for turning. Of the reaction, what the image is old has passed: contact is counted from now.
     """
-    late_s = max(config.reaction_s, frame_age_s + config.reaction_after_frame_s)
+    late_s = max(config.reaction_s - frame_age_s, config.reaction_after_frame_s)
     half_braking_s = braking_s(twist, profile) / 2
     if contact_s >= late_s + half_braking_s:
         return 1.0
@@ -358,17 +362,27 @@ def _obstacle_points(
 
 
 @compiled
-def _contact_time(points: NearPoints, v_mps: float, w_radps: float, sweep: _Sweep) -> float:
+def _contact_time(
+    points: NearPoints,
+    start: tuple[float, float, float],
+    v_mps: float,
+    w_radps: float,
+    sweep: _Sweep,
+) -> float:
     """Return the time in seconds before the first step at which enough points are inside the
-    footprint; infinite when they never are."""
+    footprint; infinite when they never are. `start` is x, y in metres and yaw in radians."""
+    start_x, start_y, start_yaw = start
+    start_sin, start_cos = math.sin(start_yaw), math.cos(start_yaw)
     half_length, half_width = sweep.half_length_m, sweep.half_width_m
     reach = half_length + half_width + abs(v_mps) * sweep.horizon_s + sweep.ahead_m
     near, padded, count = np.empty_like(points), np.empty(len(points), dtype=np.bool_), 0
     for n in range(len(points)):
         x, y = points[n, 0], points[n, 1]
-        if not (abs(x) < reach and abs(y) < reach) or (
-            abs(x) <= half_length and abs(y) <= half_width
-        ):
+        if abs(x) <= half_length and abs(y) <= half_width:
+            continue
+        dx, dy = x - start_x, y - start_y
+        x, y = start_cos * dx + start_sin * dy, start_cos * dy - start_sin * dx
+        if not (abs(x) < reach and abs(y) < reach):
             continue
         near[count, 0], near[count, 1] = x, y
         padded[count] = abs(x) > half_length + sweep.ahead_m or abs(y) > half_width + sweep.aside_m

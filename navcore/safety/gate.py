@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from navcore.config.safety import DEFAULT_SAFETY, GateConfig, SafetyConfig
-from navcore.geometry.transform import STANDSTILL, Twist
+from navcore.geometry.transform import IDENTITY, STANDSTILL, Pose2, Twist
 from navcore.robot.driver import Command
 from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import (
@@ -83,7 +83,9 @@ class GateInput:
     sensors: SensorMonitor = field(default_factory=SensorMonitor)
     """Plausibility of the newest frame."""
     obstacles: NearPoints = field(default_factory=lambda: NO_POINTS)
-    """(N, 2) obstacle points in metres of the base frame."""
+    """(N, 2) obstacle points in metres of the base frame of the newest frame."""
+    moved: Pose2 = IDENTITY
+    """Pose of the robot at present in the base frame of the newest frame."""
     keep_outs: KeepOuts = field(default_factory=KeepOuts)
     """Zones and beware cells that the footprint must not enter."""
     blocked_since_ns: int | None = None
@@ -112,8 +114,9 @@ def gate(
     """Decide on the newest command. `sent` is the velocity that was sent last, `period_s` seconds
     ago."""
     objections = _objections(facts, config.gate)
-    asked = STANDSTILL if facts.command is None or objections else facts.command.twist
-    contact_s = time_to_contact(facts.obstacles, asked, profile, config.collision)
+    command = None if objections else facts.command
+    asked = STANDSTILL if command is None else _reachable(command.twist, profile)
+    contact_s = _contact_s(asked, facts, profile, config)
     slowed = _slowed(asked, contact_s, facts, profile, config)
     if slowed == STANDSTILL and asked != STANDSTILL:
         objections.append(_contact_reason(asked, contact_s, config))
@@ -147,7 +150,7 @@ def _refused(
 ) -> StopReason | None:
     """Return why a velocity is too fast, as it would touch something or enter an area; None if it
     is not."""
-    contact_s = time_to_contact(facts.obstacles, twist, profile, config.collision)
+    contact_s = _contact_s(twist, facts, profile, config)
     if _slowed(twist, contact_s, facts, profile, config) != twist:
         return _contact_reason(twist, contact_s, config)
     share, area = permitted_share(
@@ -275,8 +278,14 @@ def _slowed(
     return STANDSTILL if fastest_mps(slowed, profile) < config.collision.creep_mps else slowed
 
 
+def _contact_s(
+    twist: Twist, facts: GateInput, profile: RobotProfile, config: SafetyConfig
+) -> float:
+    return time_to_contact(facts.obstacles, twist, profile, config.collision, start=facts.moved)
+
+
 def _frame_age_s(facts: GateInput) -> float:
-    return 0.0 if facts.frame_ns is None else (facts.now_ns - facts.frame_ns) / 1e9
+    return 0.0 if facts.frame_ns is None else max(facts.now_ns - facts.frame_ns, 0) / 1e9
 
 
 def _contact_reason(asked: Twist, contact_s: float, config: SafetyConfig) -> StopReason:
@@ -311,6 +320,15 @@ def _within_limits(asked: Twist, sent: Twist, period_s: float, profile: RobotPro
             profile.max_yaw_accel_radps2 * period_s,
             profile.max_yaw_rate_radps,
         ),
+    )
+
+
+def _reachable(asked: Twist, profile: RobotProfile) -> Twist:
+    """Return the velocity within the platform's speed: what the platform drives is checked."""
+    v_mps, w_radps = profile.max_speed_mps, profile.max_yaw_rate_radps
+    return Twist(
+        v_mps=min(max(asked.v_mps, -v_mps), v_mps),
+        w_radps=min(max(asked.w_radps, -w_radps), w_radps),
     )
 
 

@@ -80,7 +80,7 @@ class KeepOuts:
     """The areas that the footprint must not enter, and where the robot is."""
 
     pose: Pose2 | None = None
-    """T_map_base of the newest frame; None before the first, and then nothing is checked."""
+    """T_map_base at present; None before the first frame, and then nothing is checked."""
     zones: tuple[Zone, ...] = ()
     """Zones of the operator; only closed ones count."""
     cells: Points = field(default_factory=lambda: NO_CELLS)
@@ -114,10 +114,10 @@ def permitted_share(
     the whole velocity is permitted. Beside a zone relative to which the position is too uncertain,
     the robot is slowed down.
     """
-    twist, start = _within_limits(twist, profile), keep_outs.pose
+    start = keep_outs.pose
     if start is None or fastest_mps(twist, profile) < config.standing_mps:
         return 1.0, ""
-    late_s = max(config.reaction_s, frame_age_s + config.reaction_after_frame_s)
+    late_s = max(config.reaction_s - frame_age_s, config.reaction_after_frame_s)
     travelled_m = abs(twist.v_mps) * (late_s + braking_s(twist, profile)) + config.stop_margin_m
     reach_m = profile.circumscribed_radius_m + travelled_m
     areas = _near_areas(keep_outs, start, reach_m, config)
@@ -171,14 +171,6 @@ def _area(zone: Zone, covariance: Matrix, config: KeepOutMonitorConfig) -> _Area
     if growth_m <= config.largest_growth_m:
         return _Area(zone, spread, largest_axis_m(spread))
     return _Area(zone, spread, largest_axis_m(spread), config.uncertain_clearance_m)
-
-
-def _within_limits(twist: Twist, profile: RobotProfile) -> Twist:
-    v_mps, w_radps = profile.max_speed_mps, profile.max_yaw_rate_radps
-    return Twist(
-        v_mps=min(max(twist.v_mps, -v_mps), v_mps),
-        w_radps=min(max(twist.w_radps, -w_radps), w_radps),
-    )
 
 
 def _near_cells(keep_outs: KeepOuts, pose: Pose2, reach_m: float) -> KeepOuts:

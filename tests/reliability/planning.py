@@ -23,6 +23,7 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import StopReason
 from sim.scenario.schema import Mover
+from tests.app.runtime.control.controlled import forget_frames
 from tests.reliability.fault_runs import OPEN_FLOOR, fault_run, first_frame, standing_controller
 from tests.reliability.result import Measurement
 
@@ -119,7 +120,7 @@ def impossible_goals(trials: int) -> Measurement:
         controller = _pilot_with(areas)
         # Observe first: a goal is judged by what has been seen.
         controller.think(frame, clock=lambda: frame.stamp_ns)
-        controller.trust_pose()
+        forget_frames(controller)
         try:
             moves, reasons, took_s = _response(controller, frame, goal)
         except BadGeometry as error:
@@ -152,7 +153,7 @@ def zone_under_robot(trials: int) -> Measurement:
         moves, reasons, _ = _response(controller, frame, (2.0, 2.0))
         stood += not moves and bool(reasons)
         controller.change_mission(lambda mission: mission.pause().leave())
-        controller.trust_pose()
+        forget_frames(controller)
         controller.think(frame, clock=lambda: frame.stamp_ns)
         verdict = controller.command(lambda: frame.stamp_ns, COMMAND_PERIOD_S, newest=frame)
         left += verdict.twist != STANDSTILL

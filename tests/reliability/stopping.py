@@ -18,6 +18,7 @@ from navcore.safety.sensor_monitor import SensorMonitor
 from sim.scenario.schema import MapExtent, Scenario
 from sim.sensors.faults import Fault
 from sim.simulator import STEPS_PER_S, Simulator
+from tests.app.runtime.control.controlled import forget_frames
 from tests.reliability.fault_runs import (
     FaultRun,
     bench_run,
@@ -164,7 +165,7 @@ def malformed_frames(trials: int) -> Measurement:
     refused = escaped = 0
     for number in range(trials):
         frame = malformed(good, number, rng)
-        controller.trust_pose()
+        forget_frames(controller)
         clock = _clock_at(frame.stamp_ns)
         try:
             decision = controller.think(frame, clock=clock)

@@ -157,7 +157,7 @@ def test_row_11_the_gate_alone_stops_before_what_appears() -> None:
 def test_row_11_without_the_time_to_contact_the_robot_runs_into_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(gate, "time_to_contact", lambda *_: math.inf)
+    monkeypatch.setattr(gate, "time_to_contact", lambda *_, **named: math.inf)
     assert not planning.sudden_obstacle(1).met
 
 

@@ -140,6 +140,7 @@ class ControlLoop:
 
     def _command(self) -> None:
         due = last = time.monotonic()
+        failure = None
         while not self._ended.is_set():
             now = time.monotonic()
             try:
@@ -149,8 +150,11 @@ class ControlLoop:
                         self._robot.now_ns, now - last, self._robot.send, newest=newest
                     )
                 )
-            except Exception:
-                log.exception("the command thread continues and sends zero")
+                failure = None
+            except Exception as error:
+                if str(error) != failure:  # as a tick that goes on failing, once
+                    log.exception("the command thread continues and sends zero")
+                failure = str(error)
                 self._robot.send(STANDSTILL)
             last, due = now, max(due + COMMAND_PERIOD_S, now)
             self._ended.wait(max(due - time.monotonic(), 0.0))

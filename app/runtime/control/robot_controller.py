@@ -26,7 +26,7 @@ from navcore.behaviours.search_turn import SearchTurn
 from navcore.config.safety import DEFAULT_SAFETY, SensorMonitorConfig
 from navcore.control.motion import ControllerState, Motion
 from navcore.errors import BadFrame, BewareNavError, Refused
-from navcore.geometry.transform import STANDSTILL, Matrix, Pose2, Twist
+from navcore.geometry.transform import IDENTITY, STANDSTILL, Matrix, Pose2, Twist
 from navcore.localisation.cell_margins import GrownCells
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.mapping.point_map import PointMap
@@ -51,6 +51,7 @@ from navcore.safety.gate import (
 )
 from navcore.safety.keep_out_monitor import KeepOuts
 from navcore.safety.sensor_monitor import SensorMonitor
+from navcore.safety.sent_motion import SentMotion
 from navcore.safety.stopping import check_stopping
 from web.interface.sites import at_another_site
 
@@ -109,7 +110,7 @@ class RobotController:
         self._intent = intent
         self._listeners: list[Callable[[OperatorState], None]] = []
         self._tick_state = TickState()
-        self._sent = STANDSTILL
+        self._sent = SentMotion()
         # Two monitors of the same frames: one for what enters the map, one for the gate, which gets
         # a frame first and waits for no tick.
         self._mapped, self._watched = SensorMonitor(), SensorMonitor()
@@ -135,7 +136,7 @@ class RobotController:
     @property
     def sent(self) -> Twist:
         """Velocity that was last sent to the wheels."""
-        return self._sent
+        return self._sent.twist
 
     def change(self, edit: Callable[[OperatorState], OperatorState]) -> OperatorState:
         """Replace the operator's state by `edit(state)` in one step; nothing changes when `edit`
@@ -217,7 +218,7 @@ class RobotController:
             )
         twist = STANDSTILL if newest is None else newest.twist
         moves = abs(twist.v_mps) > STANDSTILL_MPS or abs(twist.w_radps) > STANDSTILL_RADPS
-        if moves or self._sent != STANDSTILL:
+        if moves or self.sent != STANDSTILL:
             raise Refused(f"the robot moves; let it stand, then {then}")
 
     def search_place(self, *, site_id: str | None = None) -> None:
@@ -412,11 +413,16 @@ class RobotController:
         before it is sent any more.
         """
         with self._lock:
+            now_ns = clock()
             if period_s * 1e9 > DEFAULT_SAFETY.gate.command_life_ns:
-                self._sent = STANDSTILL  # the last command has expired in the driver
-            self._watch(clock(), newest)
-            verdict = self._verdict(clock(), period_s)
-            self._sent = verdict.twist
+                # The last command has expired in the driver, and the wheels stood meanwhile.
+                self._sent = self._sent.after(STANDSTILL, now_ns)
+                if not self._wheels_block(now_ns - round(period_s * 1e9)):
+                    self._blocked_since_ns = None
+            self._watch(now_ns, newest)
+            now_ns = clock()
+            verdict = self._verdict(now_ns, period_s)
+            self._sent = self._sent.after(verdict.twist, now_ns)
             newest = self._watched.newest
             self._held = self._held.after(verdict, None if newest is None else newest.stamp_ns)
             send(verdict.twist)
@@ -428,12 +434,14 @@ class RobotController:
         return self._watched.awaits_reset or self._mapped.awaits_reset
 
     def trust_pose(self) -> None:
-        """Accept pose and stamp of the next frame, whatever came before, on the operator's word."""
+        """Accept pose and stamp of the next frame, whatever came before, on the operator's word;
+        without a doubt nothing is accepted: what comes later the operator has not seen."""
         with self._lock:
-            if self.sensors_in_doubt:
-                self._ask(trust_pose=True)
-                # The new pose does not tell where the obstacles are that are out of view.
-                self._recent_obstacles = RecentObstacles()
+            if not self.sensors_in_doubt:
+                return
+            self._ask(trust_pose=True)
+            # The new pose does not tell where the obstacles are that are out of view.
+            self._recent_obstacles = RecentObstacles()
             self._mapped = self._watched = SensorMonitor()
 
     def _watch(self, now_ns: int, newest: Frame | None) -> None:
@@ -444,7 +452,7 @@ class RobotController:
                 self._recent_obstacles = self._recent_obstacles.after(newest, self.profile)
         if not self._intent.drives:
             self._blocked_since_ns = None
-        elif newest is None or not wheels_blocked(self._sent, newest.twist, self.profile):
+        elif newest is None or not wheels_blocked(self.sent, newest.twist, self.profile):
             if not self._wheels_block(now_ns):
                 self._blocked_since_ns = None
         elif self._blocked_since_ns is None:
@@ -480,17 +488,20 @@ class RobotController:
         command = hand or (tick_state.command if driving else None)
         if command is not None and now_ns < command.stamp_ns <= now_ns + CLOCK_SLACK_NS:
             now_ns = command.stamp_ns
+        frame_ns = None if watched.newest is None else watched.newest.stamp_ns
+        moved = IDENTITY if frame_ns is None else self._sent.since(frame_ns, now_ns)
         facts = GateInput(
             now_ns=now_ns,
-            frame_ns=self._watched.newest.stamp_ns if self._watched.newest is not None else None,
+            frame_ns=frame_ns,
             stopped_by=intent.stopped_by,
             command=command,
-            sensors=self._watched,
+            sensors=watched,
             obstacles=self._recent_obstacles.all_points,
-            keep_outs=self._keep_outs(),
+            moved=moved,
+            keep_outs=self._keep_outs(moved),
             blocked_since_ns=self._blocked_since_ns,
         )
-        verdict = gate(facts, sent=self._sent, period_s=period_s, profile=self.profile)
+        verdict = gate(facts, sent=self.sent, period_s=period_s, profile=self.profile)
         found = (
             self._teleop_stops(hand)
             if hand is not None
@@ -503,13 +514,23 @@ class RobotController:
         )
         return GateDecision(twist=twist, reasons=reasons)
 
-    def _keep_outs(self) -> KeepOuts:
+    @property
+    def _well_formed(self) -> Frame | None:
+        """Newest frame; None where it is malformed, so that the gate objects to it: it may have no
+        pose."""
+        watched = self._watched
+        return None if watched.malformed else watched.newest
+
+    def _keep_outs(self, moved: Pose2) -> KeepOuts:
         """Return what the gate keeps the robot out of, in a mission and by hand: the operator's
-        present zones, and the beware cells of the newest tick."""
-        newest, place, tick_state = self._watched.newest, self.place, self._tick_state
+        present zones, and the beware cells of the newest tick. `moved`: T_frame_now of the newest
+        frame."""
+        newest, place, tick_state = self._well_formed, self.place, self._tick_state
         grown = tick_state.decision.grown_cells if tick_state.decision else GrownCells()
         return KeepOuts(
-            pose=newest.placed(place.T_map_odom).pose if newest and place.is_known else None,
+            pose=newest.placed(place.T_map_odom).pose @ moved
+            if newest and place.is_known
+            else None,
             zones=self._intent.zones,
             cells=grown.cells,
             cell_growth_m=grown.growth_m,
@@ -533,7 +554,7 @@ class RobotController:
 
     def _limited(self, hand: Command | None) -> Command | None:
         """Return a command of teleoperation within the operator's speed limits."""
-        newest = self._watched.newest
+        newest = self._well_formed
         if hand is None or newest is None or self.place.is_lost:
             return hand
         asked = Motion(twist=hand.twist, outcome=ControllerState.FOLLOW)
@@ -554,7 +575,7 @@ class RobotController:
         The present zones hold before the first tick, too, and when ticks fail. A lost robot
         may be driven anywhere: neither zones nor the map tell what is beside it.
         """
-        decision, newest = self._tick_state.decision, self._watched.newest
+        decision, newest = self._tick_state.decision, self._well_formed
         spec = self.navigator.map.spec
         seen = None if decision is None else decision.occupancy
         if newest is None or self.place.is_lost:

@@ -25,6 +25,7 @@ from app.storage.site_store import SiteStore
 from navcore.config.navigator import NavigatorConfig
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
+from tests.app.runtime.control.controlled import forget_frames
 from tests.reliability.fault_runs import BenchRobot, first_frame, standing_controller
 from web.interface.drafts import ZoneDraft
 
@@ -70,7 +71,7 @@ def test_a_tick_that_ends_after_a_change_of_site_leaves_nothing_of_its_map(
         def tick() -> None:
             frame = dataclasses.replace(scene, stamp_ns=next(stamps) * SECOND)
             with entering:
-                controller.trust_pose()  # the image is the same, again
+                forget_frames(controller)  # the image is the same, again
                 decision = controller.think(frame, clock=lambda: frame.stamp_ns)
             assert decision is not None
             operations.note_decision(decision)

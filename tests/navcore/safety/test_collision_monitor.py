@@ -109,6 +109,20 @@ def test_the_robot_may_leave_an_obstacle_within_the_clearance_but_not_approach_i
     assert time_to_contact(post(0.0, SIDE_M + 0.005), FULL, HUSKY) == math.inf
 
 
+def test_contact_is_counted_from_where_the_robot_is_and_noise_is_told_where_it_was_measured() -> (
+    None
+):
+    ahead, beside = post(FRONT_M + 0.5, 0.0), post(FRONT_M + 0.3, 0.5)
+    on = Pose2(x_m=0.3, y_m=0.0, yaw_rad=0.0)
+    assert time_to_contact(ahead, FULL, HUSKY, start=on) == pytest.approx(0.17, abs=0.021)
+    turned = Pose2(x_m=0.0, y_m=0.0, yaw_rad=math.atan2(0.5, FRONT_M + 0.3))
+    assert time_to_contact(beside, FULL, HUSKY) == math.inf
+    assert time_to_contact(beside, FULL, HUSKY, start=turned) < 0.5
+    assert time_to_contact(post(0.2, 0.0), FULL, HUSKY, start=on) == math.inf
+    under = Pose2(x_m=0.55, y_m=0.0, yaw_rad=0.0)
+    assert time_to_contact(ahead, FULL, HUSKY, start=under) == 0.0
+
+
 def seen_points(frame: Frame, profile: RobotProfile = HUSKY) -> NearPoints:
     """The obstacle points of one frame."""
     return RecentObstacles().after(frame, profile).points
@@ -245,10 +259,11 @@ def test_the_allowed_speed_stops_within_the_distance_that_is_left(
     assert 0.0 <= share <= 1.0
     # In seconds of driving at the asked velocity: late, then braking, from the share that is
     # driven.
-    needed_s = share * max(0.25, age_s + 0.15) + share**2 * braking_s(asked, HUSKY) / 2
+    late_s = max(0.25 - age_s, 0.15)
+    needed_s = share * late_s + share**2 * braking_s(asked, HUSKY) / 2
     assert needed_s <= contact_s + 1e-9 or share == 1.0
     if share == 1.0:
-        assert contact_s >= 0.25 + braking_s(asked, HUSKY) / 2 - 1e-9
+        assert contact_s >= late_s + braking_s(asked, HUSKY) / 2 - 1e-9
 
 
 def test_the_gate_slows_down_before_an_obstacle_and_stops_at_it_with_the_reason() -> None:

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.config.safety import DEFAULT_SAFETY
-from navcore.geometry.transform import STANDSTILL, Twist
+from navcore.geometry.transform import IDENTITY, STANDSTILL, Twist
+from navcore.mission.zone import Zone
 from navcore.robot.driver import Command
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import (
@@ -22,6 +23,7 @@ from navcore.safety.gate import (
     gate,
     ranked,
 )
+from navcore.safety.keep_out_monitor import KeepOuts
 from tests.navcore.laws import law
 
 NOW = 10_000_000_000
@@ -197,3 +199,20 @@ def test_any_order_of_reasons_is_ranked_the_same() -> None:
     expected = ["emergency_stop", "bad_frame", "no_path", "paused"]
     for order in itertools.permutations(reasons):
         assert [reason.text for reason in ranked(list(order))] == expected
+
+
+def test_beside_an_area_a_command_above_the_limits_of_the_platform_is_that_of_the_limits() -> None:
+    ahead = ((0.75, -2.0), (2.0, -2.0), (2.0, 2.0), (0.75, 2.0))
+    zones = (Zone(id="z", name="z", polygon=ahead),)
+    sent = []
+    for v_mps in (HUSKY.max_speed_mps, 5 * HUSKY.max_speed_mps):
+        asked = Command(twist=Twist(v_mps=v_mps, w_radps=0.0), stamp_ns=NOW)
+        given_facts = GateInput(
+            now_ns=NOW,
+            frame_ns=NOW,
+            stopped_by=None,
+            command=asked,
+            keep_outs=KeepOuts(pose=IDENTITY, zones=zones),
+        )
+        sent.append(gate(given_facts, sent=STANDSTILL, period_s=0.1, profile=HUSKY).twist)
+    assert sent[0] == sent[1] and 0.0 < sent[0].v_mps < HUSKY.max_speed_mps

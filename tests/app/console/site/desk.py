@@ -23,6 +23,7 @@ from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.profile import HUSKY
 from tests.app.console.state import beware_editor
+from tests.app.runtime.control.controlled import forget_frames
 from tests.navcore.scene import RED_LIST, SPEC, Paint, picture
 from web.interface.drafts import ZoneDraft
 from web.interface.snapshots import TickSnapshot
@@ -83,7 +84,7 @@ class Desk:
         """Run one tick as the think thread does."""
         self._ticks += 1
         frame = dataclasses.replace(FRAMES[0], pose=self.pose, stamp_ns=self._ticks * SECOND)
-        self.controller.trust_pose()
+        forget_frames(self.controller)
         self.controller.think(frame, clock=lambda: frame.stamp_ns)
         self.keeper.note_tick(self.controller.navigator.map, RED_LIST.names, frame.stamp_ns)
 

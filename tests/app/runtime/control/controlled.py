@@ -9,6 +9,7 @@ from navcore.navigator import Stages
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause, GateDecision
+from navcore.safety.sensor_monitor import SensorMonitor
 from tests.navcore.scene import RED_LIST, SPEC
 from tests.navcore.ticks import OPEN, SECOND, navigator
 
@@ -21,8 +22,13 @@ def controller(*goals: tuple[float, float], stages: Stages | None = None) -> Rob
     return RobotController(navigator=navigator(stages), profile=HUSKY, intent=intent)
 
 
+def forget_frames(driver: RobotController) -> None:
+    """Have the next frame accepted, whatever came before it."""
+    driver._mapped = driver._watched = SensorMonitor()
+
+
 def think(driver: RobotController, frame: Frame = OPEN) -> None:
-    driver.trust_pose()  # each frame is accepted, whatever came before it
+    forget_frames(driver)
     driver.think(frame, clock=lambda: frame.stamp_ns)
 
 

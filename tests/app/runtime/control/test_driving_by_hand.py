@@ -5,19 +5,20 @@ from __future__ import annotations
 import dataclasses
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
 
 from app.runtime.control.robot_controller import RobotController
 from navcore.config.safety import DEFAULT_SAFETY, GateConfig, SafetyConfig
-from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.geometry.transform import IDENTITY, STANDSTILL, Pose2, Twist
 from navcore.localisation.estimate import LocalisationState
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
-from navcore.safety.gate import Cause, gate
+from navcore.safety.gate import Cause, GateDecision, GateInput, gate
 from tests.app.runtime.control.controlled import causes, command, controller, think
 from tests.navcore.scene import Box, picture
 from tests.navcore.ticks import OPEN, SECOND
@@ -67,6 +68,28 @@ def test_teleoperation_does_not_overrule_the_gate_nor_a_mission_that_drives() ->
     assert driving.sent.v_mps > 0
 
 
+def test_the_gate_decides_by_where_the_robot_has_driven_since_the_image(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found: list[GateInput] = []
+
+    def noted(facts: GateInput, **given: Any) -> GateDecision:
+        found.append(facts)
+        return gate(facts, **given)
+
+    monkeypatch.setattr("app.runtime.control.robot_controller.gate", noted)
+    driver = controller()
+    think(driver)
+    pushed(driver, Twist(v_mps=0.5, w_radps=0.5))
+    for number in range(4):
+        command(driver, after_s=0.05 * number)
+    assert found[0].moved == IDENTITY
+    for facts in found:
+        assert facts.keep_outs.pose == facts.moved
+    moved, sent = found[-1].moved, driver.sent
+    assert 0.02 < moved.x_m < 0.15 * sent.v_mps and 0.02 < moved.yaw_rad < 0.15 * sent.w_radps
+
+
 def malformed(frame: Frame, what: str) -> Frame:
     if what == "covered":
         return dataclasses.replace(frame, depth_m=np.zeros_like(frame.depth_m))
@@ -95,6 +118,18 @@ def test_teleoperation_stops_at_a_malformed_frame_and_recent_obstacles_are_kept(
         ).twist.v_mps
         > 0
     )
+
+
+@pytest.mark.parametrize("x_m", [math.nan, math.inf])
+def test_a_pose_that_is_not_finite_is_told_as_the_reason_by_hand_too(x_m: float) -> None:
+    driver = controller()
+    think(driver)
+    pose, stamp_ns = Pose2(x_m=x_m, y_m=0.0, yaw_rad=x_m), SECOND + 100_000_000
+    bad = dataclasses.replace(picture(stamp_ns=stamp_ns), pose=pose)
+    verdict = pushed(driver).command(lambda: stamp_ns, 0.05, newest=bad)
+    assert (verdict.twist, causes(verdict)) == (STANDSTILL, [Cause.BAD_FRAME])
+    driver._found = None
+    assert [reason.cause for reason in driver.reasons(stamp_ns)] == [Cause.BAD_FRAME]
 
 
 def test_teleoperation_is_held_before_a_beware_area_with_the_reason() -> None:

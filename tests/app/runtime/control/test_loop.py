@@ -266,6 +266,24 @@ def test_wheels_that_do_not_turn_are_not_pushed_on_until_the_operator_says_so(ri
     until(lambda: moving(rig))
 
 
+def test_a_command_that_goes_on_failing_is_logged_once_and_zero_is_sent(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    until(lambda: moving(rig))
+
+    def fail(*given: Any, **named: Any) -> GateDecision:
+        failures.append(1)
+        raise RuntimeError("no verdict")
+
+    failures: list[int] = []
+    monkeypatch.setattr(rig.controller, "command", fail)
+    until(lambda: len(failures) > 5)
+    assert rig.robot.sent[-1][1] == STANDSTILL
+    assert sum("sends zero" in record.message for record in caplog.records) == 1
+    monkeypatch.undo()
+    until(lambda: moving(rig))
+
+
 def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_is_accepted(
     rig: Rig,
 ) -> None:

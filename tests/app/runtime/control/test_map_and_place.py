@@ -27,7 +27,7 @@ from navcore.mission.mission import Goal, Mission, Phase
 from navcore.navigator import Stages
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause
-from tests.app.runtime.control.controlled import causes, command, controller, think
+from tests.app.runtime.control.controlled import causes, command, controller, forget_frames, think
 from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
 from tests.navcore.ticks import OPEN, SECOND, navigator
 
@@ -175,6 +175,26 @@ def test_a_jump_of_odometry_that_is_accepted_leaves_the_place_as_uncertain(
     assert math.sqrt(driver.place.covariance[2, 2]) == pytest.approx(0.5, rel=0.1)
 
 
+@pytest.mark.parametrize("last", ["late", "without a pose"])
+def test_a_reset_before_odometry_has_jumped_does_not_accept_the_jump(last: str) -> None:
+    """As after a restart of the robot's driver: the operator resets while no image comes."""
+    driver, there = controller(), Pose2(x_m=4.0, y_m=1.0, yaw_rad=1.0)
+    first = picture(stamp_ns=SECOND, pose=there)
+    driver.command(lambda: SECOND, 0.05, newest=first)
+    driver.think(first, clock=lambda: SECOND)
+    if last == "without a pose":
+        unknown = dataclasses.replace(there, x_m=math.nan)
+        frame = picture(stamp_ns=SECOND + 100_000_000, pose=unknown)
+        driver.command(lambda: 2 * SECOND, 0.05, newest=frame)
+        driver.think(frame, clock=lambda: 2 * SECOND)
+    driver.trust_pose()
+    again = picture(stamp_ns=20 * SECOND)
+    verdict = driver.command(lambda: 20 * SECOND, 0.05, newest=again)
+    assert driver.think(again, clock=lambda: 20 * SECOND) is None
+    assert Cause.POSE_JUMP in causes(verdict) and driver.sensors_in_doubt
+    assert driver.place.T_map_base.distance_to(there.x_m, there.y_m) < 0.01
+
+
 def test_an_edit_of_the_map_is_done_before_the_next_tick_also_when_its_frame_is_refused() -> None:
     driver = controller()
     think(driver, picture(Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0)), stamp_ns=SECOND))
@@ -246,9 +266,7 @@ def test_where_a_jump_was_accepted_the_robot_has_free_floor_around_it_as_at_the_
     if accepted:
         driver.trust_pose()
     else:
-        driver._mapped = driver._watched = type(
-            driver._mapped
-        )()  # the control: trusted, but not reset to this pose
+        forget_frames(driver)  # the control: trusted, but not reset to this pose
     driver.think(picture(stamp_ns=SECOND + 300_000_000, pose=there), clock=lambda: 2 * SECOND)
     known = driver.navigator.map.explored.known(SPEC)
     row, col = SPEC.cell(there.x_m - 0.8, there.y_m)

@@ -23,7 +23,7 @@ from navcore.mission.zone import Zone, ZoneKind
 from navcore.navigator import Stages
 from navcore.planning.path import NoPath, Reason
 from navcore.safety.gate import Cause, GateDecision, GateInput, gate
-from tests.app.runtime.control.controlled import causes, command, controller, think
+from tests.app.runtime.control.controlled import causes, command, controller, forget_frames, think
 from tests.navcore.scene import SPEC, Box, picture
 from tests.navcore.ticks import ACROSS, NAN, OPEN, SECOND
 
@@ -158,6 +158,24 @@ def test_a_stale_command_and_a_stale_frame_mean_zero() -> None:
     assert causes(command(driver, 0.6)) == [Cause.STALE_FRAME, Cause.STALE_COMMAND]
 
 
+@pytest.mark.parametrize("blocked_before", [False, True])
+def test_wheels_count_as_blocked_after_a_stall_of_the_commands_only_if_they_were_before_it(
+    blocked_before: bool,
+) -> None:
+    driver = controller((3.0, 0.0))
+    think(driver)
+    stands = dataclasses.replace(OPEN, twist=STANDSTILL)
+    driver._sent = driver._sent.after(Twist(v_mps=0.5, w_radps=0.0), SECOND)  # sets off just now
+    driver.command(lambda: SECOND, 0.05, newest=stands)
+    now_ns = SECOND
+    if blocked_before:
+        now_ns += DEFAULT_SAFETY.gate.blocked_ns
+        assert Cause.WHEELS_BLOCKED in causes(driver.command(lambda: now_ns, 0.05, newest=stands))
+    later_ns = now_ns + 3 * SECOND
+    verdict = driver.command(lambda: later_ns, 3.0, newest=stands)
+    assert (Cause.WHEELS_BLOCKED in causes(verdict)) is blocked_before
+
+
 def test_a_command_decided_while_the_clock_was_read_is_fresh_and_one_from_the_future_is_not() -> (
     None
 ):
@@ -230,7 +248,7 @@ def test_a_bad_frame_leaves_the_map_untouched_and_stops_the_robot_with_the_reaso
         driver.navigator.map.version,
         driver.navigator.map.explored.seen.bools,
     )
-    driver.trust_pose()
+    forget_frames(driver)
     assert driver.think(NAN, clock=lambda: SECOND) is None
     after = driver.navigator.map.points
     np.testing.assert_array_equal(before.points_map, after.points_map)
