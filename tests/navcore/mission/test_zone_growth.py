@@ -134,7 +134,7 @@ def test_what_is_left_free_stays_so_also_where_the_growth_closes_the_way_to_it(
     grown = grow(zone, spread_of(0.3**2 * np.eye(2), 2.0))
     assert len(grown.further) == 1
     in_yard, in_gap, beyond = (Point(x_m, 0.0).buffer(0.1) for x_m in (2.8, 0.15, others_m))
-    away_m = distance_m(grown, np.array([in_yard, in_gap, beyond]))
+    away_m = distance_m(grown, np.array([in_yard, in_gap, beyond], dtype=np.object_))
     assert away_m[0] == pytest.approx(distance_m(zone, np.array([in_yard]))[0] - 0.6, abs=0.1)
     assert away_m[1] == 0.0 < away_m[2]
     spec = GridSpec.centred(size_m=(20.0, 10.0), resolution_m=0.05)
@@ -143,6 +143,7 @@ def test_what_is_left_free_stays_so_also_where_the_growth_closes_the_way_to_it(
     # Every cell that the area of the zone touches, and none that is a cell away from it.
     rows, cols = np.mgrid[: spec.rows, : spec.cols]
     centres = spec.centres(np.column_stack([rows.ravel(), cols.ravel()]))
-    exact_m = distance_m(grown, shapely.points(centres)).reshape(forbidden.shape)
+    points = np.asarray(shapely.points(centres))
+    exact_m = distance_m(grown, points).reshape(forbidden.shape)
     assert forbidden[exact_m == 0.0].all() and not forbidden[exact_m > 0.05].any()
     assert grown.bounds == pytest.approx(area_of(grown).bounds)
