@@ -28,6 +28,7 @@ from navcore.localisation.map_correction import (
     AppliedCorrection,
     MapCorrection,
     PrepareCorrection,
+    is_large,
 )
 from navcore.localisation.map_trial import MapTrial
 from navcore.localisation.scans.keyframe_store import restored, stored
@@ -226,7 +227,12 @@ class Navigator:
             earlier = self._corrected
             self._corrected = correction.following(earlier) if earlier else correction
             self._mapper.follow_correction()
+        last = self.place
         self.place = place = stages.localise(self.localisation, frame, labels, people, ground_m)
+        if place.T_map_odom != last.T_map_odom:
+            self._follow_place(
+                last.T_map_odom @ frame.pose, place.T_map_odom @ last.T_map_odom.inverse()
+            )
         if self._trial.follow(place):
             self._plan_anew()
             self._taken_back = True
@@ -427,6 +433,14 @@ class Navigator:
         self._cell_margins.forget()
         self._controller.reset()
         self.behaviour = self.behaviour.after_reset()
+
+    def _follow_place(self, T_map_base: Pose2, motion: Pose2) -> None:
+        """Take what belongs to the robot's former place, T_map_base, along with a correction of it,
+        T_new_old."""
+        jumps = is_large(T_map_base, motion, self._config.localisation.tracking)
+        self.behaviour = self.behaviour.corrected(motion, jumps=jumps)
+        if jumps:
+            self._controller.reset()
 
     def _kept_from(self, grown: GrownCells, pose: Pose2, beware: BewareList) -> Costmap:
         """Return the costmap that keeps the robot from beware cells as the safety gate does, which

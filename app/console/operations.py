@@ -283,6 +283,9 @@ class LiveOperations:
         navigator = self._controller.navigator
         point_map, pose_ids = navigator.map, navigator.map.pose_ids
         # First, so that zones and goals follow the map whatever fails below.
+        if decision.taken_back:
+            # Their pose IDs are given to other poses, and a correction was of what is thrown away.
+            self._anchored.forget()
         moved = self._anchored.note_tick(decision.correction, pose_ids)
         self._recorder.note_decision(decision)
         self.insight.note_decision(decision)

@@ -121,6 +121,12 @@ class Behaviour:
         was found blocked from its former place need not be there."""
         return Behaviour(target=self.target)
 
+    def corrected(self, motion: Pose2, *, jumps: bool) -> Behaviour:
+        """Follow a correction of the robot's place on the map, T_new_old: the driven path stays
+        where odometry has it beside the robot. Start afresh after one that `jumps`."""
+        rest = self.after_reset() if jumps else self
+        return dataclasses.replace(rest, trail=motion.to_parent(self.trail))
+
     def after(
         self,
         motion: Motion,

@@ -285,6 +285,13 @@ class DynamicWindowConfig:
     batch: int = ranged(1, 1000, default=32)
     """Number of rollouts that are checked for obstacles at once."""
 
+    def __post_init__(self) -> None:
+        if self.step_s > self.horizon_s:
+            raise BadConfiguration(
+                f"control.dynamic_window: step_s {self.step_s:g} must be at most "
+                f"horizon_s {self.horizon_s:g}"
+            )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SocialConfig:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -16,6 +15,7 @@ from navcore.control.motion import Motion
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2, Twist
 from navcore.mission.zone import Zone, ZoneKind
+from navcore.mission.zone_growth import area_of
 from navcore.robot.profile import RobotProfile
 
 
@@ -38,7 +38,7 @@ def allowed_speed_mps(
     body = Polygon(pose.to_parent(profile.footprint()))
     latency_m = abs(speed_mps) * config.latency_s
     return min(
-        _braking_mps(zone, float(shapely.distance(body, _shape(zone.polygon))) - latency_m, local)
+        _braking_mps(zone, float(shapely.distance(body, area_of(zone))) - latency_m, local)
         for zone in limits
     )
 
@@ -72,7 +72,7 @@ def travel_time_s(
     for zone in zones:
         if _is_limit(zone):
             touched = shapely.dwithin(
-                middles, _shape(zone.polygon), profile.circumscribed_radius_m + zone.margin_m
+                middles, area_of(zone), profile.circumscribed_radius_m + zone.margin_m
             )
             speeds[touched] = np.minimum(speeds[touched], _limit_mps(zone))
     return float((np.hypot(*steps.T) / speeds).sum())
@@ -91,10 +91,3 @@ def _braking_mps(zone: Zone, distance_m: float, local: LocalPlannerConfig) -> fl
     return math.sqrt(
         _limit_mps(zone) ** 2 + 2 * local.braking_mps2 * max(distance_m - zone.margin_m, 0.0)
     )
-
-
-@lru_cache(maxsize=256)
-def _shape(polygon: tuple[tuple[float, float], ...]) -> Polygon:
-    shape = Polygon(polygon)
-    shapely.prepare(shape)
-    return shape

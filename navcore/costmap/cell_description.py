@@ -8,7 +8,7 @@ import numpy as np
 from navcore.errors import BlockedGoal
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, Cell, OccupancyGrid
-from navcore.grid.nearest import nearest_of, nearest_reachable
+from navcore.grid.nearest import nearest_marked, nearest_reachable
 
 IN_ZONE = "inside a beware zone"
 """Where a goal lies that a zone forbids, in words."""
@@ -46,7 +46,7 @@ def check_goal_free(
     found = (
         (nearest_reachable(blocked | ~_closed(seen), start, cell) if seen is not None else None)
         or nearest_reachable(blocked, start, cell)
-        or nearest_of(np.argwhere(~blocked), cell)
+        or nearest_marked(~blocked, cell)
     )
     nearest = None if found is None else _to_millimetres(spec.centre(*found))
     raise blocked_goal(goal, describe_cell(grid, cell), nearest=nearest)

@@ -10,14 +10,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely.geometry import Polygon
 
 from navcore.compiled import compiled
 from navcore.geometry.arrays import Bools, Floats, Indices, Points
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid, inflate_by
 from navcore.mission.zone import Zone, forbidden_cells
-from navcore.mission.zone_growth import GrownZone, grow, kept_distances
+from navcore.mission.zone_growth import GrownZone, area_of, grow, kept_distances
 from navcore.robot.profile import RobotProfile
 
 _SQUARE = np.ones((3, 3), dtype=np.uint8)
@@ -138,7 +137,7 @@ def kept_zones(spec: GridSpec, zones: Iterable[GrownZone]) -> BoolGrid:
     kept, half_m = np.zeros((spec.rows, spec.cols), dtype=np.bool_), _half_diagonal_m(spec)
     for one in zones:
         outside = one.zone.forbids_outside
-        grown = Polygon(grow(one.zone, one.spread).polygon).buffer(half_m if outside else -half_m)
+        grown = area_of(grow(one.zone, one.spread)).buffer(half_m if outside else -half_m)
         left, bottom, right, top = grown.bounds if not grown.is_empty else (0.0,) * 4
         first, last = spec.cell(left, bottom), spec.cell(right, top)
         rows = np.arange(max(first[0], 0), min(last[0] + 1, spec.rows))

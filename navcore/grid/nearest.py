@@ -24,6 +24,21 @@ def nearest_of(cells: Indices, cell: Cell, within: float = math.inf) -> Cell | N
     return int(row), int(col)
 
 
+def nearest_marked(mask: BoolGrid, cell: Cell) -> Cell | None:
+    """Return the marked cell of (rows, cols) nearest to `cell`, which may lie outside; None without
+    one. Of cells equally near the first in reading order is taken."""
+    within = 16
+    while True:
+        top, left = max(cell[0] - within, 0), max(cell[1] - within, 0)
+        part = mask[top : max(cell[0] + within + 1, 0), left : max(cell[1] + within + 1, 0)]
+        is_all = part.shape == mask.shape
+        cells = np.argwhere(part) + np.array([top, left])
+        found = nearest_of(cells, cell, math.inf if is_all else within)
+        if found is not None or is_all:
+            return found
+        within *= 2
+
+
 def cells_around(mask: CellMask, cell: Cell, within: int) -> Indices:
     """Return the (N, 2) cells of a set in the square of that many cells around `cell`, in reading
     order."""
@@ -55,4 +70,4 @@ def nearest_reachable(blocked: BoolGrid, start: Cell, goal: Cell) -> Cell | None
     # A diagonal step needs both orthogonal neighbours free, so what can be reached at all can be
     # reached by straight steps.
     _, regions = cv2.connectedComponents((~blocked).view(np.uint8), connectivity=4)
-    return nearest_of(np.argwhere(regions == regions[start]), goal)
+    return nearest_marked(regions == regions[start], goal)

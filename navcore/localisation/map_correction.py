@@ -109,7 +109,7 @@ class MapCorrection:
             return None
         poses, motion = self._localisation.corrected(closures)
         stands = abs(twist.v_mps) < _STANDING_MPS and abs(twist.w_radps) < _STANDING_RADPS
-        if self._is_large(T_map_base, motion) and not stands:
+        if is_large(T_map_base, motion, self._config) and not stands:
             self._waits = True
             return None
         before, known = self._map.poses, len(prepared.pose_ids)
@@ -125,8 +125,11 @@ class MapCorrection:
             loops=len(closures.new_loops),
         )
 
-    def _is_large(self, T_map_base: Pose2, motion: Pose2) -> bool:
-        moved = motion @ T_map_base
-        return moved.distance_to(T_map_base.x_m, T_map_base.y_m) > self._config.pending_m or abs(
-            motion.yaw_rad
-        ) > math.radians(self._config.pending_deg)
+
+def is_large(T_map_base: Pose2, motion: Pose2, config: TrackingConfig) -> bool:
+    """Return whether a correction, T_new_old, moves a robot at a pose by more than flows in while
+    it drives."""
+    moved = motion @ T_map_base
+    return moved.distance_to(T_map_base.x_m, T_map_base.y_m) > config.pending_m or abs(
+        motion.yaw_rad
+    ) > math.radians(config.pending_deg)

@@ -6,6 +6,8 @@ stay-inside zone; in a speed-limit zone the robot drives slowly (`control/speed_
 
 from __future__ import annotations
 
+import functools
+import itertools
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
@@ -16,6 +18,7 @@ from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
 from navcore.errors import BadGeometry, CrossedOutline
+from navcore.geometry.polyline import Corners
 from navcore.grid.grid import BoolGrid, GridSpec
 from navcore.mission.zone_cells import rasterise
 from navcore.mission.zone_shapes import Shape
@@ -81,6 +84,9 @@ class Zone(ZoneSpec):
     """Unique id, made by the store."""
     version: int = 1
     """Version that grows with every edit; the ETag of HTTP."""
+    further: tuple[Corners, ...] = ()
+    """Further outlines of a zone that is grown by the uncertainty of the robot's position: those of
+    the other parts of a stay-inside zone, or of the holes of another zone."""
 
     @classmethod
     def of(cls, spec: ZoneSpec, *, zone_id: str, version: int) -> Zone:
@@ -100,8 +106,8 @@ class Zone(ZoneSpec):
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(left, bottom, right, top) of the polygon in metres of the map frame."""
-        x, y = zip(*self.polygon, strict=True)
+        """(left, bottom, right, top) of all outlines in metres of the map frame."""
+        x, y = zip(*itertools.chain(self.polygon, *self.further), strict=True)
         return min(x), min(y), max(x), max(y)
 
 
@@ -143,9 +149,11 @@ def zone_masks(
 def forbidden_cells(zone: Zone, spec: GridSpec) -> BoolGrid:
     """Return the (rows, cols) cells that a zone forbids, without its margin: those that it touches,
     or those that it does not contain as a whole."""
+    further = (rasterise(outline, spec, whole=True) for outline in zone.further)
     if zone.forbids_outside:
-        return np.logical_not(rasterise(zone.polygon, spec, whole=True))
-    return rasterise(zone.polygon, spec)
+        allowed = rasterise(zone.polygon, spec, whole=True)
+        return np.logical_not(functools.reduce(np.logical_or, further, allowed))
+    return functools.reduce(np.greater, further, rasterise(zone.polygon, spec))
 
 
 def check_polygon(

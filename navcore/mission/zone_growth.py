@@ -15,9 +15,10 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import LinearRing, MultiPolygon, Polygon
 
 from navcore.geometry.arrays import Floats, Indices
+from navcore.geometry.polyline import Corners
 from navcore.geometry.transform import Matrix
 from navcore.mission.zone import Zone
 
@@ -57,34 +58,27 @@ def beyond_margin(spread: Matrix, margin_m: float) -> Matrix:
     return np.asarray((axes * (np.hypot(half_axes, margin_m) - margin_m)) @ axes.T)
 
 
-def grown_polygon(
-    corners: tuple[tuple[float, float], ...], spread: Matrix
-) -> tuple[tuple[float, float], ...]:
-    """Return the outline of a polygon plus the ellipse of `spread_of`; it contains the exact sum,
-    and holes that the growth leaves are filled."""
+def grown_outlines(corners: Corners, spread: Matrix) -> tuple[Corners, ...]:
+    """Return the outline of a polygon plus the ellipse of `spread_of`, which contains the exact
+    sum, and those of the holes that the growth leaves."""
     to_disc, from_disc = _scales(spread)
     disc = Polygon(np.asarray(corners) @ to_disc).buffer(_RADIUS, quad_segs=_ARC_SEGMENTS)
-    outline = shapely.get_coordinates(disc.exterior)[:-1] @ from_disc
-    return tuple((float(x), float(y)) for x, y in outline)
+    return tuple(_corners(ring, from_disc) for ring in (disc.exterior, *disc.interiors))
 
 
-def shrunk_polygon(
-    corners: tuple[tuple[float, float], ...], spread: Matrix
-) -> tuple[tuple[float, float], ...]:
-    """Return the outline of what is left of a polygon where the ellipse of `spread_of` fits in.
-
-    Of several parts it is the largest, and where nothing is left, a speck of the polygon in which
-    nothing else fits.
-    """
+def shrunk_outlines(corners: Corners, spread: Matrix) -> tuple[Corners, ...]:
+    """Return the outlines of the parts that are left of a polygon where the ellipse of `spread_of`
+    fits in, the largest first; where nothing is left, of a speck in which nothing else fits."""
     to_disc, from_disc = _scales(spread)
     disc = Polygon(np.asarray(corners) @ to_disc)
     parts = shapely.get_parts(disc.buffer(-_RADIUS, quad_segs=_ARC_SEGMENTS))
-    parts = parts[shapely.area(parts) > 0]
-    if len(parts):
-        left = parts[np.argmax(shapely.area(parts))]
-    else:
-        left = disc.representative_point().buffer(_LEAST_M, quad_segs=1)
-    outline = shapely.get_coordinates(left.exterior)[:-1] @ from_disc
+    left = sorted((part for part in parts if part.area > 0), key=lambda part: -part.area)
+    left = left or [disc.representative_point().buffer(_LEAST_M, quad_segs=1)]
+    return tuple(_corners(part.exterior, from_disc) for part in left)
+
+
+def _corners(ring: LinearRing, from_disc: Matrix) -> Corners:
+    outline = shapely.get_coordinates(ring)[:-1] @ from_disc
     return tuple((float(x), float(y)) for x, y in outline)
 
 
@@ -98,8 +92,9 @@ def _scales(spread: Matrix) -> tuple[Matrix, Matrix]:
 
 def grow(zone: Zone, spread: Matrix) -> Zone:
     """Return the zone with what it forbids grown by the ellipse of `spread_of`."""
-    outline = shrunk_polygon if zone.forbids_outside else grown_polygon
-    return dataclasses.replace(zone, polygon=outline(zone.polygon, spread))
+    outlines = shrunk_outlines if zone.forbids_outside else grown_outlines
+    polygon, *further = outlines(zone.polygon, spread)
+    return dataclasses.replace(zone, polygon=polygon, further=tuple(further))
 
 
 def covering(covariance: Matrix) -> Matrix:
@@ -116,21 +111,35 @@ def most_growth_m(covariance: Matrix, sigmas: float) -> float:
 
 
 @lru_cache(maxsize=256)
-def polygon_of(corners: tuple[tuple[float, float], ...]) -> Polygon:
-    """Return a polygon by its corners, prepared for many queries."""
-    polygon = Polygon(corners)
+def polygon_of(corners: Corners, holes: tuple[Corners, ...] = ()) -> Polygon:
+    """Return a polygon by its corners and those of its holes, prepared for many queries."""
+    polygon = Polygon(corners, holes)
     shapely.prepare(polygon)
     return polygon
+
+
+def area_of(zone: Zone) -> Polygon | MultiPolygon:
+    """Return the area of a zone, prepared for many queries."""
+    if zone.further and zone.forbids_outside:
+        return _parts_of((zone.polygon, *zone.further))
+    return polygon_of(zone.polygon, zone.further)
+
+
+@lru_cache(maxsize=64)
+def _parts_of(outlines: tuple[Corners, ...]) -> MultiPolygon:
+    parts = MultiPolygon([Polygon(corners) for corners in outlines])
+    shapely.prepare(parts)
+    return parts
 
 
 def distance_m(zone: Zone, shapes: npt.NDArray[np.object_]) -> Floats:
     """Return (N,) distances in metres of N shapes of the map frame from what a zone forbids, 0
     where they touch it."""
-    polygon = polygon_of(zone.polygon)
+    area = area_of(zone)
     if not zone.forbids_outside:
-        return np.asarray(shapely.distance(polygon, shapes))
-    inside = shapely.covers(polygon, shapes)
-    return np.where(inside, shapely.distance(polygon.exterior, shapes), 0.0)
+        return np.asarray(shapely.distance(area, shapes))
+    inside = shapely.covers(area, shapes)
+    return np.where(inside, shapely.distance(area.boundary, shapes), 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -42,27 +42,33 @@ def lacking_cells(space: FreeSpace, start: Cell, goal: Cell, outcome: Path | NoP
     if sides == 0:
         return None
     if isinstance(outcome, NoPath) and not all(
-        _reaches_border(free, rows, cols, end) for end in (start, goal)
+        sides_reached(free, rows, cols, end) for end in (start, goal)
     ):
         return None
+    return beyond(sides, rows, cols)
+
+
+def beyond(sides: int, rows: int, cols: int, lines: int = 1) -> Box:
+    """Return the grid of (rows, cols) with some lines more on some sides."""
     return (
-        -int(sides & TOP > 0),
-        -int(sides & LEFT > 0),
-        rows + int(sides & BOTTOM > 0),
-        cols + int(sides & RIGHT > 0),
+        -lines * int(sides & TOP > 0),
+        -lines * int(sides & LEFT > 0),
+        rows + lines * int(sides & BOTTOM > 0),
+        cols + lines * int(sides & RIGHT > 0),
     )
 
 
-def _reaches_border(free: BitPlane, rows: int, cols: int, cell: Cell) -> bool:
+def sides_reached(free: BitPlane, rows: int, cols: int, cell: Cell) -> int:
+    """Return the sides of the grid that free cells connect a cell with."""
     reached = np.zeros_like(free)
     flood(free, reached, plane_of(cell, like=free))
     ends = reached[PAD : PAD + rows]
     first, last = PAD, PAD + cols - 1
-    return bool(
-        ends[0].any()
-        or ends[-1].any()
-        or (ends[:, first >> 6] & ONE << np.uint64(first & 63)).any()
-        or (ends[:, last >> 6] & ONE << np.uint64(last & 63)).any()
+    return (
+        TOP * int(ends[0].any())
+        | BOTTOM * int(ends[-1].any())
+        | LEFT * int((ends[:, first >> 6] & ONE << np.uint64(first & 63)).any())
+        | RIGHT * int((ends[:, last >> 6] & ONE << np.uint64(last & 63)).any())
     )
 
 

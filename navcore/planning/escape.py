@@ -37,6 +37,8 @@ class EscapePath:
     """First cell of the part, in cells of the map."""
     free: BitPlane
     """Plane of the part's free cells."""
+    start: Cell | None = None
+    """Cell of the part at which the search began; None where it could not begin."""
 
     @property
     def on_the_map(self) -> Path | NoPath:
@@ -120,7 +122,8 @@ def _exit_within(
         if start is None
         else nearest_exit(closed=closed, inside=inside, start=start)
     )
-    return EscapePath(outcome=outcome, spec=spec, corner=box[:2], free=free.plane), own
+    found = EscapePath(outcome=outcome, spec=spec, corner=box[:2], free=free.plane, start=start)
+    return found, own
 
 
 def _goes_on(areas: Iterable[BoolGrid], box: tuple[int, int, int, int], spec: GridSpec) -> bool:

@@ -21,9 +21,17 @@ from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
-from navcore.planning.border import lacking_cells
+from navcore.planning.border import (
+    BOTTOM,
+    LEFT,
+    RIGHT,
+    TOP,
+    beyond,
+    lacking_cells,
+    sides_reached,
+)
 from navcore.planning.detour_viewpoint import DetourViewpoint
-from navcore.planning.escape import escape_path
+from navcore.planning.escape import EscapePath, escape_path
 from navcore.planning.gap_viewpoint import viewpoint_before_gap
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan_in
@@ -32,6 +40,10 @@ from navcore.planning.route import Route, build_route, no_route
 from navcore.planning.search.open_list import SearchWorkspace
 from navcore.planning.weighted_planner import WeightedPlanner, path_cost, plan_weighted
 from navcore.robot.profile import RobotProfile
+
+ESCAPE_WITHIN_M = 50.0
+"""Distance in metres of a border of the grid beyond which no grid is searched that is larger for
+the way out of an area: a search takes seconds there."""
 
 
 class GlobalPlanner:
@@ -172,6 +184,8 @@ class GlobalPlanner:
         area but the one it starts in. `zones` are those that the costmap was made with.
         """
         found = escape_path(costmap, pose, zones, self._profile, self._config)
+        if found.outcome == NoPath(reason=Reason.UNREACHABLE):
+            self.lacking = _beyond_escape(found)  # all of the grid was searched
         if isinstance(found.outcome, NoPath):
             return no_route(found.outcome.reason)
         goal = found.spec.centre(*found.outcome.cells[-1])
@@ -301,6 +315,22 @@ class GlobalPlanner:
     def _built(self, outcome: Path | NoPath, goal: tuple[float, float], spec: GridSpec) -> Route:
         free = self._space.across[FREE]
         return build_route(outcome, goal, free, spec, self._profile, self._config)
+
+
+def _beyond_escape(found: EscapePath) -> Box | None:
+    """Return the part in which an area may end that ends nowhere on the grid; None where the robot
+    is kept from the border, or has it `ESCAPE_WITHIN_M` away.
+
+    It is half as long again as the grid, which is searched again as a whole.
+    """
+    if found.start is None:
+        return None
+    rows, cols, (row, col) = found.spec.rows, found.spec.cols, found.start
+    away = {TOP: row, LEFT: col, BOTTOM: rows - 1 - row, RIGHT: cols - 1 - col}
+    reached = sides_reached(found.free, rows, cols, found.start)
+    within = ESCAPE_WITHIN_M / found.spec.resolution_m
+    sides = reached & sum(side for side, cells in away.items() if cells < within)
+    return beyond(sides, rows, cols, max(rows, cols) // 4) if sides else None
 
 
 def goal_tolerance_m(config: NavigatorConfig, profile: RobotProfile) -> float:

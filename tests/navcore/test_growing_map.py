@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from navcore.config.navigator import NavigatorConfig
+from navcore.geometry.polyline import Corners
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import Box as Part
 from navcore.grid.grid import GridSpec
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.navigator import Navigator, TickResult
 from navcore.perception.colour_segmenter import ColourSegmenter
+from navcore.planning import global_planner
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
 from navcore.robot.profile import HUSKY
@@ -131,6 +133,31 @@ def test_a_path_that_is_shorter_outside_is_taken_where_another_one_is_on_the_gri
     assert path_of(decision).length == pytest.approx(expected.length)
     south = navigator_on(SMALL, FixedNavigator).tick(picture(), order)
     assert path_of(south).length > 1.3 * expected.length  # control
+
+
+@pytest.mark.parametrize(
+    ("kind", "corners", "has_exit"),
+    [
+        (ZoneKind.KEEP_OUT, ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)), True),
+        (ZoneKind.STAY_INSIDE, ((11.0, -5.0), (21.0, -5.0), (21.0, 5.0), (11.0, 5.0)), True),
+        (ZoneKind.KEEP_OUT, ((-5e3, -5e3), (5e3, -5e3), (5e3, 5e3), (-5e3, 5e3)), False),
+    ],
+)
+def test_a_robot_leaves_an_area_that_ends_beyond_the_grid(
+    kind: ZoneKind, corners: Corners, has_exit: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(global_planner, "ESCAPE_WITHIN_M", 15.0)
+    area = Zone(id="a", name="a", polygon=corners, kind=kind)
+    leave = dataclasses.replace(ORDER, goal=None, leave=True, zones=(area,))
+    for navigator in (navigator_on(SMALL), navigator_on(SMALL, FixedNavigator)):
+        route = navigator.tick(picture(), leave).route
+        assert route is not None
+        if has_exit and not isinstance(navigator, FixedNavigator):
+            assert isinstance(route.outcome, Path)
+            assert 9.0 < route.outcome.length * 0.05 < 14.0
+        else:
+            assert route.outcome == NoPath(reason=Reason.UNREACHABLE)
+        assert max(navigator.map.spec.rows, navigator.map.spec.cols) * 0.05 < 80.0
 
 
 def test_no_path_leads_out_of_a_site_and_the_grid_does_not_grow_beyond_it() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -12,11 +15,14 @@ from navcore.errors import BadFrame
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.nearest import nearest_free
+from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.localisation import Localisation
 from navcore.localisation.map_correction import AppliedCorrection
 from navcore.navigator import Stages
 from navcore.planning.path import NoPath, Path, Reason
+from navcore.robot.frame import Frame
 from tests.navcore.scene import SPEC, Box, Paint, picture
-from tests.navcore.ticks import ACROSS, NAN, OPEN, navigator, order
+from tests.navcore.ticks import ACROSS, NAN, OPEN, SECOND, navigator, order
 
 RED_PATCH = Paint(x=(1.6, 2.4), y=(-0.5, 0.5))
 
@@ -124,3 +130,26 @@ def test_a_start_inside_the_inflation_is_moved_to_the_nearest_free_cell_within_r
     assert nearest_free(CellMask.of(~blocked), (8, 8), 3.9) is None
     assert nearest_free(CellMask.of(~blocked), (8, 8), 4.0) in {(4, 8), (8, 4), (12, 8), (8, 12)}
     assert nearest_free(CellMask.of(~blocked), (-1, 30), 4.0) == (-1, 30)
+
+
+@pytest.mark.parametrize("correction", [pose(0.05), Pose2(x_m=5.0, y_m=-2.0, yaw_rad=1.5)])
+def test_the_driven_path_is_behind_the_robot_after_a_correction_of_its_place(
+    correction: Pose2,
+) -> None:
+    applied = [pose(0.0)]
+
+    def localise(localisation: Localisation, frame: Frame, *seen: Any) -> LocalisationEstimate:
+        found = Localisation.update(localisation, frame, *seen)
+        at = applied[0] @ frame.pose
+        return dataclasses.replace(found, T_map_odom=applied[0], T_map_base=at)
+
+    loop = navigator(Stages(localise=localise))
+    for number in range(3):
+        frame = picture(pose=pose(0.3 * number), stamp_ns=(number + 1) * SECOND)
+        loop.tick(frame, order())
+    loop.behaviour = dataclasses.replace(loop.behaviour, closed=(ACROSS,))
+    applied[0] = correction
+    loop.tick(picture(pose=pose(0.9), stamp_ns=4 * SECOND), order())
+    behind = (correction @ pose(0.9)).from_parent(loop.behaviour.trail[1:])
+    np.testing.assert_allclose(behind, [(-0.3, 0.0), (-0.6, 0.0), (-0.9, 0.0)], atol=1e-9)
+    assert loop.behaviour.closed == (() if correction.x_m > 1.0 else (ACROSS,))

@@ -74,7 +74,7 @@ class AnchoredItems:
         return tuple(told)
 
     def forget(self) -> None:
-        """Forget all anchors: the robot is at another site now."""
+        """Forget all anchors: the map, with the poses that they belong to, is another one now."""
         self._zone_anchors, self._goal_anchors = {}, {}
 
     def _move_zones(self, correction: AppliedCorrection) -> list[str]:

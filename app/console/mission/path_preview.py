@@ -163,8 +163,9 @@ def blocking_zones(
 def _is_near(zone: Zone, points: npt.NDArray[np.float64]) -> bool:
     """Return whether the bounding box of a zone, grown by a metre and the zone's margin, contains a
     point of a path; no robot has a larger half width and margin."""
-    corners = np.array(zone.polygon)
-    low, high = corners.min(axis=0) - 1.0 - zone.margin_m, corners.max(axis=0) + 1.0 + zone.margin_m
+    left, bottom, right, top = zone.bounds
+    within_m = 1.0 + zone.margin_m
+    low, high = (left - within_m, bottom - within_m), (right + within_m, top + within_m)
     return bool(((points >= low) & (points <= high)).all(axis=1).any())
 
 

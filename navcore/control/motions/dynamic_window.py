@@ -76,7 +76,7 @@ def will_collide(checker: CollisionChecker, twist: Twist, now: Twist) -> bool:
 def _poses(profile: RobotProfile, pairs: Floats, now: Twist, config: DynamicWindowConfig) -> Floats:
     """(A, S, 3) the rollout of each pair of velocities, base frame."""
     limits = profile.max_accel_mps2, profile.max_yaw_accel_radps2
-    steps = round(config.horizon_s / config.step_s)
+    steps = math.floor(config.horizon_s / config.step_s + 1e-6)
     return np.asarray(
         _rollouts(pairs, now.v_mps, now.w_radps, *limits, steps, config.step_s, config.first_s)
     )

@@ -3,7 +3,8 @@ position became uncertain.
 
 The velocity is chosen that gains most distance from the zones among those on which the footprint
 comes nearer to none, which are those that the safety gate lets pass. Where none gains any, as
-beside a zone's long edge, where every turn brings a corner nearer, the robot drives along it.
+beside a zone's long edge, where every turn brings a corner nearer, the robot drives along it. It
+does not turn for no gain: in a room without a place outside of the growth it would do so for ever.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from navcore.geometry.transform import Pose2, Twist
 from navcore.mission.zone_growth import GrownZone
 
 _ROUNDING = 1e-9
+_LEAST_GAIN_M = 1e-3
+"""Gain in metres below which a turn in place gains nothing."""
 
 
 def drive_out(
@@ -29,7 +32,8 @@ def drive_out(
     previous: Motion,
 ) -> Motion:
     """Return the motion that leads a robot at a pose, map frame, out of the growth of the zones
-    around it; standing where every motion comes nearer to one, or to an obstacle.
+    around it; standing where every motion comes nearer to one, or to an obstacle, or where all that
+    is left is to turn for no gain.
 
     Of motions that gain as much the one is taken that comes nearer to the goal, (x, y) in the map
     frame.
@@ -43,12 +47,15 @@ def drive_out(
     x_m, y_m = goal
     nearer_m = pose.distance_to(x_m, y_m) - np.hypot(*(ends - goal).T)
     keeps_on = twists[:, 0] * previous.twist.v_mps > 0
+    if previous.twist.v_mps == 0:
+        keeps_on = (twists[:, 0] == 0) & (twists[:, 1] * previous.twist.w_radps > 0)
     score = gained_m + config.goal_weight * nearer_m + config.keep_on_m * keeps_on
     score[~(clear.all(axis=1) & permitted)] = -np.inf
     best = int(np.argmax(score))
-    if not np.isfinite(score[best]):
-        return BLOCKED
     v_mps, w_radps = twists[best].tolist()
+    turns_in_vain = v_mps == 0 and gained_m[best] < _LEAST_GAIN_M
+    if not np.isfinite(score[best]) or turns_in_vain:
+        return BLOCKED
     state = ControllerState.FOLLOW if v_mps > 0 else ControllerState.BACK
     outcome = ControllerState.TURN if v_mps == 0 else state
     return Motion(twist=Twist(v_mps=v_mps, w_radps=w_radps), outcome=outcome)

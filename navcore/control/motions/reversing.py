@@ -24,7 +24,7 @@ def back_off(checker: CollisionChecker, began: Pose2) -> Motion:
     # In so tight a bend a corner of the front moves forward.
     count[np.abs(curvatures) * checker.profile.width_m / 2 >= 1] = 0
     arc = int(np.argmax(count - config.curvature_weight * np.abs(curvatures)))
-    if count[arc] <= config.poses // 2:
+    if count[arc] <= behind.shape[1] // 2:  # an arc may have fewer poses than are to be checked
         return BLOCKED
     speed = config.speed_mps
     twist = Twist(v_mps=-speed, w_radps=-speed * float(curvatures[arc]))

@@ -133,6 +133,8 @@ def empty_patch(box: Box) -> Patch:
 class Explored:
     """Explored cells of a whole grid."""
 
+    spec: GridSpec
+    """The grid."""
     planes: BitPlanes
     """(`PLANES`, lines, words) padded planes of cells."""
     volume: Words
@@ -145,13 +147,14 @@ class Explored:
         # Pages that are never written to cost no memory.
         plane = empty_plane(spec.rows, spec.cols)
         return Explored(
+            spec=spec,
             planes=np.zeros((PLANES, *plane.shape), dtype=np.uint64),
             volume=np.zeros((-(-spec.rows // BLOCK), -(-spec.cols // BLOCK)), dtype=np.uint64),
         )
 
     def copied(self) -> Explored:
         """Return a copy."""
-        return Explored(planes=self.planes.copy(), volume=self.volume.copy())
+        return Explored(spec=self.spec, planes=self.planes.copy(), volume=self.volume.copy())
 
     def part(self, box: Box) -> Patch:
         """Return the present cells of a part of the grid, with the borders of a patch."""

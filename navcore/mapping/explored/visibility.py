@@ -137,15 +137,16 @@ class VisibilityMap:
     @property
     def floor(self) -> CellMask:
         """Snapshot of the cells that were measured, seen across or driven on."""
-        plane = self.measured | self.visible | self.driven
-        return CellMask(plane, self.spec.rows, self.spec.cols)
+        return _floor_of(self.live)
 
     def unseen_on(self, spec: GridSpec) -> BoolGrid:
         """Return (rows, cols) of a grid aligned to this one, True for the cells that were neither
-        measured, seen across nor driven on; cells beyond this map are unseen."""
-        resolution_m, floor = self.spec.resolution_m, self.floor
-        top = round((spec.origin_y_m - self.spec.origin_y_m) / resolution_m)
-        left = round((spec.origin_x_m - self.spec.origin_x_m) / resolution_m)
+        measured, seen across nor driven on; cells beyond this map are unseen. Any thread may call
+        it."""
+        live = self.live  # read once: another thread may be growing the grid
+        own, resolution_m, floor = live.spec, live.spec.resolution_m, _floor_of(live)
+        top = round((spec.origin_y_m - own.origin_y_m) / resolution_m)
+        left = round((spec.origin_x_m - own.origin_x_m) / resolution_m)
         low, high = max(top, 0), min(top + spec.rows, floor.rows)
         near, far = max(left, 0), min(left + spec.cols, floor.cols)
         unseen = np.ones((spec.rows, spec.cols), dtype=np.bool_)
@@ -276,6 +277,11 @@ class VisibilityMap:
             self._touched = joined([marked.box, self._touched or marked.box])
         marked.mark_on(self.live.planes, self.live.volume)
         return marked
+
+
+def _floor_of(explored: Explored) -> CellMask:
+    plane = explored.planes[MEASURED] | explored.planes[VISIBLE] | explored.planes[DRIVEN]
+    return CellMask(plane, explored.spec.rows, explored.spec.cols)
 
 
 @compiled

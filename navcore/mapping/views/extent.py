@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterable
 
 import shapely
-from shapely.geometry import Polygon
 
 from navcore.compiled import compiled
 from navcore.geometry.arrays import FloatImage
@@ -17,6 +16,7 @@ from navcore.grid.grid import Box, GridSpec
 from navcore.grid.growth import hull, joined
 from navcore.mapping.views.voxels import frustum_cells
 from navcore.mission.zone import Zone
+from navcore.mission.zone_growth import area_of
 from navcore.robot.frame import Frame
 
 Bounds = tuple[float, float, float, float]
@@ -77,7 +77,7 @@ def _forbidden_within(zone: Zone, near: Bounds) -> Bounds | None:
     left, bottom, right, top = zone.bounds
     if zone.forbids_outside:
         square = shapely.box(*near).buffer(margin_m)
-        return None if shapely.covers(Polygon(zone.polygon), square) else near
+        return None if shapely.covers(area_of(zone), square) else near
     left, bottom = max(left - margin_m, near[0]), max(bottom - margin_m, near[1])
     right, top = min(right + margin_m, near[2]), min(top + margin_m, near[3])
     return (left, bottom, right, top) if left <= right and bottom <= top else None

@@ -14,11 +14,14 @@ from app.console.operations import LiveOperations
 from app.storage import Store
 from navcore.errors import OtherSite, Refused
 from navcore.geometry.transform import IDENTITY, STANDSTILL, Pose2
+from navcore.localisation.map_correction import AppliedCorrection
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.robot.driver import Command
 from navcore.safety.gate import Cause
 from tests.app.console.test_changing_site import operations_of
+from tests.navcore.mapping.points.moved_poses import move
 from tests.reliability.fault_runs import BenchRobot, first_frame, standing_controller
+from web.interface.drafts import ZoneDraft
 from web.interface.operations import MissionAction
 
 PAUSED = Mission(phase=Phase.PAUSED, queue=(Goal(id=1, x_m=3.0, y_m=0.0),))
@@ -139,3 +142,32 @@ def test_every_action_on_the_mission_ends_driving_by_hand_and_so_backing_off(
     operations.mission(action)
     assert controller.intent.by_hand is None
     assert not controller.intent.mission.goes_on
+
+
+def test_zones_belong_to_no_pose_of_a_map_that_was_taken_back(operations: LiveOperations) -> None:
+    controller, scene = operations._controller, first_frame()
+    pose_ids = controller.navigator.map.pose_ids
+    saved = pose_ids.array()
+    pose_ids.restore(saved)  # as of a map that was loaded
+    decision = controller.think(scene, clock=lambda: scene.stamp_ns)
+    assert decision is not None
+    here, before = decision.frame.pose, pose_ids.poses
+    assert len(before) > len(saved)
+    corners = ((1.0, 0.0), (2.0, 0.0), (2.0, 1.0))
+    beside = tuple((here.x_m + x, here.y_m + y) for x, y in corners)
+    operations.zones.add(ZoneDraft(name="wet", polygon=beside))
+    operations.note_decision(decision)
+
+    def corrected() -> AppliedCorrection:
+        old = pose_ids.poses
+        move(pose_ids, {n: dataclasses.replace(p, x_m=p.x_m + 0.5) for n, p in enumerate(old)})
+        return AppliedCorrection(before=old, after=pose_ids.poses, motion=IDENTITY, loops=1)
+
+    of_trial = corrected()
+    pose_ids.restore(saved)
+    operations.note_decision(dataclasses.replace(decision, correction=of_trial, taken_back=True))
+    assert operations.zones.stored[0].polygon == beside, "the correction is taken back as well"
+    elsewhere = Pose2(x_m=here.x_m + 30.0, y_m=here.y_m, yaw_rad=0.0)
+    pose_ids.extend([elsewhere] * len(before))
+    operations.note_decision(dataclasses.replace(decision, correction=corrected()))
+    assert operations.zones.stored[0].polygon == beside

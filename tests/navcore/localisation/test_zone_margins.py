@@ -22,12 +22,13 @@ from navcore.mission.zone_growth import (
     covering,
     distance_m,
     grow,
-    grown_polygon,
+    grown_outlines,
     polygon_of,
     spread_of,
 )
 from navcore.robot.profile import HUSKY
 from sim.truth.random_missions import EXTRA_CLEARANCE_M
+from tests.navcore.mission.test_zone_growth import ROOMS
 
 ZONE = Zone(id="z", name="z", polygon=((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)))
 
@@ -52,7 +53,7 @@ def test_zone_and_margin_contain_what_uncertainty_and_margin_need_at_every_step(
         sigma_m = 0.2 * step / 400
         (grown,) = margins.follow((ZONE,), place(0.1 * step, sigma_m))
         asked_m = GATE.sigmas * sigma_m * np.array([1.0, 2.0])
-        needed = grown_polygon(ZONE.polygon, np.diag(np.hypot(asked_m, MARGIN_M)))
+        needed = grown_outlines(ZONE.polygon, np.diag(np.hypot(asked_m, MARGIN_M)))[0]
         if 2 * GATE.sigmas * sigma_m > ZoneMarginConfig().negligible_m:
             # The circumscribed arcs are polygons themselves: they differ by a millimetre.
             kept = Polygon(grown.polygon).buffer(MARGIN_M + 0.006)
@@ -278,6 +279,14 @@ def test_the_zone_whose_growth_the_robot_is_in_is_named_until_it_is_out() -> Non
     assert covering(0.2, 0.3) == [ZONE.id]
     assert covering(-0.5, 0.3) == []
     assert covering(0.8, 0.3) == []  # the body is in the zone itself: to leave it takes an order
+
+
+def test_a_robot_in_the_smaller_part_of_a_site_is_not_in_its_growth() -> None:
+    site = dataclasses.replace(ZONE, polygon=ROOMS, kind=ZoneKind.STAY_INSIDE)
+    margins, here = margins_of(), place(2.8, 0.2)
+    margins.follow((site,), place(-4.0, 0.0))
+    margins.follow((site,), here)
+    assert margins.covering_robot((site,), here) == ()
 
 
 def test_the_clearance_is_given_up_where_it_closes_the_way() -> None:

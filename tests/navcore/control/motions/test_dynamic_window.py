@@ -8,11 +8,20 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from navcore.config.control import LocalPlannerConfig
+from navcore.config.control import (
+    ControlConfig,
+    DynamicWindowConfig,
+    LocalPlannerConfig,
+    ReverseConfig,
+)
 from navcore.config.people import PeopleConfig
+from navcore.control.collision.collision_checker import CollisionChecker
 from navcore.control.local_planner import LocalPlannerInput, compute_velocity
 from navcore.control.motion import IDLE, ControllerState
+from navcore.control.motions.dynamic_window import will_collide
+from navcore.control.motions.reversing import back_off
 from navcore.control.people.people_state import PeopleState
+from navcore.errors import BadConfiguration
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.perception.people.track import Track
 from navcore.robot.profile import HUSKY, RobotProfile, load_profile
@@ -140,6 +149,35 @@ def test_it_drives_onto_no_wall_to_move_aside() -> None:
     corridor = np.vstack([np.column_stack([x, np.full_like(x, side)]) for side in (-0.6, 0.6)])
     _, near_wall, _ = meeting((5.0, 0.0, -0.6, 0.0), walls=corridor)
     assert near_wall > 0.0
+
+
+def open_floor(control: ControlConfig, *walking: float) -> CollisionChecker:
+    """The surroundings of a robot that nothing stands near, with a person who walks."""
+    people = PeopleState(walking=np.reshape(walking, (-1, 5)), standing=np.empty((0, 5)))
+    return CollisionChecker(
+        obstacles=NONE,
+        unseen=NONE,
+        cell_radius_m=0.035,
+        profile=HUSKY,
+        local=LocalPlannerConfig(),
+        control=control,
+        people=people,
+    )
+
+
+def test_no_step_is_beyond_the_horizon() -> None:
+    """What is met there would cost less than nothing."""
+    with pytest.raises(BadConfiguration, match=r"at most horizon_s 0\.2"):
+        DynamicWindowConfig(horizon_s=0.2, step_s=1.0)
+    window = DynamicWindowConfig(horizon_s=0.65, step_s=0.4)
+    near = open_floor(ControlConfig(dynamic_window=window), 1.0, 0.0, -1.0, 0.0, 0.3)
+    assert will_collide(near, Twist(v_mps=1.0, w_radps=0.0), STANDSTILL)
+
+
+def test_a_robot_backs_off_also_where_an_arc_has_fewer_poses_than_are_checked() -> None:
+    control = ControlConfig(reverse=ReverseConfig(poses=100))
+    here = Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    assert back_off(open_floor(control), here).outcome is ControllerState.BACK
 
 
 def test_a_robot_that_yields_stands_before_the_same_walker() -> None:

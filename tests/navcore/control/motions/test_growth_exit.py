@@ -14,7 +14,7 @@ from navcore.control.motion import IDLE, ControllerState
 from navcore.control.motions.growth_exit import drive_out
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import Pose2
-from navcore.mission.zone import Zone
+from navcore.mission.zone import Zone, ZoneKind
 from navcore.mission.zone_growth import GrownZone, spread_of
 from navcore.robot.profile import HUSKY
 from navcore.safety.keep_out_monitor import KeepOuts, permitted_share
@@ -60,6 +60,21 @@ def test_the_robot_gets_out_and_at_no_time_nearer_and_the_gate_lets_it(yaw_deg: 
         pose = pose @ half @ chord @ half
         assert relative(pose) >= now - 1e-3
     assert relative(pose) >= 1.0
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 20, 45])
+def test_in_a_room_that_is_all_growth_the_robot_comes_to_a_stand(yaw_deg: int) -> None:
+    corners = ((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0))
+    room = Zone(id="r", name="r", polygon=corners, kind=ZoneKind.STAY_INSIDE)
+    around = (GrownZone(room, spread_of(COVARIANCE, DEFAULT_SAFETY.keep_out.sigmas)),)
+    pose, motion = Pose2(x_m=0.5, y_m=0.1, yaw_rad=math.radians(yaw_deg)), IDLE
+    for _ in range(150):
+        motion = drive_out(checker(), around, pose, GOAL, motion)
+        if motion.outcome is ControllerState.BLOCKED:
+            break
+        turned = Pose2(x_m=0.0, y_m=0.0, yaw_rad=motion.twist.w_radps * PERIOD_S)
+        pose = pose @ turned @ Pose2(x_m=motion.twist.v_mps * PERIOD_S, y_m=0.0, yaw_rad=0.0)
+    assert motion.outcome is ControllerState.BLOCKED
 
 
 def test_between_the_zone_and_an_obstacle_behind_the_robot_stands() -> None:
