@@ -8,16 +8,15 @@ and the same computation gives the preview of an edit.
 from __future__ import annotations
 
 import dataclasses
-import threading
 from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from app.console.beware.recent_frames import RecentFrame, RecentFrames
+from app.console.map_reading import MapHolder, read_map
 from navcore.config.navigator import NavigatorConfig
 from navcore.costmap.costmap import Costmap
-from navcore.errors import Refused
 from navcore.geometry.arrays import FloatImage
 from navcore.grid.grid import BoolGrid, GridSpec, OccupancyGrid
 from navcore.mapping.layers import least_confidence
@@ -36,15 +35,6 @@ from navcore.perception.prototype import prototype_labels
 from navcore.robot.frame import Frame
 
 NO_POINTS = np.zeros(0, dtype=POINT)
-WAIT_S = 3.0
-"""Longest wait of a preview for the thread of the map, seconds."""
-
-
-class MapHolder(Protocol):
-    """A holder of the map; `app.runtime.control.robot_controller.RobotController` is one."""
-
-    def edit_map(self, edit: Callable[[PointMap], None]) -> None:
-        """Have the thread of the map edit it, after the edits before."""
 
 
 class FrameDescriber(Protocol):
@@ -135,21 +125,14 @@ class BewareMap:
         changes = self._changes(before, after)
         seen = self._seen(_ruled(changes))
         seen += self._seen_by_example(self._new_examples(before, after))
-        taken: list[tuple[Costmap, Records, PastView]] = []
-        done = threading.Event()
 
-        def copy(point_map: PointMap) -> None:
+        def copy(point_map: PointMap) -> tuple[Costmap, Records, PastView] | None:
             costmap = occupancy()
-            if costmap is not None and costmap.spec == point_map.spec:
-                taken.append(
-                    (costmap, point_map.edits.beware_points, self._past_view(point_map, seen))
-                )
-            done.set()
+            if costmap is None or costmap.spec != point_map.spec:
+                return None
+            return costmap, point_map.edits.beware_points, self._past_view(point_map, seen)
 
-        self._holder.edit_map(copy)
-        if not done.wait(WAIT_S) or not taken:
-            raise Refused("there is no map now; the camera delivers no image")
-        costmap, points, past = taken[0]
+        costmap, points, past = read_map(self._holder, copy)
         stays = np.ones(len(points), dtype=np.bool_)
         for change in changes:
             found = (points["class_id"] == change.entry.class_id) & (points["confidence"] >= 1)

@@ -15,7 +15,8 @@ import numpy as np
 import shapely
 
 from app.console.edit_history import Edit, EditStack
-from app.console.site.map_regions import REACH_M, Region, distance_m, regions_of
+from app.console.map_reading import MapHolder, read_map
+from app.console.site.map_regions import REACH_M, ClassCells, Region, distance_m, regions_of
 from app.insight.detections import DetectionExtent
 from navcore.errors import BadGeometry, NotKnown, Refused
 from navcore.mapping.point_map import PointMap
@@ -38,13 +39,6 @@ _WHAT = {
     Erasable.BOTH: "obstacles and beware points",
 }
 Tell = Callable[[str, Position], None]
-
-
-class MapHolder(Protocol):
-    """A holder of the map; `app.runtime.control.robot_controller.RobotController` is one."""
-
-    def edit_map(self, edit: Callable[[PointMap], None]) -> None:
-        """Have the thread of the map edit it, after the edits before."""
 
 
 class Gallery(Protocol):
@@ -236,8 +230,10 @@ class MapEditor:
 
     def reject_at(self, class_id: int, at: Position, *, all_of_class: bool, by: str) -> None:
         """Free the region of a class at a place of the map, or all of its regions, and remember
-        that it takes better evidence there, whatever has shown it: a kept map has no detections."""
-        regions = regions_of(self._map, class_id, None if all_of_class else at)
+        that it takes better evidence there, whatever has shown it: a kept map has no detections.
+        Raises `Refused` where there is none, and without a tick that could tell."""
+        cells = read_map(self._holder, lambda point_map: ClassCells.of(point_map, class_id))
+        regions = regions_of(cells, None if all_of_class else at)
         name, (x_m, y_m) = self._beware().titles.get(class_id, f"class {class_id}"), at
         if not regions:
             raise Refused(f"there is nothing of “{name}” on the map at ({x_m:.1f}, {y_m:.1f})")

@@ -35,7 +35,7 @@ class PlainHolder:
 
 
 class PlainMap:
-    """Satisfies `app.console.beware.beware_map.MapHolder`: an edit is done at once, or waits for
+    """Satisfies `app.console.map_reading.MapHolder`: an edit is done at once, or waits for
     `follow`, as for the next tick."""
 
     def __init__(self, point_map: PointMap, *, waits: bool = False) -> None:

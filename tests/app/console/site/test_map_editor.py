@@ -37,9 +37,12 @@ class Holder:
         occupied[row : row + 20, col : col + 20] = True
         self.map.load_prior(occupied)
         self.posted: list[Callable[[PointMap], None]] = []
+        self.at_once = False
 
     def edit_map(self, edit: Callable[[PointMap], None]) -> None:
         self.posted.append(edit)
+        if self.at_once:
+            self.tick()
 
     def tick(self) -> int:
         """Do what was posted; return the number of occupied cells."""
@@ -147,22 +150,19 @@ def test_a_rejection_is_undone_with_points_memory_and_verdict(
 def test_what_a_kept_map_holds_is_rejected_at_its_place_without_a_detection(
     holder: Holder, told: list[str]
 ) -> None:
-    both = seen(holder, mats())
+    both, holder.at_once = seen(holder, mats()), True
     editor = editor_of(holder, DetectionGallery(), told)  # as after a start in a kept map
     cells = np.argwhere(layer_grid(holder.map, LIST, ()).beware[MAT.class_id])
     x_m, y_m = SPEC.centres(cells)[0].tolist()
     with pytest.raises(Refused, match="nothing of “Matte” on the map at"):
         editor.reject_at(MAT.class_id, (x_m + 5.0, y_m), all_of_class=False, by="Ana")
     editor.reject_at(MAT.class_id, (x_m, y_m + 0.1), all_of_class=False, by="Ana")
-    holder.tick()
     one = mat_cells(holder)
     assert 0 < one < both and told[-1].endswith("cells are free.")
     assert [seen(holder, mats()) for _ in range(5)] == [one] * 5
     assert seen(holder, mats(0.99)) > one
     editor.undo(by="Bo")
-    holder.tick()
     editor.reject_at(MAT.class_id, (x_m, y_m), all_of_class=True, by="Ana")
-    holder.tick()
     assert mat_cells(holder) == 0
     assert "none of 2 places of “Matte” is one" in told[-1]
 
@@ -171,9 +171,8 @@ def test_rejecting_a_place_marks_the_detections_there(
     editor: MapEditor, holder: Holder, gallery: DetectionGallery
 ) -> None:
     seen(holder, mats())
-    first = gallery.extent(1)
+    first, holder.at_once = gallery.extent(1), True
     editor.reject_at(MAT.class_id, first.sighting.place, all_of_class=False, by="Ana")
-    holder.tick()
     assert [one.verdict for one in sorted(gallery.all(), key=lambda one: one.id)] == [
         "rejected",
         None,
@@ -181,6 +180,17 @@ def test_rejecting_a_place_marks_the_detections_there(
     editor.undo(by="Bo")
     holder.tick()
     assert not editor.rejected and gallery.counts() == {MAT.class_id: 2}
+
+
+def test_a_place_is_looked_up_in_the_thread_that_may_be_growing_the_map(
+    editor: MapEditor, holder: Holder, gallery: DetectionGallery, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen(holder, mats())
+    place = gallery.extent(1).sighting.place
+    monkeypatch.setattr("app.console.map_reading.WAIT_S", 0.01)
+    with pytest.raises(Refused, match="no image"):
+        editor.reject_at(MAT.class_id, place, all_of_class=False, by="Ana")
+    assert gallery.extent(1).sighting.verdict is None
 
 
 def test_a_rejection_can_be_forgotten_and_remembered_again(
