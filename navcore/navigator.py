@@ -230,9 +230,7 @@ class Navigator:
         last = self.place
         self.place = place = stages.localise(self.localisation, frame, labels, people, ground_m)
         if place.T_map_odom != last.T_map_odom:
-            self._follow_place(
-                last.T_map_odom @ frame.pose, place.T_map_odom @ last.T_map_odom.inverse()
-            )
+            self._follow_place(last, frame)
         if self._trial.follow(place):
             self._plan_anew()
             self._taken_back = True
@@ -434,11 +432,17 @@ class Navigator:
         self._controller.reset()
         self.behaviour = self.behaviour.after_reset()
 
-    def _follow_place(self, T_map_base: Pose2, motion: Pose2) -> None:
-        """Take what belongs to the robot's former place, T_map_base, along with a correction of it,
-        T_new_old."""
-        jumps = is_large(T_map_base, motion, self._config.localisation.tracking)
-        self.behaviour = self.behaviour.corrected(motion, jumps=jumps)
+    def _follow_place(self, last: LocalisationEstimate, frame: Frame) -> None:
+        """Take what belongs to the robot's `last` place along with a correction of it. Where the
+        robot was pushed what it has driven lies where it did, and of one whose place was not known
+        nothing is left."""
+        place = self.place
+        motion = place.T_map_odom @ last.T_map_odom.inverse()
+        jumps = is_large(last.T_map_odom @ frame.pose, motion, self._config.localisation.tracking)
+        if not last.is_known:
+            self.behaviour = self.behaviour.after_reset()
+        elif place.pushed_m == 0.0:
+            self.behaviour = self.behaviour.corrected(motion, jumps=jumps)
         if jumps:
             self._controller.reset()
 

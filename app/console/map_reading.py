@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Protocol, TypeVar
 
 from navcore.errors import Refused
@@ -23,19 +23,21 @@ class MapHolder(Protocol):
 
 
 def read_map(holder: MapHolder, copy: Callable[[PointMap], Copy | None]) -> Copy:
-    """Return what `copy` returns in the thread of the map, after the edits before. Raises `Refused`
-    where no tick comes that does it, and for None."""
-    taken: list[Copy | None] = []
-    done = threading.Event()
+    """Return what `copy` returns in the thread of the map, after the edits before, or raise what it
+    raises. Raises `Refused` where no tick comes that does it, and for None."""
+    done: Future[Copy | None] = Future()
 
     def read(point_map: PointMap) -> None:
         try:
-            taken.append(copy(point_map))
-        finally:
-            done.set()
+            done.set_result(copy(point_map))
+        except Exception as error:
+            done.set_exception(error)
 
     holder.edit_map(read)
-    found = taken[0] if done.wait(WAIT_S) and taken else None
+    try:
+        found = done.result(WAIT_S)
+    except TimeoutError:
+        raise Refused("the map cannot be read now, as no image is processed; try again") from None
     if found is None:
         raise Refused("there is no map now; the camera delivers no image")
     return found

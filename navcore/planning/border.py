@@ -48,14 +48,10 @@ def lacking_cells(space: FreeSpace, start: Cell, goal: Cell, outcome: Path | NoP
     return beyond(sides, rows, cols)
 
 
-def beyond(sides: int, rows: int, cols: int, lines: int = 1) -> Box:
-    """Return the grid of (rows, cols) with some lines more on some sides."""
-    return (
-        -lines * int(sides & TOP > 0),
-        -lines * int(sides & LEFT > 0),
-        rows + lines * int(sides & BOTTOM > 0),
-        cols + lines * int(sides & RIGHT > 0),
-    )
+def beyond(sides: int, rows: int, cols: int) -> Box:
+    """Return the grid of (rows, cols) with one line more on some sides."""
+    top, left, bottom, right = (int(sides & side > 0) for side in (TOP, LEFT, BOTTOM, RIGHT))
+    return -top, -left, rows + bottom, cols + right
 
 
 def sides_reached(free: BitPlane, rows: int, cols: int, cell: Cell) -> int:

@@ -26,7 +26,6 @@ from navcore.planning.border import (
     LEFT,
     RIGHT,
     TOP,
-    beyond,
     lacking_cells,
     sides_reached,
 )
@@ -44,6 +43,9 @@ from navcore.robot.profile import RobotProfile
 ESCAPE_WITHIN_M = 50.0
 """Distance in metres of a border of the grid beyond which no grid is searched that is larger for
 the way out of an area: a search takes seconds there."""
+ESCAPE_WAITS = 20
+"""Number of changes of the map after which a way out of an area is searched for again, if it was
+found nowhere on the grid."""
 
 
 class GlobalPlanner:
@@ -60,6 +62,7 @@ class GlobalPlanner:
         self._profile, self._config = profile, config
         self._price = config.planning.unknown_price
         self._replanner, self._weighted = Replanner(space), WeightedPlanner()
+        self._escape_waits = 0
         self._too_large: tuple[Cell, float] | None = None
         """Goal and price of unseen floor for which the search would take too long: the shortest
         path is followed."""
@@ -92,12 +95,18 @@ class GlobalPlanner:
         """
         self.lacking = None
         if request.goal is None and not request.leave:
+            self._escape_waits = 0
             return None
         self._price = self._price_of(request.unknown_price)
         cell = costmap.spec.cell(pose.x_m, pose.y_m)
         seen_m2 = self._explored.area_m2 if self._price > 1 else None  # else unseen floor is free
         key = (costmap.version, request.goal, cell, self._price, seen_m2)
         if self._newest is None or self._newest[0] != key:
+            if request.goal is not None:
+                self._escape_waits = 0
+            elif self._newest is not None and self._escape_waits > 0:
+                self._escape_waits -= 1
+                return self._newest[1]
             if request.goal is None:
                 route = self.escape(costmap, pose, (*request.zones, *keep_outs))
             else:
@@ -186,6 +195,7 @@ class GlobalPlanner:
         found = escape_path(costmap, pose, zones, self._profile, self._config)
         if found.outcome == NoPath(reason=Reason.UNREACHABLE):
             self.lacking = _beyond_escape(found)  # all of the grid was searched
+            self._escape_waits = ESCAPE_WAITS if self.lacking is None else 0
         if isinstance(found.outcome, NoPath):
             return no_route(found.outcome.reason)
         goal = found.spec.centre(*found.outcome.cells[-1])
@@ -321,16 +331,22 @@ def _beyond_escape(found: EscapePath) -> Box | None:
     """Return the part in which an area may end that ends nowhere on the grid; None where the robot
     is kept from the border, or has it `ESCAPE_WITHIN_M` away.
 
-    It is half as long again as the grid, which is searched again as a whole.
+    Each border that is reached comes to be twice as far from the robot, since all of the grid is
+    searched again.
     """
     if found.start is None:
         return None
     rows, cols, (row, col) = found.spec.rows, found.spec.cols, found.start
     away = {TOP: row, LEFT: col, BOTTOM: rows - 1 - row, RIGHT: cols - 1 - col}
     reached = sides_reached(found.free, rows, cols, found.start)
-    within = ESCAPE_WITHIN_M / found.spec.resolution_m
-    sides = reached & sum(side for side, cells in away.items() if cells < within)
-    return beyond(sides, rows, cols, max(rows, cols) // 4) if sides else None
+    within = math.ceil(ESCAPE_WITHIN_M / found.spec.resolution_m)
+    lines = {
+        side: min(max(cells, 1), within - cells) if reached & side and cells < within else 0
+        for side, cells in away.items()
+    }
+    if not any(lines.values()):
+        return None
+    return -lines[TOP], -lines[LEFT], rows + lines[BOTTOM], cols + lines[RIGHT]
 
 
 def goal_tolerance_m(config: NavigatorConfig, profile: RobotProfile) -> float:

@@ -11,6 +11,7 @@ unknown here.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -133,6 +134,19 @@ class RecentObstacles:
             seen_ns=np.concatenate([stamps, self.seen_ns[kept]]),
             tops_m=np.concatenate([tops_m, self.tops_m[kept]]),
             scanned=scanned,
+            pose=frame.pose,
+        )
+
+    def carried(self, frame: Frame, config: CollisionMonitorConfig = _DEFAULT) -> RecentObstacles:
+        """Return the obstacles after a frame that repeats the image of the one before: by odometry
+        they stay where they were seen, while the robot drives on towards them."""
+        if self.pose is None:
+            return self
+        moved = frame.pose.from_parent(self.pose.to_parent(self.points.astype(np.float64)))
+        return dataclasses.replace(
+            self,
+            points=moved.astype(np.float32),
+            scanned=_scanned(frame, config),
             pose=frame.pose,
         )
 

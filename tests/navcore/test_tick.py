@@ -15,7 +15,7 @@ from navcore.errors import BadFrame
 from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.nearest import nearest_free
-from navcore.localisation.estimate import LocalisationEstimate
+from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.map_correction import AppliedCorrection
 from navcore.navigator import Stages
@@ -153,3 +153,27 @@ def test_the_driven_path_is_behind_the_robot_after_a_correction_of_its_place(
     behind = (correction @ pose(0.9)).from_parent(loop.behaviour.trail[1:])
     np.testing.assert_allclose(behind, [(-0.3, 0.0), (-0.6, 0.0), (-0.9, 0.0)], atol=1e-9)
     assert loop.behaviour.closed == (() if correction.x_m > 1.0 else (ACROSS,))
+
+
+@pytest.mark.parametrize("was_known", [True, False])
+def test_after_a_push_the_driven_path_lies_where_it_was_and_after_a_lost_place_there_is_none(
+    was_known: bool,
+) -> None:
+    changes: list[dict[str, Any]] = [{}]
+
+    def localise(localisation: Localisation, frame: Frame, *seen: Any) -> LocalisationEstimate:
+        return dataclasses.replace(Localisation.update(localisation, frame, *seen), **changes[0])
+
+    loop = navigator(Stages(localise=localise))
+    for number in range(3):
+        loop.tick(picture(pose=pose(0.3 * number), stamp_ns=(number + 1) * SECOND), order())
+    driven = loop.behaviour.trail
+    if not was_known:
+        changes[0] = {"state": LocalisationState.LOST}
+        loop.tick(picture(pose=pose(0.6), stamp_ns=3 * SECOND + 1), order())
+    aside = Pose2(x_m=0.0, y_m=0.4, yaw_rad=0.0)
+    changes[0] = {"T_map_odom": aside, "T_map_base": aside @ pose(0.6)}
+    changes[0] |= {"pushed_m": 0.4} if was_known else {}
+    loop.tick(picture(pose=pose(0.6), stamp_ns=4 * SECOND), order())
+    rest = loop.behaviour.trail[1:]
+    np.testing.assert_allclose(rest, driven if was_known else np.empty((0, 2)), atol=1e-9)

@@ -25,7 +25,7 @@ MAX_DEPTH = 20
 """Largest nesting of JSON that is logged."""
 MOST_REFUSED, PERIOD_S = 200, 3600.0
 """Number of entries of requests that were refused, or that a viewer made, which are logged of one
-name within a period in seconds: refused requests push none that were done out of the log."""
+name within a period in seconds: they push nothing else out of the log. A stop is always logged."""
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
@@ -97,7 +97,9 @@ class Auditor:
     def _counted(self, entry: Mapping[str, Any]) -> Mapping[str, Any] | None:
         """Return the entry, or None where too many of its name were refused already; the last one
         says so."""
-        if entry.get("status", 200) < 400 and entry.get("role") != Role.VIEWER:
+        done, path = entry.get("status", 200) < 400, str(entry.get("path"))
+        is_stop = path.startswith((STOP, "stop?"))
+        if done and (is_stop or entry.get("role") != Role.VIEWER):
             return entry
         who, now = str(entry.get("who")), self._clock()
         until, number = self._refused.get(who, (now + PERIOD_S, 0))

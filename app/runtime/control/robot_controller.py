@@ -449,7 +449,10 @@ class RobotController:
         if newest is not None and newest is not self._watched.newest:
             self._watched = self._watched.after(newest, self.profile, self._sensors, now_ns=now_ns)
             if self._watched.newest_is_trusted:
-                self._recent_obstacles = self._recent_obstacles.after(newest, self.profile)
+                seen, repeats = self._recent_obstacles, self._watched.repeats
+                self._recent_obstacles = (
+                    seen.carried(newest) if repeats else seen.after(newest, self.profile)
+                )
         if not self._intent.drives:
             self._blocked_since_ns = None
         elif newest is None or not wheels_blocked(self.sent, newest.twist, self.profile):

@@ -137,10 +137,17 @@ class MapKeeper:
                 snapshot.path.parent.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise StorageFailed(f"{snapshot.path}: {error.strerror}") from None
-            map_file.save(snapshot.path, snapshot.state, snapshot.class_names)
-            with self._handing:  # the think thread may hand over the next one
-                if self._waiting is snapshot:
-                    self._waiting = None
+            try:
+                map_file.save(snapshot.path, snapshot.state, snapshot.class_names)
+            except map_file.MapTooLarge:
+                self._drop(snapshot)  # no further try helps, but a smaller map may follow
+                raise
+            self._drop(snapshot)
+
+    def _drop(self, snapshot: _Snapshot) -> None:
+        with self._handing:  # the think thread may hand over the next one
+            if self._waiting is snapshot:
+                self._waiting = None
 
     def _write_logged(self) -> None:
         try:

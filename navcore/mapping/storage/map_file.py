@@ -112,6 +112,10 @@ class _Head:
     class_names: tuple[str, ...]
 
 
+class MapTooLarge(StorageFailed):
+    """The map is larger than what is read again: another try to write it fails as well."""
+
+
 def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
     """Write a map file atomically; raises `StorageFailed`, also for a map larger than is read, and
     then an older file is intact."""
@@ -136,7 +140,7 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
     np.savez_compressed(file, allow_pickle=False, **parts)
     size, unpacked = file.getbuffer().nbytes, _unpacked(zipfile.ZipFile(file))
     if size > MAX_BYTES or unpacked > MAX_UNPACKED:
-        raise StorageFailed(
+        raise MapTooLarge(
             f"{path} is not written: the map has {size} bytes, {unpacked} unpacked, of which at "
             f"most {MAX_BYTES} and {MAX_UNPACKED} are read; lower map.budget_mb or begin a new map"
         )

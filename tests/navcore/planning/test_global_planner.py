@@ -15,13 +15,15 @@ from navcore.costmap.costmap import Costmap
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from navcore.grid.bitplane import pack
+from navcore.grid.cell_mask import CellMask
 from navcore.grid.free_space import FreeSpace
-from navcore.grid.grid import GridSpec, OccupancyGrid
+from navcore.grid.grid import Box, Cell, GridSpec, OccupancyGrid
 from navcore.mapping.explored.visibility import VisibilityMap
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
-from navcore.planning.global_planner import GlobalPlanner
+from navcore.planning.escape import EscapePath
+from navcore.planning.global_planner import ESCAPE_WAITS, GlobalPlanner, _beyond_escape
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.robot.profile import HUSKY
 from navcore.toml_config import from_table
@@ -114,3 +116,55 @@ def test_a_path_may_end_beside_a_goal_that_is_a_little_too_close_to_something(
             assert np.hypot(*(end - GOAL)) <= NavigatorConfig().planning.goal_tolerance_m
         else:
             assert route.outcome == NoPath(reason=Reason.GOAL_BLOCKED)
+
+
+@pytest.mark.parametrize(
+    ("shape", "cell", "asked"),
+    [
+        ((800, 12_000), (400, 6_000), (-400, 0, 1_199, 12_000)),
+        ((300, 300), (20, 150), (-20, -150, 579, 449)),
+        ((4_000, 4_000), (2_000, 2_000), None),
+    ],
+)
+def test_for_a_way_out_each_side_grows_by_its_own_distance_from_the_robot(
+    shape: tuple[int, int], cell: Cell, asked: Box | None
+) -> None:
+    spec = GridSpec(rows=shape[0], cols=shape[1], resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
+    found = EscapePath(
+        outcome=NoPath(reason=Reason.UNREACHABLE),
+        spec=spec,
+        corner=(0, 0),
+        free=CellMask.of(np.ones(shape, dtype=np.bool_)).plane,
+        start=cell,
+    )
+    assert _beyond_escape(found) == asked
+
+
+def test_a_way_out_that_is_nowhere_on_the_grid_is_searched_for_once_in_many_ticks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    searches, nothing = [0], np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+
+    def search(*_given: object) -> EscapePath:
+        searches[0] += 1
+        none = NoPath(reason=Reason.UNREACHABLE)
+        return EscapePath(outcome=none, spec=SPEC, corner=(0, 0), free=CellMask.of(nothing).plane)
+
+    monkeypatch.setattr("navcore.planning.global_planner.escape_path", search)
+    explored = VisibilityMap(SPEC, MappingConfig().raycast, PoseIds(0.5, 20.0))
+    planner = GlobalPlanner(FreeSpace.of(nothing), explored, HUSKY, NavigatorConfig())
+    grid = OccupancyGrid(spec=SPEC, geometric=nothing, beware={}, zones=nothing)
+    request = NavigationRequest(goal=None, leave=True, beware=BewareList(classes=()), zones=())
+
+    def route(version: int, request: NavigationRequest = request) -> None:
+        found = planner.route(
+            Costmap.of(grid, nothing, version=version), POSE, request, (), GlobalPlanner.plan
+        )
+        assert found is None or found.outcome == NoPath(reason=Reason.UNREACHABLE)
+
+    for version in range(1 + 2 * (ESCAPE_WAITS + 1)):
+        route(version)
+    assert searches[0] == 3
+    route(1000, replace(request, leave=False))
+    route(1001)
+    assert searches[0] == 4, "another order to leave is searched for at once"

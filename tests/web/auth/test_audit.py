@@ -25,7 +25,13 @@ class Entries(list[Mapping[str, Any]]):
     "entry",
     [
         {"who": "eve", "role": "viewer", "method": "POST", "path": "/api/v1/goals", "status": 403},
-        {"who": "eve", "role": "viewer", "method": "POST", "path": "/api/v1/stop", "status": 200},
+        {
+            "who": "eve",
+            "role": "viewer",
+            "method": "POST",
+            "path": "/api/v1/explain",
+            "status": 200,
+        },
         {"who": "eve", "role": "operator", "method": "POST", "path": "/x", "status": 404},
         {"who": "unknown", "method": "POST", "path": "/login", "status": 401},
     ],
@@ -39,9 +45,11 @@ def test_so_many_are_logged_within_an_hour_and_the_last_says_so(entry: dict[str,
     assert "the last of" in entries[-1]["detail"] and "detail" not in entries[-2]
     done = {"who": entry["who"], "role": "operator", "method": "POST", "path": "/x", "status": 200}
     other = {**entry, "who": "bob"}
-    for one in (done, other):
+    stop = {**done, "role": "viewer", "path": "/api/v1/stop"}
+    by_socket = {"who": entry["who"], "role": "viewer", "method": "WS", "path": "stop?by=console"}
+    for one in (done, other, stop, by_socket):
         auditor.note_later(one).result()
-    assert entries[-2:] == [done, other]
+    assert entries[-4:] == [done, other, stop, by_socket]
     now = PERIOD_S
     auditor.note_later(entry).result()
     assert entries[-1] == entry

@@ -68,6 +68,32 @@ def test_teleoperation_does_not_overrule_the_gate_nor_a_mission_that_drives() ->
     assert driving.sent.v_mps > 0
 
 
+@pytest.mark.parametrize(("repeats", "wall_m"), [(True, 1.6), (False, 2.0)])
+def test_before_a_frozen_camera_a_wall_stays_where_it_was_seen(
+    monkeypatch: pytest.MonkeyPatch, repeats: bool, wall_m: float
+) -> None:
+    found: list[GateInput] = []
+
+    def noted(facts: GateInput, **given: Any) -> GateDecision:
+        found.append(facts)
+        return gate(facts, **given)
+
+    monkeypatch.setattr("app.runtime.control.robot_controller.gate", noted)
+    fast, driver = Twist(v_mps=1.0, w_radps=0.0), pushed(controller())
+    wall = picture(Box(x=(2.0, 2.4), y=(-2, 2), z=(0, 1)), twist=fast)
+    for step in range(5):
+        frame = dataclasses.replace(
+            wall,
+            stamp_ns=SECOND + (step - 4) * 100_000_000,
+            pose=Pose2(x_m=0.1 * step, y_m=0.0, yaw_rad=0.0),
+        )
+        if not repeats:  # the control: images that show the wall as far away as before
+            depth_m = wall.depth_m * np.float32(1 + 1e-4 * step)
+            frame = dataclasses.replace(frame, depth_m=depth_m, rgb=wall.rgb ^ np.uint8(step))
+        driver.command(lambda now_ns=frame.stamp_ns: now_ns, 0.05, newest=frame)  # type: ignore[misc]
+    assert np.median(found[-1].obstacles[:, 0]) == pytest.approx(wall_m, abs=0.02)
+
+
 def test_the_gate_decides_by_where_the_robot_has_driven_since_the_image(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from app.runtime.record.map_keeper import MapKeeper
 from navcore.config.mapping import MappingConfig
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage import map_file
 from navcore.mapping.storage.map_file import load
 from navcore.mapping.storage.map_state import MapState
 from tests.app.runtime.record.test_map_persistence import observe_scene
@@ -67,3 +69,19 @@ def test_a_snapshot_that_is_copied_while_the_file_moves_is_written_to_its_new_pa
     keeper.note_tick(Moved(SPEC, MappingConfig()), NO_NAMES, 0)
     keeper._write()
     assert after.exists() and not before.exists()
+
+
+def test_a_map_that_is_too_large_is_given_up_and_the_next_one_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept, cloud = tmp_path / "kept.map", PointMap(SPEC, MappingConfig())
+    keeper = MapKeeper(kept, NO_NAMES)
+    keeper.note_tick(cloud, NO_NAMES, 0)
+    with monkeypatch.context() as small:
+        small.setattr(map_file, "MAX_BYTES", 10)
+        with pytest.raises(map_file.MapTooLarge):
+            keeper._write()
+    observe_scene(cloud, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
+    keeper.note_tick(cloud, NO_NAMES, 10**12)
+    keeper._write()
+    assert len(load(kept).state.points.pose_ids)
