@@ -23,6 +23,8 @@ import { showLayers } from "./map/layers.js";
 import * as map from "./map/map.js";
 import * as mapUpdates from "./map/updates.js";
 import { centreOn, follow as followRobot, onView, view as mapView, zoom } from "./map/view.js";
+import { closeMenu } from "./map/pointer/map_menu.js";
+import { cancelPress } from "./map/pointer/pointer.js";
 import { lightRows } from "./map/pointer/selection.js";
 import { showViewer, webgl } from "./viewer/viewer.js";
 import "./viewer/layers.js";
@@ -74,6 +76,8 @@ function showState(next) {
     forgetVersions();
     // What was begun on the map of another site is nowhere on this one.
     setMode("navigate");
+    closeMenu();
+    cancelPress();
     dropOffer();
     dropQuestions();
     withdraw();
