@@ -11,7 +11,7 @@ import { t } from "./core/text/language.js";
 import "./core/language_switch.js";
 import { element, loadSetting, saveSetting } from "./core/dom.js";
 import { isNarrow, selectTab } from "./core/page_tabs.js";
-import { delivered } from "./core/stop.js";
+import { delivered, takeOver } from "./core/stop.js";
 import { dropQuestions, notify } from "./core/toasts.js";
 import { oneAtATime, setMoving } from "./core/link/updates.js";
 import * as camera from "./insight/camera.js";
@@ -201,3 +201,4 @@ setMode("navigate");
 const asked = { "#map": "map", "#3d": "3d" }[location.hash];
 showView(asked ?? loadSetting(VIEW_KEY, null) ?? (webgl === "hardware" && !isNarrow() ? "3d" : "map"));
 ownName.start().catch(() => {}); // a lost connection has its own banner
+takeOver();
