@@ -223,9 +223,11 @@ def test_a_number_is_typed_as_the_page_writes_it(
         expect(page.get_by_test_id("goal-input")).to_have_value("")
         goal = operations.state().queue[-1]
         assert (goal.x_m, goal.y_m) == (x_m, y_m)
-    page.get_by_test_id("goal-input").fill("3,5")
-    page.get_by_test_id("goal-add").click()
-    expect(page.get_by_test_id("toasts")).to_contain_text("3,5")
+    # One number alone, and a comma that may be a decimal sign or a separator.
+    for unclear in ("3,5", "1,5 2.25", "3.5,1"):
+        page.get_by_test_id("goal-input").fill(unclear)
+        page.get_by_test_id("goal-add").click()
+        expect(page.get_by_test_id("toasts")).to_contain_text(re.compile(f"{unclear}[“»]"))
     assert len(operations.state().queue) == 3
 
 
