@@ -84,7 +84,6 @@ function showState(next) {
     closeEntry();
     cancelProposal();
   }
-  connection.stateArrived();
   setMoving(state.moving);
   if (state.stop_pressed) delivered();
   showStatus(state);
@@ -98,6 +97,8 @@ function showState(next) {
   map.update({ state });
   freshness.stateArrived(state, mapUpdates.versionOf(state), isOnMap());
   drawer.update({ state });
+  // Last: where one of these fails, what the page shows is not of now.
+  connection.stateArrived();
 }
 
 // A console that was started again counts from zero again, and another site has values of its own.
@@ -192,9 +193,17 @@ onDraft(() => {
   wasDrawing = isDrawing();
 });
 
-window.addEventListener("unhandledrejection", (event) =>
-  notify(t("Error in this page: {message}", { message: event.reason?.message ?? event.reason })),
-);
+// Each error is told once: one in the handling of a state comes back with every state.
+const told = new Set();
+function tellError(error) {
+  const message = String(error?.message ?? error);
+  if (told.has(message)) return;
+  told.add(message);
+  notify(t("Error in this page: {message}", { message }), { stays: true });
+}
+// Where the browser itself reports, as of sizes that are measured late, there is no error.
+window.addEventListener("error", ({ error }) => error && tellError(error));
+window.addEventListener("unhandledrejection", ({ reason }) => tellError(reason));
 connect("/events", { onMessage: showState, onClose: forgetVersions, restS: STATE_REST_S });
 setMode("navigate");
 // A processor would be slow at drawing the 3D view: there it waits until it is asked for.
