@@ -17,6 +17,7 @@ import { oneAtATime, setMoving } from "./core/link/updates.js";
 import * as camera from "./insight/camera.js";
 import * as drawer from "./insight/drawer.js";
 import * as freshness from "./insight/freshness.js";
+import { forget as forgetSeries } from "./insight/plots/plots.js";
 import { showMapBy, swap } from "./insight/swap.js";
 import { switchViewBy } from "./keys.js";
 import { showLayers } from "./map/layers.js";
@@ -105,6 +106,7 @@ function showState(next) {
 function forgetVersions() {
   Object.assign(versions, { zones: null, beware: null });
   mapUpdates.forget();
+  forgetSeries();
 }
 
 // A hidden page asks for nothing but the state.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import httpx
@@ -11,6 +12,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, Route, expect
 
 from app.insight.event_log import EventLog
+from app.runtime.record.time_series import COLUMNS, TimeSeries
 from app.storage import Store
 from navcore.errors import StorageFailed
 from tests.web.fake_operations import FakeOperations
@@ -279,6 +281,37 @@ def test_curves_ages_and_the_page_of_runs_are_shown(
     expect(page.get_by_test_id("report")).to_contain_text("fake hall")
     cut_off = page.get_by_test_id("run").filter(has_text="run-0")
     expect(cut_off).to_contain_text("5000 of 5003, not ended")
+
+
+def test_plots_begin_again_with_the_console_also_while_they_are_closed(
+    new_context: Callable[..., BrowserContext],
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    console = ConsoleServer(operations, port=0)
+    console.start()
+    page = new_context().new_page()
+    page.goto(f"{console.url}/#map")
+    with page.expect_response("**/series?since_s=-1"):
+        page.get_by_test_id("tab-plots").click()
+    expect(page.get_by_test_id("chart-speed_mps").locator(".curve")).to_have_count(1)
+    page.get_by_test_id("tab-log").click()
+    console.stop()
+    expect(page.get_by_test_id("connection")).to_have_text("no connection")
+    # The new console has driven for longer than the old one.
+    state = operations.state
+    monkeypatch.setattr(operations, "state", lambda: replace(state(), stamp_s=1000.0))
+    operations.insight.series = TimeSeries()
+    operations.insight.series.add(1000.0, dict.fromkeys(COLUMNS, 1.0))
+    again = ConsoleServer(operations, port=int(console.url.rsplit(":", 1)[1]))
+    again.start()
+    try:
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        with page.expect_response("**/series?**") as answer:
+            page.get_by_test_id("tab-plots").click()
+        assert answer.value.url.endswith("since_s=-1")
+    finally:
+        again.stop()
 
 
 CONTRAST = """([part, property, ground]) => {

@@ -231,6 +231,18 @@ def test_a_number_is_typed_as_the_page_writes_it(
     assert len(operations.state().queue) == 3
 
 
+def test_an_explanation_leaves_the_names_of_zones_as_they_were_given(
+    new_context: Opener, server: ConsoleServer
+) -> None:
+    named = """async () => {
+        const { titleOf } = await import("/page/insight/explanation_text.js");
+        return ["zone:1", "class:1", "wall"].map((key) =>
+          titleOf({ key, name: key === "wall" ? "obstacles" : "cable" }));
+    }"""
+    page = opened(new_context, server, "de")
+    assert page.evaluate(named) == ["cable", "Kabel", "Hindernisse"]
+
+
 @pytest.mark.parametrize("language", OTHERS)
 def test_longer_words_fit_a_tablet_and_a_phone(
     new_context: Opener, server: ConsoleServer, operations: FakeOperations, language: str
