@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -124,6 +125,28 @@ def test_the_log_goes_back_to_earlier_starts_and_marks_where_they_end(
     expect(entries.last).to_contain_text("earlier a")
     expect(page.get_by_test_id("log-older")).to_be_hidden()
     store.close()
+
+
+def test_the_log_marks_each_day_and_a_repeated_entry_has_its_newest_time(
+    page: Page, operations: FakeOperations
+) -> None:
+    past_s = time.time() - 2 * 86400.0
+    times_s = iter((past_s - 86400.0, past_s, past_s + 5.0))
+    log = EventLog(wall_clock=times_s.__next__)
+    log.note(1.0, "stopped", "A person is close.", HERE)
+    for stamp_s in (2.0, 3.0):
+        log.note(stamp_s, "goal", "Nurse station is reached.", HERE)
+    operations.insight.event_log = log
+    page.get_by_test_id("tab-log").click()
+    rows = page.get_by_test_id("log-entry")
+    expect(rows).to_have_count(2)
+    days = [row.get_attribute("data-before") or "" for row in rows.all()]
+    assert all(days) and days[0] != days[1]
+    repeated = rows.first.locator("time")
+    shown = repeated.text_content()
+    assert shown and shown in (repeated.get_attribute("title") or "")
+    page.get_by_test_id("log-level").select_option("alert")
+    expect(rows.filter(visible=True)).to_have_attribute("data-before", days[1])
 
 
 @pytest.mark.long
