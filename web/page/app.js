@@ -11,18 +11,21 @@ import { t } from "./core/text/language.js";
 import "./core/language_switch.js";
 import { element, loadSetting, saveSetting } from "./core/dom.js";
 import { isNarrow, selectTab } from "./core/page_tabs.js";
-import { delivered } from "./core/stop.js";
+import { delivered, takeOver } from "./core/stop.js";
 import { dropQuestions, notify } from "./core/toasts.js";
 import { oneAtATime, setMoving } from "./core/link/updates.js";
 import * as camera from "./insight/camera.js";
 import * as drawer from "./insight/drawer.js";
 import * as freshness from "./insight/freshness.js";
+import { forget as forgetSeries } from "./insight/plots/plots.js";
 import { showMapBy, swap } from "./insight/swap.js";
 import { switchViewBy } from "./keys.js";
 import { showLayers } from "./map/layers.js";
 import * as map from "./map/map.js";
 import * as mapUpdates from "./map/updates.js";
 import { centreOn, follow as followRobot, onView, view as mapView, zoom } from "./map/view.js";
+import { closeMenu } from "./map/pointer/map_menu.js";
+import { cancelPress } from "./map/pointer/pointer.js";
 import { lightRows } from "./map/pointer/selection.js";
 import { showViewer, webgl } from "./viewer/viewer.js";
 import "./viewer/layers.js";
@@ -74,13 +77,14 @@ function showState(next) {
     forgetVersions();
     // What was begun on the map of another site is nowhere on this one.
     setMode("navigate");
+    closeMenu();
+    cancelPress();
     dropOffer();
     dropQuestions();
     withdraw();
     closeEntry();
     cancelProposal();
   }
-  connection.stateArrived();
   setMoving(state.moving);
   if (state.stop_pressed) delivered();
   showStatus(state);
@@ -94,12 +98,15 @@ function showState(next) {
   map.update({ state });
   freshness.stateArrived(state, mapUpdates.versionOf(state), isOnMap());
   drawer.update({ state });
+  // Last: where one of these fails, what the page shows is not of now.
+  connection.stateArrived();
 }
 
 // A console that was started again counts from zero again, and another site has values of its own.
 function forgetVersions() {
   Object.assign(versions, { zones: null, beware: null });
   mapUpdates.forget();
+  forgetSeries();
 }
 
 // A hidden page asks for nothing but the state.
@@ -188,12 +195,21 @@ onDraft(() => {
   wasDrawing = isDrawing();
 });
 
-window.addEventListener("unhandledrejection", (event) =>
-  notify(t("Error in this page: {message}", { message: event.reason?.message ?? event.reason })),
-);
+// Each error is told once: one in the handling of a state comes back with every state.
+const told = new Set();
+function tellError(error) {
+  const message = String(error?.message ?? error);
+  if (told.has(message)) return;
+  told.add(message);
+  notify(t("Error in this page: {message}", { message }), { stays: true });
+}
+// Where the browser itself reports, as of sizes that are measured late, there is no error.
+window.addEventListener("error", ({ error }) => error && tellError(error));
+window.addEventListener("unhandledrejection", ({ reason }) => tellError(reason));
 connect("/events", { onMessage: showState, onClose: forgetVersions, restS: STATE_REST_S });
 setMode("navigate");
 // A processor would be slow at drawing the 3D view: there it waits until it is asked for.
 const asked = { "#map": "map", "#3d": "3d" }[location.hash];
 showView(asked ?? loadSetting(VIEW_KEY, null) ?? (webgl === "hardware" && !isNarrow() ? "3d" : "map"));
 ownName.start().catch(() => {}); // a lost connection has its own banner
+takeOver();

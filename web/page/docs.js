@@ -1,9 +1,11 @@
 // The page of the API, made from /openapi.json alone: it needs no network, as the whole console. A
 // call that only reads can be tried on the page; every call can be copied for a shell.
 
+import { takeOver } from "./core/stop.js";
 import "./core/stop_beside.js";
 import "./core/theme.js";
 
+takeOver();
 const MAX_DEPTH = 6;
 const MAX_SHOWN = 4000;
 const root = document.getElementById("docs");

@@ -210,7 +210,7 @@ def test_a_map_that_grows_says_so_in_the_state_the_map_and_all_its_tiles(
     assert (now.cols, now.rows) == (SPEC.cols + 256, SPEC.rows) and now.contains(-30.0, 3.0)
     assert spec_of(client.get("/api/v1/map").json()) == now
     later = client.get(f"/api/v1/map/tiles?since={tiles['version']}").json()
-    assert (later["rows"], later["cols"]) == (now.rows, now.cols)
+    assert spec_of(later) == now, "cells and frame are of one tick"
     assert {(row, col) for row, col, _ in later["changed"]} == {(0, 0), (0, 1)}
     # What was in the first tile is in the second one now.
     image = client.get("/api/v1/map/tiles/0/1.png").content

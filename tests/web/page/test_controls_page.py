@@ -222,6 +222,24 @@ def test_a_request_with_a_file_may_take_longer_and_one_that_takes_too_long_says_
     assert page.evaluate("window.limits").count(600_000) == 1
 
 
+def test_a_device_that_has_slept_drives_by_hand_as_before(
+    page: Page, operations: FakeOperations
+) -> None:
+    page.keyboard.press("b")
+    for _ in range(2):
+        page.keyboard.down("ArrowUp")
+        eventually(page, lambda: operations.hand is not None, patience_s=5.0)
+        page.keyboard.up("ArrowUp")
+        eventually(page, lambda: operations.hand is None)
+        # The steady clock of most browsers stands still while the device sleeps.
+        page.evaluate(
+            """() => {
+                const now = performance.now.bind(performance);
+                performance.now = () => now() - 5000;
+            }"""
+        )
+
+
 def test_the_screen_stays_on_while_the_robot_is_driven_by_hand(page: Page) -> None:
     await_map(page)
     page.evaluate("""() => {
@@ -340,3 +358,17 @@ def test_a_goal_is_set_started_stopped_and_released_by_keyboard_alone(
     page.keyboard.press("Enter")
     expect(page.get_by_test_id("state-badge")).to_contain_text("PAUSED")
     assert not operations.state().stop_latched
+
+
+def test_minus_does_not_zoom_in_on_a_large_map_that_is_fitted(page: Page) -> None:
+    await_map(page)
+    scales = page.evaluate(
+        """async () => {
+            const { fit, view, zoom } = await import("/page/map/view.js");
+            fit({ left: 0, right: 1000, bottom: 0, top: 1000 });
+            const fitted = view.scale;
+            zoom(1 / 1.3);
+            return [fitted, view.scale];
+        }"""
+    )
+    assert scales[1] <= scales[0] < 1.0

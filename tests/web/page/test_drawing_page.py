@@ -13,7 +13,7 @@ from PIL import Image
 from playwright.sync_api import Download, Page, Route, expect
 
 from navcore.formats.nav2_map import State, read
-from navcore.mission.zone import ZoneKind
+from navcore.mission.zone import MAX_CORNERS, ZoneKind
 from navcore.mission.zone_shapes import Circle, Corridor
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_WITHIN_VIEWPORT, await_map, click_map, eventually, on_page
@@ -69,6 +69,26 @@ def test_every_shape_is_drawn_with_the_pointer_and_a_speed_limit_is_one_choice_a
     assert isinstance(strip.drawn, Corridor) and strip.drawn.width_m == 0.5
     assert (strip.kind, strip.max_speed_mps) == (ZoneKind.SPEED_LIMIT, 0.25)
     assert hand.drawn is None and 4 <= len(hand.polygon) <= 12
+
+
+@pytest.mark.parametrize("pixel_m", [0.0, 0.5])
+def test_a_long_freehand_stroke_has_no_more_corners_than_a_zone_may_have(
+    page: Page, pixel_m: float
+) -> None:
+    stroke = """async (pixelM) => {
+        const { draft, setFreehand, setTool } = await import("/page/zones/draft.js");
+        setTool("free");
+        // As wide as a large map, by a hand that trembles by half a metre.
+        setFreehand(
+          Array.from({ length: 2400 }, (_, i) => {
+            const [angle, radius] = [(2 * Math.PI * i) / 2400, 150 + 0.5 * Math.sin(i * 0.9)];
+            return [radius * Math.cos(angle), radius * Math.sin(angle)];
+          }),
+          pixelM,
+        );
+        return draft.corners.length;
+    }"""
+    assert 20 < page.evaluate(stroke, pixel_m) <= MAX_CORNERS
 
 
 @pytest.mark.parametrize("size", [(1440, 900), (1024, 768)])

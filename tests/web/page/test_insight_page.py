@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import httpx
@@ -11,6 +13,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, Route, expect
 
 from app.insight.event_log import EventLog
+from app.runtime.record.time_series import COLUMNS, TimeSeries
 from app.storage import Store
 from navcore.errors import StorageFailed
 from tests.web.fake_operations import FakeOperations
@@ -122,6 +125,28 @@ def test_the_log_goes_back_to_earlier_starts_and_marks_where_they_end(
     expect(entries.last).to_contain_text("earlier a")
     expect(page.get_by_test_id("log-older")).to_be_hidden()
     store.close()
+
+
+def test_the_log_marks_each_day_and_a_repeated_entry_has_its_newest_time(
+    page: Page, operations: FakeOperations
+) -> None:
+    past_s = time.time() - 2 * 86400.0
+    times_s = iter((past_s - 86400.0, past_s, past_s + 5.0))
+    log = EventLog(wall_clock=times_s.__next__)
+    log.note(1.0, "stopped", "A person is close.", HERE)
+    for stamp_s in (2.0, 3.0):
+        log.note(stamp_s, "goal", "Nurse station is reached.", HERE)
+    operations.insight.event_log = log
+    page.get_by_test_id("tab-log").click()
+    rows = page.get_by_test_id("log-entry")
+    expect(rows).to_have_count(2)
+    days = [row.get_attribute("data-before") or "" for row in rows.all()]
+    assert all(days) and days[0] != days[1]
+    repeated = rows.first.locator("time")
+    shown = repeated.text_content()
+    assert shown and shown in (repeated.get_attribute("title") or "")
+    page.get_by_test_id("log-level").select_option("alert")
+    expect(rows.filter(visible=True)).to_have_attribute("data-before", days[1])
 
 
 @pytest.mark.long
@@ -279,6 +304,37 @@ def test_curves_ages_and_the_page_of_runs_are_shown(
     expect(page.get_by_test_id("report")).to_contain_text("fake hall")
     cut_off = page.get_by_test_id("run").filter(has_text="run-0")
     expect(cut_off).to_contain_text("5000 of 5003, not ended")
+
+
+def test_plots_begin_again_with_the_console_also_while_they_are_closed(
+    new_context: Callable[..., BrowserContext],
+    operations: FakeOperations,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    console = ConsoleServer(operations, port=0)
+    console.start()
+    page = new_context().new_page()
+    page.goto(f"{console.url}/#map")
+    with page.expect_response("**/series?since_s=-1"):
+        page.get_by_test_id("tab-plots").click()
+    expect(page.get_by_test_id("chart-speed_mps").locator(".curve")).to_have_count(1)
+    page.get_by_test_id("tab-log").click()
+    console.stop()
+    expect(page.get_by_test_id("connection")).to_have_text("no connection")
+    # The new console has driven for longer than the old one.
+    state = operations.state
+    monkeypatch.setattr(operations, "state", lambda: replace(state(), stamp_s=1000.0))
+    operations.insight.series = TimeSeries()
+    operations.insight.series.add(1000.0, dict.fromkeys(COLUMNS, 1.0))
+    again = ConsoleServer(operations, port=int(console.url.rsplit(":", 1)[1]))
+    again.start()
+    try:
+        expect(page.get_by_test_id("connection")).to_have_text("live")
+        with page.expect_response("**/series?**") as answer:
+            page.get_by_test_id("tab-plots").click()
+        assert answer.value.url.endswith("since_s=-1")
+    finally:
+        again.stop()
 
 
 CONTRAST = """([part, property, ground]) => {

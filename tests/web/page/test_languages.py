@@ -223,10 +223,24 @@ def test_a_number_is_typed_as_the_page_writes_it(
         expect(page.get_by_test_id("goal-input")).to_have_value("")
         goal = operations.state().queue[-1]
         assert (goal.x_m, goal.y_m) == (x_m, y_m)
-    page.get_by_test_id("goal-input").fill("3,5")
-    page.get_by_test_id("goal-add").click()
-    expect(page.get_by_test_id("toasts")).to_contain_text("3,5")
+    # One number alone, and a comma that may be a decimal sign or a separator.
+    for unclear in ("3,5", "1,5 2.25", "3.5,1"):
+        page.get_by_test_id("goal-input").fill(unclear)
+        page.get_by_test_id("goal-add").click()
+        expect(page.get_by_test_id("toasts")).to_contain_text(re.compile(f"{unclear}[“»]"))
     assert len(operations.state().queue) == 3
+
+
+def test_an_explanation_leaves_the_names_of_zones_as_they_were_given(
+    new_context: Opener, server: ConsoleServer
+) -> None:
+    named = """async () => {
+        const { titleOf } = await import("/page/insight/explanation_text.js");
+        return ["zone:1", "class:1", "wall"].map((key) =>
+          titleOf({ key, name: key === "wall" ? "obstacles" : "cable" }));
+    }"""
+    page = opened(new_context, server, "de")
+    assert page.evaluate(named) == ["cable", "Kabel", "Hindernisse"]
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
+from playwright.sync_api import Browser, BrowserContext, Page, Route, WebSocketRoute, expect
 
 from navcore.localisation.estimate import LocalisationState
 from navcore.mission.beware_list import BewareList
@@ -459,7 +460,7 @@ def test_the_whole_map_stays_in_view_while_it_grows_and_a_chosen_view_stays_wher
     page.mouse.wheel(0, -300)
     expect(canvas).not_to_have_attribute("data-place", re.compile(f"^{grown[0]} "))
     chosen = map_view(page)
-    with page.expect_response(lambda answer: answer.url.endswith("/api/v1/map")):
+    with page.expect_response(lambda answer: "/map/tiles?" in answer.url):
         operations.grow(60.0, 0.0)
     assert map_view(page) == chosen
 
@@ -476,3 +477,27 @@ def test_a_goal_beyond_the_map_is_picked_where_it_was_clicked(
     expect(page.get_by_test_id("goal")).to_have_count(1)
     (goal,) = operations.state().queue
     assert abs(goal.x_m - 11.0) < 0.1 and abs(goal.y_m - 0.5) < 0.1
+
+
+def test_an_error_in_the_handling_of_the_state_is_told_and_no_state_counts_as_shown(
+    new_context: Callable[..., BrowserContext], server: ConsoleServer
+) -> None:
+    page = new_context().new_page()
+    page.goto(f"{server.url}/#map")
+    expect(page.get_by_test_id("connection")).to_have_text("live")
+    page.evaluate("document.getElementById('goals').remove()")
+    expect(page.get_by_test_id("toasts")).to_contain_text("Error in this page")
+    expect(page.get_by_test_id("connection")).to_have_text("no connection")
+
+
+def test_what_is_known_is_fitted_with_as_many_corners_as_zones_may_have(page: Page) -> None:
+    await_map(page)
+    page.evaluate(
+        """async () => {
+            const { world } = await import("/page/map/world.js");
+            const ring = Array.from({ length: 500_000 }, (_, i) => [i / 10_000, 0]);
+            world.zones = [{ geometry: { coordinates: [ring] }, properties: {} }];
+            (await import("/page/map/map.js")).fit();
+            (await import("/page/map/map.js")).fit();
+        }"""
+    )

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
 from navcore.localisation.estimate import LocalisationState
 from tests.web.api.test_sites import YAML
@@ -25,6 +26,7 @@ from tests.web.page.chromium import (
     middle_of,
     on_page,
 )
+from tests.web.page.test_map_touch import await_target, drag_map, right_click
 from tests.web.page.test_overlays import press
 from web.interface.sites import Site, SiteChanges
 
@@ -199,6 +201,52 @@ def test_what_was_begun_at_a_site_ends_with_it(panel: Locator, operations: FakeO
     for part in begun:
         expect(part).to_be_hidden()
     expect(page.get_by_test_id("toasts")).to_contain_text("nothing was changed")
+
+
+def test_nothing_that_was_begun_on_the_map_of_a_site_changes_the_next(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    operations.goals.add(-3.0, 3.0)
+    await_target(page, -3.0, 3.0)
+    drag_map(page, (-3.0, 3.0), (-4.0, 3.0))
+    undo = page.get_by_test_id("toast-action").filter(has_text="Undo")
+    expect(undo).to_be_visible()
+    await_target(page, -4.0, 3.0)
+    page.mouse.down()
+    page.mouse.move(*on_page(page, -2.0, 3.0))
+    operations.sites.make("Ward 3")
+    operations.sites.choose("Ward 3")
+    expect(page.get_by_test_id("sites-button")).to_have_text("Site Ward 3 ▾")
+    page.mouse.up()
+    undo.click()
+    expect(page.get_by_test_id("toasts")).to_contain_text("The robot is at another site now")
+    (goal,) = operations.state().queue
+    assert goal.x_m == pytest.approx(-4.0, abs=0.1)
+    right_click(page, 0.0, -3.0)
+    operations.sites.choose("default")
+    expect(page.get_by_test_id("map-menu")).to_be_hidden()
+
+
+def test_the_map_is_drawn_in_the_frame_of_its_own_site(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    with page.expect_response("**/map/tiles?since=0"):
+        operations.sites.make("Ward 3")
+        operations.sites.choose("Ward 3")  # the newest tick is still of the site before
+    page.wait_for_timeout(300)
+    tick = operations.newest_tick()
+    assert tick is not None
+    moved = dataclasses.replace(tick.grid_spec, origin_x_m=tick.grid_spec.origin_x_m + 12.8)
+    occupancy = Costmap.of(
+        dataclasses.replace(tick.grid, spec=moved), tick.blocked, version=tick.grid_version + 1
+    )
+    operations.view.picture = dataclasses.replace(
+        tick, occupancy=occupancy, grid_version=tick.grid_version + 1
+    )
+    drawn = """async () => (await import("/page/map/world.js")).world.map.origin_x_m"""
+    eventually(page, lambda: page.evaluate(drawn) == moved.origin_x_m, patience_s=5.0)
 
 
 def test_another_name_of_the_site_ends_nothing_that_was_begun(

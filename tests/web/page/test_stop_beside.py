@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import BrowserContext, Page, Route, expect
 
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import IS_TOPMOST, IS_WITHIN_VIEWPORT, eventually
@@ -38,3 +40,36 @@ def test_every_page_stops_the_robot_by_button_and_space_bar(
     page.keyboard.press("Space")
     eventually(page, lambda: len(operations.stops) == 2)
     assert page.evaluate(THEME) == theme, "the focused button is not pressed"
+
+
+@pytest.mark.parametrize("path", ["/", "/runs", "/docs", "/teach"])
+def test_the_stop_works_where_a_module_cannot_be_loaded_and_the_page_says_so(
+    path: str,
+    new_context: Callable[..., BrowserContext],
+    server: ConsoleServer,
+    operations: FakeOperations,
+) -> None:
+    page = new_context().new_page()
+    page.route("**/core/dom.js", lambda route: route.abort())
+    page.goto(server.url + path)
+    expect(page.locator("[data-early=failed]")).to_be_visible()
+    page.get_by_test_id("stop").click()
+    expect(page.locator("[data-early=stopped]")).to_be_visible()
+    page.keyboard.press("Space")
+    eventually(page, lambda: operations.stops == ["console button", "console key"])
+
+
+def test_a_stop_that_the_loading_page_has_not_delivered_is_taken_over_by_the_loaded_one(
+    new_context: Callable[..., BrowserContext], server: ConsoleServer, operations: FakeOperations
+) -> None:
+    page = new_context().new_page()
+    waiting = list[Route]()
+    page.route("**/page/core/dom.js", lambda route: waiting.append(route))
+    page.route("**/api/v1/stop?**", lambda route: route.abort())
+    page.goto(server.url, wait_until="commit")
+    page.get_by_test_id("stop").click()
+    expect(page.locator("[data-early=lost]")).to_be_visible()
+    waiting[0].continue_()
+    expect(page.locator("[data-early]")).to_have_count(0)
+    page.unroute("**/api/v1/stop?**")
+    eventually(page, lambda: operations.stops[:1] == ["console button"])

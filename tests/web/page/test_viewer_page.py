@@ -14,10 +14,11 @@ import pytest
 from PIL import Image
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
+from navcore.mission.zone import MAX_CORNERS
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import eventually, on_page
 from web.server import ConsoleServer
-from web.viewer.messages import Mode
+from web.viewer.messages import Draft, Mode
 
 PLACES = """() => {
   const root = document.getElementById("viewer").contentDocument.getElementById("root");
@@ -232,6 +233,27 @@ def test_the_view_is_told_only_of_modes_that_it_knows(page: Page) -> None:
     expect(page.get_by_test_id("hint")).to_contain_text("Click the middle of the robot")
     eventually(page, lambda: told[-2:] == ["draw", "navigate"])
     assert set(told) <= set(get_args(Mode))
+
+
+def test_a_draft_with_too_many_corners_does_not_end_the_link_to_the_view(page: Page) -> None:
+    told: list[str | bytes] = []
+    page.on(
+        "websocket",
+        lambda link: (
+            link.on("framesent", lambda sent: told.append(sent)) if "/viewer/" in link.url else None
+        ),
+    )
+    page.reload()
+    eventually(page, lambda: len(told) > 0)
+    page.evaluate(
+        """async () => {
+            const { changed, draft, setTool } = await import("/page/zones/draft.js");
+            setTool("corridor");
+            draft.corners = Array.from({ length: 1500 }, (_, i) => [i / 100, (i % 2) / 10]);
+            changed();
+        }"""
+    )
+    eventually(page, lambda: len(Draft.model_validate_json(told[-1]).corners) == MAX_CORNERS)
 
 
 def test_freehand_is_drawn_on_the_map(page: Page) -> None:

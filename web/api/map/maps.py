@@ -27,6 +27,7 @@ from web.images.encode import (
 from web.images.shown_images import ShownImages, name_of
 from web.images.tiles import TILE, TileVersions, changed_since, tile_cells
 from web.interface.operations import RobotService
+from web.interface.snapshots import TickSnapshot
 from web.interface.wire import polyline, values_of
 from web.schemas.map.maps import (
     CameraLabelOut,
@@ -60,16 +61,18 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
     start = secrets.randbits(52)
     tiles = TileVersions(start)
 
+    def frame_of(tick: TickSnapshot) -> dict[str, Any]:
+        profile = operations.profile
+        return values_of(tick.grid_spec) | {
+            "robot_length_m": profile.length_m,
+            "robot_width_m": profile.width_m,
+        }
+
     @router.get("/map", response_model=MapOut, responses=_NOTHING_YET)
     def get_map() -> MapOut:
         """Return position and size of the map; `version` changes whenever its cells do."""
-        tick, profile = newest_tick(operations), operations.profile
-        return MapOut(
-            **values_of(tick.grid_spec),
-            version=tick.grid_version,
-            robot_length_m=profile.length_m,
-            robot_width_m=profile.width_m,
-        )
+        tick = newest_tick(operations)
+        return MapOut(**frame_of(tick), version=tick.grid_version)
 
     @router.get("/map.png", response_class=_Png, responses=_NOTHING_YET)
     def get_map_png(request: Request) -> Response:
@@ -96,14 +99,12 @@ def maps_router(operations: RobotService, shown: ShownImages) -> APIRouter:
         """Return the tiles that have changed since an earlier answer; row 0 is at the least y."""
         tick = newest_tick(operations)
         version, versions = tiles.update(tick, operations.beware.list)
-        spec = tick.grid_spec
         # A version larger than the newest is of an earlier start.
         changed = list(changed_since(versions, since if since <= version else 0))
         return TilesOut(
+            **frame_of(tick),
             version=version,
             tile_cells=TILE,
-            rows=spec.rows,
-            cols=spec.cols,
             changed=[(row, col, at) for (row, col), at in changed],
         )
 

@@ -5,6 +5,19 @@ export const distance = ([ax, ay], [bx, by]) => Math.hypot(ax - bx, ay - by);
 export const rounded = (value) => Math.round(value * 1000) / 1000;
 export const roundedPoint = ([x, y]) => [rounded(x), rounded(y)];
 
+// The box around points, { left, right, bottom, top }, or null without one. A loop: a function takes
+// too few arguments for the corners of all zones.
+export function boxAround(points) {
+  const box = { left: Infinity, right: -Infinity, bottom: Infinity, top: -Infinity };
+  for (const [x, y] of points) {
+    box.left = Math.min(box.left, x);
+    box.right = Math.max(box.right, x);
+    box.bottom = Math.min(box.bottom, y);
+    box.top = Math.max(box.top, y);
+  }
+  return points.length ? box : null;
+}
+
 // The outline that is drawn until the console answers; only the console's outline counts.
 export function outlineOf(tool, corners, width) {
   if (tool === "circle")

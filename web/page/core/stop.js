@@ -97,6 +97,13 @@ function refused() {
   return end(false);
 }
 
+// The page as a whole runs: it stops the robot from now on, and sends what `early_stop.js` has not
+// delivered.
+export function takeOver() {
+  const source = window.takeOverStop?.();
+  if (source) stop(source);
+}
+
 // The robot is stopped: a stop that was not answered has arrived after all.
 export function delivered() {
   if (!undelivered) return true;

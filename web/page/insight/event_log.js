@@ -38,6 +38,7 @@ let newestId = 0;
 let oldestId = null;
 let unread = 0;
 let running = null;
+let presentStart = null;
 
 export function build(pane, context, button) {
   shared = context;
@@ -106,6 +107,7 @@ function showMatching() {
     set(row, { hidden: !isShown });
     shownRows += Number(isShown);
   }
+  markStarts();
   set(nothing, { hidden: shownRows > 0 });
   setText(
     nothing,
@@ -152,10 +154,8 @@ async function loadNewest(isOpen) {
       oldestId = list.lastChild.firstId;
       olderButton.hidden = false;
     }
-    if (page.entries.length) {
-      markStarts(page.start);
-      showMatching();
-    }
+    presentStart = page.start;
+    if (page.entries.length) showMatching();
     const shown = unread > MAX_UNREAD ? `${MAX_UNREAD}+` : unread;
     setText(tab, unread ? t("Log · {n} new", { n: shown }) : t("Log"));
   } catch {
@@ -183,7 +183,7 @@ function repeat(row, entry, shownEntry) {
   row.firstId = Math.min(row.firstId, entry.id);
   setText(row.querySelector(".count"), countText(row.folded));
   if (!shownEntry) return;
-  setText(row.querySelector("time"), formatTime(shownEntry.unix_s));
+  showTime(row, shownEntry);
   setText(row.querySelector(".words"), sentence(shownEntry.text));
   row.querySelector(".jump")?.replaceWith(jumpButton(shownEntry.place ?? row.place));
 }
@@ -197,25 +197,35 @@ async function addOlder() {
   for (const entry of page.entries.reverse()) addOldest(entry);
   maxShown = Math.max(maxShown, list.children.length);
   olderButton.hidden = page.entries.length < OLDER;
-  markStarts(page.start);
+  presentStart = page.start;
   showMatching();
   if (page.entries.length) last?.scrollIntoView({ block: "start" });
 }
 
-// A line above the newest entry of each earlier start of the console.
-function markStarts(present) {
-  let last = String(present);
-  for (const entry of list.children) {
-    const { start, day } = entry.dataset;
-    entry.classList.toggle("earlier", start !== String(present));
-    if (start === last) delete entry.dataset.before;
-    else entry.dataset.before = `${t("before the console was restarted")} · ${day}`;
-    last = start;
+// A line above the newest shown entry of each earlier start of the console, and of each day but the
+// present one.
+function markStarts() {
+  let [lastStart, lastDay] = [String(presentStart), formatDate(new Date())];
+  for (const row of list.children) {
+    if (row.hidden) continue;
+    const { start } = row.dataset;
+    const { day } = row;
+    row.classList.toggle("earlier", start !== String(presentStart));
+    if (start !== lastStart) row.dataset.before = `${t("before the console was restarted")} · ${day}`;
+    else if (day !== lastDay) row.dataset.before = day;
+    else delete row.dataset.before;
+    [lastStart, lastDay] = [start, day];
   }
 }
 
+function showTime(row, { unix_s: unixS }) {
+  const [time, moment] = [row.querySelector("time"), new Date(1000 * unixS)];
+  row.day = formatDate(moment);
+  set(time, { title: formatDateTime(moment) });
+  setText(time, formatTime(unixS));
+}
+
 function itemOf(entry) {
-  const time = new Date(1000 * entry.unix_s);
   const item = make(
     "li",
     {
@@ -223,13 +233,13 @@ function itemOf(entry) {
       "data-kind": entry.kind,
       "data-level": levelOf(entry),
       "data-start": entry.start,
-      "data-day": formatDate(time),
     },
-    make("time", { title: formatDateTime(time) }, formatTime(entry.unix_s)),
+    make("time"),
     make("b", { class: `kind kind-${entry.kind}` }, KINDS[entry.kind] ?? entry.kind),
     make("span", { class: "words" }, sentence(entry.text)),
     make("span", { class: "count", "data-testid": "log-count" }),
   );
+  showTime(item, entry);
   Object.assign(item, { folded: newFold(entry), firstId: entry.id, place: entry.place });
   if (entry.place) item.append(jumpButton(entry.place));
   return item;

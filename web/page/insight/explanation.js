@@ -6,12 +6,12 @@ import { swatch, patternOf } from "../beware/swatch.js";
 import { edit, get, post } from "../core/link/api.js";
 import { make } from "../core/dom.js";
 import { formatNumber } from "../core/text/format.js";
-import { capitalised, sentence, t } from "../core/text/language.js";
+import { capitalised, t } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { offerUndo } from "../core/undo.js";
 import { world } from "../map/world.js";
 import { switchZone } from "../zones/zones.js";
-import { describe, listOf, metres, MIN_COST_M, nameOf } from "./explanation_text.js";
+import { describe, listOf, metres, MIN_COST_M, nameOf, titleOf } from "./explanation_text.js";
 
 const COLOURS = { wall: "#e6ebf2", zone: "#d63384", open: "#0a84ff", other: "#ffb703" };
 const PERIOD_MS = 3000;
@@ -98,7 +98,7 @@ function ruleRow(rule) {
     kind === "class" ? patternOf(Number(id)) : kind === "zone" ? "stripes falling" : null;
   const parts = [
     swatch(colourOf(rule.key), pattern),
-    make("span", { class: "name" }, sentence(rule.name)),
+    make("span", { class: "name" }, titleOf(rule)),
     make(
       "span",
       { class: "soft" },

@@ -1,13 +1,20 @@
 // The explanation of a path in words: what bends it, what each rule costs, what would open a path.
 
-import { number, sentence, t, tn } from "../core/text/language.js";
+import { named, number, sentence, t, tn } from "../core/text/language.js";
 
 // Costs below this are not worth a word.
 export const MIN_COST_M = 0.05;
 
 export const metres = (value) => `${number(value, 1)} m`;
-export const nameOf = (explained, key) =>
-  sentence(explained.rules.find((rule) => rule.key === key)?.name ?? key);
+// The name of a zone stays as it was given, whatever its words.
+export function titleOf({ key, name }) {
+  if (key === "wall") return t("obstacles");
+  return key.startsWith("class:") ? named(name) : name;
+}
+export function nameOf(explained, key) {
+  const rule = explained.rules.find((one) => one.key === key);
+  return rule ? titleOf(rule) : key;
+}
 export const listOf = (explained, keys) =>
   keys.map((key) => `“${nameOf(explained, key)}”`).join(t(" and "));
 

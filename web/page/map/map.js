@@ -3,6 +3,7 @@
 
 import { onListDraft } from "../beware/effect.js";
 import { drawScheduler } from "../core/draw_scheduler.js";
+import { boxAround } from "../core/geometry.js";
 import { isLight, onTheme } from "../core/theme.js";
 import { onOffer } from "../mission/goals.js";
 import { onPathDraft, pathDraft } from "../mission/path_settings.js";
@@ -64,21 +65,21 @@ function wholeArea() {
 // What was seen, with the robot, its path, its goals and the zones.
 function knownArea() {
   const { pose, queue = [] } = world.state ?? {};
-  const points = [
-    ...world.path,
-    ...queue.map((goal) => [goal.x_m, goal.y_m]),
-    ...world.zones.flatMap((zone) => zone.geometry.coordinates[0]),
-    ...(pose && pose.x_m !== null ? [[pose.x_m, pose.y_m]] : []),
-  ];
   const area = tiles.knownArea(world.map);
-  const xs = [...points.map(([x]) => x), ...(area ? [area.left, area.right] : [])];
-  const ys = [...points.map(([, y]) => y), ...(area ? [area.bottom, area.top] : [])];
-  if (!xs.length) return wholeArea();
+  const lines = [
+    world.path,
+    queue.map((goal) => [goal.x_m, goal.y_m]),
+    ...world.zones.map((zone) => zone.geometry.coordinates[0]),
+    pose && pose.x_m !== null ? [[pose.x_m, pose.y_m]] : [],
+    area ? [[area.left, area.bottom], [area.right, area.top]] : [],
+  ];
+  const known = boxAround(lines.flat());
+  if (!known) return wholeArea();
   return {
-    left: Math.min(...xs) - AROUND_M,
-    right: Math.max(...xs) + AROUND_M,
-    bottom: Math.min(...ys) - AROUND_M,
-    top: Math.max(...ys) + AROUND_M,
+    left: known.left - AROUND_M,
+    right: known.right + AROUND_M,
+    bottom: known.bottom - AROUND_M,
+    top: known.top + AROUND_M,
   };
 }
 

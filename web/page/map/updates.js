@@ -15,20 +15,14 @@ const CANDIDATES_MS = 250;
 const NO_CANDIDATES = { arcs: [], chosen: null };
 let mapVersion = null;
 let pictureSerial = null;
-let mapSize = "";
 let isShown = false;
 
 export const versionOf = (state) => `${state.grid_version}-${state.beware_version}`;
 
 const loadMap = oneAtATime(async () => {
   const [version, askedMs] = [mapVersion, performance.now()];
-  const { canvas, rows, cols } = await showProgress(tiles.loadNewest(), t("the map"));
-  // The frame of the map changes only with its size.
-  if (mapSize !== `${rows} ${cols}`) {
-    map.update({ map: await get("/map") });
-    mapSize = `${rows} ${cols}`;
-  }
-  map.update({ picture: canvas });
+  const { canvas, frame } = await showProgress(tiles.loadNewest(), t("the map"));
+  map.update({ map: frame, picture: canvas });
   freshness.loaded("map", version, askedMs);
   await pause(MAP_MS);
 });
@@ -76,7 +70,6 @@ export function follow(state) {
 // After a lost connection the console may serve another world, and another site is one.
 export function forget() {
   tiles.forget();
-  mapSize = "";
   mapVersion = null;
 }
 

@@ -96,11 +96,13 @@ export function centreOnRobot(pose) {
   if (view.follows && pose && pose.x_m !== null) Object.assign(view, { x: pose.x_m, y: pose.y_m });
 }
 
-// Zoom around a pixel of the canvas, by default its middle.
+// Zoom around a pixel of the canvas, by default its middle. A large map that is fitted is smaller than
+// at the least scale; from there it is only zoomed in.
 export function zoom(factor, px = size.width / 2, py = size.height / 2) {
   const [x, y] = toWorld(px, py);
   view.isAuto = false;
-  view.scale = Math.min(Math.max(view.scale * factor, MIN_SCALE), MAX_SCALE);
+  const least = Math.min(MIN_SCALE, view.scale);
+  view.scale = Math.min(Math.max(view.scale * factor, least), MAX_SCALE);
   const [nextX, nextY] = toWorld(px, py);
   view.x += x - nextX;
   view.y += y - nextY;

@@ -38,8 +38,16 @@ const link = connect("/control/live", {
 
 addStopChannel((source) => link.send({ type: "stop", by: source }));
 
+// Time by which this device slept, in which the steady clock of many browsers stands still: to the
+// console all that is sent afterwards would be late by it. A wall clock that is set back counts as
+// nothing.
+let sleptMs = 0;
+const wallLeadMs = () => Date.now() - performance.now();
+const firstLeadMs = wallLeadMs();
+
 export function sendVelocity(vMps, wRadps) {
-  link.send({ type: "drive", v_mps: vMps, w_radps: wRadps, t_ms: performance.now() });
+  sleptMs = Math.max(sleptMs, wallLeadMs() - firstLeadMs);
+  link.send({ type: "drive", v_mps: vMps, w_radps: wRadps, t_ms: performance.now() + sleptMs });
 }
 
 // Show the login page when the session has ended: this page could do nothing more.

@@ -1,7 +1,7 @@
 // The queue of goals: added, named, reordered, repeated, saved; a blocked goal is offered the
 // nearest free position.
 
-import { post, request } from "../core/link/api.js";
+import { post, request, siteHeader } from "../core/link/api.js";
 import { onStale } from "../core/link/connection.js";
 import { clearSent, element, make, reconcile, set, setText, setValue } from "../core/dom.js";
 import { rounded } from "../core/geometry.js";
@@ -20,12 +20,14 @@ let ids = [];
 // Returns whether the goal was accepted.
 export async function addGoal([x, y], yaw = null) {
   setOffer(null);
+  const site = siteHeader()["Site-Id"];
   try {
     await post("/goals", { x_m: rounded(x), y_m: rounded(y), yaw_rad: yaw });
     return true;
   } catch (error) {
     const nearest = error.body?.nearest;
-    if (!nearest) {
+    // A position that comes after a change of site is nowhere on the present map.
+    if (!nearest || site !== siteHeader()["Site-Id"]) {
       showRefusal(error);
       return false;
     }

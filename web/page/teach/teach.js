@@ -3,6 +3,7 @@
 import { get, post, request } from "../core/link/api.js";
 import { element, make, reconcile, set, setText } from "../core/dom.js";
 import { sentence, t, tn } from "../core/text/language.js";
+import { takeOver } from "../core/stop.js";
 import { isText } from "../core/stop_beside.js";
 import "../core/theme.js";
 import { attempt, notify } from "../core/toasts.js";
@@ -13,6 +14,7 @@ import { loadRole, refreshExport } from "./export.js";
 import { refreshNetworks, upload } from "./networks.js";
 import { followFrames, refreshTraining } from "./training.js";
 
+takeOver();
 const POLL_MS = 1500;
 const NUMBER = "input[type=number]";
 let frames = [];

@@ -1,7 +1,16 @@
 // What the page and the 3D view tell each other: clicks, the draft, the display, marks.
 
 import { connect } from "../core/link/api.js";
-import { clicked, draft, grabCorner, isDrawing, moveCorner, onDraft, outline } from "../zones/draft.js";
+import {
+  clicked,
+  draft,
+  grabCorner,
+  isDrawing,
+  MAX_CORNERS,
+  moveCorner,
+  onDraft,
+  outline,
+} from "../zones/draft.js";
 import { finish } from "../zones/store_draft.js";
 import { address, drawViewerNow, setConnected } from "./viewer.js";
 import { goalMark, sketch } from "../map/world.js";
@@ -67,14 +76,17 @@ export function showDisplay(options) {
   drawViewerNow();
 }
 
+// Of a draft with more corners than a zone may have a part is sent: a message with all of them would
+// be refused, and end the link.
 export function sendDraft() {
   const isGoal = draft.mode === "goal";
   const path = isGoal ? sketch.path : draft.preview;
+  const ring = isGoal ? goalMark() : isDrawing() ? outline() : [];
   link.send({
     type: "draft",
     mode: VIEW_MODES.has(draft.mode) ? draft.mode : "navigate",
-    corners: draft.corners,
-    outline: isGoal ? goalMark() : isDrawing() ? outline() : [],
+    corners: draft.corners.slice(0, MAX_CORNERS),
+    outline: ring.slice(0, 2 * MAX_CORNERS),
     path: path.slice(0, MAX_PREVIEW_POINTS),
     note: isGoal ? sketch.verdict.slice(0, MAX_NOTE) : "",
   });

@@ -19,6 +19,10 @@ const DOUBLE_CLICK_MS = 400;
 const DOUBLE_CLICK_M = 0.3;
 const CLOSED_STROKE_M = 0.3;
 const FREEHAND_TOLERANCE_M = 0.04;
+const FREEHAND_TOLERANCE_PX = 1.5; // a hand is no steadier
+const COARSER = 1.5;
+// As many corners as the console takes.
+export const MAX_CORNERS = 1000;
 const MAX_UNDO = 200;
 // What the hand does, and the keys that help it.
 const CANCELS = t("Esc cancels.");
@@ -181,9 +185,15 @@ export function removeCorner(index = draft.selected) {
   changed();
 }
 
-export function setFreehand(points) {
+// `pixelM` is the size in metres of a pixel of the map on which the stroke was drawn.
+export function setFreehand(points, pixelM) {
   snapshot();
-  const line = simplify(points, FREEHAND_TOLERANCE_M);
+  let tolerance = Math.max(FREEHAND_TOLERANCE_M, FREEHAND_TOLERANCE_PX * pixelM);
+  let line = simplify(points, tolerance);
+  while (line.length > MAX_CORNERS) {
+    tolerance *= COARSER;
+    line = simplify(points, tolerance);
+  }
   // The end of the stroke meets its beginning.
   if (line.length > 3 && distance(line[0], line[line.length - 1]) < CLOSED_STROKE_M) line.pop();
   draft.corners = line.map(roundedPoint);

@@ -72,19 +72,15 @@ class PersonOut(BaseModel):
     """Radius of the disc that the person covers, metres."""
 
 
-class TilesOut(BaseModel):
-    """Changed tiles of the map."""
-
-    model_config = DOCUMENTED
+@served
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TilesOut(MapOut):
+    """Changed tiles of the map, with its position and size in the same tick."""
 
     version: int
     """Version of this answer; the next `since`."""
     tile_cells: int
     """Side of a tile in cells; tiles at the upper and right border may be smaller."""
-    rows: int
-    """Number of rows of cells of the map."""
-    cols: int
-    """Number of columns of cells of the map."""
     changed: list[tuple[int, int, int]]
     """Row and column of each changed tile, and the version of its change."""
 

@@ -57,8 +57,8 @@ export const request = async (...given) => (await edit(...given)).value;
 
 // A request that is an edit: the value of its answer, and the number by which it alone can be undone.
 export async function edit(method, path, body, headers = {}, limitS = TIMEOUT_S) {
-  const options = { method, headers: { Accept: "application/json", ...headers } };
-  if (method !== "GET") Object.assign(options.headers, siteHeader());
+  const site = method === "GET" ? {} : siteHeader();
+  const options = { method, headers: { Accept: "application/json", ...site, ...headers } };
   if (body !== undefined) {
     options.headers["Content-Type"] = "application/json";
     options.body = JSON.stringify(body);

@@ -55,13 +55,13 @@ const decimalSign = number(0.1, 1).charAt(1);
 const localNumber = (text) => text.replace(".", decimalSign);
 
 // The numbers of a typed text, between blanks and commas; NaN for what is none. In a language that
-// writes decimals with a comma, one between two digits is no separator, 3,5 is one number, unless the
-// text has decimal points.
-export const typedNumbers = (typed) =>
-  (decimalSign === "," && !typed.includes(".") ? typed.replace(/(\d),(?=\d)/g, "$1.") : typed)
-    .split(/[,\s]+/)
-    .filter(Boolean)
-    .map(Number);
+// writes decimals with a comma, one between two digits is no separator, 3,5 is one number; beside a
+// decimal point it could be either, and NaN is all that is returned.
+export function typedNumbers(typed) {
+  const withPoints = decimalSign === "," ? typed.replace(/(\d),(?=\d)/g, "$1.") : typed;
+  if (withPoints !== typed && typed.includes(".")) return [NaN];
+  return withPoints.split(/[,\s]+/).filter(Boolean).map(Number);
+}
 
 export const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 

@@ -11,16 +11,14 @@ const DEFAULT_S = 600;
 const MAX_ROWS = 3600;
 const MARKED = "kind=stopped&kind=goal&kind=zone";
 const MAX_MARKS = 100;
-const series = { t_s: [] };
+let series = { t_s: [] };
 let charts = {};
 let choice;
 let nothing;
-let shared;
 let marks = [];
 let isBusy = false;
 
-export function build(pane, context) {
-  shared = context;
+export function build(pane) {
   charts = Object.fromEntries(Object.keys(COLUMNS).map((name) => [name, makeChart(name)]));
   choice = make(
     "select",
@@ -82,11 +80,15 @@ function draw() {
     });
 }
 
+// After a lost connection the console may have been started again, and count its time from zero.
+export function forget() {
+  series = { t_s: [] };
+}
+
 async function loadNew() {
-  // A restarted robot counts its time from zero again.
-  const wasRestarted = series.t_s.length && shared.state?.stamp_s < series.t_s.at(-1) - 1;
-  if (wasRestarted) for (const name of Object.keys(series)) series[name] = [];
+  const asked = series;
   const rows = await get(`/series?since_s=${series.t_s.at(-1) ?? -1}`);
+  if (series !== asked) return; // forgotten meanwhile
   for (const [name, values] of Object.entries(rows))
     series[name] = [...(series[name] ?? []), ...values].slice(-MAX_ROWS);
 }

@@ -23,16 +23,14 @@ export function forget() {
   timesForgotten += 1;
 }
 
-// Return a canvas with the newest map, row 0 of the grid at its lower edge, and its size in cells.
+// Return a canvas with the newest map, row 0 of the grid at its lower edge, and `frame`, its position
+// and size with the size of the robot.
 export async function loadNewest() {
   const begun = timesForgotten;
-  const {
-    version,
-    tile_cells: side,
-    rows,
-    cols,
-    changed,
-  } = await get(`/map/tiles?since=${knownVersion}`);
+  const { version, tile_cells: side, changed, ...frame } = await get(
+    `/map/tiles?since=${knownVersion}`,
+  );
+  const { rows, cols } = frame;
   // With two pixels per cell and side patterns are finer than a cell; large maps would need too
   // much memory.
   const pixels = rows * cols > LARGE_MAP_CELLS ? 1 : 2;
@@ -54,7 +52,7 @@ export async function loadNewest() {
   };
   await Promise.all(Array.from({ length: PARALLEL_REQUESTS }, work));
   if (begun === timesForgotten) knownVersion = version;
-  return { canvas, rows, cols };
+  return { canvas, frame };
 }
 
 async function loadTile(row, col, version, side, rows) {

@@ -1,7 +1,7 @@
 // The menu of a point of the map, by right click, long press or the menu key: what is there, and what
 // can be done with it.
 
-import { request } from "../../core/link/api.js";
+import { request, siteHeader } from "../../core/link/api.js";
 import { element, make } from "../../core/dom.js";
 import { t } from "../../core/text/language.js";
 import { attempt, notify } from "../../core/toasts.js";
@@ -101,7 +101,7 @@ export function askWhatToErase(geometry, button, then) {
 
 function buttonOf([id, text, act]) {
   const run = () => {
-    close();
+    closeMenu();
     act();
   };
   return make("button", { role: "menuitem", "data-testid": `map-${id}`, onclick: run }, text);
@@ -118,7 +118,7 @@ function show(px, py) {
   menu.style.top = `${fit(box.top + py + 2, menu.offsetHeight, floor)}px`;
 }
 
-function close() {
+export function closeMenu() {
   if (menu.matches(":popover-open")) menu.hidePopover();
 }
 
@@ -138,15 +138,17 @@ for (const kind of ["pointerdown", "wheel"])
   window.addEventListener(
     kind,
     (event) => {
-      if (!menu.contains(event.target)) close();
+      if (!menu.contains(event.target)) closeMenu();
     },
     { capture: true, passive: true },
   );
-window.addEventListener("resize", close);
+window.addEventListener("resize", closeMenu);
 
-// Move a goal; one click takes it back.
+// Move a goal; one click takes it back. Every site counts its goals from 1: the goal is that of the
+// present site, also later.
 export async function moveGoal(goal, [x, y]) {
-  const put = (toX, toY) => request("PATCH", `/goals/${goal.id}`, { x_m: toX, y_m: toY });
+  const site = siteHeader();
+  const put = (toX, toY) => request("PATCH", `/goals/${goal.id}`, { x_m: toX, y_m: toY }, site);
   await attempt(async () => {
     await put(x, y);
     notify(t("The goal is moved."), {

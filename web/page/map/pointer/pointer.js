@@ -184,7 +184,7 @@ canvas.addEventListener("pointerup", (event) => {
   press = null;
   if (what === "stroke") {
     sketch.stroke = [];
-    if (moved) setFreehand(stroke);
+    if (moved) setFreehand(stroke, 1 / view.scale);
   } else if (what === "goal") {
     cancelPress();
     if (!moved && isOnOffer(event)) acceptOffer();

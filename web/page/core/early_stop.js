@@ -1,0 +1,88 @@
+// The stop until the modules of the page run, which come late over a slow link, and never where one of
+// them fails: a script without imports, before everything else in the page.
+
+{
+  const TIMEOUT_MS = 1500;
+  const RETRY_MS = 500;
+  const LOADING_MS = 10_000;
+  const LOGGED_OUT = 401;
+  // As in `keys.js`: fields in which a blank means something.
+  const BLANK_FIELDS =
+    "input:is(:not([type]), [type=text], [type=search], [type=password], [type=url], [type=email]), textarea";
+  let undelivered = null; // what was pressed for the stop that has not been answered
+
+  function show(name, isShown = true) {
+    const note = document.querySelector(`[data-early="${name}"]`);
+    if (note) note.hidden = !isShown;
+  }
+
+  async function send(source) {
+    try {
+      const response = await fetch(`/api/v1/stop?by=${encodeURIComponent(source)}`, {
+        method: "POST",
+        keepalive: true,
+        signal: AbortSignal.timeout(TIMEOUT_MS),
+      });
+      return response.status;
+    } catch {
+      return 0;
+    }
+  }
+
+  async function stop(source) {
+    if (undelivered) return; // its loop goes on
+    undelivered = source;
+    for (const name of ["stopped", "refused"]) show(name, false);
+    while (undelivered) {
+      const status = await send(source);
+      const isDone = status >= 200 && status < 300;
+      if (isDone || status === LOGGED_OUT) {
+        undelivered = null;
+        show("lost", false);
+        show(isDone ? "stopped" : "refused");
+      } else if (undelivered) {
+        show("lost");
+        await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+      }
+    }
+  }
+
+  // Handlers that the modules have set already are not called.
+  function take(event) {
+    event.preventDefault();
+    event.stopImmediatePropagation();
+  }
+
+  const isSpace = (event) => event.code === "Space" && !event.target.matches?.(BLANK_FIELDS);
+  const handlers = {
+    click: (event) => {
+      if (!event.target.closest("#stop")) return;
+      take(event);
+      stop("console button");
+    },
+    keydown: (event) => {
+      if (!isSpace(event)) return;
+      take(event);
+      if (!event.repeat) stop("console key");
+    },
+    // A focused button is pressed when the key is released.
+    keyup: (event) => isSpace(event) && take(event),
+    // Of a script that cannot be loaded, or that raises an error.
+    error: (event) => {
+      if (event.target === window || event.target.matches?.("script")) show("failed");
+    },
+  };
+  for (const [name, handle] of Object.entries(handlers)) window.addEventListener(name, handle, true);
+  const timer = setTimeout(() => show("failed"), LOADING_MS);
+
+  // The modules stop from now on. Returns what was pressed for a stop that has not been answered, or
+  // null.
+  window.takeOverStop = () => {
+    clearTimeout(timer);
+    for (const [name, handle] of Object.entries(handlers)) window.removeEventListener(name, handle, true);
+    for (const note of document.querySelectorAll("[data-early]")) note.remove();
+    const source = undelivered;
+    undelivered = null;
+    return source;
+  };
+}
