@@ -19,7 +19,7 @@ from app.runtime.control.map_requests import MapRequests
 from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.segmentation_ahead import SegmentedFrame
 from app.runtime.control.stage_timer import TICK, StageTimer
-from app.runtime.control.stop_reasons import planner_stops
+from app.runtime.control.stop_reasons import BEWARE_BY_HAND, planner_stops
 from app.runtime.control.tick_state import TickState
 from navcore.behaviours.assisted_teleop import stays_out
 from navcore.behaviours.search_turn import SearchTurn
@@ -41,7 +41,6 @@ from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 from navcore.safety.collision_monitor import RecentObstacles
 from navcore.safety.gate import (
-    Cause,
     GateDecision,
     GateInput,
     StopReason,
@@ -506,7 +505,7 @@ class RobotController:
         )
         verdict = gate(facts, sent=self.sent, period_s=period_s, profile=self.profile)
         found = (
-            self._teleop_stops(hand)
+            self._teleop_stops(hand, moved)
             if hand is not None
             else planner_stops(intent, tick_state, malformed=bool(self._watched.malformed))
         )
@@ -571,30 +570,22 @@ class RobotController:
             ).twist,
         )
 
-    def _teleop_stops(self, hand: Command) -> list[StopReason]:
+    def _teleop_stops(self, hand: Command, moved: Pose2) -> list[StopReason]:
         """Return why teleoperation may not go on: it would enter a zone, or a mapped object of the
-        beware list.
+        beware list. `moved`: T_frame_now of the newest frame.
 
         The present zones hold before the first tick, too, and when ticks fail. A lost robot
         may be driven anywhere: neither zones nor the map tell what is beside it.
         """
         decision, newest = self._tick_state.decision, self._well_formed
-        spec = self.navigator.map.spec
-        seen = None if decision is None else decision.occupancy
         if newest is None or self.place.is_lost:
             return []
-        if stays_out(
+        is_clear = stays_out(
             hand.twist,
-            newest.placed(self.place.T_map_odom).pose,
+            newest.placed(self.place.T_map_odom).pose @ moved,
             self.profile,
             zones=self._intent.zones,
-            spec=spec,
-            seen=seen,
-        ):
-            return []
-        return [
-            StopReason(
-                cause=Cause.BEWARE_AHEAD,
-                text="There is a beware area in this direction; drive in another one.",
-            )
-        ]
+            spec=self.navigator.map.spec,
+            seen=None if decision is None else decision.occupancy,
+        )
+        return [] if is_clear else [BEWARE_BY_HAND]

@@ -33,6 +33,11 @@ CONTROLLER_STOPS = {
     ),
 }
 """Reasons for which the local planner holds the robot."""
+BEWARE_BY_HAND = StopReason(
+    cause=Cause.BEWARE_AHEAD,
+    text="There is a beware area in this direction; drive in another one.",
+)
+"""The reason of a robot that is driven by hand towards a zone or an object of the beware list."""
 UNSEEN_FLOOR = StopReason(
     cause=Cause.BOXED_IN,
     text="The camera has not seen the floor by which the robot could get on, and it drives over no "
