@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from app.insight.event_log import EventLog
 from app.runtime.control.operator_state import MOVING, OperatorState
 from navcore.geometry.transform import Pose2
-from navcore.grid.grid import Cell, OccupancyGrid
+from navcore.grid.grid import BoolGrid, Cell, OccupancyGrid
 from navcore.grid.growth import growth_into
 from navcore.mission.beware_changes import changes_between
 from navcore.mission.beware_list import BewareList
@@ -247,11 +247,13 @@ def _why_replanned(
     blocked = _first_blocked(_cells_now(old.outcome.cells, before, after), after)
     if blocked is None:
         return f"A shorter path has opened: {length_m:.1f} m from here.", at
-    what = _closed_by(after.occupancy.grid, blocked, intent)
-    return (
-        f"{what} closes the path at this position; the new one is {length_m:.1f} m long.",
-        after.occupancy.spec.centre(*blocked),
+    what, title = _closed_by(after.occupancy.grid, blocked, intent)
+    text = (
+        f"{what} closes the path at this position; the new one is {length_m:.1f} m long."
+        if title is None
+        else f"“{title}” closes the path at this position; the new one is {length_m:.1f} m long."
     )
+    return text, after.occupancy.spec.centre(*blocked)
 
 
 def _about_a_look(
@@ -313,24 +315,26 @@ def _first_blocked(cells: npt.NDArray[np.int64], decision: TickResult) -> Cell |
     return None if not len(closed) else (int(ahead[closed[0], 0]), int(ahead[closed[0], 1]))
 
 
-def _closed_by(grid: OccupancyGrid, cell: Cell, intent: OperatorState) -> str:
-    """Return in words what is nearest to a blocked cell."""
-    names = {entry.class_id: f"“{entry.title}”" for entry in intent.beware.classes}
-    layers = [
-        ("An obstacle", grid.geometric),
-        ("A zone", grid.zones),
-        *(("A zone", mask) for _, mask in grid.wide_zones),
+def _closed_by(grid: OccupancyGrid, cell: Cell, intent: OperatorState) -> tuple[str, str | None]:
+    """Return in words what is nearest to a blocked cell, and its title if it is of a class of the
+    beware list."""
+    titles = {entry.class_id: entry.title for entry in intent.beware.classes}
+    layers: list[tuple[str, str | None, BoolGrid]] = [
+        ("An obstacle", None, grid.geometric),
+        ("A zone", None, grid.zones),
+        *(("A zone", None, mask) for _, mask in grid.wide_zones),
     ]
     layers += [
-        (names.get(class_id, "Something to beware of"), layer)
+        ("Something to beware of", titles.get(class_id), layer)
         for class_id, layer in grid.beware.items()
     ]
-    best = ("Something", np.inf)
+    best: tuple[str, str | None] = ("Something", None)
+    least = np.inf
     top, left = max(cell[0] - REACH_CELLS, 0), max(cell[1] - REACH_CELLS, 0)
     around = np.s_[top : cell[0] + REACH_CELLS + 1, left : cell[1] + REACH_CELLS + 1]
-    for name, layer in layers:
+    for what, title, layer in layers:
         near = np.argwhere(layer[around]) + np.array([top, left])
         squared = float(((near - cell) ** 2).sum(axis=1).min()) if len(near) else np.inf
-        if squared < best[1]:
-            best = (name, squared)
-    return best[0]
+        if squared < least:
+            best, least = (what, title), squared
+    return best
