@@ -70,7 +70,9 @@ def access_router(authenticator: Authenticator) -> APIRouter:
             return True
 
         try:
-            is_right = await locked().tries.attempt(address_of(request.scope), changed)
+            is_right = await locked().tries.attempt(
+                address_of(request.scope), changed, account=visitor.name
+            )
         except TooManyTries as error:
             wait = {"Retry-After": str(error.wait_s)}
             raise HTTPException(429, str(error), wait) from None

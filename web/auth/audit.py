@@ -6,6 +6,7 @@ import asyncio
 import json
 import logging
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import datetime
@@ -14,8 +15,8 @@ from urllib.parse import quote
 
 from starlette.types import Message, Scope, Send
 
-from web.auth.permissions import SAFE, SILENT, STOP
-from web.auth.roles import Role, Visitor
+from web.auth.permissions import LANGUAGE, SAFE, SILENT, STOP
+from web.auth.roles import Visitor
 
 log = logging.getLogger(__name__)
 
@@ -24,8 +25,10 @@ MAX_DETAIL_BYTES = 4000
 MAX_DEPTH = 20
 """Largest nesting of JSON that is logged."""
 MOST_REFUSED, PERIOD_S = 200, 3600.0
-"""Number of entries of requests that were refused, or that a viewer made, which are logged of one
-name within a period in seconds: they push nothing else out of the log. A stop is always logged."""
+"""Number of refused requests of a name, and of tries of its password from an address, that are
+logged within a period in seconds: they push nothing that was done out of the log."""
+MAX_COUNTED = 10_000
+"""Largest number of names and addresses that are counted."""
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
@@ -58,8 +61,8 @@ class Auditor:
         self.audit_log = audit_log
         self._thread = ThreadPoolExecutor(1, "audit log")
         self._clock = clock
-        self._refused: dict[str, tuple[float, int]] = {}
-        """Of each name the end of its period, and the number of entries in it."""
+        self._refused: OrderedDict[tuple[str, str], tuple[float, int]] = OrderedDict()
+        """Of each name and address the end of the period, and the number of entries in it."""
 
     def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
         """Return a `send` that logs the request before its answer, and the emergency stop right
@@ -95,21 +98,24 @@ class Auditor:
             log.exception("the audit log misses an entry: %s", dict(entry))
 
     def _counted(self, entry: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Return the entry, or None where too many of its name were refused already; the last one
-        says so."""
-        done, path = entry.get("status", 200) < 400, str(entry.get("path"))
-        is_stop = path.startswith((STOP, "stop?"))
-        if done and (is_stop or entry.get("role") != Role.VIEWER):
+        """Return the entry, or None for one of too many that were refused or choose a language; the
+        last one says so. A stop is always logged."""
+        path = str(entry.get("path"))
+        is_refused = entry.get("status", 200) >= 400 and path.partition("?")[0] != STOP
+        if not is_refused and path != LANGUAGE:
             return entry
-        who, now = str(entry.get("who")), self._clock()
-        until, number = self._refused.get(who, (now + PERIOD_S, 0))
+        key, now = (str(entry.get("who")), str(entry.get("from", ""))), self._clock()
+        until, number = self._refused.get(key, (now + PERIOD_S, 0))
         if now >= until:
             until, number = now + PERIOD_S, 0
-        self._refused[who] = until, number + 1
+        self._refused[key] = until, number + 1
+        self._refused.move_to_end(key)
+        while len(self._refused) > MAX_COUNTED:
+            self._refused.popitem(last=False)
         if number + 1 < MOST_REFUSED:
             return entry
-        last = f"the last of {MOST_REFUSED} that are logged within an hour"
-        return None if number >= MOST_REFUSED else {**entry, "detail": last}
+        last = f"the last of {MOST_REFUSED} that are logged within {PERIOD_S / 60:.0f} minutes"
+        return None if number >= MOST_REFUSED else {**entry, "note": last}
 
 
 def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str, Any]:

@@ -69,7 +69,6 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("POST", r"/sites/(?P<name>[^/]+)/tags", "set a tag of the site “{name}”"),
     ("DELETE", r"/sites/(?P<name>[^/]+)/tags/[^/]+", "removed a tag of the site “{name}”"),
     ("DELETE", r"/sites/(?P<name>[^/]+)", "deleted the site “{name}”"),
-    ("POST", r"/explain", "asked for the path without some rules"),
     ("POST", r"/camera/region", "picked an object in the camera image"),
     ("POST", r"/control/ask", "asked for control"),
     ("POST", r"/control/take", "took control"),

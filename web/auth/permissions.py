@@ -19,8 +19,10 @@ SAFE = ("GET", "HEAD", "OPTIONS")
 STOP = f"{_API}/stop"
 LOGOUT = "/logout"
 POSE = f"{_API}/pose"
+LANGUAGE = f"{_API}/me/language"
 _DRAFTS = (
     "preview",
+    "explain",
     "beware/preview",
     "beware/colour",
     "beware/colour/looks",
@@ -30,8 +32,8 @@ _DRAFTS = (
     "control/keep",
 )
 SILENT = frozenset(f"{_API}/{path}" for path in _DRAFTS)
-"""Requests that change nothing and come with every move of a slider, click of a draft or sign of
-life: they are not logged."""
+"""Requests that change nothing and come with every move of a slider, click of a draft, change of a
+tried path or sign of life: they are not logged."""
 _PAGES = ("/", "/runs", "/teach", "/docs")
 _FLAG = TypeAdapter(bool)
 _BY_ANYONE = {
@@ -39,7 +41,7 @@ _BY_ANYONE = {
     ("POST", f"{_API}/preview"),
     ("POST", f"{_API}/explain"),
     ("POST", LOGOUT),
-    ("PUT", f"{_API}/me/language"),
+    ("PUT", LANGUAGE),
     ("PUT", f"{_API}/me/password"),
 }
 _ADMINS = re.compile(rf"{_API}/users(/|$)")

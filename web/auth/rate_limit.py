@@ -53,20 +53,22 @@ class TooManyTries(Refused):
 
 
 class RateLimiter:
-    """Leaky bucket per address, and one for all addresses but those of an earlier successful try;
-    a successful try is refunded. Safe from any thread."""
+    """Leaky bucket per address, and one for all addresses together, but for the account that a try
+    from an address was successful for before; a successful try is refunded. Safe from any thread.
+    """
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._lock = threading.Lock()
         self._full_until: OrderedDict[str, float] = OrderedDict()
-        self._known: OrderedDict[str, None] = OrderedDict()
+        self._known: OrderedDict[tuple[str, str], None] = OrderedDict()
 
-    def wait_s(self, address: str) -> int:
-        """Return 0 and count a try, or the whole seconds until the next try is allowed."""
+    def wait_s(self, address: str, account: str = "") -> int:
+        """Return 0 and count a try of an account's password, or the whole seconds until the next
+        try is allowed."""
         address, now = network_of(address), self._clock()
         with self._lock:
-            buckets = self._buckets(address)
+            buckets = self._buckets(address, account)
             wait_s = max(self._excess_s(key, every_s, now) for key, every_s in buckets)
             if wait_s > 0:
                 return math.ceil(wait_s)
@@ -76,26 +78,27 @@ class RateLimiter:
                 self._full_until.popitem(last=False)
         return 0
 
-    def refund(self, address: str) -> None:
+    def refund(self, address: str, account: str = "") -> None:
         """Take back the count of a try, because it was none."""
         with self._lock:
-            for key, every_s in self._buckets(network_of(address)):
+            for key, every_s in self._buckets(network_of(address), account):
                 if key in self._full_until:
                     self._full_until[key] -= every_s
 
-    def succeed(self, address: str) -> None:
+    def succeed(self, address: str, account: str = "") -> None:
         """Take back the count of a try, because it was successful; bad tries from ever new
-        addresses do not hold up the next one from this address."""
-        self.refund(address)
+        addresses do not hold up the next one of this account from this address."""
+        self.refund(address, account)
+        known = (account, network_of(address))
         with self._lock:
-            self._known[network_of(address)] = None
-            self._known.move_to_end(network_of(address))
+            self._known[known] = None
+            self._known.move_to_end(known)
             while len(self._known) > MAX_ADDRESSES:
                 self._known.popitem(last=False)
 
-    def _buckets(self, address: str) -> list[tuple[str, float]]:
+    def _buckets(self, address: str, account: str) -> list[tuple[str, float]]:
         """Return the buckets that a try from an address counts in, each with its period."""
-        for_all = [] if address in self._known else [(_ALL, PERIOD_S / FOR_ALL)]
+        for_all = [] if (account, address) in self._known else [(_ALL, PERIOD_S / FOR_ALL)]
         return [(address, PERIOD_S), *for_all]
 
     def _excess_s(self, key: str, every_s: float, now: float) -> float:
@@ -118,19 +121,19 @@ class PasswordTries:
         self._limiter = limiter or RateLimiter()
         self._one_at_a_time = asyncio.Semaphore(1)
 
-    async def attempt(self, address: str, check: Callable[[], _Found]) -> _Found:
-        """Return what `check` returns in a thread, something true for the right password; raises
-        `TooManyTries`, and what `check` raises, which is about something else than the password:
-        that counts as no try."""
-        wait_s = self._limiter.wait_s(address)
+    async def attempt(self, address: str, check: Callable[[], _Found], *, account: str) -> _Found:
+        """Return what `check` returns in a thread, something true for the right password of an
+        account; raises `TooManyTries`, and what `check` raises, which is about something else than
+        the password: that counts as no try."""
+        wait_s = self._limiter.wait_s(address, account)
         if wait_s:
             raise TooManyTries(wait_s)
         async with self._one_at_a_time:
             try:
                 found = await asyncio.to_thread(check)
             except Exception:
-                self._limiter.refund(address)
+                self._limiter.refund(address, account)
                 raise
         if found:
-            self._limiter.succeed(address)
+            self._limiter.succeed(address, account)
         return found

@@ -52,7 +52,7 @@ class Login:
         words = CATALOGS[language_of(Headers(scope=scope))]
         try:
             cookie = await authenticator.tries.attempt(
-                address, lambda: authenticator.log_in(name, password)
+                address, lambda: authenticator.log_in(name, password), account=name
             )
         except TooManyTries as error:
             return _page(

@@ -62,13 +62,14 @@ def test_the_addresses_of_one_ipv6_network_share_their_tries(
 
 def test_bad_tries_from_ever_new_addresses_keep_no_one_out_who_has_logged_in_before() -> None:
     limiter = RateLimiter(clock=Clock())
-    assert limiter.wait_s("192.0.2.1") == 0
-    limiter.succeed("192.0.2.1")
+    assert limiter.wait_s("192.0.2.1", "anna") == 0
+    limiter.succeed("192.0.2.1", "anna")
     waits = [limiter.wait_s(f"198.51.100.{host}") for host in range(2 * BURST * FOR_ALL)]
     assert waits[0] == 0 and waits[-1] > 0
     assert limiter.wait_s("203.0.113.1") > 0
-    assert [limiter.wait_s("192.0.2.1") for _ in range(BURST)] == [0] * BURST
-    assert limiter.wait_s("192.0.2.1") > 0, "its own tries are limited as before"
+    assert limiter.wait_s("192.0.2.1", "boss") > 0, "of another account"
+    assert [limiter.wait_s("192.0.2.1", "anna") for _ in range(BURST)] == [0] * BURST
+    assert limiter.wait_s("192.0.2.1", "anna") > 0, "its own tries are limited as before"
 
 
 def test_the_longest_password_logs_in_and_no_larger_form_is_read(locked: ConsoleServer) -> None:
