@@ -6,7 +6,7 @@ import { connect, get, post } from "../core/link/api.js";
 import { onStale } from "../core/link/connection.js";
 import { element, set, setText } from "../core/dom.js";
 import { sentence, t } from "../core/text/language.js";
-import { addStopChannel } from "../core/stop.js";
+import { addStopChannel, delivered } from "../core/stop.js";
 import { attempt, notify, showRefusal } from "../core/toasts.js";
 
 // Controls that a viewer may not use. The lists themselves can be scrolled by viewers, too.
@@ -27,6 +27,10 @@ const link = connect("/control/live", {
     if (message.type === "refused") {
       releaseKeys();
       showRefusal({ message: sentence(message.message), code: message.code });
+      return;
+    }
+    if (message.type === "stopped") {
+      delivered();
       return;
     }
     link.send({ type: "here" });
