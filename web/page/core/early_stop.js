@@ -100,13 +100,15 @@
   const timer = setTimeout(() => show("failed"), LOADING_MS);
 
   // The modules stop from now on. Returns what was pressed for a stop that has not been answered, or
-  // null.
+  // null, and whether the robot was stopped. `stop.js` removes what is told of a stop that did not reach
+  // the robot, or was refused.
   window.takeOverStop = () => {
     clearTimeout(timer);
     for (const [name, handle] of Object.entries(handlers)) window.removeEventListener(name, handle, true);
-    for (const note of document.querySelectorAll("[data-early]")) note.remove();
+    const isStopped = document.querySelector("[data-early=stopped]:not([hidden])") !== null;
+    for (const name of ["failed", "stopped"]) show(name, false);
     const source = undelivered?.source ?? null;
     forget();
-    return source;
+    return { source, isStopped };
   };
 }
