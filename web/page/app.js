@@ -195,13 +195,21 @@ onDraft(() => {
   wasDrawing = isDrawing();
 });
 
-// Each error is told once: one in the handling of a state comes back with every state.
-const told = new Set();
+// Each error is shown once, and few at a time: one in the handling of a state comes back with every
+// state. After it was dismissed it is told again, but leaves time to work. A request without an answer,
+// as one that the stop has aborted, is no error of the page.
+const MAX_ERRORS = 3;
+const TOLD_AGAIN_MS = 60_000;
+const told = new Map();
 function tellError(error) {
+  if (error?.status === 0) return;
   const message = String(error?.message ?? error);
-  if (told.has(message)) return;
-  told.add(message);
-  notify(t("Error in this page: {message}", { message }), { stays: true });
+  const nowMs = performance.now();
+  const { toast, toldMs } = told.get(message) ?? {};
+  const shown = [...told.values()].filter((one) => one.toast.isConnected).length;
+  if (toast?.isConnected || shown >= MAX_ERRORS || nowMs - toldMs < TOLD_AGAIN_MS) return;
+  const text = t("Error in this page: {message}", { message });
+  told.set(message, { toast: notify(text, { stays: true }), toldMs: nowMs });
 }
 // Where the browser itself reports, as of sizes that are measured late, there is no error.
 window.addEventListener("error", ({ error }) => error && tellError(error));

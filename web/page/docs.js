@@ -2,10 +2,10 @@
 // call that only reads can be tried on the page; every call can be copied for a shell.
 
 import { takeOver } from "./core/stop.js";
-import "./core/stop_beside.js";
+import { tellStopped } from "./core/stop_beside.js";
 import "./core/theme.js";
 
-takeOver();
+takeOver(tellStopped);
 const MAX_DEPTH = 6;
 const MAX_SHOWN = 4000;
 const root = document.getElementById("docs");

@@ -342,6 +342,15 @@ def test_the_stop_is_heard_on_the_sign_of_life_too_and_from_everybody(
     assert set(operations.stops) == {f"{who} (console key)"}
 
 
+def test_a_stop_on_the_sign_of_life_is_answered(
+    server: ConsoleServer, operations: FakeOperations
+) -> None:
+    with live(server) as page:
+        page.send(json.dumps({"type": "stop", "by": "console key"}))
+        assert news(page, type="stopped") == {"type": "stopped"}
+        assert operations.stops == ["console key"]
+
+
 @pytest.mark.parametrize("by", ["", "\n", 7, "x" * 500])
 def test_no_label_refuses_a_stop_on_the_sign_of_life(
     server: ConsoleServer, operations: FakeOperations, by: object

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 
 import pytest
@@ -222,22 +223,36 @@ def test_a_request_with_a_file_may_take_longer_and_one_that_takes_too_long_says_
     assert page.evaluate("window.limits").count(600_000) == 1
 
 
-def test_a_device_that_has_slept_drives_by_hand_as_before(
-    page: Page, operations: FakeOperations
+@pytest.mark.parametrize(
+    "jump",
+    [
+        # The steady clock of most browsers stands still while the device sleeps.
+        "(() => { const now = performance.now.bind(performance);"
+        " performance.now = () => now() - 500; })()",
+        "(() => { const now = Date.now; Date.now = () => now() + 5000; })()",
+    ],
+    ids=["sleep", "clock set"],
+)
+def test_a_device_that_has_slept_ends_the_drive_and_drives_again_on_another_connection(
+    page: Page, operations: FakeOperations, jump: str
 ) -> None:
     page.keyboard.press("b")
-    for _ in range(2):
-        page.keyboard.down("ArrowUp")
-        eventually(page, lambda: operations.hand is not None, patience_s=5.0)
-        page.keyboard.up("ArrowUp")
-        eventually(page, lambda: operations.hand is None)
-        # The steady clock of most browsers stands still while the device sleeps.
-        page.evaluate(
-            """() => {
-                const now = performance.now.bind(performance);
-                performance.now = () => now() - 5000;
-            }"""
-        )
+    page.keyboard.down("ArrowUp")
+    eventually(page, lambda: operations.hand is not None, patience_s=5.0)
+    with page.expect_websocket(lambda socket: socket.url.endswith("/control/live")) as reconnected:
+        page.evaluate(jump)
+    eventually(page, lambda: operations.hand is None, patience_s=5.0)
+    expect(page.locator("[data-drive=ArrowUp]")).to_have_attribute("aria-pressed", "false")
+    sent = list[str]()
+    reconnected.value.on("framesent", lambda frame: sent.append(str(frame)))
+    page.keyboard.down("ArrowUp")  # the repeat of a key that is held
+    page.keyboard.up("ArrowUp")
+    page.keyboard.down("ArrowUp")
+    eventually(page, lambda: operations.hand is not None, patience_s=5.0)
+    page.keyboard.up("ArrowUp")
+    eventually(page, lambda: operations.hand is None)
+    times_ms = [json.loads(text)["t_ms"] for text in sent if "t_ms" in text]
+    assert times_ms and max(times_ms) <= page.evaluate("performance.now()")
 
 
 def test_the_screen_stays_on_while_the_robot_is_driven_by_hand(page: Page) -> None:
@@ -360,15 +375,20 @@ def test_a_goal_is_set_started_stopped_and_released_by_keyboard_alone(
     assert not operations.state().stop_latched
 
 
-def test_minus_does_not_zoom_in_on_a_large_map_that_is_fitted(page: Page) -> None:
+def test_plus_and_minus_are_the_opposite_of_each_other_on_a_large_map_that_is_fitted(
+    page: Page,
+) -> None:
     await_map(page)
-    scales = page.evaluate(
+    fitted, least, near, far = page.evaluate(
         """async () => {
             const { fit, view, zoom } = await import("/page/map/view.js");
             fit({ left: 0, right: 1000, bottom: 0, top: 1000 });
-            const fitted = view.scale;
-            zoom(1 / 1.3);
-            return [fitted, view.scale];
+            const scales = [view.scale];
+            for (const factor of [1 / 1.3, 1.3, 1 / 1.3]) {
+                zoom(factor);
+                scales.push(view.scale);
+            }
+            return scales;
         }"""
     )
-    assert scales[1] <= scales[0] < 1.0
+    assert least == far == fitted < near < 1.0

@@ -149,6 +149,26 @@ def test_the_log_marks_each_day_and_a_repeated_entry_has_its_newest_time(
     expect(rows.filter(visible=True)).to_have_attribute("data-before", days[1])
 
 
+def test_the_log_marks_the_day_at_midnight(page: Page, operations: FakeOperations) -> None:
+    log = operations.insight.event_log = EventLog()
+    log.note(1.0, "stopped", "A person is close.", HERE)
+    page.get_by_test_id("tab-log").click()
+    row = page.get_by_test_id("log-entry")
+    expect(row).to_be_visible()
+    assert row.get_attribute("data-before") is None
+    page.evaluate(
+        """() => {
+            const Present = Date;
+            window.Date = class extends Present {
+                constructor(...given) {
+                    super(...(given.length ? given : [Present.now() + 86_400_000]));
+                }
+            };
+        }"""
+    )
+    expect(row).to_have_attribute("data-before", re.compile(r"\d"))
+
+
 @pytest.mark.long
 def test_the_explanation_names_the_rule_its_cost_and_what_to_remove(
     page: Page, operations: FakeOperations

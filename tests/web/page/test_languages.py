@@ -224,7 +224,7 @@ def test_a_number_is_typed_as_the_page_writes_it(
         goal = operations.state().queue[-1]
         assert (goal.x_m, goal.y_m) == (x_m, y_m)
     # One number alone, and a comma that may be a decimal sign or a separator.
-    for unclear in ("3,5", "1,5 2.25", "3.5,1"):
+    for unclear in ("3,5", "1,5 2.25", "3.5,1", "5,3,-90", "5,3, 90"):
         page.get_by_test_id("goal-input").fill(unclear)
         page.get_by_test_id("goal-add").click()
         expect(page.get_by_test_id("toasts")).to_contain_text(re.compile(f"{unclear}[“»]"))

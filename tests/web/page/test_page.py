@@ -490,6 +490,27 @@ def test_an_error_in_the_handling_of_the_state_is_told_and_no_state_counts_as_sh
     expect(page.get_by_test_id("connection")).to_have_text("no connection")
 
 
+def test_errors_of_the_page_leave_room_and_are_told_again_after_they_were_dismissed(
+    new_context: Callable[..., BrowserContext], server: ConsoleServer
+) -> None:
+    page = new_context().new_page()
+    page.clock.install()
+    page.goto(f"{server.url}/#map")
+    expect(page.get_by_test_id("connection")).to_have_text("live")
+    fail = "(errors) => { for (const error of errors) Promise.reject(error); }"
+    page.evaluate(fail, [{"status": 0, "message": "aborted"}])
+    page.evaluate(fail, ["one", "two", "one", "three", "four"])
+    shown = page.locator("#toasts .toast")
+    expect(shown).to_contain_text(["one", "two", "three"])
+    for _ in range(3):
+        shown.first.get_by_label("Dismiss").click()
+    page.evaluate(fail, ["one", "four"])
+    expect(shown).to_contain_text(["four"])
+    page.clock.fast_forward(60_000)
+    page.evaluate(fail, ["one"])
+    expect(shown).to_contain_text(["four", "one"])
+
+
 def test_what_is_known_is_fitted_with_as_many_corners_as_zones_may_have(page: Page) -> None:
     await_map(page)
     page.evaluate(

@@ -8,10 +8,11 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Route, expect
 
 from navcore.costmap.costmap import Costmap
 from navcore.errors import Refused
+from navcore.geometry.transform import Pose2
 from navcore.localisation.estimate import LocalisationState
 from tests.web.api.test_sites import YAML
 from tests.web.fake_operations import FakeOperations
@@ -404,6 +405,28 @@ def test_dock_and_tags_are_set_by_the_robots_place_the_map_and_the_camera(
     expect(panel.get_by_test_id("dock-text")).to_contain_text("No dock yet")
     assert site().dock is None
     assert page.evaluate(UNNAMED) == []
+
+
+def test_the_dock_of_a_site_ends_with_it_and_that_of_the_next_is_read_until_it_is_there(
+    panel: Locator, operations: FakeOperations
+) -> None:
+    page, sites = panel.page, operations.sites
+    make_site(panel, "hall")
+    sites.change("hall", SiteChanges(dock=Pose2(x_m=2.0, y_m=1.0, yaw_rad=0.0)))
+    press(panel.get_by_test_id("dock-here"))
+    drive = panel.get_by_test_id("dock-drive")
+    expect(drive).to_be_visible()
+    held = list[Route]()
+    page.route("**/api/v1/sites/hall", lambda route: held.append(route))
+    sites.choose("hall")
+    expect(page.get_by_test_id("sites-button")).to_have_text("Site hall ▾")
+    expect(drive).to_be_hidden()
+    expect(panel.get_by_test_id("dock-text")).to_be_empty()
+    eventually(page, lambda: len(held) > 0)
+    page.unroute("**/api/v1/sites/hall")
+    press(page.get_by_test_id("stop"))  # which aborts the request
+    expect(panel.get_by_test_id("dock-text")).to_contain_text("2.00, 1.00")
+    expect(drive).to_be_visible()
 
 
 def test_dock_and_tag_are_set_by_keyboard_alone(page: Page, operations: FakeOperations) -> None:

@@ -3,7 +3,7 @@
 `WS control/live` carries a page's sign of life: the console sends the holder of control twice a
 second, the page answers, and while a drive key is held it sends velocities. A page that is closed,
 frozen or cut off sends none, and a velocity holds for 0.25 s. The emergency stop is accepted on it,
-too, from every visitor.
+too, from every visitor, and answered by `stopped`.
 """
 
 from __future__ import annotations
@@ -98,6 +98,7 @@ class TeleopSession:
         self._least_delay_s: float | None = None
         self._received_s, self._late = 0.0, 0
         self.is_driving = False
+        self.is_stop_unanswered = False
         self.refusals: deque[dict[str, str]] = deque(maxlen=1)
         """What the page has to be told next. The messages of the page, a stop perhaps, do not wait
         until it has taken that."""
@@ -149,6 +150,9 @@ async def _send(socket: WebSocket, control: ControlLeases, session: TeleopSessio
     clock = asyncio.get_running_loop().time
     sent_at, sent = -REPEAT_S, -1
     while True:
+        if session.is_stop_unanswered:
+            session.is_stop_unanswered = False
+            await socket.send_text('{"type": "stopped"}')
         if session.refusals:
             await socket.send_text(json.dumps(session.refusals.popleft()))
         if control.now.serial != sent or clock() - sent_at >= REPEAT_S:
@@ -174,6 +178,7 @@ async def _receive(
         if isinstance(received, StopMessage):
             by = stop_label(received.by, "console")
             session.operations.stop(stop_source(session.visitor, by))
+            session.is_stop_unanswered = True
             _note(auditor, session.visitor, f"stop?by={by}")
             session.release()
         control.heartbeat(session.visitor)

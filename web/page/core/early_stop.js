@@ -9,7 +9,9 @@
   // As in `keys.js`: fields in which a blank means something.
   const BLANK_FIELDS =
     "input:is(:not([type]), [type=text], [type=search], [type=password], [type=url], [type=email]), textarea";
-  let undelivered = null; // what was pressed for the stop that has not been answered
+  // What was pressed for the stop that has not been answered, as `{ source }`.
+  let undelivered = null;
+  let socket = null;
 
   function show(name, isShown = true) {
     const note = document.querySelector(`[data-early="${name}"]`);
@@ -29,18 +31,40 @@
     }
   }
 
+  // The modules take up the few connections that a browser opens to one host, and a request waits
+  // until they are there; a websocket has a connection of its own. The console answers the stop on it.
+  function sendBySocket(pressed) {
+    if (socket?.readyState <= WebSocket.OPEN) return;
+    socket = new WebSocket(`${location.origin.replace("http", "ws")}/api/v1/control/live`);
+    socket.onopen = () => socket.send(JSON.stringify({ type: "stop", by: pressed.source }));
+    socket.onmessage = ({ data }) => {
+      if (JSON.parse(data).type === "stopped" && undelivered === pressed) end("stopped");
+    };
+  }
+
+  function forget() {
+    undelivered = null;
+    socket?.close();
+  }
+
+  function end(answer) {
+    forget();
+    show("lost", false);
+    show(answer);
+  }
+
   async function stop(source) {
     if (undelivered) return; // its loop goes on
-    undelivered = source;
+    const pressed = { source };
+    undelivered = pressed;
     for (const name of ["stopped", "refused"]) show(name, false);
-    while (undelivered) {
+    while (undelivered === pressed) {
+      sendBySocket(pressed);
       const status = await send(source);
-      const isDone = status >= 200 && status < 300;
-      if (isDone || status === LOGGED_OUT) {
-        undelivered = null;
-        show("lost", false);
-        show(isDone ? "stopped" : "refused");
-      } else if (undelivered) {
+      if (undelivered !== pressed) return;
+      if (status >= 200 && status < 300) end("stopped");
+      else if (status === LOGGED_OUT) end("refused");
+      else {
         show("lost");
         await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
       }
@@ -76,13 +100,15 @@
   const timer = setTimeout(() => show("failed"), LOADING_MS);
 
   // The modules stop from now on. Returns what was pressed for a stop that has not been answered, or
-  // null.
+  // null, and whether the robot was stopped. `stop.js` removes what is told of a stop that did not reach
+  // the robot, or was refused.
   window.takeOverStop = () => {
     clearTimeout(timer);
     for (const [name, handle] of Object.entries(handlers)) window.removeEventListener(name, handle, true);
-    for (const note of document.querySelectorAll("[data-early]")) note.remove();
-    const source = undelivered;
-    undelivered = null;
-    return source;
+    const isStopped = document.querySelector("[data-early=stopped]:not([hidden])") !== null;
+    for (const name of ["failed", "stopped"]) show(name, false);
+    const source = undelivered?.source ?? null;
+    forget();
+    return { source, isStopped };
   };
 }

@@ -82,6 +82,7 @@ async function sendUntilAnswered(source) {
 }
 
 function end(isStopped) {
+  for (const note of document.querySelectorAll("[data-early]")) note.remove();
   undelivered?.toast.remove();
   undelivered?.answer(isStopped);
   undelivered = null;
@@ -98,16 +99,17 @@ function refused() {
 }
 
 // The page as a whole runs: it stops the robot from now on, and sends what `early_stop.js` has not
-// delivered.
-export function takeOver() {
-  const source = window.takeOverStop?.();
-  if (source) stop(source);
+// delivered. `tellStopped` is called if the robot is stopped.
+export async function takeOver(tellStopped = () => {}) {
+  const { source, isStopped } = window.takeOverStop?.() ?? {};
+  if (source ? await stop(source) : isStopped) tellStopped();
 }
 
 // The robot is stopped: a stop that was not answered has arrived after all.
 export function delivered() {
-  if (!undelivered) return true;
-  const seconds = Math.max((performance.now() - undelivered.pressedMs) / 1000, 1).toFixed(0);
-  notify(t("The stop was delivered {seconds} s late: the robot is stopped.", { seconds }), { good: true });
+  if (undelivered) {
+    const seconds = Math.max((performance.now() - undelivered.pressedMs) / 1000, 1).toFixed(0);
+    notify(t("The stop was delivered {seconds} s late: the robot is stopped.", { seconds }), { good: true });
+  }
   return end(true);
 }

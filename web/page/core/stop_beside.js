@@ -10,9 +10,12 @@ const TEXT = "input:not([type=checkbox]):not([type=range]):not([type=number]), t
 // Whether text is written in an element, so that keys belong to it.
 export const isText = (target) => Boolean(target.matches?.(TEXT));
 
-async function stopNow() {
-  if (!(await stop("console button"))) return;
+export function tellStopped() {
   notify(t("The robot is stopped. The stop is released in the console."), { good: true });
+}
+
+async function stopNow() {
+  if (await stop("console button")) tellStopped();
 }
 element("stop").onclick = stopNow;
 document.addEventListener(

@@ -39,6 +39,7 @@ let oldestId = null;
 let unread = 0;
 let running = null;
 let presentStart = null;
+let markedDay = null;
 
 export function build(pane, context, button) {
   shared = context;
@@ -155,7 +156,7 @@ async function loadNewest(isOpen) {
       olderButton.hidden = false;
     }
     presentStart = page.start;
-    if (page.entries.length) showMatching();
+    if (page.entries.length || markedDay !== formatDate(new Date())) showMatching();
     const shown = unread > MAX_UNREAD ? `${MAX_UNREAD}+` : unread;
     setText(tab, unread ? t("Log · {n} new", { n: shown }) : t("Log"));
   } catch {
@@ -205,7 +206,8 @@ async function addOlder() {
 // A line above the newest shown entry of each earlier start of the console, and of each day but the
 // present one.
 function markStarts() {
-  let [lastStart, lastDay] = [String(presentStart), formatDate(new Date())];
+  markedDay = formatDate(new Date());
+  let [lastStart, lastDay] = [String(presentStart), markedDay];
   for (const row of list.children) {
     if (row.hidden) continue;
     const { start } = row.dataset;

@@ -9,6 +9,7 @@ const [MIN_SCALE, MAX_SCALE] = [2, 800];
 const IN_SIGHT_PX = 60;
 export const canvas = element("map-canvas");
 const MAX_FITTED_SCALE = 100;
+let fittedScale = MIN_SCALE;
 // Pixels per metre, the point in the middle in metres, whether the view was ever fitted, follows the
 // robot, and still shows what it was fitted to (the operator has not moved it since).
 export const view = { scale: 40, x: 0, y: 0, fitted: false, follows: false, isAuto: false };
@@ -43,8 +44,9 @@ export function fit({ left, right, bottom, top }) {
   const { width, height } = size;
   if (width === 0) return;
   const scale = Math.min(width / (right - left), height / (top - bottom)) * FIT_SHARE;
+  fittedScale = Math.min(scale, MAX_FITTED_SCALE);
   Object.assign(view, {
-    scale: Math.min(scale, MAX_FITTED_SCALE),
+    scale: fittedScale,
     x: (left + right) / 2,
     y: (bottom + top) / 2,
     fitted: true,
@@ -97,11 +99,11 @@ export function centreOnRobot(pose) {
 }
 
 // Zoom around a pixel of the canvas, by default its middle. A large map that is fitted is smaller than
-// at the least scale; from there it is only zoomed in.
+// at the least scale; it is zoomed out no farther than that.
 export function zoom(factor, px = size.width / 2, py = size.height / 2) {
   const [x, y] = toWorld(px, py);
   view.isAuto = false;
-  const least = Math.min(MIN_SCALE, view.scale);
+  const least = Math.min(MIN_SCALE, fittedScale);
   view.scale = Math.min(Math.max(view.scale * factor, least), MAX_SCALE);
   const [nextX, nextY] = toWorld(px, py);
   view.x += x - nextX;

@@ -6,7 +6,7 @@ import { connect, get, post } from "../core/link/api.js";
 import { onStale } from "../core/link/connection.js";
 import { element, set, setText } from "../core/dom.js";
 import { sentence, t } from "../core/text/language.js";
-import { addStopChannel } from "../core/stop.js";
+import { addStopChannel, delivered } from "../core/stop.js";
 import { attempt, notify, showRefusal } from "../core/toasts.js";
 
 // Controls that a viewer may not use. The lists themselves can be scrolled by viewers, too.
@@ -29,6 +29,10 @@ const link = connect("/control/live", {
       showRefusal({ message: sentence(message.message), code: message.code });
       return;
     }
+    if (message.type === "stopped") {
+      delivered();
+      return;
+    }
     link.send({ type: "here" });
     show(message);
   },
@@ -38,16 +42,26 @@ const link = connect("/control/live", {
 
 addStopChannel((source) => link.send({ type: "stop", by: source }));
 
-// Time by which this device slept, in which the steady clock of many browsers stands still: to the
-// console all that is sent afterwards would be late by it. A wall clock that is set back counts as
-// nothing.
-let sleptMs = 0;
+// While the device sleeps the steady clock of many browsers stands still: to the console all that is
+// sent afterwards would be late by it. On another connection delays count from the first velocity
+// again; the drive ends with this one. The wall clock tells of a sleep, and may also have been set.
+const SLEPT_MS = 250;
+const CHECKED_MS = 1000;
 const wallLeadMs = () => Date.now() - performance.now();
-const firstLeadMs = wallLeadMs();
+let leadMs = wallLeadMs();
+
+function hasSlept() {
+  const beforeMs = leadMs;
+  leadMs = wallLeadMs();
+  const isJump = Math.abs(leadMs - beforeMs) > SLEPT_MS;
+  if (isJump) link.reconnect();
+  return isJump;
+}
+setInterval(hasSlept, CHECKED_MS);
 
 export function sendVelocity(vMps, wRadps) {
-  sleptMs = Math.max(sleptMs, wallLeadMs() - firstLeadMs);
-  link.send({ type: "drive", v_mps: vMps, w_radps: wRadps, t_ms: performance.now() + sleptMs });
+  if (hasSlept()) return;
+  link.send({ type: "drive", v_mps: vMps, w_radps: wRadps, t_ms: performance.now() });
 }
 
 // Show the login page when the session has ended: this page could do nothing more.

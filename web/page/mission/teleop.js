@@ -35,8 +35,8 @@ function press(key) {
   if (pressed.has(key)) return;
   pressed.add(key);
   showPressed();
-  drive();
-  if (!timer) timer = setInterval(drive, SEND_MS);
+  timer ||= setInterval(drive, SEND_MS);
+  drive(); // which may release all
 }
 
 function release(key) {
@@ -64,8 +64,8 @@ function showPressed() {
 // that no key drives by mistake.
 export function driveByKey(event, isDown) {
   if (!DIRECTIONS[event.key] || !pad.open || document.body.dataset.role === "viewer") return false;
-  if (isDown) press(event.key);
-  else release(event.key);
+  if (!isDown) release(event.key);
+  else if (!event.repeat) press(event.key); // once all are released, a key is to be pressed again
   return true;
 }
 

@@ -16,8 +16,9 @@ import { addGoal } from "../mission/goals.js";
 const DOCK = "#ffd166";
 const TAG = "#f78fb3";
 const ARROW_M = 0.5;
-const NOTHING = { name: null, dock: null, tags: [] };
-let site = NOTHING;
+// A site that has not been read yet: neither the dock nor the tags of another one are in force.
+const unread = (name) => ({ name, dock: undefined, tags: [] });
+let site = unread(null);
 
 const degrees = (yaw) => number((yaw * 180) / Math.PI, 0);
 const placeOf = ({ x_m: x, y_m: y, yaw_rad: yaw }) =>
@@ -32,10 +33,13 @@ const textOf = (tag) =>
     sigma: number(100 * tag.sigma_m, 0),
   });
 
-// The site in use is another one, or has changed.
-export async function load(name) {
-  take(await get(`/sites/${encodeURIComponent(name)}`));
+// The site in use is another one, or has another name.
+export function enter(name) {
+  take(unread(name));
 }
+
+// The site in use may have changed.
+export const load = () => takeAnswer("GET", "");
 
 // Told of what is drawn and what the section shows.
 let taken = () => {};
@@ -46,11 +50,15 @@ function take(read) {
   redraw();
 }
 
-const send = async (method, path, body) =>
-  take(await request(method, `/sites/${encodeURIComponent(site.name)}${path}`, body));
-const setDock = (dock) => send("PATCH", "", { dock });
-const putTag = (tag) => send("POST", "/tags", tag);
-const removeTag = (number) => send("DELETE", `/tags/${number}`);
+async function takeAnswer(method, path, body) {
+  const { name } = site;
+  const read = await request(method, `/sites/${encodeURIComponent(name)}${path}`, body);
+  if (name === site.name) take(read); // else the robot is at another one by now
+}
+
+const setDock = (dock) => takeAnswer("PATCH", "", { dock });
+const putTag = (tag) => takeAnswer("POST", "/tags", tag);
+const removeTag = (number) => takeAnswer("DELETE", `/tags/${number}`);
 
 const dockHere = make("button", { type: "button", "data-testid": "dock-here" }, t("The robot stands in it now"));
 dockHere.onclick = () => {
@@ -191,13 +199,15 @@ export function buildDockAndTags({ hide, show }) {
       dockText,
       dock
         ? t("The dock is {place}.", { place: placeOf(dock) })
-        : t("No dock yet: the place where the robot stands while it charges. In it, one click tells the robot where it is."),
+        : dock === null
+          ? t("No dock yet: the place where the robot stands while it charges. In it, one click tells the robot where it is.")
+          : "",
     );
     for (const one of [dockDrive, dockIn, dockRemove]) one.hidden = !dock;
     reconcile(tagList, tags, (tag) => tag.id, tagItem, (item, tag) =>
       setText(item.querySelector(".label"), textOf(tag)),
     );
-    noTags.hidden = tags.length > 0;
+    noTags.hidden = dock === undefined || tags.length > 0;
   };
   taken();
   return make(

@@ -9,7 +9,7 @@ import { number, sentence, t, tn } from "../core/text/language.js";
 import { attempt } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
 import * as changes from "./changes.js";
-import { buildDockAndTags, follow, load } from "./dock_tags.js";
+import { buildDockAndTags, enter, follow, load } from "./dock_tags.js";
 import { buildPlacing } from "./placing.js";
 
 const NAME_RULE = "[A-Za-z0-9]([A-Za-z0-9 _\\-]{0,38}[A-Za-z0-9_\\-])?";
@@ -23,7 +23,8 @@ const only = make(
 );
 const newName = nameField(t("Name of a new site"), "site-name");
 let chosen = null;
-const loadChosen = oneAtATime(() => load(chosen));
+const loadChosen = oneAtATime(load);
+const refreshAgain = oneAtATime(refresh);
 let chosenId = null;
 
 function nameField(label, testId) {
@@ -48,16 +49,17 @@ export function update(state) {
   setSite(site_id);
   setText(opener, t("Site {site} ▾", { site }));
   if (isOther) changes.forget();
-  if (panel.open) refresh();
+  enter(site);
+  if (panel.open) refreshAgain();
   else loadChosen();
   return isOther;
 }
 
 async function refresh() {
+  loadChosen();
   const { sites } = await get("/sites");
   reconcile(list, sites, (site) => site.name, itemOf, fill);
   only.hidden = sites.length > 1;
-  await load(chosen);
   if (panel.open) await changes.refresh();
 }
 

@@ -4,7 +4,7 @@ import { get, post, request } from "../core/link/api.js";
 import { element, make, reconcile, set, setText } from "../core/dom.js";
 import { sentence, t, tn } from "../core/text/language.js";
 import { takeOver } from "../core/stop.js";
-import { isText } from "../core/stop_beside.js";
+import { isText, tellStopped } from "../core/stop_beside.js";
 import "../core/theme.js";
 import { attempt, notify } from "../core/toasts.js";
 import { askTwice } from "../core/twice.js";
@@ -14,7 +14,7 @@ import { loadRole, refreshExport } from "./export.js";
 import { refreshNetworks, upload } from "./networks.js";
 import { followFrames, refreshTraining } from "./training.js";
 
-takeOver();
+takeOver(tellStopped);
 const POLL_MS = 1500;
 const NUMBER = "input[type=number]";
 let frames = [];

@@ -110,6 +110,13 @@ export function connect(path, { onMessage, onOpen = () => {}, onClose = () => {}
       setTimeout(open, RECONNECT_MS);
     };
   };
+  const giveUp = () => {
+    if (socket.readyState > WebSocket.OPEN) return;
+    const { onclose } = socket;
+    socket.onmessage = socket.onclose = null;
+    socket.close();
+    onclose();
+  };
   open();
   // Counted and not measured: in a hidden page, or after the computer has slept, time passes in which
   // no message could be taken.
@@ -117,12 +124,10 @@ export function connect(path, { onMessage, onOpen = () => {}, onClose = () => {}
     if (socket.readyState > WebSocket.OPEN) return;
     restingS += 1;
     if (restingS <= (socket.readyState === WebSocket.OPEN ? restS : CONNECTING_S)) return;
-    const { onclose } = socket;
-    socket.onmessage = socket.onclose = null;
-    socket.close();
-    onclose();
+    giveUp();
   }, 1000);
   return {
+    reconnect: giveUp,
     send: (message) => {
       if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
     },

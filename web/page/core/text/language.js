@@ -54,13 +54,18 @@ export const decimal = (value) => shortest.format(value);
 const decimalSign = number(0.1, 1).charAt(1);
 const localNumber = (text) => text.replace(".", decimalSign);
 
+const between = (text) => text.split(/[,\s]+/).filter(Boolean);
+const POSE_NUMBERS = 3; // x, y and heading: the most that is typed in one text
+
 // The numbers of a typed text, between blanks and commas; NaN for what is none. In a language that
-// writes decimals with a comma, one between two digits is no separator, 3,5 is one number; beside a
-// decimal point it could be either, and NaN is all that is returned.
+// writes decimals with a comma, one between two digits is no separator, 3,5 is one number. NaN is all
+// that is returned where it could be either: beside a decimal point, and beside a comma that separates
+// if with every comma as a separator it is a pose, too, as is 5,3, 90.
 export function typedNumbers(typed) {
   const withPoints = decimalSign === "," ? typed.replace(/(\d),(?=\d)/g, "$1.") : typed;
-  if (withPoints !== typed && typed.includes(".")) return [NaN];
-  return withPoints.split(/[,\s]+/).filter(Boolean).map(Number);
+  const isPoseToo = withPoints.includes(",") && between(typed).length <= POSE_NUMBERS;
+  if (withPoints !== typed && (typed.includes(".") || isPoseToo)) return [NaN];
+  return between(withPoints).map(Number);
 }
 
 export const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);

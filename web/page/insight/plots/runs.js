@@ -3,14 +3,14 @@
 import { get } from "../../core/link/api.js";
 import { element, make } from "../../core/dom.js";
 import { takeOver } from "../../core/stop.js";
-import "../../core/stop_beside.js";
+import { tellStopped } from "../../core/stop_beside.js";
 import { language, number, sentence, t, tn } from "../../core/text/language.js";
 import "../../core/theme.js";
 import { attempt } from "../../core/toasts.js";
 import { COLUMNS, makeChart, plot } from "./chart.js";
 import { nameOf } from "./run_fields.js";
 
-takeOver();
+takeOver(tellStopped);
 const fixed = (value, digits) => (typeof value === "number" ? number(value, digits) : "–");
 // Field → text of a run.
 const LIST = {
