@@ -517,8 +517,10 @@ def test_what_is_known_is_fitted_with_as_many_corners_as_zones_may_have(page: Pa
         """async () => {
             const { world } = await import("/page/map/world.js");
             const ring = Array.from({ length: 500_000 }, (_, i) => [i / 10_000, 0]);
-            world.zones = [{ geometry: { coordinates: [ring] }, properties: {} }];
+            const properties = { name: "wide", enabled: true, colour: [255, 0, 0] };
+            world.zones = [{ id: "wide", geometry: { coordinates: [ring] }, properties }];
             (await import("/page/map/map.js")).fit();
             (await import("/page/map/map.js")).fit();
+            await new Promise((resolve) => setTimeout(resolve, 500)); // and it is drawn
         }"""
     )

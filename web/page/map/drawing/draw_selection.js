@@ -1,6 +1,6 @@
 // What is selected or below the pointer, and what is measured, on the map.
 
-import { distance } from "../../core/geometry.js";
+import { boxAround, distance } from "../../core/geometry.js";
 import { decimal, number, t } from "../../core/text/language.js";
 import { draft } from "../../zones/draft.js";
 import { colourOf } from "../../zones/zones.js";
@@ -18,9 +18,8 @@ const ROBOT_ARROW_M = 0.8;
 const ringOf = (zone) => zone.geometry.coordinates[0].slice(0, -1);
 
 function boxOf(ring) {
-  const pixels = ring.map(toPage);
-  const [xs, ys] = [pixels.map(([x]) => x), pixels.map(([, y]) => y)];
-  return { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
+  const { left, right, bottom, top } = boxAround(ring.map(toPage));
+  return { left, right, top: bottom, bottom: top }; // down the page y grows
 }
 
 export function drawZoneNames() {
