@@ -33,6 +33,18 @@ def pushed(driver: RobotController, twist: Twist = BY_HAND) -> RobotController:
     return driver
 
 
+def facts_of_gate(monkeypatch: pytest.MonkeyPatch) -> list[GateInput]:
+    """What the gate decides by from now on, the newest last."""
+    found: list[GateInput] = []
+
+    def noted(facts: GateInput, **given: Any) -> GateDecision:
+        found.append(facts)
+        return gate(facts, **given)
+
+    monkeypatch.setattr("app.runtime.control.robot_controller.gate", noted)
+    return found
+
+
 def test_teleoperation_moves_the_robot_within_the_limits_and_its_command_expires() -> None:
     driver = controller()
     think(driver)
@@ -72,13 +84,7 @@ def test_teleoperation_does_not_overrule_the_gate_nor_a_mission_that_drives() ->
 def test_before_a_frozen_camera_a_wall_stays_where_it_was_seen(
     monkeypatch: pytest.MonkeyPatch, repeats: bool, wall_m: float
 ) -> None:
-    found: list[GateInput] = []
-
-    def noted(facts: GateInput, **given: Any) -> GateDecision:
-        found.append(facts)
-        return gate(facts, **given)
-
-    monkeypatch.setattr("app.runtime.control.robot_controller.gate", noted)
+    found = facts_of_gate(monkeypatch)
     fast, driver = Twist(v_mps=1.0, w_radps=0.0), pushed(controller())
     wall = picture(Box(x=(2.0, 2.4), y=(-2, 2), z=(0, 1)), twist=fast)
     for step in range(5):
@@ -97,13 +103,7 @@ def test_before_a_frozen_camera_a_wall_stays_where_it_was_seen(
 def test_the_gate_decides_by_where_the_robot_has_driven_since_the_image(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found: list[GateInput] = []
-
-    def noted(facts: GateInput, **given: Any) -> GateDecision:
-        found.append(facts)
-        return gate(facts, **given)
-
-    monkeypatch.setattr("app.runtime.control.robot_controller.gate", noted)
+    found = facts_of_gate(monkeypatch)
     driver = controller()
     think(driver)
     pushed(driver, Twist(v_mps=0.5, w_radps=0.5))
