@@ -104,13 +104,12 @@ class GlobalPlanner:
         if self._newest is None or self._newest[0] != key:
             if request.goal is not None:
                 self._escape_waits = 0
+                route = replan(self, costmap, pose, request.goal, request.beware)
             elif self._newest is not None and self._escape_waits > 0:
                 self._escape_waits -= 1
                 return self._newest[1]
-            if request.goal is None:
-                route = self.escape(costmap, pose, (*request.zones, *keep_outs))
             else:
-                route = replan(self, costmap, pose, request.goal, request.beware)
+                route = self.escape(costmap, pose, (*request.zones, *keep_outs))
             self._newest = (key, route)
             if isinstance(route.outcome, Path):
                 self._reachable_goal = request.goal
