@@ -73,6 +73,11 @@ class Recovery:
     """Time in seconds for which a robot that has given up stands, whatever it is asked for; then
     all is tried again."""
 
+    @property
+    def has_waited(self) -> bool:
+        """Whether the robot has waited at this position, and the path was still blocked."""
+        return max(self.action, self.tried) > RecoveryAction.WAIT
+
     def after(
         self,
         motion: Motion,

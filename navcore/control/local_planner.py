@@ -127,7 +127,7 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     if motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
         return face_person(checker, motion)
-    if expected.is_cautious:
+    if expected.is_cautious or (expected.passes_close and len(inputs.people_cells)):
         return no_faster(motion, inputs.people_config.cautious_mps, checker.profile)
     return motion
 

@@ -85,13 +85,16 @@ def margins_left(
     return left
 
 
-def people_mask(grid: OccupancyGrid, people: Collection[int]) -> npt.NDArray[np.bool_]:
-    """Return the (rows, cols) cells of people, class ids, inflated by their own margins."""
+def people_mask(
+    grid: OccupancyGrid, people: Collection[int], *, margins: bool = True
+) -> npt.NDArray[np.bool_]:
+    """Return the (rows, cols) cells of people, class ids, inflated by their own `margins`."""
     found = np.zeros_like(grid.zones)
     for class_id in people:
         layer = grid.beware.get(class_id)
         if layer is not None and layer.any():
-            found |= inflate_by(layer, grid.margins_m.get(class_id, 0.0), grid.spec.resolution_m)
+            margin_m = grid.margins_m.get(class_id, 0.0) if margins else 0.0
+            found |= inflate_by(layer, margin_m, grid.spec.resolution_m)
     return found
 
 

@@ -9,20 +9,22 @@ import numpy as np
 
 from navcore.control.collision.collision_checker import CollisionChecker
 from navcore.control.motion import ControllerState, Motion
+from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import Twist
 
 _POSES = 12
 """Number of poses at which the clearance of a turn is measured."""
+_LONGER_RAD = math.radians(90.0)
+"""Angle by which a turn may be longer to show more of where people have walked."""
 
 
 def turn_in_place(
     checker: CollisionChecker, bearing: float, *, both_directions: bool = True
 ) -> Motion | None:
-    """Turn in place towards the bearing, in the longer direction if the shorter one is blocked;
-    None when neither is free."""
+    """Turn in place towards the bearing, in the longer direction if the shorter one is blocked, or
+    the longer one shows more of where people have walked; None when neither is free."""
     config = checker.control.turn
-    angles = (bearing, bearing - math.copysign(2 * math.pi, bearing))
-    for angle in angles if both_directions else angles[:1]:
+    for angle in _directions(checker, bearing) if both_directions else (bearing,):
         count = max(2, math.ceil(abs(angle) / math.radians(config.step_deg)))
         if checker.can_turn_to(np.linspace(0.0, angle, count)[None]).all():
             rate = min(
@@ -57,3 +59,26 @@ def spin(checker: CollisionChecker) -> Motion | None:
         if turn is not None:
             return dataclasses.replace(turn, outcome=ControllerState.SPIN)
     return None
+
+
+def _directions(checker: CollisionChecker, bearing: float) -> tuple[float, float]:
+    """Return the angles of both turns to a bearing, in the order in which they are tried.
+
+    Who walks to and fro is soon back, and the robot that turns about is about to cross their way: a
+    turn past it shows them in time.
+    """
+    other = bearing - math.copysign(2 * math.pi, bearing)
+    if checker.profile.scanner is None and abs(other) - abs(bearing) <= _LONGER_RAD:
+        x, y = checker.people.walked.T
+        seen = np.arctan2(y, x - checker.profile.camera.x_m)
+        in_view_rad = math.radians(checker.control.turn.in_view_deg)
+        if _shown(seen, other, in_view_rad) > _shown(seen, bearing, in_view_rad):
+            return other, bearing
+    return bearing, other
+
+
+def _shown(bearings: Floats, angle: float, in_view_rad: float) -> int:
+    """Return how many of (N,) bearings come into view in a turn by an angle."""
+    along = np.mod(bearings * math.copysign(1.0, angle), 2 * math.pi)
+    shown = (along <= abs(angle) + in_view_rad) | (along >= 2 * math.pi - in_view_rad)
+    return int(shown.sum())

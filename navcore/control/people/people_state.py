@@ -38,6 +38,8 @@ class PeopleExpectations:
     """Whether the robot backs off from the lane of a person, and may cross that lane instead."""
     is_cautious: bool = False
     """Whether the robot has just waited while a person was out of sight."""
+    passes_close: bool = False
+    """Whether the robot, blocked for a while, slowly passes those who stand within their margin."""
     ignore_predictions: bool = False
     """Whether the robot, having waited long enough, waits only where people are and not where they
     may come to."""

@@ -537,3 +537,13 @@ def test_a_robot_that_the_gate_holds_backs_off_without_waiting_then_tries_what_i
     assert recovery.after(onward, here, t_ns + 2_000_000_000, RULES) == Recovery()
     # Control: without the gate's word a robot that follows its path is never blocked.
     assert Recovery().after(onward, here, t_ns, RULES).action is RecoveryAction.NONE
+
+
+def test_the_margins_of_those_who_stand_give_way_only_after_a_wait() -> None:
+    def passes_close(recovery: Recovery) -> bool:
+        behaviour = Behaviour(recovery=recovery)
+        return behaviour.expectations(HERE, HUSKY, NavigatorConfig()).passes_close
+
+    assert not passes_close(Recovery()) and not passes_close(Recovery(action=RecoveryAction.WAIT))
+    assert passes_close(Recovery(action=RecoveryAction.BACK_UP))
+    assert passes_close(Recovery(tried=RecoveryAction.SPIN))

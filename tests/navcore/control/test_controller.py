@@ -10,6 +10,7 @@ import pytest
 from navcore.config.navigator import NavigatorConfig
 from navcore.control.controller import Controller, ControlTask
 from navcore.control.motion import ControllerState, Motion
+from navcore.control.people.people_state import PeopleExpectations
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.local_costmap import margins_left, split_areas
 from navcore.geometry.arrays import Points
@@ -128,3 +129,29 @@ def test_of_an_area_that_is_entered_by_its_margin_alone_what_has_the_margin_stay
     assert entered.any() and not others.any()
     far = dataclasses.replace(beside, margins_m={LANDMINE: 0.1})
     assert split_areas(far, (), HUSKY, HERE)[0] == []
+
+
+def test_a_robot_that_waited_in_vain_passes_who_stands_before_it_slowly_within_their_margin() -> (
+    None
+):
+    """A post that is taken for a person must not hold it for ever."""
+    person = 9
+    x_m = HUSKY.length_m / 2 + 0.3
+    world = grid(x_m)
+    geometric = world.geometric.copy()
+    row, col = SPEC.cell(-0.72, 0.0)
+    geometric[row - 20 : row + 21, col] = True
+    stands = {person: world.beware[LANDMINE]}
+    world = dataclasses.replace(
+        world, geometric=geometric, beware=stands, margins_m={person: MARGIN_M}
+    )
+    aside = np.column_stack([np.zeros(26), -np.linspace(0.0, 2.5, 26)])
+    task = dataclasses.replace(task_in(world, aside, HERE), people_ids=(person,))
+    controller = Controller(PointMap(SPEC, CONFIG.map).explored, HUSKY, CONFIG)
+    assert controller.control(task).outcome is ControllerState.BLOCKED
+    waited = PeopleExpectations(passes_close=True)
+    twist = controller.control(dataclasses.replace(task, expectations=waited)).twist
+    fastest_mps = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
+    assert twist.w_radps < 0.0 and fastest_mps <= CONFIG.people.cautious_mps + 1e-9
+    mines = dataclasses.replace(task, people_ids=(), expectations=waited)
+    assert controller.control(mines).outcome is ControllerState.BLOCKED, "another class's margin"

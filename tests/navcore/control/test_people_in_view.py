@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.people.people_state import PeopleState
+from navcore.control.people.people_state import PeopleExpectations, PeopleState
 from navcore.perception.people.track import Track
 from navcore.robot.laser_scan import ScannerMount
 from navcore.robot.profile import HUSKY
@@ -128,3 +128,22 @@ def test_a_robot_with_a_scanner_sees_them_behind_it_too() -> None:
     with_scanner = dataclasses.replace(HUSKY, scanner=ScannerMount())
     motion = decide(path=TO_THE_RIGHT, people=people, profile=with_scanner)
     assert motion.outcome is ControllerState.TURN
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_robot_turns_about_past_where_people_walk_to_and_fro(side: float) -> None:
+    """Who comes back along their way is then seen before the robot crosses it."""
+    angle = side * math.radians(170.0)
+    behind = np.column_stack([np.linspace(0, 3, 31)] * 2) * (math.cos(angle), math.sin(angle))
+    way = np.column_stack([np.full(11, -1.5), -side * np.linspace(0.5, 3.0, 11)])
+    lane = PeopleState.of((), ORIGIN, expectations=PeopleExpectations(walked=way))
+    assert side * decide(path=behind).twist.w_radps > 0.3, "the shorter way"
+    assert side * decide(path=behind, people=lane).twist.w_radps < -0.3
+    scanner = dataclasses.replace(HUSKY, scanner=ScannerMount(x_m=0.2, z_m=0.3))
+    seen = decide(path=behind, people=lane, profile=scanner)
+    assert side * seen.twist.w_radps > 0.3, "with a scanner they are seen in any case"
+    aside = np.column_stack([np.zeros(31), side * np.linspace(0, 3, 31)])
+    assert side * decide(path=aside, people=lane).twist.w_radps > 0.3, "much the shorter way"
+    wall = np.column_stack([np.linspace(-0.45, 0.45, 10), np.full(10, -side * 0.45)])
+    turn = decide(path=behind, people=lane, geometric=wall)
+    assert side * turn.twist.w_radps >= 0.0, "where the other is blocked"
