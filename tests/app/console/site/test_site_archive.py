@@ -77,7 +77,7 @@ def test_everything_of_a_site_comes_back_with_new_zone_ids(store: Store) -> None
     merged = accepted_map(copy)
     assert merged is not None
     np.testing.assert_array_equal(merged.occupied, accepted().occupied)
-    first, second = listed(store.sites, "default")
+    first, second = listed(store.sites, store.site.id)
     assert (first.dock, first.tags, first.chosen) == (DOCK, (TAG,), False)
     assert (second.dock, second.tags, second.chosen, second.accepted) == (DOCK, (TAG,), True, True)
 
