@@ -68,11 +68,12 @@ def add(sites: SiteTable, name: str, archive: bytes) -> SiteStore:
 
 def export_nav2(site: SiteStore, config: MappingConfig) -> bytes:
     """Return a zip of Nav2 files: the map without the zones, and the keep-out mask of the zones
-    beside it."""
+    beside it. Raises `NotKnown` without a map, and where the site has been deleted."""
     cells = cells_of(site, config)
     if cells is None:
         raise NotKnown(f"site {site.name!r} has no map yet; drive there first")
-    zones = site.zones()
+    with site.reading():
+        zones = site.zones()
     spec = mask_spec(zones, cells.spec)  # zones may lie beyond the map
     closed = closed_cells(zones, spec)
     images = {
