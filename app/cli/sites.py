@@ -47,7 +47,7 @@ def list_sites(data: DataOption = Path("data")) -> None:
 
     with _sites(data) as sites:
         newest = max(sites.all(), key=lambda row: row.chosen, default=None)
-        for site in listed(sites, "" if newest is None else newest.name):
+        for site in listed(sites, "" if newest is None else newest.id):
             typer.echo(
                 f"{'*' if site.chosen else ' '} {site.name:40} {site.zones:4} zones "
                 f"{site.missions:4} missions {site.map_bytes / 1e6:8.1f} MB map"

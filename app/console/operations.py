@@ -235,12 +235,6 @@ class LiveOperations:
             with self.zones.retired():
                 yield
 
-    @contextmanager
-    def holding_edits(self) -> Iterator[None]:
-        """Hold off every edit that is stored at the present site."""
-        with self.beware.held(), self.path_settings.held(), self.zones.held():
-            yield
-
     def enter_site(self, site: SiteStore) -> None:
         """Edit the contents of another site from now on."""
         self._edits_before += self.zones.changes + 1

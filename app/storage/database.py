@@ -64,18 +64,35 @@ class Database:
         What is written within the block, by the same thread, belongs to it."""
         with self._lock:
             try:
-                if self._connection.in_transaction:
+                with self._transaction("BEGIN IMMEDIATE"):
                     yield self._connection
-                    return
-                self._connection.execute("BEGIN IMMEDIATE")
-                try:
-                    yield self._connection
-                    self._connection.execute("COMMIT")
-                except BaseException:
-                    if self._connection.in_transaction:
-                        self._connection.execute("ROLLBACK")
-                    raise
             except sqlite3.Error as error:
                 raise StorageFailed(
                     f"not saved, what was stored before is intact: {error}"
                 ) from None
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """One transaction: all that is read within the block, by the same thread, is of one
+        moment, also where another process writes meanwhile."""
+        with self._lock:
+            try:
+                with self._transaction("BEGIN"):
+                    yield
+            except sqlite3.Error as error:
+                raise StorageFailed(f"the store {self.path} cannot be read: {error}") from None
+
+    @contextmanager
+    def _transaction(self, begin: str) -> Iterator[None]:
+        """One transaction, or a part of the one around it."""
+        if self._connection.in_transaction:
+            yield
+            return
+        self._connection.execute(begin)
+        try:
+            yield
+            self._connection.execute("COMMIT")
+        except BaseException:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+            raise

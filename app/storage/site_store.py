@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from app.storage.database import Database
 from app.storage.records import zone_of, zone_record
+from navcore.errors import NotKnown
 from navcore.mission.beware_list import BewareClass, BewareList, as_table
 from navcore.mission.zone import Zone
 from navcore.toml_config import from_table
@@ -27,28 +29,33 @@ class SiteStore:
     it belongs.
     """
 
-    def __init__(self, database: Database, name: str, folder: Path, site_id: str) -> None:
+    def __init__(self, database: Database, *, site_id: str, name: str, folder: Path) -> None:
         self._database = database
         self.id = site_id
-        """What the site is called by in requests, whatever its name."""
+        """What its rows and requests call the site, whatever its name."""
         self.name = name
-        """Name of the site."""
+        """Name of the site when it was opened."""
         self.folder = folder
         """Folder of the map; it may not exist before the first map is kept."""
-
-    def follow(self, renamed: SiteStore) -> None:
-        """Take over the name and the folder that this site has after a renaming."""
-        self.name, self.folder = renamed.name, renamed.folder
 
     @property
     def map_file(self) -> Path:
         """Path of the map that is kept while driving."""
         return self.folder / MAP_FILE
 
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Read within the block what the site holds at one moment; raises `NotKnown` where it has
+        been deleted."""
+        with self._database.reading():
+            if not self._database.rows("SELECT 1 FROM sites WHERE id = ?", (self.id,)):
+                raise NotKnown(f"no site is called {self.name!r:.90}")
+            yield
+
     def zones(self) -> tuple[Zone, ...]:
         """Return all zones, in the order in which they were first stored."""
         rows = self._database.rows(
-            "SELECT zone FROM zones WHERE site = ? ORDER BY position", (self.name,)
+            "SELECT zone FROM zones WHERE site = ? ORDER BY position", (self.id,)
         )
         return tuple(zone_of(json.loads(zone)) for (zone,) in rows)
 
@@ -61,19 +68,19 @@ class SiteStore:
         with self._database.writing() as connection:
             connection.executemany(
                 "DELETE FROM zones WHERE site = ? AND id = ?",
-                [(self.name, zone_id) for zone_id in deleted],
+                [(self.id, zone_id) for zone_id in deleted],
             )
             connection.executemany(
                 "INSERT INTO zones (site, id, zone) VALUES (?, ?, ?) "
                 "ON CONFLICT (site, id) DO UPDATE SET zone = excluded.zone",
-                [(self.name, zone.id, json.dumps(zone_record(zone))) for zone in saved],
+                [(self.id, zone.id, json.dumps(zone_record(zone))) for zone in saved],
             )
 
     def documents(self, kind: str) -> dict[str, Any]:
         """Return the JSON documents of a kind by name, sorted by name."""
         rows = self._database.rows(
             "SELECT name, document FROM documents WHERE site = ? AND kind = ? ORDER BY name",
-            (self.name, kind),
+            (self.id, kind),
         )
         return {name: json.loads(document) for name, document in rows}
 
@@ -82,12 +89,12 @@ class SiteStore:
         if value is None:
             self._database.write(
                 "DELETE FROM documents WHERE site = ? AND kind = ? AND name = ?",
-                (self.name, kind, name),
+                (self.id, kind, name),
             )
         else:
             self._database.write(
                 "INSERT OR REPLACE INTO documents (site, kind, name, document) VALUES (?, ?, ?, ?)",
-                (self.name, kind, name, json.dumps(value)),
+                (self.id, kind, name, json.dumps(value)),
             )
 
     def beware(self) -> BewareList | None:
@@ -99,7 +106,7 @@ class SiteStore:
         """Return the lists saved last, newest first."""
         rows = self._database.rows(
             "SELECT list FROM beware_lists WHERE site = ? ORDER BY position DESC LIMIT ?",
-            (self.name, limit),
+            (self.id, limit),
         )
         return tuple(_beware_version(json.loads(row[0])) for row in rows)
 
@@ -109,7 +116,7 @@ class SiteStore:
             "SELECT version, json_extract(list, '$.unix_s'), json_extract(list, '$.by'), "
             "json_extract(list, '$.what'), json_array_length(list, '$.classes') "
             "FROM beware_lists WHERE site = ? ORDER BY position DESC LIMIT ?",
-            (self.name, MAX_LISTS),
+            (self.id, MAX_LISTS),
         )
         return tuple(
             BewareVersionSummary(
@@ -123,7 +130,7 @@ class SiteStore:
         rows = self._database.rows(
             "SELECT list FROM beware_lists WHERE site = ? AND version = ? "
             "ORDER BY position DESC LIMIT 1",
-            (self.name, version),
+            (self.id, version),
         )
         return _beware_version(json.loads(rows[0][0])) if rows else None
 
@@ -149,12 +156,12 @@ class SiteStore:
         with self._database.writing() as connection:
             connection.execute(
                 "INSERT INTO beware_lists (site, version, list) VALUES (?, ?, ?)",
-                (self.name, beware.version, text),
+                (self.id, beware.version, text),
             )
             connection.execute(
                 "DELETE FROM beware_lists WHERE site = ? AND position <= (SELECT position FROM "
                 "beware_lists WHERE site = ? ORDER BY position DESC LIMIT 1 OFFSET ?)",
-                (self.name, self.name, MAX_LISTS),
+                (self.id, self.id, MAX_LISTS),
             )
 
 

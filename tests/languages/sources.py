@@ -59,6 +59,7 @@ SENTENCES = (
     "app/runtime/start/segmentation.py",
     "app/runtime/control/stop_reasons.py",
     "app/storage/database.py",
+    "app/storage/site_store.py",
     "app/storage/sites.py",
     "app/storage/store.py",
     "app/storage/users.py",

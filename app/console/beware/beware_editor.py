@@ -116,10 +116,6 @@ class BewareEditor:
         )
         self._edits = EditStack[_Lists](number=number, earlier=earlier)
 
-    def held(self) -> AbstractContextManager[None]:
-        """Hold off every edit during the block."""
-        return self._edits.editing()
-
     def retired(self) -> AbstractContextManager[None]:
         """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
         return self._edits.retired()

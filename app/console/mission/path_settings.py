@@ -41,10 +41,6 @@ class PathSettings:
         self._holder, self._store, self._configured = holder, store, configured
         self._edits = EditStack[_Prices](number=number)
 
-    def held(self) -> AbstractContextManager[None]:
-        """Hold off every edit during the block."""
-        return self._edits.editing()
-
     def retired(self) -> AbstractContextManager[None]:
         """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
         return self._edits.retired()

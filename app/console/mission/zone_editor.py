@@ -80,10 +80,6 @@ class ZoneEditor:
         self._unstored = frozenset[str]()  # ids of zones that moved while the store refused
         self._changes = 0
 
-    def held(self) -> AbstractContextManager[None]:
-        """Hold off every edit during the block."""
-        return self._edits.editing()
-
     def retired(self) -> AbstractContextManager[None]:
         """Refuse every edit from now on, unless the block fails; no edit is halfway within it."""
         return self._edits.retired()

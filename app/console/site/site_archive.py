@@ -71,10 +71,25 @@ class SiteContents:
 
 
 def pack(site: SiteStore) -> bytes:
-    """Return the archive of a site."""
+    """Return the archive of a site as it is at one moment; raises `NotKnown` where it has been
+    deleted."""
+    # Before the rest, so that the beware list has every class of the map.
+    has_map = site.map_file.exists()
+    map_data = read_whole(site.map_file, at_most=MAX_ARCHIVE_BYTES) if has_map else None
+    with site.reading():
+        document = _document(site)
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr(DOCUMENT, json.dumps(document, allow_nan=False))
+        if map_data is not None:
+            packed.writestr(MAP_FILE, map_data, zipfile.ZIP_STORED)  # it is compressed itself
+    return file.getvalue()
+
+
+def _document(site: SiteStore) -> dict[str, Any]:
     beware, accepted = site.beware(), accepted_map(site)
     sets = site.documents(SETS).items()
-    document = {
+    return {
         "format": "bewarenav site",
         "version": 1,
         "zones": _features(site.zones()),
@@ -85,14 +100,6 @@ def pack(site: SiteStore) -> bytes:
         "accepted": None if accepted is None else cell_map_record(accepted),
         "unknown_price": stored_unknown_price(site),
     }
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
-        packed.writestr(DOCUMENT, json.dumps(document, allow_nan=False))
-        if site.map_file.exists():
-            # A map file is compressed itself.
-            data = read_whole(site.map_file, at_most=MAX_ARCHIVE_BYTES)
-            packed.writestr(MAP_FILE, data, zipfile.ZIP_STORED)
-    return file.getvalue()
 
 
 def furnishings_of(site: SiteStore) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from app.console.mission.saved_missions import MISSIONS
 from app.console.site.dock_and_tags import dock_of, stored_tags
-from app.console.site.site_archive import pack, unpack
+from app.console.site.site_archive import unpack
 from app.console.site.site_map import ACCEPTED, cells_of, save_accepted
 from app.storage.site_store import SiteStore
 from app.storage.sites import SiteRow, SiteTable
@@ -51,32 +51,29 @@ def describe(site: SiteStore, row: SiteRow, *, chosen: bool) -> Site:
     )
 
 
-def listed(sites: SiteTable, chosen: str) -> tuple[Site, ...]:
+def listed(sites: SiteTable, chosen_id: str) -> tuple[Site, ...]:
     """Return all sites by name."""
     return tuple(
-        describe(sites.open(row.name), row, chosen=row.name == chosen) for row in sites.all()
+        describe(sites.contents(row), row, chosen=row.id == chosen_id) for row in sites.all()
     )
 
 
-def export(site: SiteStore) -> bytes:
-    """Return a site as a zip archive."""
-    return pack(site)
-
-
-def add(sites: SiteTable, name: str, archive: bytes) -> None:
+def add(sites: SiteTable, name: str, archive: bytes) -> SiteStore:
     """Make a site of an archive, all or nothing."""
     contents = unpack(archive)
     with sites.making(name, contents.map_data) as site:
         contents.store(site)
+        return site
 
 
 def export_nav2(site: SiteStore, config: MappingConfig) -> bytes:
     """Return a zip of Nav2 files: the map without the zones, and the keep-out mask of the zones
-    beside it."""
+    beside it. Raises `NotKnown` without a map, and where the site has been deleted."""
     cells = cells_of(site, config)
     if cells is None:
         raise NotKnown(f"site {site.name!r} has no map yet; drive there first")
-    zones = site.zones()
+    with site.reading():
+        zones = site.zones()
     spec = mask_spec(zones, cells.spec)  # zones may lie beyond the map
     closed = closed_cells(zones, spec)
     images = {
@@ -98,7 +95,7 @@ def add_nav2(
     *,
     pairs: tuple[PointPair, PointPair] | None,
     first_grid: GridSpec | None = None,
-) -> None:
+) -> SiteStore:
     """Make a site whose accepted map is a Nav2 map, see `web.interface.sites.Sites.add_nav2`.
 
     `first_grid`: grid with which a map of this world begins; where it is not known, the origin of
@@ -114,6 +111,7 @@ def add_nav2(
     cells = _cells_of(nav2_map)
     with sites.making(name) as site:
         save_accepted(site, cells)
+        return site
 
 
 def _require_near_origin(spec: GridSpec) -> None:

@@ -8,12 +8,12 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager
-from pathlib import Path as FilePath
 from typing import Any, Protocol
 
 from app.console.mission.path_settings import stored_unknown_price
 from app.console.site import dock_and_tags, site_files
-from app.console.site.dock_and_tags import Tags
+from app.console.site.dock_and_tags import Dock, Tags
+from app.console.site.site_archive import pack
 from app.console.site.site_map import accepted_map, beware_of, cells_on, map_of, save_accepted
 from app.runtime.control.operator_state import OperatorState, PlaceSearch
 from app.runtime.control.robot_controller import RobotController
@@ -68,9 +68,6 @@ class SiteUser(Protocol):
         """Hold every edit of the present site, and call `keep_map` once none changes its map any
         more; after the block they are refused."""
 
-    def holding_edits(self) -> AbstractContextManager[None]:
-        """Hold off every edit that is stored at the present site."""
-
     def enter_site(self, site: SiteStore) -> None:
         """Edit the contents of another site from now on."""
 
@@ -120,7 +117,7 @@ class LiveSites:
         self._saved: Mission | None = None
         self._placed: Pose2 | None = None
         self._has_entered, self._old_picture = True, view.picture
-        self._left: dict[str, LocalisationEstimate] = {}
+        self._left: dict[str, LocalisationEstimate] = {}  # by the id of the site
         self._listings: OrderedDict[int, _Listing] = OrderedDict()
         self._listed = 0
         self._tags = self._world_tags
@@ -138,59 +135,31 @@ class LiveSites:
 
     def all(self) -> tuple[Site, ...]:
         """Return all sites by name."""
-        return site_files.listed(self._store.sites, self.chosen)
+        return site_files.listed(self._store.sites, self._store.site.id)
 
     def make(self, name: str) -> Site:
         """Make an empty site."""
-        return self._made(lambda: self._store.sites.make(name), name)
+        return self._site(self._store.sites.make(name))
 
     def choose(self, name: str) -> Site:
         """Use another site from now on."""
         with self._lock:
             site = self._store.sites.open(name)
-            if site.name != self.chosen:
+            if not self._is_chosen(site):
                 self._enter(site)
-            return self._site(site.name)
+            return self._site(site)
 
     def change(self, name: str, changes: SiteChanges) -> Site:
         """Rename a site, and set its dock and its tags; the one in use goes on under its new
         name."""
         with self._lock:
-            before = self._store.sites.open(name).name
-            if changes.name in (None, before) or before != self.chosen:
-                changed = self._changed(before, changes).name
-                if (left := self._left.pop(before, None)) is not None:
-                    self._left[changed] = left
-            else:
-                self._change_chosen(changes)
+            with self._store.sites.renaming(name, changes.name) as site:
+                if changes.dock is not None or changes.without_dock or changes.tags is not None:
+                    dock_and_tags.furnish(site, *_furnishings(site, changes))
+            if self._is_chosen(site):
+                self._store.site = site
             self._use_tags()
-            return self._site(changes.name or before)
-
-    def _change_chosen(self, changes: SiteChanges) -> None:
-        """Change the site in use, which gets another name; its editors, with all that can be
-        undone, go on."""
-        if not self._has_entered:
-            raise Refused(f"the map of site {self.chosen!r} is being opened; try again in a moment")
-        site = self._store.site
-
-        def change() -> FilePath:
-            site.follow(self._changed(site.name, changes))
-            return site.map_file
-
-        with self._user.holding_edits():
-            if self._has_own_map:
-                self._keeper.move(change)
-            else:
-                change()
-
-    def _changed(self, name: str, changes: SiteChanges) -> SiteStore:
-        """Store the changes of a site, all or nothing, and return it under its name of now."""
-        with self._store.sites.renaming(name, changes.name or name) as site:
-            if changes.dock is not None or changes.without_dock or changes.tags is not None:
-                dock = None if changes.without_dock else changes.dock or dock_and_tags.dock_of(site)
-                tags = dock_and_tags.stored_tags(site) if changes.tags is None else changes.tags
-                dock_and_tags.furnish(site, dock, tags)
-        return site
+            return self._site(site)
 
     def put_tag(self, name: str, tag: Tag) -> Site:
         """Add a tag to a site, or replace the one of its number."""
@@ -214,25 +183,25 @@ class LiveSites:
     def copy(self, name: str, new_name: str) -> Site:
         """Copy a site with everything in it."""
         self._write_map_of(name)
-        return self._made(lambda: self._store.sites.copy(name, new_name), new_name)
+        return self._site(self._store.sites.copy(name, new_name))
 
     def delete(self, name: str) -> None:
         """Delete a site; refused for the one in use."""
         with self._lock:
-            site = self._store.sites.open(name).name
-            if site == self.chosen:
+            site = self._store.sites.open(name)
+            if self._is_chosen(site):
                 raise Refused(f"the robot is at site {self.chosen!r}; choose another one first")
-            self._store.sites.delete(site)
-            self._left.pop(site, None)
+            self._store.sites.delete(name)
+            self._left.pop(site.id, None)
 
     def export(self, name: str) -> bytes:
         """Return a site as a zip archive."""
         self._write_map_of(name)
-        return site_files.export(self._store.sites.open(name))
+        return pack(self._store.sites.open(name))
 
     def add(self, name: str, archive: bytes) -> Site:
         """Make a site of an archive."""
-        return self._made(lambda: site_files.add(self._store.sites, name, archive), name)
+        return self._site(site_files.add(self._store.sites, name, archive))
 
     def export_nav2(self, name: str) -> bytes:
         """Return the map as Nav2 files, with the keep-out mask beside it."""
@@ -245,8 +214,8 @@ class LiveSites:
         """Make a site of a Nav2 map."""
         sites, nav2_map = self._store.sites, nav2_map_of(files.yaml, files.image, "map")
         first = self._controller.navigator.first_grid
-        site_files.add_nav2(sites, name, nav2_map, pairs=pairs, first_grid=first)
-        return self._site(name)
+        made = site_files.add_nav2(sites, name, nav2_map, pairs=pairs, first_grid=first)
+        return self._site(made)
 
     # The accepted map
 
@@ -354,9 +323,9 @@ class LiveSites:
                 self._store.sites.choose(before.name, None)
                 raise
             self._user.enter_site(self._store.site)
-        self._left.pop(site.name, None)
+        self._left.pop(site.id, None)
         if left.is_known:
-            self._left[before.name] = left
+            self._left[before.id] = left
         self._placed = None
         self._listings.clear()
         if replaced is not None and replaced is not self._saved:  # by a goal of the last moment
@@ -367,7 +336,7 @@ class LiveSites:
         still holds. A robot that has left the site in this session is where odometry, which has
         gone on since, has it, and if it has hardly moved it knows its place still. Odometry's turn
         while it stood, an hour perhaps, is its gyro's drift."""
-        left = self._left.get(site.name)
+        left = self._left.get(site.id)
         if left is None:
             return expected_place(site), None
         moved = left.T_driven_base.inverse() @ self._controller.place.T_driven_base
@@ -393,7 +362,7 @@ class LiveSites:
 
     def _write_map_of(self, name: str) -> None:
         """Write the present map before the site in use is copied."""
-        if self._has_own_map and self._store.sites.open(name).name == self.chosen:
+        if self._has_own_map and self._is_chosen(self._store.sites.open(name)):
             self._write_map()
 
     def _write_map(self) -> None:
@@ -408,12 +377,18 @@ class LiveSites:
             raise Refused("there is no map yet; the camera has not delivered an image")
         return cells_on(picture.grid, picture.seen)
 
-    def _made(self, make: Callable[[], object], name: str) -> Site:
-        make()
-        return self._site(name)
+    def _is_chosen(self, site: SiteStore) -> bool:
+        return site.id == self._store.site.id
 
-    def _site(self, name: str) -> Site:
-        return next(site for site in self.all() if site.name.lower() == name.lower())
+    def _site(self, site: SiteStore) -> Site:
+        return next(one for one in self.all() if one.id == site.id)
+
+
+def _furnishings(site: SiteStore, changes: SiteChanges) -> tuple[Dock, Tags]:
+    """Return dock and tags of a site after changes."""
+    dock = None if changes.without_dock else changes.dock or dock_and_tags.dock_of(site)
+    tags = dock_and_tags.stored_tags(site) if changes.tags is None else changes.tags
+    return dock, tags
 
 
 def mission_of(site: SiteStore) -> Mission:

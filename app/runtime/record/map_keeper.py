@@ -3,7 +3,6 @@ own."""
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import threading
 from collections.abc import Callable, Mapping
@@ -66,16 +65,6 @@ class MapKeeper:
         changes the map."""
         self._path, self._names, self._copied = path, dict(class_names), None
         self._on_trial = False
-
-    def move(self, rename: Callable[[], Path]) -> None:
-        """Keep the same map in another file; `rename` moves the file and returns its new path,
-        while nothing is written."""
-        with self._writing:
-            path = rename()
-            with self._handing:
-                before, self._path = self._path, path
-                if self._waiting is not None and self._waiting.path == before:
-                    self._waiting = dataclasses.replace(self._waiting, path=path)
 
     def note_tick(
         self,

@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.storage import Store, sites
-from app.storage.schema import FIRST_SITE
-from app.storage.site_store import SiteStore
+from app.storage.schema import FIRST_SITE, PER_SITE
+from app.storage.site_store import MAP_FILE, SiteStore
 from app.storage.sites import MAX_SITES, checked_name
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
-from navcore.files import write_whole
+from navcore.files import read_whole, write_whole
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.zone import Zone
 from web.auth.roles import Role
@@ -42,8 +42,28 @@ VERSION_1 = (
     "PRAGMA user_version = 1",
 )
 """Schema of the data folders before sites."""
-
-
+VERSION_5 = (
+    "ALTER TABLE sites RENAME TO now",
+    "CREATE TABLE sites (name TEXT PRIMARY KEY COLLATE NOCASE, world TEXT, chosen REAL NOT NULL, "
+    "renamed_from TEXT, id TEXT NOT NULL DEFAULT '') STRICT",
+    "INSERT INTO sites SELECT name, world, chosen, NULL, id FROM now",
+    "DROP TABLE now",
+    *(
+        f"UPDATE {table} SET site = (SELECT name FROM sites WHERE sites.id = site)"
+        for table in PER_SITE
+    ),
+    "PRAGMA user_version = 5",
+)
+"""Way back to the schema in which everything of a site was stored under its name."""
+VERSION_4 = (*VERSION_5, "ALTER TABLE sites DROP COLUMN id", "PRAGMA user_version = 4")
+VERSION_3 = (
+    *VERSION_4,
+    "ALTER TABLE sites RENAME COLUMN chosen TO chosen_unix_s",
+    "DROP TABLE runs",
+    "CREATE TABLE runs (id TEXT PRIMARY KEY, report TEXT NOT NULL)",
+    "PRAGMA user_version = 3",
+)
+VERSION_2 = (*VERSION_3, "ALTER TABLE users DROP COLUMN language", "PRAGMA user_version = 2")
 VERA = User(name="vera", role=Role.ADMIN, password_hash="-")
 
 
@@ -62,11 +82,9 @@ def store(tmp_path: Path) -> Iterator[Store]:
     opened.close()
 
 
-def write_map(site: SiteStore, data: bytes, *, at_s: float | None = None) -> None:
+def write_map(site: SiteStore, data: bytes) -> None:
     site.folder.mkdir(parents=True, exist_ok=True)
     site.map_file.write_bytes(data)
-    if at_s is not None:
-        os.utime(site.map_file, (at_s, at_s))
 
 
 def fill(store: Store, site: str, *, mark: bytes = b"map") -> None:
@@ -102,9 +120,56 @@ def test_a_renamed_site_keeps_its_contents_and_its_old_name_is_free(store: Store
     fill(store, "default")
     renamed = store.sites.rename("default", "Hall")
     assert renamed.zones() == (zone("wet"),) and renamed.map_file.read_bytes() == b"map"
-    assert renamed.folder.name == "Hall" and names(store) == ["Hall"]
+    assert names(store) == ["Hall"]
     assert store.sites.rename("Hall", "hall").map_file.read_bytes() == b"map"
-    assert store.sites.make("default").zones() == ()
+    again = store.sites.make("default")
+    assert again.zones() == () and not again.map_file.exists()
+
+
+def test_what_is_stored_at_a_site_that_was_opened_under_its_former_name_is_its_own(
+    store: Store,
+) -> None:
+    opened = store.site
+    store.sites.rename("default", "hall")
+    fill(store, store.sites.make("default").name)
+    opened.save_document("mission", "night round", {})
+    opened.save_zone(zone("dry"))
+    write_map(opened, b"newer")
+    hall = store.sites.open("hall")
+    assert list(hall.documents("mission")) == ["night round"] and hall.zones() == (zone("dry"),)
+    assert hall.map_file.read_bytes() == b"newer"
+    assert list(store.sites.open("default").documents("mission")) == ["round"]
+
+
+def test_a_site_that_is_renamed_while_it_is_copied_is_copied_whole(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fill(store, "default")
+
+    def read_and_rename(path: Path, *, at_most: int) -> bytes:
+        store.sites.rename("default", "hall")
+        return read_whole(path, at_most=at_most)
+
+    monkeypatch.setattr(sites, "read_whole", read_and_rename)
+    copied = store.sites.copy("default", "Day 2")
+    assert copied.zones() == (zone("wet"),) and copied.map_file.read_bytes() == b"map"
+
+
+def test_a_site_that_is_deleted_while_it_is_copied_is_no_empty_copy(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.sites.make("hall")
+    fill(store, "hall")
+
+    def read_and_delete(path: Path, *, at_most: int) -> bytes:
+        data = read_whole(path, at_most=at_most)
+        store.sites.delete("hall")
+        return data
+
+    monkeypatch.setattr(sites, "read_whole", read_and_delete)
+    with pytest.raises(NotKnown, match="'hall'"):
+        store.sites.copy("hall", "Day 2")
+    assert names(store) == ["default"]
 
 
 def test_a_site_is_called_by_one_id_under_every_name_and_no_other_site_is(store: Store) -> None:
@@ -169,78 +234,6 @@ def test_a_name_that_could_leave_the_folder_is_refused(store: Store, name: str) 
             act()
 
 
-def test_a_renaming_that_was_killed_is_finished_at_the_next_start(tmp_path: Path) -> None:
-    store = Store(tmp_path)
-    fill(store, "default")
-    folder = store.site.folder
-    store.sites.rename("default", "hall")
-    # As if the process had died between the rows and the folder.
-    (folder.parent / "hall").rename(folder)
-    store._database.write("UPDATE sites SET renamed_from = 'default' WHERE name = 'hall'")
-    store.close()
-    with closing(Store(tmp_path)) as again:
-        assert again.site.name == "hall" and again.site.map_file.read_bytes() == b"map"
-
-
-def test_a_folder_that_cannot_be_renamed_is_used_on_and_renamed_at_the_next_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    store = Store(tmp_path)
-    fill(store, "default")
-    with monkeypatch.context() as broken:
-        broken.setattr(Path, "rename", fail)
-        renamed = store.sites.rename("default", "hall")
-    assert names(store) == ["hall"] and renamed.name == "hall"
-    assert renamed.map_file.read_bytes() == b"map" and renamed.zones() == (zone("wet"),)
-    write_map(store.sites.open("hall"), b"newer map")
-    # The folder of that name is in use still.
-    with pytest.raises(Refused, match="already"):
-        store.sites.make("default")
-    store.close()
-    with closing(Store(tmp_path)) as again:
-        hall = again.sites.open("hall")
-        assert hall.folder.name == "hall" and hall.map_file.read_bytes() == b"newer map"
-        assert again.sites.make("default").map_file.exists() is False
-
-
-def test_a_renaming_whose_last_note_is_not_stored_has_succeeded(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fill(store, "default")
-    write = store._database.write
-
-    def fail(statement: str, values: tuple[object, ...] = ()) -> None:
-        if "renamed_from = NULL" in statement:
-            raise StorageFailed("the disk is full")
-        write(statement, values)
-
-    monkeypatch.setattr(store._database, "write", fail)
-    renamed = store.sites.rename("default", "hall")
-    assert renamed.folder.name == store.sites.open("hall").folder.name == "hall"
-    assert renamed.map_file.read_bytes() == b"map"
-    monkeypatch.undo()
-    # Back again, while the note of the first renaming is still there.
-    assert store.sites.rename("hall", "default").map_file.read_bytes() == b"map"
-
-
-@pytest.mark.parametrize("newer", ["default", "hall"])
-def test_of_two_folders_of_a_renamed_site_the_newer_map_is_kept(tmp_path: Path, newer: str) -> None:
-    store = Store(tmp_path)
-    fill(store, "default")
-    store.sites.rename("default", "hall")
-    for name in ("default", "hall"):
-        site = SiteStore(store._database, name, tmp_path / "sites" / name, "id")
-        write_map(site, name.encode(), at_s=2e9 if name == newer else 1e9)
-    store._database.write("UPDATE sites SET renamed_from = 'default' WHERE name = 'hall'")
-    store.close()
-    with closing(Store(tmp_path)) as again:
-        assert again.site.map_file.read_bytes() == newer.encode()
-        assert again.site.folder.name == "hall"
-
-
 def test_a_map_is_written_before_the_transaction_and_a_draft_of_before_is_deleted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -252,20 +245,23 @@ def test_a_map_is_written_before_the_transaction_and_a_draft_of_before_is_delete
         write_whole(path, data)
 
     monkeypatch.setattr(sites, "write_whole", check)
-    assert store.sites.copy("default", "hall").map_file.read_bytes() == b"map"
-    draft = tmp_path / "sites" / f"{sites.DRAFT}killed"
-    draft.mkdir()
+    copied = store.sites.copy("default", "hall")
+    assert copied.map_file.read_bytes() == b"map"
+    folders = tmp_path / "sites"
+    # A draft, a site whose making or deletion was interrupted, and a folder of the operator.
+    for name in (f"{sites.DRAFT}killed", "0" * 32, "default.bak"):
+        (folders / name).mkdir()
+    kept = {copied.folder.name, store.site.folder.name, "default.bak"}
     store.close()
     with closing(Store(tmp_path)):
-        folders = sorted(path.name for path in (tmp_path / "sites").iterdir())
-        assert folders == ["default", "hall"]
+        assert {path.name for path in folders.iterdir()} == kept
 
 
 def test_a_site_whose_making_fails_halfway_is_not_there(store: Store) -> None:
     with pytest.raises(StorageFailed, match="full"), store.sites.making("hall", b"map") as site:
         site.save_zone(zone("wet"))
         raise StorageFailed("the disk is full")
-    assert names(store) == ["default"] and not (store.path.parent / "sites" / "hall").exists()
+    assert names(store) == ["default"] and not any((store.path.parent / "sites").iterdir())
     assert store.sites.make("hall").zones() == ()
 
 
@@ -331,31 +327,58 @@ def test_a_data_folder_of_before_becomes_the_site_default(tmp_path: Path) -> Non
         assert again.site.zones() == (zone("wet"),)
 
 
-def test_the_users_of_a_data_folder_of_before_gain_a_language(tmp_path: Path) -> None:
+@pytest.mark.parametrize("way_back", [VERSION_2, VERSION_3, VERSION_4, VERSION_5])
+def test_a_data_folder_of_an_earlier_version_keeps_its_sites_and_its_users(
+    tmp_path: Path, way_back: tuple[str, ...]
+) -> None:
     with closing(Store(tmp_path)) as before:
-        fill(before, FIRST_SITE)
+        hall = before.sites.make("Hall")
+        before.use("Hall", world="office")
         before.users.add(VERA)
-        before._database.write("ALTER TABLE users DROP COLUMN language")
-        before._database.write("ALTER TABLE sites DROP COLUMN id")
-        before._database.write("ALTER TABLE sites RENAME COLUMN chosen TO chosen_unix_s")
-        before._database.write("DROP TABLE runs")
-        before._database.write("CREATE TABLE runs (id TEXT PRIMARY KEY, report TEXT NOT NULL)")
-        before._database.write("PRAGMA user_version = 2")
+        for name in ("default", "Hall"):
+            fill(before, name, mark=name.encode())
+            before.sites.open(name).folder.rename(tmp_path / "sites" / name)
+        hall.save_zone(zone("dry"))
+        for statement in way_back:
+            before._database.write(statement)
+        # Left by a renaming of before, and of no site any more.
+        before._database.write("INSERT INTO documents VALUES ('old', 'mission', 'lost', '{}')")
     with closing(Store(tmp_path)) as now:
-        assert now.users.all() == (VERA,) and now.site.zones() == (zone("wet"),)
+        ids = {row.name: row.id for row in now.sites.all()}
+        assert (
+            list(ids) == ["default", "Hall"] and all(ids.values()) and len(set(ids.values())) == 2
+        )
+        assert (ids["Hall"] == hall.id) is (way_back is VERSION_5)
+        assert now.site.name == now.sites.last_of("office") == "Hall"
+        assert [one.name for one in now.site.zones()] == ["wet", "dry"]
+        for name in ids:
+            site = now.sites.open(name)
+            assert site.zones()[0] == zone("wet") and list(site.documents("mission")) == ["round"]
+            assert site.beware() == default_beware_list().edited("cup", margin_m=0.3)
+            assert site.map_file.read_bytes() == name.encode()
+        assert now.users.all() == (VERA,)
         assert now.users.change("vera", language="de").language == "de"
-        site_id = now.site.id
-        assert site_id
+        now.sites.rename("Hall", "nave")
+        assert now.sites.make("Hall").documents("mission") == {}
+        assert now.sites.make("old").documents("mission") == {}
     with closing(Store(tmp_path)) as again:
-        assert again.users.all()[0].language == "de" and again.site.id == site_id
+        assert again.users.all()[0].language == "de" and again.site.id == ids["Hall"]
+        assert again.site.name == "nave" and again.site.map_file.read_bytes() == b"Hall"
 
 
-def test_the_sites_of_a_data_folder_of_before_gain_ids(tmp_path: Path) -> None:
+@pytest.mark.parametrize("there", [("default",), ("hall",), ("hall", "default")])
+def test_a_renaming_that_an_earlier_version_has_not_finished_costs_no_map(
+    tmp_path: Path, there: tuple[str, ...]
+) -> None:
     with closing(Store(tmp_path)) as before:
-        before.sites.make("hall")
-        fill(before, FIRST_SITE)
-        before._database.write("ALTER TABLE sites DROP COLUMN id")
-        before._database.write("PRAGMA user_version = 4")
+        before.sites.rename("default", "hall")
+        for statement in (*VERSION_5, "UPDATE sites SET renamed_from = 'default'"):
+            before._database.write(statement)
+    for age, name in enumerate(there):
+        folder = tmp_path / "sites" / name
+        folder.mkdir(parents=True)
+        (folder / MAP_FILE).write_text(name)
+        os.utime(folder, (1e9 + age, 1e9 + age))
     with closing(Store(tmp_path)) as now:
-        ids = {row.id for row in now.sites.all()}
-        assert len(ids) == 2 and all(ids) and now.site.zones() == (zone("wet"),)
+        assert now.site.name == "hall" and now.site.map_file.read_text() == there[-1]
+        assert not now.sites.make("default").map_file.exists()

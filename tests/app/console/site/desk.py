@@ -69,12 +69,6 @@ class Desk:
             with self.zones.retired():
                 yield
 
-    @contextmanager
-    def holding_edits(self) -> Iterator[None]:
-        """Hold the edits."""
-        with self.beware.held(), self.zones.held():
-            yield
-
     def enter_site(self, site: SiteStore) -> None:
         """Edit another site."""
         self.zones = ZoneEditor(self.controller, store=site)

@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.console.site import site_archive
 from app.console.site.dock_and_tags import furnish
 from app.console.site.site_archive import DOCUMENT, MAX_DOCUMENT_BYTES, pack
 from app.console.site.site_files import add, add_nav2, export_nav2, listed
 from app.console.site.site_map import accepted_map, map_of, save_accepted
 from app.storage import Store
-from app.storage.site_store import MAP_FILE
+from app.storage.site_store import MAP_FILE, SiteStore
+from app.storage.sites import site_table
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration, BadGeometry, NotKnown
 from navcore.formats.nav2_map import Nav2Map, State, map_from_cells, read
@@ -77,7 +79,7 @@ def test_everything_of_a_site_comes_back_with_new_zone_ids(store: Store) -> None
     merged = accepted_map(copy)
     assert merged is not None
     np.testing.assert_array_equal(merged.occupied, accepted().occupied)
-    first, second = listed(store.sites, "default")
+    first, second = listed(store.sites, store.site.id)
     assert (first.dock, first.tags, first.chosen) == (DOCK, (TAG,), False)
     assert (second.dock, second.tags, second.chosen, second.accepted) == (DOCK, (TAG,), True, True)
 
@@ -166,6 +168,39 @@ def test_a_hostile_archive_is_refused_and_leaves_nothing(
     assert [row.name for row in store.sites.all()] == ["default"]
     assert sorted(tmp_path.rglob("*")) == before
     add(store.sites, "good", packed(parts))  # control: undamaged it is taken
+
+
+def test_a_site_that_is_renamed_or_deleted_meanwhile_is_exported_whole_or_not_at_all(
+    store: Store,
+) -> None:
+    site = store.site
+    store.sites.rename("default", "hall")
+    assert len(json.loads(parts_of(pack(site))[DOCUMENT])["zones"]) == 1
+    export_nav2(site, MappingConfig())  # control: there is a map
+    store.sites.delete("hall")
+    site.folder.mkdir()  # the map was read already
+    state = PointMap(SPEC, MappingConfig()).state()
+    map_file.save(site.map_file, state, default_beware_list().names)
+    acts: tuple[Callable[[], object], ...] = (
+        lambda: pack(site),
+        lambda: export_nav2(site, MappingConfig()),
+    )
+    for act in acts:
+        with pytest.raises(NotKnown, match="'default'"):
+            act()
+
+
+def test_an_archive_is_of_one_moment_whatever_another_program_writes(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def write_and_read(site: SiteStore) -> CellMap | None:
+        with site_table(store.path.parent) as others:
+            others.open("default").change_zones([], ["ring"])
+        return accepted_map(site)
+
+    monkeypatch.setattr(site_archive, "accepted_map", write_and_read)
+    assert len(json.loads(parts_of(pack(store.site))[DOCUMENT])["zones"]) == 1
+    assert store.site.zones() == ()  # control
 
 
 def test_a_nav2_map_is_the_accepted_map_and_the_prior_of_a_new_site(store: Store) -> None:

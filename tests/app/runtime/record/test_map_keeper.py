@@ -14,7 +14,6 @@ from navcore.config.mapping import MappingConfig
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage import map_file
 from navcore.mapping.storage.map_file import load
-from navcore.mapping.storage.map_state import MapState
 from tests.app.runtime.record.test_map_persistence import observe_scene
 from tests.navcore.scene import SPEC, Paint
 
@@ -53,22 +52,6 @@ def test_a_snapshot_that_is_copied_while_the_one_before_is_done_with_is_kept(
     keeper._write()
     np.testing.assert_array_equal(load(kept).state.points.pose_ids, cloud.state().points.pose_ids)
     assert len(cloud.state().points.pose_ids)
-
-
-def test_a_snapshot_that_is_copied_while_the_file_moves_is_written_to_its_new_path(
-    tmp_path: Path,
-) -> None:
-    before, after = tmp_path / "a.map", tmp_path / "b.map"
-    keeper = MapKeeper(before, NO_NAMES)
-
-    class Moved(PointMap):
-        def state(self) -> MapState:
-            keeper.move(lambda: after)
-            return super().state()
-
-    keeper.note_tick(Moved(SPEC, MappingConfig()), NO_NAMES, 0)
-    keeper._write()
-    assert after.exists() and not before.exists()
 
 
 def test_a_map_that_is_too_large_is_given_up_and_the_next_one_is_kept(
