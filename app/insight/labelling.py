@@ -134,8 +134,9 @@ class LabellingFolder:
                 self._class_names.append(name)
 
     def _open(self) -> None:
-        """Read the folder of an earlier session; an incomplete image is left out."""
-        if self._opened:
+        """Read the folder as it is on the disk, at first and after it was moved away; an incomplete
+        image is left out."""
+        if self._opened and all((self.folder / files[0]).exists() for files in self._files[:1]):
             return
         class_names, found, sums, sizes = (
             list(BEWARE_CLASSES),

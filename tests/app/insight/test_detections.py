@@ -288,6 +288,20 @@ def test_a_full_folder_takes_no_more_and_says_so(tmp_path: Path) -> None:
     assert folder.state().pictures == 1
 
 
+def test_a_full_folder_that_was_moved_away_begins_again(tmp_path: Path) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    view = packed(frame, seen, BEWARE, seen.class_ids == CUP)
+    folder = LabellingFolder(tmp_path / "labelling", max_pictures=1)
+    folder.add(view, names={CUP: "cup"}, said="shoe")
+    folder.folder.rename(tmp_path / "moved")
+    assert folder.state().pictures == 0
+    folder.add(view, names={CUP: "cup"}, said="cup")
+    again, before = load_dataset(folder.folder), load_dataset(tmp_path / "moved")
+    assert again.count("train") == before.count("train") == 1
+    assert "shoe" in before.card.class_names and "shoe" not in again.card.class_names
+
+
 def test_the_foreground_of_a_box_is_extracted_and_a_bad_box_is_refused() -> None:
     rgb = np.full((120, 160, 3), 60, dtype=np.uint8)
     rgb[40:70, 50:90] = (230, 200, 30)
