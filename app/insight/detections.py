@@ -102,7 +102,9 @@ class DetectionGallery:
             item, pixels = self._at(region), int(region.mask.sum())
             crop, view = b"", None
             # Compressed outside the lock: it takes some milliseconds, and the whole frame most.
-            if item is None or pixels > BETTER_VIEW * item.pixels:
+            if item is None or (
+                item.sighting.verdict != "rejected" and pixels > BETTER_VIEW * item.pixels
+            ):
                 images = images or packed(frame, labels, beware, region.mask)
                 crop, view = (
                     _crop(frame.rgb, region),

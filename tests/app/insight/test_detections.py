@@ -129,6 +129,12 @@ def test_the_frame_of_many_new_objects_is_compressed_once(monkeypatch: pytest.Mo
     assert len(look(gallery, 0.0, frame, both)) == 2 and packings == [1]
     shown = [unpacked(gallery.view(one.id).mask_png) > 0 for one in gallery.all()]
     assert shown[0].any() and shown[1].any() and not (shown[0] & shown[1]).any()
+    # Nearer by, what was rejected has a better view, which is not kept.
+    for entry in gallery.all():
+        gallery.mark(entry.id, "rejected")
+    near = picture(0.7)
+    look(gallery, 1.0, near, labels(near, 1.5, 0.4))
+    assert packings == [1] and len(gallery.all()) == 2
 
 
 def test_only_so_many_whole_views_are_kept_and_the_others_say_so(
