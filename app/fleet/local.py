@@ -6,6 +6,7 @@ import os
 import platform
 import signal
 import threading
+import traceback
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
@@ -23,6 +24,8 @@ LIMIT_S = 3600.0
 """Least real time after which a task in a process of its own counts as hung, seconds."""
 SLOWEST = 6.0
 """Real time that a simulated second may take, seconds."""
+
+_Outcome = Done[Any] | TimeoutError
 
 
 def limit_for(simulated_s: float) -> float:
@@ -86,22 +89,25 @@ class _Pool:
     limit_s: float
     expected: str
 
-    def submit(self, do: Callable[[Any], Any], task: Any) -> Future[Done[Any]]:
-        job: Future[Done[Any]] = self.pool.schedule(
+    def submit(self, do: Callable[[Any], Any], task: Any) -> Future[_Outcome]:
+        job: Future[_Outcome] = self.pool.schedule(
             _checked, args=[do, task, self.expected], timeout=self.limit_s
         )
         return job
 
-    def ended(self, handles: Collection[Future[Done[Any]]]) -> Collection[Future[Done[Any]]]:
+    def ended(self, handles: Collection[Future[_Outcome]]) -> Collection[Future[_Outcome]]:
         return wait(handles, return_when=FIRST_COMPLETED).done
 
-    def outcome(self, handle: Future[Done[Any]]) -> Done[Any] | Lost:
+    def outcome(self, handle: Future[_Outcome]) -> Done[Any] | Lost:
         error = handle.exception()
         if isinstance(error, ProcessExpired):
             return Lost(cause=f"its worker ended with exit code {error.exitcode}")
         if isinstance(error, TimeoutError):
             return Lost(cause=f"it took longer than {self.limit_s:g} s")
-        return handle.result()
+        result = handle.result()
+        if isinstance(result, TimeoutError):
+            raise result
+        return result
 
 
 def done(do: Callable[[Any], Any], task: Any) -> Done[Any]:
@@ -120,9 +126,14 @@ def check_version(expected: str) -> None:
         )
 
 
-def _checked(do: Callable[[Any], Any], task: Any, expected: str) -> Done[Any]:
+def _checked(do: Callable[[Any], Any], task: Any, expected: str) -> Done[Any] | TimeoutError:
+    """Do a task; return its own `TimeoutError`, since the pool raises one for a task that hangs."""
     check_version(expected)
-    return done(do, task)
+    try:
+        return done(do, task)
+    except TimeoutError as error:
+        error.add_note(traceback.format_exc())  # which is lost on the way between processes
+        return error
 
 
 def _begin() -> None:

@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import NotKnown, Refused
-from navcore.geometry.arrays import Points
+from navcore.geometry.arrays import Bools, Points
 from navcore.geometry.transform import Pose2
+from navcore.learning.data.images import encode_rgb
 from navcore.mapping.points.rejections import MAX_POINTS
-from navcore.mission.beware_list import BewareList
+from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.instances import CELL_M, Detection, detect_instances
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
@@ -30,6 +31,9 @@ BETTER_VIEW = 1.5
 """Ratio of pixels from which a view replaces the kept one."""
 CROP_PX = 176
 """Longer side of a cropped view, pixels."""
+MIN_BACKGROUND_CONFIDENCE = 0.5
+"""Confidence from which a pixel without a class of the list is learned from as background: more
+likely than not."""
 SAMPLES_M = CELL_M * np.array([(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)])
 """Positions in a cell of a detection, metres."""
 MAX_ENLARGEMENT = 3.0
@@ -41,13 +45,15 @@ class StoredView:
     """A camera image with its labels, compressed as PNG."""
 
     rgb_png: bytes
-    """(H, W, 3) colour image."""
+    """(H, W, 3) colour image; with a fourth channel, 0 where the colour is not known, if there are
+    such pixels."""
     depth_png: bytes
     """(H, W) depth in millimetres, 0 = not measured."""
     class_ids_png: bytes
     """(H, W) class ids of the beware list where the confidence suffices, else 0."""
     unsure_png: bytes
-    """(H, W) 255 where the confidence of a class does not suffice."""
+    """(H, W) 255 where neither a class of the list nor the background is known well enough to be
+    learned from."""
     mask_png: bytes
     """(H, W) 255 on the detected object."""
 
@@ -96,7 +102,9 @@ class DetectionGallery:
             item, pixels = self._at(region), int(region.mask.sum())
             crop, view = b"", None
             # Compressed outside the lock: it takes some milliseconds, and the whole frame most.
-            if item is None or pixels > BETTER_VIEW * item.pixels:
+            if item is None or (
+                item.sighting.verdict != "rejected" and pixels > BETTER_VIEW * item.pixels
+            ):
                 images = images or packed(frame, labels, beware, region.mask)
                 crop, view = (
                     _crop(frame.rgb, region),
@@ -275,12 +283,24 @@ def packed(
     binding = labels.mask(beware)
     depth_mm = np.clip(np.round(frame.depth_m * 1000), 0, 65535).astype(np.uint16)
     return StoredView(
-        rgb_png=_png(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)),
+        rgb_png=encode_rgb(frame.rgb, uncoloured=frame.uncoloured),
         depth_png=_png(depth_mm),
         class_ids_png=_png(np.where(binding, labels.class_ids, np.uint8(0))),
-        unsure_png=_png(((labels.class_ids > 0) & ~binding).view(np.uint8) * np.uint8(255)),
+        unsure_png=_mask_png(_unsure(frame, labels, binding)),
         mask_png=_mask_png(mask),
     )
+
+
+def _unsure(frame: Frame, labels: Labels, binding: Bools) -> Bools:
+    """Return the (H, W) pixels that are neither known to show a class of the list, as `binding`
+    tells, nor to show background."""
+    is_background = (labels.class_ids == NOTHING) & (labels.confidence >= MIN_BACKGROUND_CONFIDENCE)
+    if labels.unlisted is not None:
+        is_background &= ~labels.unlisted
+    is_known = binding | is_background
+    if frame.uncoloured is not None:
+        is_known &= ~frame.uncoloured
+    return np.asarray(~is_known)
 
 
 def unpacked(png: bytes) -> npt.NDArray[np.integer]:

@@ -2,8 +2,9 @@
 FOLDER`.
 
 Every image goes to the split `train`. The operator has confirmed one region of its labels. The rest
-are the segmenter's labels where their confidence sufficed; elsewhere, and on the rim of the region,
-the label is void and not learned from. The lists and the card are complete after every image; what
+are the segmenter's labels where their confidence sufficed. The label is void, and not learned from,
+elsewhere and on the rim of the region, where the network sees a class that is not on the list, and
+where the colour is not known. The lists and the card are complete after every image; what
 a crash left incomplete is dropped, and what it left out is listed, with the next one.
 """
 
@@ -33,7 +34,14 @@ from navcore.learning.data.card import (
     check_labels,
 )
 from navcore.learning.data.class_names import BACKGROUND, BEWARE_CLASSES
-from navcore.learning.data.images import read_depth, read_labels, read_rgb, write_grey, write_rgb
+from navcore.learning.data.images import (
+    decode_uncoloured,
+    read_depth,
+    read_labels,
+    read_rgb,
+    write_bytes,
+    write_grey,
+)
 from navcore.learning.data.writer import write_text
 from navcore.mission.beware_list import NOTHING
 from web.interface.insight import LabellingState
@@ -93,8 +101,7 @@ class LabellingFolder:
                 )
             self._name_classes([*names.values(), *([said] if said else [])])
             labels = self._labels(view, names, said or BACKGROUND)
-            rgb = np.ascontiguousarray(unpacked(view.rgb_png)[..., ::-1], dtype=np.uint8)
-            self._write(rgb, np.asarray(unpacked(view.depth_png), dtype=np.uint16), labels)
+            self._write(view.rgb_png, np.asarray(unpacked(view.depth_png), dtype=np.uint16), labels)
 
     def _labels(self, view: StoredView, names: dict[int, str], said: str) -> npt.NDArray[np.uint8]:
         class_ids, region = unpacked(view.class_ids_png), unpacked(view.mask_png) > 0
@@ -113,6 +120,8 @@ class LabellingFolder:
         )
         labels[around] = 0
         labels[region] = self._value(said)
+        if (uncoloured := decode_uncoloured(view.rgb_png, str(self.folder))) is not None:
+            labels[uncoloured] = 0
         return np.asarray(labels, dtype=np.uint8)
 
     def _value(self, name: str) -> int:
@@ -125,8 +134,9 @@ class LabellingFolder:
                 self._class_names.append(name)
 
     def _open(self) -> None:
-        """Read the folder of an earlier session; an incomplete image is left out."""
-        if self._opened:
+        """Read the folder as it is on the disk, at first and after it was moved away; an incomplete
+        image is left out."""
+        if self._opened and all((self.folder / files[0]).exists() for files in self._files[:1]):
             return
         class_names, found, sums, sizes = (
             list(BEWARE_CLASSES),
@@ -172,7 +182,7 @@ class LabellingFolder:
 
     def _write(
         self,
-        rgb: npt.NDArray[np.uint8],
+        rgb_png: bytes,
         depth_mm: npt.NDArray[np.uint16],
         labels: npt.NDArray[np.uint8],
     ) -> None:
@@ -190,7 +200,7 @@ class LabellingFolder:
             self._write_card(
                 sums
             )  # first: no label may be on the disk without the name of its class
-            write_rgb(self.folder / files[0], rgb)
+            write_bytes(self.folder / files[0], rgb_png)
             write_grey(self.folder / files[1], depth_mm)
             np.save(partial, labels, allow_pickle=False)
             partial.replace(

@@ -13,6 +13,8 @@ from collections import deque
 from collections.abc import Collection, Iterable
 from typing import Protocol
 
+import numpy as np
+
 from app.insight.detections import DetectionGallery, packed
 from app.insight.event_detector import EventDetector
 from app.insight.event_log import EventLog, EventStore
@@ -153,12 +155,15 @@ class LiveInsight:
     def explain(self) -> Explanation:
         """Explain the present path, or the one to the first waiting goal.
 
-        Computed once for each map, goal and cell of the robot.
+        Computed once for each map, goal and cell of the robot, list of classes, zones, and unseen
+        floor with its price.
         """
         with self._explaining:
             query = self._query()
             cell = query.occupancy.spec.cell(query.pose.x_m, query.pose.y_m)
-            key = (query.occupancy, query.goal, query.path, cell)
+            unseen = None if query.unseen is None else np.packbits(query.unseen).tobytes()
+            rules = (query.beware, query.zones, query.unknown_price, unseen)
+            key = (query.occupancy, query.goal, query.path, cell, *rules)
             if self._explained is None or self._explained[0] != key:
                 self._explained = (key, explain(query))
             return self._explained[1]

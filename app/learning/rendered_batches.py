@@ -2,7 +2,7 @@
 
 For a machine with a GPU: it learns from far more worlds than a data set holds, and prepares the
 windows itself. What the processes have rendered by a step depends on the machine, so two runs
-differ.
+differ. A run that is resumed goes on with other worlds and windows, not with those of its start.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count, islice
+from multiprocessing import parent_process
+from multiprocessing.process import BaseProcess
 from queue import Empty, Full
 from typing import Any
 
@@ -30,6 +32,9 @@ from navcore.perception.esanet.network.preprocess import Size
 
 STEPS = 500
 """Number of batches of an epoch."""
+JOBS_PER_EPOCH = 5
+"""Number of jobs of a process in an epoch, as measured with 14 processes and a GPU: a run that is
+resumed goes on after as many for each finished epoch."""
 PATIENCE_S = 120.0
 """Time in seconds without an image after which the processes are taken to have failed."""
 WAIT_S = 0.5
@@ -70,7 +75,7 @@ SOURCES = (
 
 class RenderedBatches:
     """Windows of the images of the sources, the newest of which are kept in the memory of the
-    device that trains; its processes render until it is closed."""
+    device that trains; its processes render from the first epoch on until it is closed."""
 
     def __init__(
         self,
@@ -110,24 +115,15 @@ class RenderedBatches:
             )
             for size, share in self._shares.items()
         }
-        self._random = torch.Generator(device=device).manual_seed(recipe.seed)
-        spawn = processes.get_context("spawn")
-        self._queue, self._ending = spawn.Queue(maxsize=2 * workers), spawn.Event()
-        self._processes = [
-            spawn.Process(
-                target=_render,
-                args=(number, workers, sources, self._queue, self._ending),
-                daemon=True,
-            )
-            for number in range(workers)
-        ]
+        self._random = torch.Generator(device=device)
+        self._spawn, self._workers = processes.get_context("spawn"), workers
+        self._queue, self._ending = self._spawn.Queue(maxsize=2 * workers), self._spawn.Event()
+        self._processes: list[BaseProcess] = []
         self._arrived = threading.Event()
         self._failure: Exception | None = None
         # No image may take the place of another one while windows are cut out of that one.
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._receive, name="rendered images", daemon=True)
-        for process in self._processes:
-            process.start()
         self._thread.start()
 
     @property
@@ -153,6 +149,10 @@ class RenderedBatches:
         """Return the batches of an epoch; before the first, wait for images of each size, before
         a later one for any that came since. Raises `BadConfiguration` where no image comes, where
         no process renders any more, and where the images cannot be kept."""
+        if not self._processes:
+            self._start(JOBS_PER_EPOCH * (epoch - 1))
+        seed = np.random.SeedSequence([self._recipe.seed, epoch]).generate_state(1, np.uint64)
+        self._random.manual_seed(int(seed[0]))
         is_waiting = True
         while is_waiting:
             self._check_thread()
@@ -170,6 +170,15 @@ class RenderedBatches:
             with self._lock:
                 batch = self._batch()
             yield batch
+
+    def _start(self, first_job: int) -> None:
+        """Start the processes, each with its job `first_job`: those before it were rendered for
+        the epochs before an interruption."""
+        for number in range(self._workers):
+            arguments = number, self._workers, first_job, self._sources, self._queue, self._ending
+            process = self._spawn.Process(target=_render, args=arguments, daemon=True)
+            process.start()
+            self._processes.append(process)
 
     def _check_thread(self) -> None:
         """Raise `BadConfiguration` where no image is taken into the pools any more."""
@@ -218,10 +227,15 @@ class RenderedBatches:
 
 
 def _render(
-    number: int, workers: int, sources: tuple[Source, ...], queue: Any, ending: Any
+    number: int,
+    workers: int,
+    first_job: int,
+    sources: tuple[Source, ...],
+    queue: Any,
+    ending: Any,
 ) -> None:
-    """Render one source after the other, of each the shards of this process, until `ending` is
-    set."""
+    """Render one source after the other, of each the shards of this process, until `ending` is set
+    or the process that trains has ended."""
     import cv2
 
     from sim.dataset.generate import (
@@ -232,11 +246,17 @@ def _render(
         shard_seed,
     )
 
+    training = parent_process()
+
+    def is_wanted() -> bool:
+        # The parent first: killed while it holds the event's lock, it never gives that back.
+        return (training is None or training.is_alive()) and not ending.is_set()
+
     with suppress(AttributeError):  # Windows has no priorities of this kind
         os.nice(8)
     cv2.setNumThreads(1)
-    random = np.random.default_rng(number)
-    for job in count():
+    random = np.random.default_rng([number, first_job])
+    for job in count(first_job):
         kind = (3 * number + job) % len(sources)
         source, shard = sources[kind], (number + workers * job) % SHARDS_PER_SPLIT
         images = render_images(
@@ -252,10 +272,10 @@ def _render(
                 Sample(rgb=image.rgb, depth=image.depth_mm, labels=image.labels) for image in world
             ]
             images_of_world = kind, PooledImages.of(samples, len(BEWARE_CLASSES), random)
-            while not ending.is_set():
+            while is_wanted():
                 with suppress(Full):
                     queue.put(images_of_world, timeout=WAIT_S)
                     break
-            if ending.is_set():
+            if not is_wanted():
                 queue.cancel_join_thread()  # what is still in the queue is not wanted any more
                 return

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from app.map_planner.stored_map import PlanMap
 from navcore.grid.cell_mask import CellMask
+from navcore.grid.grid import BoolGrid, Cell
 from navcore.grid.nearest import nearest_reachable
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.planner import plan
@@ -40,7 +41,8 @@ class Answer:
     waypoints: npt.NDArray[np.float64]
     """(M, 2) corners of the taut path and its end."""
     plan_ms: float
-    """Duration of the search on the inflated cells, milliseconds."""
+    """Duration of the search on the inflated cells that gave the path or the refusal,
+    milliseconds."""
 
 
 def ask(plan_map: PlanMap, start: Point, goal: Point, *, nearest: bool) -> Answer:
@@ -49,14 +51,13 @@ def ask(plan_map: PlanMap, start: Point, goal: Point, *, nearest: bool) -> Answe
     # Load the compiled code first, which is no part of the measured time.
     plan(np.zeros((3, 3), dtype=np.bool_), (0, 0), (2, 2))
     ends, reached, refusal = (plan_map.cell(start), plan_map.cell(goal)), goal, None
-    started = time.perf_counter()
-    outcome = plan(plan_map.blocked, *ends)
+    outcome, plan_ms = _timed_plan(plan_map.blocked, *ends)
     if isinstance(outcome, NoPath):
         refusal = explain(plan_map, start, goal, outcome)
         cell = nearest_reachable(plan_map.blocked, *ends) if nearest else None
         if cell is not None:
-            reached, outcome = plan_map.spec.centre(*cell), plan(plan_map.blocked, ends[0], cell)
-    plan_ms = (time.perf_counter() - started) * 1e3
+            reached = plan_map.spec.centre(*cell)
+            outcome, plan_ms = _timed_plan(plan_map.blocked, ends[0], cell)
     found, spec = outcome if isinstance(outcome, Path) else None, plan_map.spec
     return Answer(
         start=start,
@@ -69,6 +70,13 @@ def ask(plan_map: PlanMap, start: Point, goal: Point, *, nearest: bool) -> Answe
         waypoints=_waypoints(found, plan_map) if found else np.empty((0, 2)),
         plan_ms=plan_ms,
     )
+
+
+def _timed_plan(blocked: BoolGrid, start: Cell, end: Cell) -> tuple[Path | NoPath, float]:
+    """Return the outcome of a search and its duration in milliseconds."""
+    started = time.perf_counter()
+    outcome = plan(blocked, start, end)
+    return outcome, (time.perf_counter() - started) * 1e3
 
 
 def _waypoints(found: Path, plan_map: PlanMap) -> npt.NDArray[np.float64]:

@@ -127,9 +127,11 @@ class FusedSegmenter:
         base, undecided = overhung_regions(
             seen.class_ids, frame, heights_m, beware, sensor, config.overhang
         )
-        return Labels(
+        return dataclasses.replace(
+            seen,
             class_ids=np.where(keep & ~base, seen.class_ids, np.uint8(NOTHING)),
             confidence=np.minimum(seen.confidence, np.where(undecided, UNDECIDED, _NOT_CERTAIN)),
+            hypotheses=(),
         )
 
     def _is_known(self, entry: BewareClass) -> bool:
@@ -166,7 +168,7 @@ def weigh(
     pixels = concerned[changed]
     class_ids, confidence = seen.class_ids.copy(), seen.confidence.copy()
     class_ids.ravel()[pixels], confidence.ravel()[pixels] = class_id, posterior[changed]
-    return Labels(class_ids=class_ids, confidence=confidence)
+    return dataclasses.replace(seen, class_ids=class_ids, confidence=confidence)
 
 
 def fuse(seen: Labels, coloured: npt.NDArray[np.uint8], beware: BewareList) -> Labels:
@@ -174,7 +176,8 @@ def fuse(seen: Labels, coloured: npt.NDArray[np.uint8], beware: BewareList) -> L
     `FusedSegmenter` states it."""
     network_wins = seen.mask(beware) & (seen.class_ids != coloured)
     colour_wins = (coloured != NOTHING) & ~network_wins
-    return Labels(
+    return dataclasses.replace(
+        seen,
         class_ids=np.where(colour_wins, coloured, seen.class_ids),
         confidence=np.where(colour_wins, np.float32(1), seen.confidence),
     )
@@ -193,7 +196,8 @@ def _covered(network: Labels, weighed: Labels) -> tuple[Labels, ...]:
 def _filled(labels: Labels, behind: Labels, beware: BewareList) -> Labels:
     """Return labels with others in place of those that bind nothing."""
     wins = (behind.class_ids != NOTHING) & ~labels.mask(beware)
-    return Labels(
+    return dataclasses.replace(
+        labels,
         class_ids=np.where(wins, behind.class_ids, labels.class_ids),
         confidence=np.where(wins, behind.confidence, labels.confidence),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
@@ -27,6 +28,10 @@ class Labels:
     """Labels per source where several sources may label a pixel, whether their classes are enabled
     or not: a network first, then the colour rules. The map is made of these, or an edit of the list
     could not restore a label that another one covered. Empty when there is a single source."""
+    unlisted: Bools | None = None
+    """(H, W) pixels that a network with a class `background` gives a class which neither is that
+    nor is on the list: without another label they show nothing of the list, but no background. None
+    where the list has all classes."""
 
     @property
     def all_hypotheses(self) -> tuple[Labels, ...]:
@@ -80,9 +85,9 @@ def only_coloured(labels: Labels, frame: Frame) -> Labels:
     labels where it knows all."""
     if frame.uncoloured is None:
         return labels
-    return Labels(
+    return dataclasses.replace(
+        labels,
         class_ids=np.where(frame.uncoloured, np.uint8(NOTHING), labels.class_ids),
-        confidence=labels.confidence,
         hypotheses=tuple(only_coloured(source, frame) for source in labels.hypotheses),
     )
 

@@ -46,6 +46,8 @@ class _Watch:
     """Times of the ticks, in order."""
     ages_s: list[float]
     """Age of the image by which the robot was driven, at each look."""
+    driving_s: float
+    """Time for which the robot drove, seconds."""
     held: float
     """Share of the looks at which lateness held the robot."""
 
@@ -86,7 +88,11 @@ def latency_table(
     title = f"console, {scenario}, {images}, {segmenter}, load average {load_average}"
     table = Table("while the robot drives", *watches, title=title)
     for name, row in (
-        ("ticks a second", [f"{len(one.ticks_ms) / seconds:.1f}" for one in watches.values()]),
+        ("driving", [f"{one.driving_s / seconds:.0%} of the time" for one in watches.values()]),
+        (
+            "ticks a second",
+            [f"{len(one.ticks_ms) / one.driving_s:.1f}" for one in watches.values()],
+        ),
         ("tick, ms: p50, p95, p99", [_percentiles(one.ticks_ms) for one in watches.values()]),
         (
             "age of its image, ms: p50, p95, p99",
@@ -105,10 +111,13 @@ def _percentiles(values: list[float]) -> str:
 def watch_drive(program: httpx.Client, seconds: float) -> _Watch:
     """Look at the console while its robot drives; raises `BewareNavError` where it never does."""
     ticks_ms, ages_s, late = dict[int, float](), list[float](), list[bool]()
-    until_s, state = time.monotonic() + seconds, dict[str, Any]()
+    looked_s, driving_s, state = time.monotonic(), 0.0, dict[str, Any]()
+    until_s = looked_s + seconds
     while time.monotonic() < until_s:
         state = program.get("/api/v1/state").json()
+        since_s, looked_s = looked_s, time.monotonic()
         if state["phase"] == "driving":
+            driving_s += looked_s - since_s
             ticks_ms.setdefault(state["picture_serial"], state["tick_ms"])
             ages_s.append(state["frame_age_s"])
             late.append(any(reason["code"] in LATE for reason in state["reasons"]))
@@ -116,7 +125,12 @@ def watch_drive(program: httpx.Client, seconds: float) -> _Watch:
     if not ticks_ms:
         reasons = " ".join(reason["text"] for reason in state["reasons"])
         raise BewareNavError(f"the robot did not drive: the mission is {state['phase']}. {reasons}")
-    return _Watch(ticks_ms=list(ticks_ms.values()), ages_s=ages_s, held=float(np.mean(late)))
+    return _Watch(
+        ticks_ms=list(ticks_ms.values()),
+        ages_s=ages_s,
+        driving_s=driving_s,
+        held=float(np.mean(late)),
+    )
 
 
 @contextmanager

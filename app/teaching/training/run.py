@@ -138,10 +138,7 @@ class TeachingRun:
             labels[index + 1] = names.index(name.casefold()) + 1 if name.casefold() in names else 0
         for index in range(self.dataset.count(split)):
             sample = self.dataset.read(split, index)
-            known = labels[sample.labels]
-            if sample.uncoloured is not None:
-                known[sample.uncoloured] = 0
-            yield dataclasses.replace(sample, labels=known)
+            yield dataclasses.replace(sample, labels=labels[sample.labels])
 
     def _encode(self, teacher: ClassTeacher, rehearsed: Sequence[Sample]) -> list[Encoded]:
         """Encode all images; return the held-back ones, with their true labels."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-BACKGROUND = "background"
-"""Class of everything that is none of the others."""
+from navcore.perception.esanet.weights.class_names import BACKGROUND
+
+__all__ = ["BACKGROUND", "BEWARE_CLASSES"]
 BEWARE_CLASSES: tuple[str, ...] = (
     BACKGROUND,
     "book",

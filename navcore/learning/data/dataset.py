@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+import numpy as np
+
 from navcore.errors import BadConfiguration
 from navcore.learning.data.card import (
     CARD_NAME,
@@ -36,6 +38,7 @@ from navcore.learning.data.card import (
 )
 from navcore.learning.data.images import (
     LabelArray,
+    MaskArray,
     decode_rgb,
     decode_uncoloured,
     read_bytes,
@@ -75,8 +78,8 @@ class Dataset:
         return PurePosixPath(self.files[split][index][0]).stem
 
     def read(self, split: Split, index: int) -> Sample:
-        """Read a sample; raises `BadConfiguration` naming a file that is damaged or does not
-        fit."""
+        """Read a sample, void where its colour is not known; raises `BadConfiguration` naming a
+        file that is damaged or does not fit."""
         rgb_path, depth_path, label_path = (
             _inside(self.folder, path) for path in self.files[split][index]
         )
@@ -85,14 +88,21 @@ class Dataset:
         depth, labels = read_depth(depth_path), read_labels(label_path)
         check_sample(rgb, depth, labels, len(self.card.class_names), str(rgb_path))
         uncoloured = decode_uncoloured(content, str(rgb_path))
-        return Sample(rgb=rgb, depth=depth, labels=labels, uncoloured=uncoloured)
+        return Sample(
+            rgb=rgb, depth=depth, labels=_coloured(labels, uncoloured), uncoloured=uncoloured
+        )
 
     def read_labels(self, split: Split, index: int) -> LabelArray:
         """Read only the labels (H, W); raises `BadConfiguration` as `read` does."""
-        path = _inside(self.folder, self.files[split][index][2])
+        rgb_path, _, path = (_inside(self.folder, path) for path in self.files[split][index])
         labels = read_labels(path)
         check_labels(labels, len(self.card.class_names), str(path))
-        return labels
+        uncoloured = decode_uncoloured(read_bytes(rgb_path), str(rgb_path))
+        if uncoloured is not None and uncoloured.shape != labels.shape:
+            raise BadConfiguration(
+                f"{rgb_path}: {uncoloured.shape}, its labels {labels.shape}; expected one size"
+            )
+        return _coloured(labels, uncoloured)
 
     def labels_digest(self) -> str:
         """Return a SHA-256 of the lists and of the bytes of all label files, hexadecimal; raises
@@ -101,6 +111,12 @@ class Dataset:
         for path in (files[2] for split in SPLITS for files in self.files[split]):
             digest.update(hashlib.sha256(read_bytes(_inside(self.folder, path))).digest())
         return digest.hexdigest()
+
+
+def _coloured(labels: LabelArray, uncoloured: MaskArray | None) -> LabelArray:
+    """Return the labels (H, W), void where the colour is not known, so that nothing learns to tell
+    a class by black pixels."""
+    return labels if uncoloured is None else np.where(uncoloured, np.uint8(0), labels)
 
 
 def load_dataset(

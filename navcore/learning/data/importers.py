@@ -14,6 +14,7 @@ import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -119,8 +120,8 @@ class CvatArchive:
                 f'{self.path}: no mask in {MASKS}; export as "Segmentation mask 1.1"'
             )
         bases = Counter(PurePosixPath(key).stem for key in masks)
-        for key in masks:
-            name = key[len(MASKS) : -len(".png")]
+        names = [key[len(MASKS) : -len(".png")] for key in masks]
+        for key, name, flat in zip(masks, names, flat_names(names), strict=True):
             alone = bases[PurePosixPath(key).stem] == 1
             sample = _sample(
                 self._rgb(name, alone=alone),
@@ -128,9 +129,7 @@ class CvatArchive:
                 self._mask(key),
                 f"{self.path}: {name}",
             )
-            yield ImportedSample(
-                split=splits.get(name, "train"), name=flat_name(name), sample=sample
-            )
+            yield ImportedSample(split=splits.get(name, "train"), name=flat, sample=sample)
 
     def _mask(self, key: str) -> LabelArray:
         """Return the labels of a coloured mask; raises `BadConfiguration` for an unknown colour."""
@@ -231,8 +230,8 @@ class LabelmeFolder:
         """Open a folder; raises `BadConfiguration`.
 
         Without `class_names` the classes are the labels that occur, in alphabetical order.
-        Unlabelled pixels are void, or with `keep_background` the class `background`, which then
-        comes first.
+        Unlabelled pixels are void, or with `keep_background` the class `background`, which comes
+        first unless `class_names` has it elsewhere.
         """
         self.folder, self._depth_dir, self._split, self._keeps = (
             folder,
@@ -249,9 +248,9 @@ class LabelmeFolder:
             shape["label"] for path in self._files for shape in _shapes(path, _document(path))
         } - set(_VOID_NAMES)
         names = tuple(class_names) or tuple(sorted(occurring))
-        self.class_names = (
-            (BACKGROUND, *names) if keep_background and BACKGROUND not in names else names
-        )
+        if keep_background and BACKGROUND not in class_names:
+            names = (BACKGROUND, *(name for name in names if name != BACKGROUND))
+        self.class_names = names
         if not 0 < len(self.class_names) <= MAX_CLASSES or not occurring <= set(self.class_names):
             unknown = ", ".join(sorted(occurring - set(self.class_names)))
             raise BadConfiguration(
@@ -261,12 +260,14 @@ class LabelmeFolder:
 
     def __iter__(self) -> Iterator[ImportedSample]:
         """Yield the images, sorted by name."""
-        for path in self._files:
+        for path, name in zip(
+            self._files, flat_names([path.stem for path in self._files]), strict=True
+        ):
             document = _document(path)
             rgb = self._rgb(path, document)
             labels = self._drawn(path, document, rgb.shape[:2])
             sample = _sample(rgb, _depth(self._depth_dir, path.stem), labels, str(path))
-            yield ImportedSample(split=self._split, name=flat_name(path.stem), sample=sample)
+            yield ImportedSample(split=self._split, name=name, sample=sample)
 
     def _rgb(self, path: Path, document: dict[str, Any]) -> RgbArray:
         if isinstance(document.get("imageData"), str):
@@ -294,12 +295,22 @@ class LabelmeFolder:
         return labels
 
 
-def flat_name(name: str) -> str:
-    """Return a file name without folders, whose names become part of it."""
-    kept = "".join(
-        sign if sign.isascii() and (sign.isalnum() or sign in "._-") else "_" for sign in name
-    )
-    return kept.lstrip("._-")[:100] or "picture"
+def flat_names(names: Sequence[str]) -> list[str]:
+    """Return a file name for each of some different names: without folders, whose names become part
+    of it, and of the signs that a data set allows. Where that leaves nothing, or the same of two
+    names, it ends with digits of the name's SHA-256."""
+    flat = [
+        "".join(
+            sign if sign.isascii() and (sign.isalnum() or sign in "._-") else "_" for sign in name
+        ).lstrip("._-")[:100]
+        for name in names
+    ]
+    digests = [sha256(name.encode(errors="surrogatepass")).hexdigest()[:8] for name in names]
+    counts = Counter(one.casefold() for one in flat)
+    return [
+        one if one and counts[one.casefold()] == 1 else f"{one[:91] or 'picture'}-{digest}"
+        for one, digest in zip(flat, digests, strict=True)
+    ]
 
 
 def _polygon(path: Path, drawn: dict[str, Any]) -> npt.NDArray[np.int32]:

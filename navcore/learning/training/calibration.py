@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +31,11 @@ CANDIDATES = np.linspace(-6.0, 6.0, 97)
 """Offsets that are tried for each class."""
 ROUNDS = 4
 """Largest number of passes over the classes."""
-BACKGROUND_STRIDE = 16
-"""Subsampling of correctly labelled background: one pixel in this many counts, with this weight."""
+RIGHT_STRIDE = 16
+"""Subsampling of correctly labelled pixels: one in this many of a class counts, for them all."""
+MEMORY_BYTES = 1 << 30
+"""Memory for logits, of which each class has the same shares for the pixels that are labelled
+correctly and those that are not; a random choice stands for more of them."""
 Logits = npt.NDArray[np.float32]
 
 
@@ -173,9 +176,9 @@ def _collected(
     inference: InferenceSettings,
     on_progress: Callable[[int], None],
 ) -> tuple[Logits, npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Return logits, true class and weight of the pixels, with correctly labelled background
-    subsampled."""
-    logits, classes, weights = [], [], []
+    """Return logits, true class and weight of the pixels, subsampled."""
+    kept: dict[tuple[int, bool], _KeptPixels] = {}
+    random = np.random.default_rng(0)
     for start in range(0, len(images), inference.batch):
         samples = [
             images[index] for index in range(start, min(start + inference.batch, len(images)))
@@ -189,15 +192,43 @@ def _collected(
                     one[None], size=sample.labels.shape, mode="bilinear", align_corners=False
                 )[0]
             flat, labels = one.flatten(1).T.numpy(), sample.labels.ravel().astype(np.int64) - 1
-            known = np.flatnonzero(labels >= 0)
-            plain = known[(labels[known] == 0) & (flat[known].argmax(axis=1) == 0)]
-            rest = np.setdiff1d(known, plain, assume_unique=True)
-            for chosen, weight in (
-                (plain[::BACKGROUND_STRIDE], float(BACKGROUND_STRIDE)),
-                (rest, 1.0),
-            ):
-                logits.append(flat[chosen].copy())
-                classes.append(labels[chosen])
-                weights.append(np.full(len(chosen), weight))
+            is_right = flat.argmax(axis=1) == labels
+            for number in np.unique(labels[labels >= 0]).tolist():
+                for right, stride in ((True, RIGHT_STRIDE), (False, 1)):
+                    pixels = np.flatnonzero((labels == number) & (is_right == right))
+                    if len(pixels):
+                        own = kept.setdefault((number, right), _KeptPixels(stride))
+                        own.add(flat, pixels, random)
         on_progress(len(samples))
-    return np.concatenate(logits), np.concatenate(classes), np.concatenate(weights)
+    rows = {key: np.concatenate(own.parts) for key, own in kept.items()}
+    if not rows:
+        return np.empty((0, 0), np.float32), np.empty(0, np.int64), np.empty(0)
+    return (
+        np.concatenate(list(rows.values())),
+        np.concatenate([np.full(len(own), number) for (number, _), own in rows.items()]),
+        np.concatenate(
+            [np.full(len(own), kept[key].count / len(own)) for key, own in rows.items()]
+        ),
+    )
+
+
+@dataclass(slots=True, eq=False)
+class _KeptPixels:
+    """Logits of a random choice of some pixels, which stand for them all."""
+
+    stride: int
+    """Number of pixels of which one is kept."""
+    count: int = 0
+    """Number of pixels that were given."""
+    parts: list[Logits] = field(default_factory=list)
+    """Rows (N, C) of the kept ones."""
+
+    def add(
+        self, logits: Logits, pixels: npt.NDArray[np.int64], random: np.random.Generator
+    ) -> None:
+        """Add pixels, whose logits are rows of (M, C); where that becomes too many, keep half as
+        many of them from now on."""
+        self.parts.append(logits[random.permutation(pixels)[:: self.stride]])
+        self.count += len(pixels)
+        if sum(map(len, self.parts)) > MEMORY_BYTES // (2 * logits.itemsize * logits.shape[1] ** 2):
+            self.parts, self.stride = [np.concatenate(self.parts)[::2].copy()], 2 * self.stride

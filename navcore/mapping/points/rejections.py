@@ -140,7 +140,7 @@ class Rejections:
             for one in struck:
                 bare = (labels.class_ids != NOTHING) & (class_ids == NOTHING)
                 class_ids[bare], confidence[bare] = one.class_ids[bare], one.confidence[bare]
-            fused = Labels(class_ids=class_ids, confidence=confidence)
+            fused = dataclasses.replace(fused, class_ids=class_ids, confidence=confidence)
         return dataclasses.replace(fused, hypotheses=struck)
 
 

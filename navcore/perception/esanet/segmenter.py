@@ -23,6 +23,7 @@ from navcore.perception.esanet.network.preprocess import (
     Size,
     check_size,
 )
+from navcore.perception.esanet.weights.class_names import BACKGROUND
 from navcore.perception.labels import Labels, LabelSource
 from navcore.perception.prototype import describe, prototype_labels
 from navcore.robot.frame import Frame
@@ -58,6 +59,11 @@ class NetworkSegmenter:
         self._inference, self._config = inference, config
         self._entry_names = _entry_names(class_names, aliases or {})
         self._known = {name for names in self._entry_names for name in names}
+        # A network without a class for the background shows it by classes like floor and wall.
+        names = [own for own, _ in self._entry_names]
+        self._is_background = np.array(
+            [own == BACKGROUND or BACKGROUND not in names for own in names]
+        )
         self._depth, self._size, self._prepare = depth, size, Preprocessor(size, depth)
 
     def segment(self, frame: Frame, beware: BewareList) -> Labels:
@@ -103,7 +109,13 @@ class NetworkSegmenter:
         check_logits(logits, len(self.class_names), rgb, self._inference.name)
         height, width = frame.depth_m.shape
         winners, confidence = most_likely(logits[0], height=height, width=width)
-        return Labels(class_ids=self._class_ids(beware)[winners], confidence=confidence)
+        class_ids = self._class_ids(beware)
+        is_unlisted = (class_ids == NOTHING) & ~self._is_background
+        return Labels(
+            class_ids=class_ids[winners],
+            confidence=confidence,
+            unlisted=is_unlisted[winners] if is_unlisted.any() else None,
+        )
 
     def _class_ids(self, beware: BewareList) -> npt.NDArray[np.uint8]:
         """Return the class ids (C,) of the beware list by network output; the first of two entries

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 from collections.abc import Collection, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import Any
 
 import pytest
 
+from app.fleet import local
 from app.fleet.engine import MACHINE_LOSSES, TRIES, Done, Lost, in_order, run
 from app.fleet.local import ThisProcess
 from app.fleet.ray_cluster import RayCluster
 from app.fleet.shard import Shard, parse_shard
+from app.runtime.record.provenance import version
 from navcore.errors import BadConfiguration
 
 
@@ -62,6 +66,20 @@ def test_a_lost_task_is_done_again_and_given_up_only_in_the_end(machine: bool, t
 def test_results_come_in_the_order_of_the_tasks_and_few_wait_for_their_turn(engine: Any) -> None:
     assert list(in_order(engine, square, range(20), ahead=4)) == [n * n for n in range(20)]
     assert isinstance(engine, ThisProcess) or engine.most == 4
+
+
+def test_a_timeout_within_a_task_is_its_error_and_no_worker_that_hangs() -> None:
+    def ask_simulator(task: int) -> None:
+        raise TimeoutError("the simulator did not answer")
+
+    pool = local._Pool(pool=None, limit_s=9.0, expected=version())  # type: ignore[arg-type]
+    failed, hanging = Future[Any](), Future[Any]()
+    failed.set_result(pickle.loads(pickle.dumps(local._checked(ask_simulator, 1, version()))))
+    hanging.set_exception(TimeoutError())
+    with pytest.raises(TimeoutError, match="the simulator did not answer") as raised:
+        pool.outcome(failed)
+    assert "in ask_simulator" in "".join(raised.value.__notes__)
+    assert pool.outcome(hanging) == Lost(cause="it took longer than 9 s")
 
 
 def test_shares_are_even_and_together_the_whole() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import math
 from collections.abc import Iterator
@@ -19,9 +20,10 @@ from navcore.geometry.camera import Intrinsics
 from navcore.geometry.transform import STANDSTILL, Pose2, camera_mount
 from navcore.learning.data.card import CARD_NAME
 from navcore.learning.data.dataset import load_dataset
+from navcore.learning.data.images import read_labels
 from navcore.learning.data.writer import write_text
 from navcore.mission.beware_list import BewareClass, BewareList
-from navcore.perception.labels import Labels
+from navcore.perception.labels import Labels, only_coloured
 from navcore.robot.frame import Frame
 from web.interface.insight import Sighting
 
@@ -127,6 +129,12 @@ def test_the_frame_of_many_new_objects_is_compressed_once(monkeypatch: pytest.Mo
     assert len(look(gallery, 0.0, frame, both)) == 2 and packings == [1]
     shown = [unpacked(gallery.view(one.id).mask_png) > 0 for one in gallery.all()]
     assert shown[0].any() and shown[1].any() and not (shown[0] & shown[1]).any()
+    # Nearer by, what was rejected has a better view, which is not kept.
+    for entry in gallery.all():
+        gallery.mark(entry.id, "rejected")
+    near = picture(0.7)
+    look(gallery, 1.0, near, labels(near, 1.5, 0.4))
+    assert packings == [1] and len(gallery.all()) == 2
 
 
 def test_only_so_many_whole_views_are_kept_and_the_others_say_so(
@@ -189,6 +197,36 @@ def test_what_is_no_class_of_the_list_any_more_is_no_background(tmp_path: Path) 
     learned = load_dataset(tmp_path).read("train", 0).labels
     assert set(np.unique(learned[toy.class_ids > 0])) == {0}, "void"
     assert 0 not in learned[0], "background"
+
+
+def test_what_the_network_calls_a_class_that_left_the_list_is_no_background(tmp_path: Path) -> None:
+    frame = picture()
+    cup = labels(frame, 1.5, 0.4)
+    bottle = labels(frame, 1.5, -0.4).class_ids > 0
+    view = packed(frame, dataclasses.replace(cup, unlisted=bottle), BEWARE, cup.class_ids > 0)
+    LabellingFolder(tmp_path).add(view, names={CUP: "cup"}, said=None)
+    learned = load_dataset(tmp_path).read("train", 0).labels
+    assert set(np.unique(learned[bottle])) == {0}, "void"
+    assert 0 not in learned[0], "background"
+
+
+def test_pixels_without_colour_or_with_little_confidence_are_no_background(tmp_path: Path) -> None:
+    frame, dark = picture(), np.zeros((120, 160), dtype=np.bool_)
+    dark[:, :40] = True
+    frame = dataclasses.replace(
+        frame, rgb=np.where(dark[..., None], np.uint8(0), frame.rgb), uncoloured=dark
+    )
+    seen = only_coloured(labels(frame, 1.5, 0.0), frame)
+    seen.confidence[:, 140:] = 0.3
+    # The operator's box reaches into what has no colour.
+    mask = np.zeros((120, 160), dtype=np.bool_)
+    mask[50:70, 30:60] = True
+    LabellingFolder(tmp_path).add(packed(frame, seen, BEWARE, mask), names={CUP: "cup"}, said="cup")
+    sample = load_dataset(tmp_path).read("train", 0)
+    assert sample.uncoloured is not None and np.array_equal(sample.uncoloured, dark)
+    stored = read_labels(next(tmp_path.glob("train/label/*.npy")))
+    assert set(np.unique(stored[:, :40])) == set(np.unique(stored[:, 140:])) == {0}, "void"
+    assert 0 not in stored[0, 40:140], "background"
 
 
 def test_a_capital_letter_makes_no_other_class_of_a_name(tmp_path: Path) -> None:
@@ -254,6 +292,20 @@ def test_a_full_folder_takes_no_more_and_says_so(tmp_path: Path) -> None:
     with pytest.raises(Refused, match="is full"):
         folder.add(view, names={CUP: "cup"}, said="cup")
     assert folder.state().pictures == 1
+
+
+def test_a_full_folder_that_was_moved_away_begins_again(tmp_path: Path) -> None:
+    frame = picture()
+    seen = labels(frame, 1.5, 0.0)
+    view = packed(frame, seen, BEWARE, seen.class_ids == CUP)
+    folder = LabellingFolder(tmp_path / "labelling", max_pictures=1)
+    folder.add(view, names={CUP: "cup"}, said="shoe")
+    folder.folder.rename(tmp_path / "moved")
+    assert folder.state().pictures == 0
+    folder.add(view, names={CUP: "cup"}, said="cup")
+    again, before = load_dataset(folder.folder), load_dataset(tmp_path / "moved")
+    assert again.count("train") == before.count("train") == 1
+    assert "shoe" in before.card.class_names and "shoe" not in again.card.class_names
 
 
 def test_the_foreground_of_a_box_is_extracted_and_a_bad_box_is_refused() -> None:

@@ -83,6 +83,26 @@ def test_a_path_is_explained_by_the_zones_as_the_robot_keeps_out_of_them(
     store.close()
 
 
+def test_another_price_of_unseen_floor_or_other_zones_are_explained_at_once(tmp_path: Path) -> None:
+    controller, store = standing_controller(), Store(tmp_path)
+    insight, frame = insight_of(store, tmp_path, controller), first_frame()
+    zone = zone_ahead(controller, (2.0, 2.4), 0.1)
+    controller.change_mission(Mission.pause)
+    decision = controller.think(frame, clock=lambda: frame.stamp_ns)
+    assert decision is not None and decision.request.zones == (zone,)
+    insight.note_decision(decision)
+    before = insight.explain()
+    assert insight.explain() is before
+    controller.change(lambda state: dataclasses.replace(state, unknown_price=8.0))
+    dearer = insight.explain()
+    assert dearer is not before
+    request = dataclasses.replace(decision.request, zones=())
+    insight.note_decision(dataclasses.replace(decision, request=request))
+    assert "wet floor" in {rule.name for rule in dearer.rules}
+    assert "wet floor" not in {rule.name for rule in insight.explain().rules}
+    store.close()
+
+
 def test_a_path_that_ends_beside_its_goal_is_explained_and_not_called_blocked(
     tmp_path: Path,
 ) -> None:

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from queue import Full
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from navcore.learning.data.dataset import DatasetWriter, load_dataset
 from navcore.learning.training.batches import Batch
 from navcore.learning.training.window_pool import PooledImages
 from navcore.perception.esanet.weights import weights_file as weights
+from sim.dataset import generate
+from sim.dataset.generate import LabelledImage
 from tests.navcore.learning.made import data_set, sample, tiny_recipe
 
 SOURCES = (
@@ -75,9 +78,9 @@ def batches(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Rendere
     made.close()
 
 
-def wait_for_the_end(number: int, workers: int, sources: object, queue: Any, ending: Any) -> None:
+def wait_for_the_end(*arguments: Any) -> None:
     """Stands for the process that renders."""
-    ending.wait()
+    arguments[-1].wait()
 
 
 def test_no_image_is_replaced_while_windows_are_cut(
@@ -153,6 +156,57 @@ def test_the_end_of_the_thread_that_keeps_the_images_is_noticed(batches: Rendere
     batches._thread.join(30.0)
     with pytest.raises(BadConfiguration, match="cannot be kept: their thread has ended"):
         next(steps)
+
+
+def test_a_resumed_training_goes_on_with_other_worlds_and_windows(
+    batches: RenderedBatches, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    starts, drawn, start = list[int](), list[int](), batches._start
+
+    def noted(first_job: int) -> None:
+        starts.append(first_job)
+        start(first_job)
+
+    monkeypatch.setattr(batches, "_start", noted)
+    for epoch in (4, 5, 4):
+        batches._queue.put((0, pooled()))
+        next(batches.batches(epoch))
+        drawn.append(batches._random.initial_seed())
+    assert starts == [3 * rendered_batches.JOBS_PER_EPOCH]
+    assert drawn[0] == drawn[2] != drawn[1]
+
+
+def test_a_process_renders_from_its_first_job_on_and_ends_with_the_training(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    source, seeds, tries = SOURCES[0], list[int](), list[int]()
+
+    class FullQueue:
+        def put(self, images: object, timeout: float) -> None:
+            tries.append(1)
+            assert len(tries) == 1, "the training has ended"
+            raise Full
+
+        def cancel_join_thread(self) -> None:
+            pass
+
+    def one_image(*, seed: int, **_: object) -> Iterator[LabelledImage]:
+        seeds.append(seed)
+        shown = sample(0)
+        yield LabelledImage(
+            world_seed=seed, name="0", rgb=shown.rgb, depth_mm=shown.depth, labels=shown.labels
+        )
+
+    class Parent:
+        def is_alive(self) -> bool:
+            return not tries
+
+    monkeypatch.setattr(rendered_batches, "parent_process", Parent)
+    monkeypatch.setattr(generate, "render_images", one_image)
+    monkeypatch.setattr("os.nice", lambda more: None)
+    monkeypatch.setattr("cv2.setNumThreads", lambda count: None)
+    rendered_batches._render(2, 4, 5, (source,), FullQueue(), threading.Event())
+    assert seeds == [generate.shard_seed(source.seed, "train", 2 + 4 * 5)] and tries == [1]
 
 
 def test_a_data_set_without_images_to_report_on_is_refused(tmp_path: Path) -> None:

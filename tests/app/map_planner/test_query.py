@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -13,6 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli.main import cli
+from app.map_planner import query
 from app.map_planner.query import ask
 from app.map_planner.stored_map import open_map
 from navcore.errors import BewareNavError
@@ -79,6 +82,27 @@ def test_a_path_leads_from_start_to_goal_round_the_inflated_wall(
     nearest = np.sqrt(((cells[:, None] - wall[None]) ** 2).sum(axis=2).min()) * SPEC.resolution_m
     assert 0.3 < nearest <= 0.5  # outside the disc of three cells, and no further than needed
     assert path[:, 1].max() > 4.3
+
+
+def test_the_time_is_that_of_the_search_which_gave_the_path(
+    hall: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = 0.0
+
+    def takes(seconds: float, do: Callable[..., Any]) -> Callable[..., Any]:
+        def slow(*arguments: Any) -> Any:
+            nonlocal now_s
+            now_s += seconds
+            return do(*arguments)
+
+        return slow
+
+    monkeypatch.setattr(query, "time", SimpleNamespace(perf_counter=lambda: now_s))
+    monkeypatch.setattr(query, "plan", takes(0.25, plan))
+    monkeypatch.setattr(query, "nearest_reachable", takes(5.0, nearest_reachable))
+    plan_map = open_map(hall, width=0.4, margin=0.1, unknown_blocked=False)
+    answer = ask(plan_map, (-3.0, 1.0), (3.0, 0.5), nearest=True)
+    assert answer.reached is not None and answer.plan_ms == 250.0
 
 
 def test_the_picture_shows_the_map_upright_and_the_path(hall: Path, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import torch
 
 from navcore.errors import BadConfiguration
 from navcore.learning.data.dataset import DatasetWriter, load_dataset
+from navcore.learning.training import calibration
 from navcore.learning.training.batches import CachedSplit, plain_batch
 from navcore.learning.training.calibration import best_offsets, best_temperature, calibrate
 from navcore.learning.training.evaluation import InferenceSettings, logits_of
@@ -63,6 +64,21 @@ def test_a_network_that_is_too_sure_becomes_as_sure_as_it_is_right(temperature: 
     classes = (rng.random((20_000, 1)) > likely.cumsum(axis=1)).sum(axis=1).clip(0, 2)
     found = best_temperature(temperature * honest, classes, np.ones(20_000))
     assert found == pytest.approx(temperature, rel=0.05)
+
+
+def test_so_many_pixels_are_kept_of_a_class_and_their_weights_count_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calibration, "MEMORY_BYTES", 1 << 14)
+    data_set(tmp_path)
+    images = CachedSplit(load_dataset(tmp_path), "train", cache_mb=0)
+    network = build("r18-nbt1d", 2, width=0.125).eval()
+    inference = InferenceSettings(size=Size(height=64, width=64))
+    logits, classes, weights = calibration._collected(network, images, inference, lambda _: None)
+    assert logits.nbytes <= 1 << 14
+    labels = np.concatenate([images[index].labels.ravel() for index in range(len(images))])
+    for number in (0, 1):
+        assert weights[classes == number].sum() == pytest.approx((labels == number + 1).sum())
 
 
 @pytest.mark.filterwarnings("error")

@@ -17,6 +17,7 @@ from navcore.learning.data.dataset import DatasetWriter, load_dataset, measure_d
 from navcore.learning.data.images import (
     MAX_SIDE_PX,
     decode_rgb,
+    encode_rgb,
     image_size,
     read_labels,
     write_rgb,
@@ -44,6 +45,17 @@ def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path) -> None:
     assert dataset.card.sizes == ((64, 64),)
     assert dict(dataset.card.source) == {"made_by": "a test"}
     assert dataset.name("test", 1) == "0001"
+
+
+def test_what_has_no_colour_is_void_for_all_who_read_it(tmp_path: Path) -> None:
+    written = data_set(tmp_path, train=1)
+    one, uncoloured = sample(1), np.zeros((64, 64), dtype=np.bool_)
+    uncoloured[20:40, 10:50] = True
+    path = tmp_path / written.files["train"][0][0]
+    path.write_bytes(encode_rgb(one.rgb, uncoloured=uncoloured))
+    expected = np.where(uncoloured, 0, one.labels)
+    assert np.array_equal(written.read("train", 0).labels, expected)
+    assert np.array_equal(written.read_labels("train", 0), expected)
 
 
 def test_the_statistics_are_those_of_the_measured_pixels_of_the_train_split(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import base64
 import json
+import shutil
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +20,7 @@ from navcore.learning.data import importers as imports
 from navcore.learning.data import zip_archive
 from navcore.learning.data.images import write_grey, write_rgb
 from navcore.learning.data.importers import CvatArchive, LabelmeFolder
+from navcore.learning.data.writer import DatasetWriter
 from tests.damaged_zip import METHODS, with_damaged_entry
 
 LABELMAP = "# label:color_rgb:parts:actions\nbackground:0,0,0::\nbook:200,10,20::\ncup:0,90,0::\n"
@@ -245,8 +247,27 @@ def test_what_nobody_drew_on_can_be_a_class_in_labelme_too_and_a_drawn_backgroun
     )
     shape = {"label": "background", "points": [[0, 12], [20, 19]], "shape_type": "rectangle"}
     drawn = labelme(tmp_path / "m", shapes=[shape])
+    first = LabelmeFolder(
+        labelme(tmp_path / "n", shapes=[shape, {**shape, "label": "apple"}]),
+        depth_dir=folder,
+        keep_background=True,
+    )
+    assert first.class_names == ("background", "apple")
     (one,) = LabelmeFolder(drawn, depth_dir=drawn, class_names=("cup", "background"))
     assert (one.sample.labels[15, 2], one.sample.labels[2, 2]) == (2, 0)
+
+
+def test_images_keep_apart_whose_names_become_the_same(tmp_path: Path) -> None:
+    folder, longest = labelme(tmp_path / "l"), "n" * 100
+    for name in ("कप", "किताब", "b c", "b_c", "B_c", f"{longest}1", f"{longest}2"):
+        shutil.copy(folder / "a.json", folder / f"{name}.json")
+        shutil.copy(folder / "a.depth.png", folder / f"{name}.depth.png")
+    names = [image.name for image in LabelmeFolder(folder, depth_dir=folder)]
+    assert len({name.casefold() for name in names}) == 8 and "a" in names
+    writer = DatasetWriter(tmp_path / "out", class_names=("book",))
+    for name in names:
+        writer.add("train", name, RGB, DEPTH, np.ones(DEPTH.shape, dtype=np.uint8))
+    assert writer.finish().counts.train == 8
 
 
 def test_the_classes_of_labelme_can_be_told(tmp_path: Path) -> None:

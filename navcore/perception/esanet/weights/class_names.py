@@ -1,7 +1,10 @@
-"""Class names of the public data sets, in the order of the network's outputs."""
+"""Class names of the background, and of the public data sets in the order of the network's
+outputs."""
 
 from __future__ import annotations
 
+BACKGROUND = "background"
+"""Class of everything that is none of the others; those of the public data sets have none."""
 SUNRGBD_CLASSES = (
     *(
         "wall",

@@ -36,9 +36,11 @@ from navcore.perception.esanet.weights.class_names import (
     aliases_for,
 )
 from navcore.perception.esanet.weights.weights_file import TrainedNetwork, WeightsCard, load, save
+from navcore.perception.fused_segmenter import FusedSegmenter
 from navcore.perception.labels import LabelSource, Segmenter
 from navcore.perception.prototype import background_of, example_of, fitted
 from navcore.robot.frame import Frame
+from navcore.robot.profile import HUSKY
 from tests.navcore.perception.esanet.goldens import arrays, data_file, fresh
 from tests.navcore.scene import Box, picture
 
@@ -101,6 +103,19 @@ def probabilities() -> npt.NDArray[np.float64]:
         )[0].double()
     powers = np.exp(logits.numpy())
     return np.asarray(powers / powers.sum(axis=0), dtype=np.float64)
+
+
+def test_what_the_network_calls_a_class_without_an_entry_is_told() -> None:
+    names = ("background", *NAMES[1:])
+    segmenter = EsaNetSegmenter(trained(names), size=WORKING)
+    winners, without_cup = probabilities().argmax(axis=0), LIST.removed("cup")
+    assert segmenter.segment(FRAME, LIST).unlisted is None
+    assert (winners == 3).any()
+    for segmenter_of in (segmenter, FusedSegmenter(segmenter, HUSKY.depth_sensor)):
+        unlisted = segmenter_of.segment(FRAME, without_cup).unlisted
+        assert unlisted is not None and np.array_equal(unlisted, winners == 3)
+    # Without a class for the background, floor and wall are it.
+    assert EsaNetSegmenter(trained(), size=WORKING).segment(FRAME, LIST).unlisted is None
 
 
 def test_labels_are_the_likeliest_class_by_name_and_confidence_its_probability() -> None:
