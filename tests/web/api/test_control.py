@@ -217,14 +217,19 @@ def test_a_hand_that_speaks_nonsense_is_cut_off(
     [
         json.dumps({"type": "stop", "by": "x" * MAX_TEXT}),
         '{"by":"' + "x" * MAX_TEXT + '", "type" : "stop"}',
+        r'{"type":"stop","by":"\ud83d"}',
+        '{"type":"stop","by":"a\tb"}',
+        '{"type":"stop","by":' + "[" * 250 + "]" * 250 + "}",
+        '{"type":"stop","by":',
     ],
 )
-def test_a_stop_on_the_connection_is_not_refused_for_the_length_of_its_label(
+def test_a_stop_on_the_connection_is_not_refused_for_its_label(
     server: ConsoleServer, operations: FakeOperations, message: str
 ) -> None:
     with live(server) as page:
         page.send(message)
         eventually(lambda: operations.stops)
+        news(page, type="stopped")
     assert operations.stops == ["console"]
 
 
