@@ -17,6 +17,7 @@ from web.auth.roles import Role
 _API = "/api/v1"
 SAFE = ("GET", "HEAD", "OPTIONS")
 STOP = f"{_API}/stop"
+RESET = f"{STOP}/reset"
 LOGOUT = "/logout"
 POSE = f"{_API}/pose"
 LANGUAGE = f"{_API}/me/language"

@@ -408,9 +408,9 @@ def test_every_change_is_logged_with_its_visitor_and_its_outcome(locked: Console
     ring = [[4, -1], [5, -1], [5, 1]]
     with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
         zone = {"name": "wet floor", "geometry": {"type": "Polygon", "coordinates": [ring]}}
+        viewer.post("/api/v1/stop?by=test")
         operator.post("/api/v1/zones", json=zone)
         viewer.post("/api/v1/zones", json=zone)
-        viewer.post("/api/v1/stop?by=test")
         operator.get("/api/v1/state")
         entries = operator.get("/api/v1/audit").json()
         assert viewer.get("/api/v1/audit").status_code == 403
@@ -419,9 +419,9 @@ def test_every_change_is_logged_with_its_visitor_and_its_outcome(locked: Console
             for entry in reversed(entries)
         ]
         assert said[2:] == [
+            ("viewer", "POST", "/api/v1/stop?by=test", 200),
             ("operator", "POST", "/api/v1/zones", 201),
             ("viewer", "POST", "/api/v1/zones", 403),
-            ("viewer", "POST", "/api/v1/stop?by=test", 200),
         ]
         assert next(entry for entry in entries if entry["status"] == 201)["detail"] == zone
         older = operator.get(f"/api/v1/audit?count=1&before={entries[0]['id']}").json()
@@ -431,7 +431,7 @@ def test_every_change_is_logged_with_its_visitor_and_its_outcome(locked: Console
 def test_the_audit_is_asked_by_name_and_by_time(locked: ConsoleServer) -> None:
     with browser(locked, "operator") as operator, browser(locked, "viewer") as viewer:
         for program in (operator, viewer, operator):
-            program.post("/api/v1/stop?by=test")
+            program.post("/api/v1/control/ask")
 
         def ids(**asked: str) -> list[int]:
             return [entry["id"] for entry in operator.get("/api/v1/audit", params=asked).json()]

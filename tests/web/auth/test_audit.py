@@ -1,13 +1,20 @@
-"""Requests that are refused push none that were done out of the audit log."""
+"""What the audit log keeps, and that neither refusals nor repeated stops push it out."""
 
 from __future__ import annotations
 
+import asyncio
+import threading
 from collections.abc import Mapping
 from typing import Any
 
 import pytest
 
-from web.auth.audit import MOST_REFUSED, PERIOD_S, Auditor
+from tests.reliability.routes import response_status
+from tests.web.conftest import Accounts
+from tests.web.fake_operations import FakeOperations
+from web.auth.access import Access
+from web.auth.audit import MAX_WAITING, MOST_REFUSED, PERIOD_S, STOP_PERIOD_S, Auditor
+from web.server import create_app
 
 
 class Entries(list[Mapping[str, Any]]):
@@ -54,3 +61,55 @@ def test_so_many_are_logged_within_an_hour_and_the_last_says_so(entry: dict[str,
     now = PERIOD_S
     auditor.note_later(entry).result()
     assert entries[-1] == entry
+
+
+STOPPED = {"who": "eve", "role": "viewer", "method": "WS", "path": "stop?by=console"}
+
+
+def test_of_repeated_stops_one_a_second_is_logged_until_the_next_reset() -> None:
+    entries, now = Entries(), 0.0
+    auditor = Auditor(entries, clock=lambda: now)
+    reset = {**STOPPED, "method": "POST", "path": "/api/v1/stop/reset", "status": 200}
+    for moment in (0.0, 0.5 * STOP_PERIOD_S, STOP_PERIOD_S):
+        now = moment
+        for number in range(100):
+            auditor.note_later({**STOPPED, "path": f"stop?by={number}"}).result()
+    assert [entry["path"] for entry in entries] == ["stop?by=0"] * 2
+    asyncio.run(auditor.note(reset))
+    auditor.note_later(STOPPED).result()
+    auditor.note_later({**STOPPED, "who": "bob"}).result()
+    assert entries[2:] == [reset, STOPPED, {**STOPPED, "who": "bob"}]
+
+
+def test_no_more_entries_wait_for_a_slow_disk_than_their_limit() -> None:
+    written, entries = threading.Event(), Entries()
+
+    class SlowLog(Entries):
+        def add(self, entry: Mapping[str, Any]) -> int:
+            assert written.wait(60)
+            return entries.add(entry)
+
+    auditor = Auditor(SlowLog())
+    noted = [auditor.note_later({"path": "by hand: begins"}) for _ in range(2 * MAX_WAITING)]
+    written.set()
+    for one in noted:
+        one.result(60)
+    assert len(entries) == MAX_WAITING
+    auditor.note_later(STOPPED).result()
+    assert entries[-1] == STOPPED
+
+
+def test_the_whole_answer_to_a_stop_waits_for_no_disk(accounts: Accounts) -> None:
+    answered, written, in_time = threading.Event(), threading.Event(), list[bool]()
+
+    class SlowLog(Entries):
+        def add(self, entry: Mapping[str, Any]) -> int:
+            in_time.append(answered.wait(20))
+            written.set()
+            return 1
+
+    access = Access(authenticator=accounts.access.authenticator, audit_log=SlowLog())
+    app = create_app(FakeOperations(), allowed_hosts=["console"], access=access)
+    assert response_status(app, "POST", "/api/v1/stop", accounts.headers("viewer")) == 200
+    answered.set()
+    assert written.wait(60) and in_time == [True]
