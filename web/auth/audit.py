@@ -35,6 +35,8 @@ STOP_PERIOD_S = 1.0
 are not logged: they come by the thousand over an open connection."""
 MAX_WAITING = 1000
 """Largest number of entries for which no request waits that wait for the disk."""
+MAX_PATH = 400
+"""Largest length of a logged path, and of its query, in characters."""
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
@@ -158,14 +160,15 @@ def _is_stop(entry: Mapping[str, Any]) -> bool:
 
 
 def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str, Any]:
-    query = scope["query_string"].decode("latin-1")
-    # As in an address: names may have any character.
-    path = quote(scope["path"]) + (f"?{query}" if query else "")
+    query = scope["query_string"][:MAX_PATH].decode("latin-1")
+    # As in an address: names may have any character. Cut before it is quoted: a quoted name may
+    # have 1000 characters, and what was done with it comes after it.
+    path = quote(scope["path"][:MAX_PATH]) + (f"?{query}" if query else "")
     entry = {
         "who": visitor.name,
         "role": str(visitor.role),
         "method": scope["method"],
-        "path": path[:400],
+        "path": path,
         "status": status,
     }
     if body and not scope["path"].startswith(_SECRET):

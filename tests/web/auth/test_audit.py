@@ -6,6 +6,7 @@ import asyncio
 import threading
 from collections.abc import Mapping
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 
@@ -14,6 +15,8 @@ from tests.web.conftest import Accounts
 from tests.web.fake_operations import FakeOperations
 from web.auth.access import Access
 from web.auth.audit import MAX_WAITING, MOST_REFUSED, PERIOD_S, STOP_PERIOD_S, Auditor
+from web.auth.audit_text import describe_entry
+from web.schemas.fields import MAX_NAME
 from web.server import create_app
 
 
@@ -113,3 +116,14 @@ def test_the_whole_answer_to_a_stop_waits_for_no_disk(accounts: Accounts) -> Non
     assert response_status(app, "POST", "/api/v1/stop", accounts.headers("viewer")) == 200
     answered.set()
     assert written.wait(60) and in_time == [True]
+
+
+@pytest.mark.parametrize("letter", ["z", "ж", "🤖"])
+def test_what_was_done_is_logged_whatever_the_name(letter: str, accounts: Accounts) -> None:
+    name = letter * MAX_NAME
+    app = create_app(FakeOperations(), allowed_hosts=["console"], access=accounts.access)
+    path = f"/api/v1/zone-sets/{name}/use"
+    response_status(app, "POST", path, accounts.headers("operator"))
+    (entry,) = accounts.store.audit.newest()
+    assert entry["path"] == quote(path)
+    assert describe_entry(entry) == f"put the set of zones “{name}” in force"
