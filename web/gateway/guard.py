@@ -32,7 +32,7 @@ from web.auth.permissions import LOGOUT, is_deliberate, requirement_of
 from web.auth.roles import RENEWAL_KEY, SCOPE_KEY, Visitor
 from web.gateway.login import LOGIN_PATH, Login, cookie_header
 from web.gateway.origin_check import check_origin
-from web.gateway.problems import problem
+from web.gateway.problems import answered, problem
 from web.gateway.request_body import Spools, bounded_body, close, replayed
 from web.gateway.security_headers import with_headers
 from web.gateway.websockets import POLICY_VIOLATION
@@ -106,7 +106,7 @@ class Guard:
                     send, scope, visitor, body if isinstance(body, bytes) else b""
                 )
         try:
-            await (answer or self._app)(scope, receive, send)
+            await answered(answer or self._app, scope, receive, send)
         finally:
             if not isinstance(body, bytes | Response):
                 await close(body)

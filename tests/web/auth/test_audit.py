@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import quote
 
+import httpx
 import pytest
 
 from tests.reliability.routes import response_status
@@ -17,7 +18,7 @@ from web.auth.access import Access
 from web.auth.audit import MAX_WAITING, MOST_REFUSED, PERIOD_S, STOP_PERIOD_S, Auditor
 from web.auth.audit_text import describe_entry
 from web.schemas.fields import MAX_NAME
-from web.server import create_app
+from web.server import ConsoleServer, create_app
 
 
 class Entries(list[Mapping[str, Any]]):
@@ -64,6 +65,27 @@ def test_so_many_are_logged_within_an_hour_and_the_last_says_so(entry: dict[str,
     now = PERIOD_S
     auditor.note_later(entry).result()
     assert entries[-1] == entry
+
+
+@pytest.mark.parametrize("path", ["/api/v1/stop", "/api/v1/mission/back-off"])
+def test_a_request_whose_handler_fails_is_logged_and_its_answer_has_the_headers(
+    path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise RuntimeError("a defect")
+
+    operations, entries = FakeOperations(), Entries()
+    monkeypatch.setattr(operations, "stop", fails)
+    monkeypatch.setattr(operations, "back_off", fails)
+    server = ConsoleServer(operations, port=0, access=Access(audit_log=entries))
+    server.start()
+    try:
+        answer = httpx.post(server.url + path, trust_env=False, timeout=60)
+    finally:
+        server.stop()
+    assert answer.status_code == 500 and answer.json()["error"]["code"] == "internal_error"
+    assert "Content-Security-Policy" in answer.headers
+    assert [(entry["path"], entry["status"]) for entry in entries] == [(path, 500)]
 
 
 STOPPED = {"who": "eve", "role": "viewer", "method": "WS", "path": "stop?by=console"}
