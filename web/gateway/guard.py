@@ -28,7 +28,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from web.auth.audit import Auditor
 from web.auth.authenticator import Authenticator, PasswordAuthenticator
 from web.auth.control_lease import ControlLeases, NotInControl
-from web.auth.permissions import LOGOUT, is_deliberate, requirement_of
+from web.auth.permissions import LOGOUT, STOP, is_deliberate, requirement_of
 from web.auth.roles import RENEWAL_KEY, SCOPE_KEY, Visitor
 from web.gateway.login import LOGIN_PATH, Login, cookie_header
 from web.gateway.origin_check import check_origin
@@ -71,6 +71,8 @@ class Guard:
         elif scope["type"] == "websocket":
             await self._upgrade(scope, receive, send)
         else:
+            if scope["path"] == f"{STOP}/":  # a stop is not redirected: its client may not follow
+                scope["path"] = STOP
             await self._request(scope, receive, send)
 
     async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -476,6 +476,8 @@ def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() ->
     assert not any(requirement_of(*request).control for request in frees)
     assert requirement_of("POST", "/api/v1/something/new").role is Role.OPERATOR
     assert requirement_of("POST", "/api/v1/stop").role is Role.VIEWER
+    for method, path in (*drives, *frees, ("PUT", "/api/v1/me/language"), ("GET", "/api/v1/audit")):
+        assert requirement_of(method, f"{path}/") == requirement_of(method, path), path
     assert requirement_of("GET", "/api/v1/teach/frames.zip").role is Role.OPERATOR
     assert requirement_of("GET", "/api/v1/teach/frames").role is Role.VIEWER
     assert requirement_of("GET", "/api/v1/sites/a hall/export").role is Role.OPERATOR
