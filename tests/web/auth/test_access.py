@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -24,10 +23,10 @@ from tests.web.fake_operations import FakeOperations
 from tests.web.test_server import PAGE, scene, viewer_of
 from web.auth.access import Access
 from web.auth.authenticator import PasswordAuthenticator
-from web.auth.control_lease import PAGE_LEASE_S, PROGRAM_LEASE_S, ControlLeases, NotInControl
+from web.auth.control_lease import PROGRAM_LEASE_S, ControlLeases
 from web.auth.permissions import requirement_of
 from web.auth.rate_limit import BURST, FOR_ALL, PERIOD_S, RateLimiter
-from web.auth.roles import Role, Visitor
+from web.auth.roles import Role
 from web.auth.sessions import MAX_AGE_S, MAX_IDLE_S, Sessions
 from web.auth.users import User, hash_password, is_password, new_user
 from web.server import ConsoleServer, create_app
@@ -481,69 +480,6 @@ def test_what_drives_needs_control_and_what_is_not_listed_needs_an_operator() ->
     assert requirement_of("GET", "/api/v1/teach/frames.zip").role is Role.OPERATOR
     assert requirement_of("GET", "/api/v1/teach/frames").role is Role.VIEWER
     assert requirement_of("GET", "/api/v1/sites/a hall/export").role is Role.OPERATOR
-
-
-def client_id(name: str, kind: str = "page") -> Visitor:
-    return Visitor(name=name, role=Role.OPERATOR, client_id=f"{kind} {name}")
-
-
-def test_the_first_visitor_to_act_gets_control_until_their_lease_expires() -> None:
-    clock = Clock()
-    control, anna, bob = ControlLeases(clock=clock), client_id("anna"), client_id("bob")
-    assert control.now.holder is None
-    control.claim(anna)
-    with pytest.raises(NotInControl, match="anna is in control"):
-        control.claim(bob)
-    clock.now_s += PAGE_LEASE_S - 0.1
-    control.heartbeat(anna)
-    control.heartbeat(bob)
-    clock.now_s += PAGE_LEASE_S - 0.1
-    assert control.now.is_held_by(anna)
-    clock.now_s += 0.2
-    assert control.now.holder is None and control.now.before == anna
-    control.claim(bob)
-    assert control.now.is_held_by(bob)
-    program = client_id("robot", "program")
-    control.take(program)
-    clock.now_s += PROGRAM_LEASE_S - 0.1
-    assert control.now.is_held_by(program)
-
-
-def test_a_holder_who_is_a_viewer_by_now_does_not_keep_control() -> None:
-    clock = Clock()
-    control, anna = ControlLeases(clock=clock), client_id("anna", "program")
-    control.claim(anna)
-    clock.now_s += PROGRAM_LEASE_S - 1
-    control.heartbeat(dataclasses.replace(anna, role=Role.VIEWER))
-    clock.now_s += 2
-    assert control.now.holder is None
-
-
-def test_control_is_asked_for_given_taken_and_everybody_can_see_it() -> None:
-    control, anna, bob = ControlLeases(), client_id("anna"), client_id("bob")
-    control.claim(anna)
-    serials = [control.now.serial]
-    act: Callable[[Visitor], None]
-    for act, visitor in (
-        (control.ask, bob),
-        (control.give, anna),
-        (control.take, anna),
-        (control.give, anna),
-    ):
-        act(visitor)
-        serials.append(control.now.serial)
-    assert serials == sorted(set(serials))
-    control.claim(anna)
-    control.ask(bob)
-    assert (control.now.holder, control.now.asking) == (anna, bob)
-    control.give(anna)
-    assert (control.now.holder, control.now.before, control.now.taken) == (bob, anna, False)
-    control.take(anna)
-    assert (control.now.holder, control.now.before, control.now.taken) == (anna, bob, True)
-    with pytest.raises(NotInControl, match="hand it over"):
-        control.give(bob)
-    control.give(anna)
-    assert control.now.holder is None
 
 
 def test_json_nested_too_deep_is_logged_as_such_and_the_audit_stays_readable(

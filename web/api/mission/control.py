@@ -68,7 +68,8 @@ def control_router(operations: RobotService, control: ControlLeases, auditor: Au
     @router.post("/control/{action}", response_model=ControlOut, responses=refusals(409, 422))
     async def act(action: Action, visitor: CurrentVisitor) -> ControlOut:
         """Take control, ask for it, or give it to the visitor who asked, or to none. A program that
-        waits keeps it by `keep`, which is refused once it has lost control."""
+        waits keeps it by `keep`, which is refused once it has lost control; the wish of a program
+        lapses after 30 s, unless it asks again."""
         getattr(control, action)(visitor)
         return _control_of(control, visitor)
 
