@@ -159,7 +159,7 @@ class Guard:
         if (
             visitor is None
             or not visitor.role.may(requirement_of("GET", scope["path"]).role)
-            or self._sockets[visitor.name] >= MAX_SOCKETS
+            or self._sockets[_counted(visitor)] >= MAX_SOCKETS
         ):
             await receive()
             await send({"type": "websocket.close", "code": POLICY_VIOLATION})
@@ -168,7 +168,7 @@ class Guard:
         scope[RENEWAL_KEY] = functools.partial(
             self._authenticator.authenticate, headers, _cookie(scope, headers), renews=True
         )
-        one = Counter([visitor.name])
+        one = Counter([_counted(visitor)])
         self._sockets += one
         try:
             await self._app(scope, *self._while_known(scope, headers, visitor, receive, send))
@@ -210,6 +210,11 @@ def _cookie_name(scope: Scope) -> str:
 
 def _cookie(scope: Scope, headers: Headers) -> str:
     return cookie_parser(headers.get("cookie", "")).get(_cookie_name(scope), "")
+
+
+def _counted(visitor: Visitor) -> str:
+    # The name of a page of a console without users may become that of another one.
+    return visitor.name if visitor.logged_in else visitor.client_id
 
 
 def _article(role: str) -> str:

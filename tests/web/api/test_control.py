@@ -256,6 +256,23 @@ def test_one_visitor_has_so_many_connections_and_takes_none_from_another(
         eventually(lambda: not is_refused())
 
 
+def test_a_page_takes_no_connections_from_one_that_has_its_former_name(
+    server: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("web.gateway.guard.MAX_SOCKETS", 1)
+
+    with page_of(server) as first, page_of(server) as second:
+        cookies = [
+            "; ".join(f"{key}={value}" for key, value in page.cookies.items())
+            for page in (first, second)
+        ]
+        with live(server, Cookie=f"{cookies[0]}; bewarenav-name=Vera"):
+            named = {"Cookie": f"{cookies[0]}; bewarenav-name=Ana"}
+            assert first.get("/api/v1/me", headers=named).json()["name"] == "Ana"
+            with live(server, Cookie=f"{cookies[1]}; bewarenav-name=Vera"):
+                pass
+
+
 @pytest.mark.parametrize("action", ["start", "leave"])
 @pytest.mark.parametrize("unattended", ["pause", "go on"])
 def test_when_the_operator_goes_silent_the_mission_does_as_configured(

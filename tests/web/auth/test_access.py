@@ -526,6 +526,9 @@ def test_a_page_has_the_name_of_its_cookie_and_no_two_have_the_same(
 
     assert name_of("V%C3%A9ra") == "Véra"
     assert name_of("V%C3%A9ra") == "Véra (2)"
+    assert name_of("V%C3%A9ra%20(4)") == "Véra (4)"
+    assert name_of("V%C3%A9ra") == "Véra (5)"
+    assert name_of("a%20program") == "a program (5)"
     with httpx.Client(base_url=server.url, trust_env=False, timeout=60.0) as page:
         page.get("/")
         headers = {"Cookie": "; ".join(f"{k}={v}" for k, v in page.cookies.items())}
