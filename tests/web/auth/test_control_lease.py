@@ -89,6 +89,7 @@ def test_control_is_handed_over_to_a_visitor_who_asked_and_is_still_there() -> N
         clock.now_s += PAGE_LEASE_S - 0.1
         control.heartbeat(anna)
         control.heartbeat(dataclasses.replace(bob, role=Role.VIEWER))
-    assert (control.now.holder, control.now.asking) == (anna, None)
+    left = control.now
+    assert left.is_held_by(anna) and left.asking is None
     control.give(anna)
     assert control.now.holder is None
