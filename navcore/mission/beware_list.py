@@ -353,10 +353,15 @@ def _newest(
 
 
 def check_name(name: str, where: str) -> None:
-    """Raise `BadConfiguration` for a name of a class that is blank, too long or not printable."""
+    """Raise `BadConfiguration` for a name of a class that is blank, too long, not printable, or
+    that no address can end with."""
     if not name.strip() or not name.isprintable() or len(name) > MAX_NAME:
         raise BadConfiguration(
             f"{where}: name {name!r:.90}: expected 1 to {MAX_NAME} printable characters"
+        )
+    if name in (".", ".."):
+        raise BadConfiguration(
+            f"{where}: “.” and “..” are no names: in an address they mean folders"
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
@@ -15,7 +16,7 @@ from urllib.parse import quote
 
 from starlette.types import Message, Scope, Send
 
-from web.auth.permissions import LANGUAGE, SAFE, SILENT, STOP
+from web.auth.permissions import LANGUAGE, RESET, SAFE, SILENT, STOP
 from web.auth.roles import Visitor
 
 log = logging.getLogger(__name__)
@@ -29,6 +30,13 @@ MOST_REFUSED, PERIOD_S = 200, 3600.0
 logged within a period in seconds: they push nothing that was done out of the log."""
 MAX_COUNTED = 10_000
 """Largest number of names and addresses that are counted."""
+STOP_PERIOD_S = 1.0
+"""Time in seconds after a logged stop in which the same visitor's next ones, which change nothing,
+are not logged: they come by the thousand over an open connection."""
+MAX_WAITING = 1000
+"""Largest number of entries for which no request waits that wait for the disk."""
+MAX_PATH = 400
+"""Largest length of a logged path, and of its query, in characters."""
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
@@ -63,31 +71,57 @@ class Auditor:
         self._clock = clock
         self._refused: OrderedDict[tuple[str, str], tuple[float, int]] = OrderedDict()
         """Of each name and address the end of the period, and the number of entries in it."""
+        self._stopped: dict[tuple[object, object], float] = {}
+        """Times of the last logged stops of each visitor and outcome, since the last reset."""
+        self._room = threading.BoundedSemaphore(MAX_WAITING)
 
     def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
-        """Return a `send` that logs the request before its answer, and the emergency stop right
-        after it."""
+        """Return a `send` that logs the request before its answer, and the emergency stop after the
+        beginning of its answer, none of which waits for the disk."""
         if self.audit_log is None or scope["method"] in SAFE or scope["path"] in SILENT:
             return send
 
         async def watched(message: Message) -> None:
-            first = message["type"] == "http.response.start"
-            if first and scope["path"] != STOP:
+            first, is_stop = message["type"] == "http.response.start", scope["path"] == STOP
+            if first and not is_stop:
                 await self.note(_entry(scope, visitor, body, message["status"]))
             await send(message)
-            if first and scope["path"] == STOP:
-                await self.note(_entry(scope, visitor, body, message["status"]))
+            if first and is_stop:
+                self.note_later(_entry(scope, visitor, body, message["status"]))
 
         return watched
 
     async def note(self, entry: Mapping[str, Any]) -> None:
         """Log an entry; return when it is stored. A failed disk is no reason to refuse the
         request."""
-        await asyncio.wrap_future(self.note_later(entry))
+        if _address(entry) == RESET:  # the next stop changes something again
+            self._stopped.clear()
+        await asyncio.wrap_future(self._thread.submit(self._add, entry))
 
     def note_later(self, entry: Mapping[str, Any]) -> Future[None]:
-        """Log an entry; return at once."""
-        return self._thread.submit(self._add, entry)
+        """Log an entry, but for a stop that repeats one, and while too many wait; return at
+        once."""
+        noted = Future[None]()
+        if self._repeats(entry):
+            noted.set_result(None)
+        elif self._room.acquire(blocking=False):
+            noted = self._thread.submit(self._add, entry)
+            noted.add_done_callback(lambda _: self._room.release())
+        else:
+            log.error("the disk is too slow; the audit log misses an entry: %s", dict(entry))
+            noted.set_result(None)
+        return noted
+
+    def _repeats(self, entry: Mapping[str, Any]) -> bool:
+        """Return whether an entry is a stop like the one that the same visitor made just before."""
+        if not _is_stop(entry):
+            return False
+        key, now = (entry.get("who"), entry.get("status")), self._clock()
+        self._stopped = {kept: at for kept, at in self._stopped.items() if now - at < STOP_PERIOD_S}
+        if key in self._stopped:
+            return True
+        self._stopped[key] = now
+        return False
 
     def _add(self, entry: Mapping[str, Any]) -> None:
         if self.audit_log is None or (counted := self._counted(entry)) is None:
@@ -99,10 +133,9 @@ class Auditor:
 
     def _counted(self, entry: Mapping[str, Any]) -> Mapping[str, Any] | None:
         """Return the entry, or None for one of too many that were refused or choose a language; the
-        last one says so. A stop is always logged."""
-        path = str(entry.get("path"))
-        is_refused = entry.get("status", 200) >= 400 and path.partition("?")[0] != STOP
-        if not is_refused and path != LANGUAGE:
+        last one says so. A stop is none of these."""
+        is_refused = entry.get("status", 200) >= 400 and not _is_stop(entry)
+        if not is_refused and entry.get("path") != LANGUAGE:
             return entry
         key, now = (str(entry.get("who")), str(entry.get("from", ""))), self._clock()
         until, number = self._refused.get(key, (now + PERIOD_S, 0))
@@ -118,15 +151,24 @@ class Auditor:
         return None if number >= MOST_REFUSED else {**entry, "note": last}
 
 
+def _address(entry: Mapping[str, Any]) -> str:
+    return str(entry.get("path")).partition("?")[0]
+
+
+def _is_stop(entry: Mapping[str, Any]) -> bool:
+    return _address(entry) in (STOP, "stop")
+
+
 def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str, Any]:
-    query = scope["query_string"].decode("latin-1")
-    # As in an address: names may have any character.
-    path = quote(scope["path"]) + (f"?{query}" if query else "")
+    query = scope["query_string"][:MAX_PATH].decode("latin-1")
+    # As in an address: names may have any character. Cut before it is quoted: a quoted name may
+    # have 1000 characters, and what was done with it comes after it.
+    path = quote(scope["path"][:MAX_PATH]) + (f"?{query}" if query else "")
     entry = {
         "who": visitor.name,
         "role": str(visitor.role),
         "method": scope["method"],
-        "path": path[:400],
+        "path": path,
         "status": status,
     }
     if body and not scope["path"].startswith(_SECRET):

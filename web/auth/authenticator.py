@@ -3,6 +3,7 @@ token."""
 
 from __future__ import annotations
 
+import itertools
 import logging
 import re
 import secrets
@@ -24,6 +25,8 @@ log = logging.getLogger(__name__)
 _CLIENT_ID = re.compile(r"[A-Za-z0-9_-]{20,64}")
 MAX_CLIENTS = 1000
 """Largest number of browsers that are told apart."""
+PROGRAM = "a program"
+"""Name of every client without a cookie on a console without users."""
 
 
 NAME_COOKIE = "bewarenav-name"
@@ -74,7 +77,7 @@ class AnonymousAuthenticator:
     ) -> Visitor | None:
         """Return the page of a cookie; a client without a cookie is a program."""
         if not _CLIENT_ID.fullmatch(cookie):
-            return Visitor(name="a program", role=Role.ADMIN, client_id="program", logged_in=False)
+            return Visitor(name=PROGRAM, role=Role.ADMIN, client_id="program", logged_in=False)
         number = self._number(cookie)
         return Visitor(
             name=self._unique(cookie, _own_name(headers) or f"console {number}", number),
@@ -91,10 +94,13 @@ class AnonymousAuthenticator:
         """Do nothing: there are no users."""
 
     def _unique(self, cookie: str, name: str, number: int) -> str:
-        """Return the name of a page; one that another page has gets a number."""
+        """Return the name of a page; one that another page or a program has gets a number."""
         with self._lock:
             taken = {other for page, other in self._names.items() if page != cookie}
-            self._names[cookie] = f"{name} ({number})" if name in taken else name
+            taken.add(PROGRAM)
+            numbered = (f"{name} ({free})" for free in itertools.count(number))
+            names = itertools.chain([name], numbered)
+            self._names[cookie] = next(one for one in names if one not in taken)
             return self._names[cookie]
 
     def _number(self, cookie: str) -> int:

@@ -30,7 +30,7 @@ class ControlLease:
     holder: Visitor | None = None
     """Visitor in control; None for none."""
     asking: Visitor | None = None
-    """Visitor who asked for control last; None for none."""
+    """Visitor who asked for control last, and has not left since; None for none."""
     before: Visitor | None = None
     """Visitor who was in control before; None for none."""
     taken: bool = False
@@ -39,6 +39,10 @@ class ControlLease:
     def is_held_by(self, visitor: Visitor) -> bool:
         """Return whether a visitor is in control."""
         return self.holder is not None and self.holder.client_id == visitor.client_id
+
+    def is_asked_by(self, visitor: Visitor) -> bool:
+        """Return whether a visitor asked for control last."""
+        return self.asking is not None and self.asking.client_id == visitor.client_id
 
 
 class NotInControl(Refused):
@@ -52,7 +56,7 @@ class ControlLeases:
         self._clock = clock
         self._lock = threading.Lock()
         self._lease = ControlLease()
-        self._until_s = 0.0
+        self._until_s = self._asking_until_s = 0.0
 
     @property
     def now(self) -> ControlLease:
@@ -74,11 +78,16 @@ class ControlLeases:
             self._renew(visitor)
 
     def heartbeat(self, visitor: Visitor) -> None:
-        """Renew the lease if the visitor holds it, and still may."""
+        """Renew the lease if the visitor holds it, and the wish for it if the visitor asked, and
+        still may."""
         with self._lock:
             self._expire()
-            if self._lease.is_held_by(visitor) and visitor.role.may(Role.OPERATOR):
+            if not visitor.role.may(Role.OPERATOR):
+                return
+            if self._lease.is_held_by(visitor):
                 self._renew(visitor)
+            elif self._lease.is_asked_by(visitor):
+                self._asking_until_s = self._end_s(visitor)
 
     def keep(self, visitor: Visitor) -> None:
         """Renew the lease; raises `NotInControl` when the visitor does not hold it."""
@@ -97,13 +106,15 @@ class ControlLeases:
             self._renew(visitor)
 
     def ask(self, visitor: Visitor) -> None:
-        """Ask the holder for control; a free lease is given at once."""
+        """Ask the holder for control; a free lease is given at once. The wish expires as a lease
+        does: control is handed over to none who has left."""
         with self._lock:
             self._expire()
             if self._lease.holder is None:
                 self._give(visitor, taken=False)
                 self._renew(visitor)
             elif not self._lease.is_held_by(visitor):
+                self._asking_until_s = self._end_s(visitor)
                 self._change(replace(self._lease, asking=visitor))
 
     def give(self, visitor: Visitor) -> None:
@@ -125,12 +136,17 @@ class ControlLeases:
         self._change(ControlLease(holder=visitor, before=self._lease.holder, taken=taken))
 
     def _renew(self, visitor: Visitor) -> None:
+        self._until_s = self._end_s(visitor)
+
+    def _end_s(self, visitor: Visitor) -> float:
         is_program = visitor.client_id.startswith("program")
-        self._until_s = self._clock() + (PROGRAM_LEASE_S if is_program else PAGE_LEASE_S)
+        return self._clock() + (PROGRAM_LEASE_S if is_program else PAGE_LEASE_S)
 
     def _expire(self) -> None:
         if self._lease.holder is not None and self._clock() > self._until_s:
             self._change(ControlLease(before=self._lease.holder))
+        elif self._lease.asking is not None and self._clock() > self._asking_until_s:
+            self._change(replace(self._lease, asking=None))
 
     def _change(self, lease: ControlLease) -> None:
         self._lease = replace(lease, serial=self._lease.serial + 1)

@@ -17,6 +17,7 @@ from web.auth.roles import Role
 _API = "/api/v1"
 SAFE = ("GET", "HEAD", "OPTIONS")
 STOP = f"{_API}/stop"
+RESET = f"{STOP}/reset"
 LOGOUT = "/logout"
 POSE = f"{_API}/pose"
 LANGUAGE = f"{_API}/me/language"
@@ -49,7 +50,7 @@ _OPERATORS = re.compile(rf"{_API}/(audit(/|$)|teach/frames\.zip$|sites/.+/(expor
 """Reads that tell of users, and those that are work for the computer of the robot."""
 _DRIVES = re.compile(
     rf"{_API}/(goals(/.*)?|mission(/.*)?|stop/reset|missions/.+/load|sites/.+/choose"
-    r"|localisation/search|pose)/?"
+    r"|localisation/search|pose)"
 )
 _NEEDS_NO_CONTROL = {f"{_API}/mission/pause"}
 """Stopping is always allowed."""
@@ -67,7 +68,8 @@ class Requirement:
 
 def requirement_of(method: str, path: str, query: bytes | str = b"") -> Requirement:
     """Return the requirement of a request; a websocket counts as GET, its handler checks the
-    messages."""
+    messages. A path with a slash at its end, which is redirected, requires what it does without."""
+    path = path.removesuffix("/")
     if _ADMINS.match(path):
         return Requirement(role=Role.ADMIN)
     if method in SAFE:

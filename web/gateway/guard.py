@@ -28,11 +28,11 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from web.auth.audit import Auditor
 from web.auth.authenticator import Authenticator, PasswordAuthenticator
 from web.auth.control_lease import ControlLeases, NotInControl
-from web.auth.permissions import LOGOUT, is_deliberate, requirement_of
+from web.auth.permissions import LOGOUT, STOP, is_deliberate, requirement_of
 from web.auth.roles import RENEWAL_KEY, SCOPE_KEY, Visitor
 from web.gateway.login import LOGIN_PATH, Login, cookie_header
 from web.gateway.origin_check import check_origin
-from web.gateway.problems import problem
+from web.gateway.problems import answered, problem
 from web.gateway.request_body import Spools, bounded_body, close, replayed
 from web.gateway.security_headers import with_headers
 from web.gateway.websockets import POLICY_VIOLATION
@@ -71,6 +71,8 @@ class Guard:
         elif scope["type"] == "websocket":
             await self._upgrade(scope, receive, send)
         else:
+            if scope["path"] == f"{STOP}/":  # a stop is not redirected: its client may not follow
+                scope["path"] = STOP
             await self._request(scope, receive, send)
 
     async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -106,7 +108,7 @@ class Guard:
                     send, scope, visitor, body if isinstance(body, bytes) else b""
                 )
         try:
-            await (answer or self._app)(scope, receive, send)
+            await answered(answer or self._app, scope, receive, send)
         finally:
             if not isinstance(body, bytes | Response):
                 await close(body)
@@ -157,7 +159,7 @@ class Guard:
         if (
             visitor is None
             or not visitor.role.may(requirement_of("GET", scope["path"]).role)
-            or self._sockets[visitor.name] >= MAX_SOCKETS
+            or self._sockets[_counted(visitor)] >= MAX_SOCKETS
         ):
             await receive()
             await send({"type": "websocket.close", "code": POLICY_VIOLATION})
@@ -166,7 +168,7 @@ class Guard:
         scope[RENEWAL_KEY] = functools.partial(
             self._authenticator.authenticate, headers, _cookie(scope, headers), renews=True
         )
-        one = Counter([visitor.name])
+        one = Counter([_counted(visitor)])
         self._sockets += one
         try:
             await self._app(scope, *self._while_known(scope, headers, visitor, receive, send))
@@ -208,6 +210,11 @@ def _cookie_name(scope: Scope) -> str:
 
 def _cookie(scope: Scope, headers: Headers) -> str:
     return cookie_parser(headers.get("cookie", "")).get(_cookie_name(scope), "")
+
+
+def _counted(visitor: Visitor) -> str:
+    # The name of a page of a console without users may become that of another one.
+    return visitor.name if visitor.logged_in else visitor.client_id
 
 
 def _article(role: str) -> str:

@@ -21,6 +21,7 @@ from pydantic.json_schema import models_json_schema
 from pydantic_core import to_json
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from navcore.errors import (
     AlreadyThere,
@@ -168,7 +169,7 @@ def _position(point: tuple[float, float]) -> dict[str, float]:
 
 
 def install(app: FastAPI) -> None:
-    """Make the app answer every failure in this shape, and describe the shape in OpenAPI."""
+    """Make the app answer every refusal in this shape, and describe the shape in OpenAPI."""
     without = app.openapi
     building = threading.Lock()
 
@@ -193,14 +194,25 @@ def install(app: FastAPI) -> None:
         code = HTTPStatus(error.status_code).phrase.lower().replace(" ", "_")
         return problem(error.status_code, code, str(error.detail), headers=error.headers)
 
-    @app.exception_handler(Exception)
-    async def _(request: Request, error: Exception) -> Response:
-        # Starlette raises the error again after this answer; the server logs its traceback.
-        return problem(
-            500,
-            "internal_error",
-            "the console failed; the robot is not affected, its log says more",
-        )
+
+async def answered(app: ASGIApp, scope: Scope, receive: Receive, send: Send) -> None:
+    """Run an app; an error before its answer is answered by 500, and raised again, so that the
+    server logs its traceback. A handler of `Exception` would answer outside of the guard: without
+    security headers, and past the audit log."""
+    is_begun = False
+
+    async def begun(message: Message) -> None:
+        nonlocal is_begun
+        is_begun = True
+        await send(message)
+
+    try:
+        await app(scope, receive, begun)
+    except Exception:
+        if not is_begun:
+            said = "the console failed; the robot is not affected, its log says more"
+            await problem(500, "internal_error", said)(scope, receive, send)
+        raise
 
 
 def _with_problems(document: dict[str, Any]) -> dict[str, Any]:

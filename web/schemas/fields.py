@@ -58,6 +58,13 @@ def _printable(text: str) -> str:
     return text
 
 
+def _addressable(text: str) -> str:
+    """Refuse what clients resolve as a folder in an address, so that it never arrives there."""
+    if text in (".", ".."):
+        raise ValueError("“.” and “..” are no names: in an address they mean folders")
+    return text
+
+
 def hand_over(value: Any) -> Any:
     """Return a value as it is. Called for each entry of what may be large, because the interpreter
     changes threads between the steps of Python code alone: compiled code that reads or checks many
@@ -80,7 +87,12 @@ UNKNOWN_PRICE_RANGE: Limits = {"low": _PRICE["low"], "high": _PRICE["high"]}
 """Range of the price of unseen floor."""
 UnknownPrice = Annotated[float, number(_PRICE["low"], _PRICE["high"])]
 Corner = tuple[Metres, Metres]
-Name = Annotated[StrictStr, Field(min_length=1, max_length=MAX_NAME), AfterValidator(_printable)]
+Name = Annotated[
+    StrictStr,
+    Field(min_length=1, max_length=MAX_NAME),
+    AfterValidator(_printable),
+    AfterValidator(_addressable),
+]
 Label = Annotated[
     StrictStr,
     Field(max_length=MAX_NAME),

@@ -32,6 +32,7 @@ colour = { hue_deg = [345, 15], min_saturation = 0.5 }
         ('"tape"', '"cup"', "line 8: name 'cup' occurs more than once"),
         ("class_id = 4", "class_id = 3", "line 9: class_id 3 occurs more than once"),
         ('"tape"', '""', "line 8: name ''"),
+        ('"tape"', '".."', "line 8: .* are no names"),
         ('[[beware]]\nname = "tape"', "[[beware]\nname = 1", "not readable as TOML.*line 7"),
         ("# a comment", "x = 1", "unknown key 'x'"),
     ],

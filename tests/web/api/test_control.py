@@ -217,14 +217,19 @@ def test_a_hand_that_speaks_nonsense_is_cut_off(
     [
         json.dumps({"type": "stop", "by": "x" * MAX_TEXT}),
         '{"by":"' + "x" * MAX_TEXT + '", "type" : "stop"}',
+        r'{"type":"stop","by":"\ud83d"}',
+        '{"type":"stop","by":"a\tb"}',
+        '{"type":"stop","by":' + "[" * 250 + "]" * 250 + "}",
+        '{"type":"stop","by":',
     ],
 )
-def test_a_stop_on_the_connection_is_not_refused_for_the_length_of_its_label(
+def test_a_stop_on_the_connection_is_not_refused_for_its_label(
     server: ConsoleServer, operations: FakeOperations, message: str
 ) -> None:
     with live(server) as page:
         page.send(message)
         eventually(lambda: operations.stops)
+        news(page, type="stopped")
     assert operations.stops == ["console"]
 
 
@@ -249,6 +254,23 @@ def test_one_visitor_has_so_many_connections_and_takes_none_from_another(
             with connected("operator"):
                 pass
         eventually(lambda: not is_refused())
+
+
+def test_a_page_takes_no_connections_from_one_that_has_its_former_name(
+    server: ConsoleServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("web.gateway.guard.MAX_SOCKETS", 1)
+
+    with page_of(server) as first, page_of(server) as second:
+        cookies = [
+            "; ".join(f"{key}={value}" for key, value in page.cookies.items())
+            for page in (first, second)
+        ]
+        with live(server, Cookie=f"{cookies[0]}; bewarenav-name=Vera"):
+            named = {"Cookie": f"{cookies[0]}; bewarenav-name=Ana"}
+            assert first.get("/api/v1/me", headers=named).json()["name"] == "Ana"
+            with live(server, Cookie=f"{cookies[1]}; bewarenav-name=Vera"):
+                pass
 
 
 @pytest.mark.parametrize("action", ["start", "leave"])
@@ -338,7 +360,7 @@ def test_the_stop_is_heard_on_the_sign_of_life_too_and_from_everybody(
     with live(locked, Authorization=f"Bearer {accounts.tokens[who]}") as page:
         for _ in range(2):
             page.send(json.dumps({"type": "stop", "by": "console key"}))
-        eventually(lambda: len(operations.stops) == 2 and logged() == 2)
+        eventually(lambda: len(operations.stops) == 2 and logged() == 1)
     assert set(operations.stops) == {f"{who} (console key)"}
 
 

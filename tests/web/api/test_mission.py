@@ -78,6 +78,24 @@ def test_an_action_that_does_not_fit_is_refused_in_words(
     assert says in wrong(client.post(f"/api/v1/mission/{act}"), status)["message"]
 
 
+@pytest.mark.parametrize("name", [".", ".."])
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("POST", "/api/v1/beware"),
+        ("PATCH", "/api/v1/beware/cup"),
+        ("PUT", "/api/v1/missions/{}"),
+        ("PUT", "/api/v1/zone-sets/{}"),
+    ],
+)
+def test_a_name_that_means_a_folder_in_an_address_is_refused(
+    client: httpx.Client, method: str, path: str, name: str
+) -> None:
+    address = path.format(name.replace(".", "%2E"))
+    answer = client.request(method, address, json={"name": name, "margin_m": 0.1})
+    assert "are no names" in wrong(answer, 422)["message"]
+
+
 @pytest.mark.parametrize(
     ("x", "y", "says"), [(9900, 0, "too far away"), (4.0, 2.5, "inside an obstacle")]
 )

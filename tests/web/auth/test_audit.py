@@ -1,13 +1,24 @@
-"""Requests that are refused push none that were done out of the audit log."""
+"""What the audit log keeps, and that neither refusals nor repeated stops push it out."""
 
 from __future__ import annotations
 
+import asyncio
+import threading
 from collections.abc import Mapping
 from typing import Any
+from urllib.parse import quote
 
+import httpx
 import pytest
 
-from web.auth.audit import MOST_REFUSED, PERIOD_S, Auditor
+from tests.reliability.routes import response_status
+from tests.web.conftest import Accounts
+from tests.web.fake_operations import FakeOperations
+from web.auth.access import Access
+from web.auth.audit import MAX_WAITING, MOST_REFUSED, PERIOD_S, STOP_PERIOD_S, Auditor
+from web.auth.audit_text import describe_entry
+from web.schemas.fields import MAX_NAME
+from web.server import ConsoleServer, create_app
 
 
 class Entries(list[Mapping[str, Any]]):
@@ -54,3 +65,87 @@ def test_so_many_are_logged_within_an_hour_and_the_last_says_so(entry: dict[str,
     now = PERIOD_S
     auditor.note_later(entry).result()
     assert entries[-1] == entry
+
+
+@pytest.mark.parametrize("path", ["/api/v1/stop", "/api/v1/mission/back-off"])
+def test_a_request_whose_handler_fails_is_logged_and_its_answer_has_the_headers(
+    path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise RuntimeError("a defect")
+
+    operations, entries = FakeOperations(), Entries()
+    monkeypatch.setattr(operations, "stop", fails)
+    monkeypatch.setattr(operations, "back_off", fails)
+    server = ConsoleServer(operations, port=0, access=Access(audit_log=entries))
+    server.start()
+    try:
+        answer = httpx.post(server.url + path, trust_env=False, timeout=60)
+    finally:
+        server.stop()
+    assert answer.status_code == 500 and answer.json()["error"]["code"] == "internal_error"
+    assert "Content-Security-Policy" in answer.headers
+    assert [(entry["path"], entry["status"]) for entry in entries] == [(path, 500)]
+
+
+STOPPED = {"who": "eve", "role": "viewer", "method": "WS", "path": "stop?by=console"}
+
+
+def test_of_repeated_stops_one_a_second_is_logged_until_the_next_reset() -> None:
+    entries, now = Entries(), 0.0
+    auditor = Auditor(entries, clock=lambda: now)
+    reset = {**STOPPED, "method": "POST", "path": "/api/v1/stop/reset", "status": 200}
+    for moment in (0.0, 0.5 * STOP_PERIOD_S, STOP_PERIOD_S):
+        now = moment
+        for number in range(100):
+            auditor.note_later({**STOPPED, "path": f"stop?by={number}"}).result()
+    assert [entry["path"] for entry in entries] == ["stop?by=0"] * 2
+    asyncio.run(auditor.note(reset))
+    auditor.note_later(STOPPED).result()
+    auditor.note_later({**STOPPED, "who": "bob"}).result()
+    assert entries[2:] == [reset, STOPPED, {**STOPPED, "who": "bob"}]
+
+
+def test_no_more_entries_wait_for_a_slow_disk_than_their_limit() -> None:
+    written, entries = threading.Event(), Entries()
+
+    class SlowLog(Entries):
+        def add(self, entry: Mapping[str, Any]) -> int:
+            assert written.wait(60)
+            return entries.add(entry)
+
+    auditor = Auditor(SlowLog())
+    noted = [auditor.note_later({"path": "by hand: begins"}) for _ in range(2 * MAX_WAITING)]
+    written.set()
+    for one in noted:
+        one.result(60)
+    assert len(entries) == MAX_WAITING
+    auditor.note_later(STOPPED).result()
+    assert entries[-1] == STOPPED
+
+
+def test_the_whole_answer_to_a_stop_waits_for_no_disk(accounts: Accounts) -> None:
+    answered, written, in_time = threading.Event(), threading.Event(), list[bool]()
+
+    class SlowLog(Entries):
+        def add(self, entry: Mapping[str, Any]) -> int:
+            in_time.append(answered.wait(20))
+            written.set()
+            return 1
+
+    access = Access(authenticator=accounts.access.authenticator, audit_log=SlowLog())
+    app = create_app(FakeOperations(), allowed_hosts=["console"], access=access)
+    assert response_status(app, "POST", "/api/v1/stop", accounts.headers("viewer")) == 200
+    answered.set()
+    assert written.wait(60) and in_time == [True]
+
+
+@pytest.mark.parametrize("letter", ["z", "ж", "🤖"])
+def test_what_was_done_is_logged_whatever_the_name(letter: str, accounts: Accounts) -> None:
+    name = letter * MAX_NAME
+    app = create_app(FakeOperations(), allowed_hosts=["console"], access=accounts.access)
+    path = f"/api/v1/zone-sets/{name}/use"
+    response_status(app, "POST", path, accounts.headers("operator"))
+    (entry,) = accounts.store.audit.newest()
+    assert entry["path"] == quote(path)
+    assert describe_entry(entry) == f"put the set of zones “{name}” in force"

@@ -193,3 +193,11 @@ def test_the_console_answers_to_the_address_that_the_connection_came_to_and_to_n
     assert (refusal is None) == is_answered
     other = Headers({"host": host, "origin": "http://192.168.7.5:9999"})
     assert check_origin(scope, other, frozenset({"console"})) is not None
+
+
+def test_a_stop_with_a_slash_at_its_end_is_one_for_every_visitor(accounts: Accounts) -> None:
+    operations = FakeOperations()
+    app = create_app(operations, allowed_hosts=["console"], access=accounts.access)
+    for name in ("viewer", "operator"):
+        assert response_status(app, "POST", "/api/v1/stop/", accounts.headers(name)) == 200
+    assert len(operations.stops) == 2

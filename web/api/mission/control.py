@@ -68,7 +68,8 @@ def control_router(operations: RobotService, control: ControlLeases, auditor: Au
     @router.post("/control/{action}", response_model=ControlOut, responses=refusals(409, 422))
     async def act(action: Action, visitor: CurrentVisitor) -> ControlOut:
         """Take control, ask for it, or give it to the visitor who asked, or to none. A program that
-        waits keeps it by `keep`, which is refused once it has lost control."""
+        waits keeps it by `keep`, which is refused once it has lost control; the wish of a program
+        lapses after 30 s, unless it asks again."""
         getattr(control, action)(visitor)
         return _control_of(control, visitor)
 
@@ -197,10 +198,14 @@ async def _receive(
 
 def _message_of(text: str) -> HeartbeatMessage | StopMessage | DriveMessage:
     """Return the message in a text; raises `ValidationError` where there is none. What is read here
-    holds up the stop of another visitor; of a long text only a stop is taken, without its label."""
-    if len(text) <= MAX_TEXT:
-        return LiveMessage.validate_json(text)
-    return StopMessage(type="stop") if _STOP.search(text) else LiveMessage.validate_json("")
+    holds up the stop of another visitor; of a long text, and of one that is no JSON, only a stop is
+    taken, without its label."""
+    try:
+        return LiveMessage.validate_json(text if len(text) <= MAX_TEXT else "")
+    except ValidationError:
+        if _STOP.search(text):
+            return StopMessage(type="stop")
+        raise
 
 
 def _note(auditor: Auditor, visitor: Visitor, what: str) -> None:
