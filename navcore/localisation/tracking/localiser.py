@@ -401,8 +401,10 @@ class Localiser:
             return  # the same view again would say the same with the same errors
         self._unmatched = (0.0, 0.0)
         matcher, own = self._matcher, self._require_filter()
-        information = matcher.scale(result.points, absolute=absolute) * result.information
-        own.fuse_match(result.pose, information, matcher.floor, absolute=absolute)
+        expected = own.covariance_by_motion if absolute else own.covariance_within
+        scale = matcher.scale(result.points, absolute=absolute)
+        pull, information = result.alone(own.pose, np.linalg.inv(expected), scale)
+        own.fuse_match(pull, information, matcher.floor, absolute=absolute)
         if absolute:
             return
         surfaces = self._chain.map.covariance_at(result.pose, scan, self._config.match.fine_m)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from navcore.config.localisation.localisation import OdometryConfig
-from navcore.geometry.transform import Matrix, Pose2, difference, growth, wrap_angle
+from navcore.geometry.transform import Matrix, Pose2, growth, wrap_angle
 from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.tracking.odometry_model import (
     ERRORS,
@@ -209,22 +209,20 @@ class PoseFilter:
         self._best = change @ self._best @ change.T
 
     def fuse_match(
-        self, matched: Pose2, information: Matrix, floor: Matrix, *, absolute: bool
+        self, pull: Matrix, information: Matrix, floor: Matrix, *, absolute: bool
     ) -> None:
         """Fuse a match whose expectation was the pose of this filter, with its covariance if the
         match is `absolute`, else with that within the robot's own map.
 
-        `matched` is the most probable pose, `information` (3, 3) that of the scan alone as it was
-        weighed against the expectation, and `floor` (3, 3) an error of the map which no number of
-        points makes smaller.
+        `information` (3, 3) is that of the scan alone, `pull` (3,) the information times the
+        difference of the pose that the scan tells from this filter's, and `floor` (3, 3) an error
+        of the map which no number of points makes smaller.
         """
         spread = self._covariance if absolute else self._within
         before = spread[:3, :3] + LEAST
         prior = np.linalg.inv(before)
-        # With z the pose by the scan alone: (prior + information) · (matched − pose)
-        # = information · (z − pose); the floor is then added to the covariance of z.
-        shift = difference(matched, self.pose)
-        pull = np.linalg.solve(np.eye(3) + information @ floor, (prior + information) @ shift)
+        # The floor is added to the covariance of the pose that the scan tells.
+        pull = np.linalg.solve(np.eye(3) + information @ floor, pull)
         weakened = np.linalg.solve(np.eye(3) + information @ floor, information)
         posterior = np.asarray(np.linalg.inv(prior + (weakened + weakened.T) / 2), dtype=np.float64)
         # What the new pose says about the other states, too.

@@ -138,11 +138,15 @@ def test_along_an_empty_corridor_the_expectation_stays() -> None:
     true = Pose2(x_m=3.0, y_m=0.05, yaw_rad=0.01)
     expected = Pose2(x_m=3.2, y_m=-0.1, yaw_rad=0.0)
 
-    found = match(world.scan(true, np.random.default_rng(4)), scan_map, expected, LOOSE)
+    scan = world.scan(true, np.random.default_rng(4))
+    found = match(scan, scan_map, expected, LOOSE, scale=1.0 / 12.0)
 
-    values, vectors = np.linalg.eigh(found.information[:2, :2])
-    assert abs(vectors[0, 0]) > 0.99  # least is known along the corridor
-    assert values[0] < 0.05 * values[1]
+    values, vectors = np.linalg.eigh(found.information)
+    assert abs(vectors[0, 0]) > 0.99  # nothing is known along the corridor
+    assert values[0] < 1e-6
+    assert found.found_with[0, 0] > 500.0, "as the nearest surfaces have it"
+    _, information = found.alone(expected, np.linalg.inv(LOOSE), 1.0 / 12.0)
+    assert information[1, 1] > 1e4
     assert abs(found.pose.y_m - true.y_m) < 0.01
     assert found.pose.x_m == pytest.approx(expected.x_m, abs=0.1)
 

@@ -154,12 +154,12 @@ def test_wheels_on_a_slope_measure_more_than_the_map_shows() -> None:
 def test_a_match_against_the_own_map_moves_the_pose_and_makes_it_no_more_certain() -> None:
     information = np.diag([1e4, 1e4, 1e5])
     floor = np.diag([0.01, 0.01, 0.002]) ** 2
-    found = Pose2(x_m=10.1, y_m=0.05, yaw_rad=0.01)
+    pull = information @ (0.1, 0.05, 0.01)
     own, saved = straight(100), straight(100)
     before = own.covariance
 
-    own.fuse_match(found, information, floor, absolute=False)
-    saved.fuse_match(found, information, floor, absolute=True)
+    own.fuse_match(pull, information, floor, absolute=False)
+    saved.fuse_match(pull, information, floor, absolute=True)
 
     assert own.pose.x_m > 10.05
     assert np.allclose(own.covariance, before)
