@@ -38,11 +38,12 @@ _SHRINK = 0.6
 _BESIDE_M = 0.2
 """Distance in metres from the pose at which the scan must fit worse for the position to be told:
 two cells and a half of the map, so that neighbouring cells of a wall are no different."""
-_TOLD_BY_LINES = 1.0 / 0.1**2
-"""Information in 1/m² of lines from which they tell a position by themselves."""
-_BY_CHANCE = 1.0
-"""Difference of the logarithms of the probabilities of two poses up to which the noise of the scan
-and the spacing of the map's surfaces may make it: along bare walls it is at most 0.6."""
+_TOLD_BY_LINES = 1200.0
+"""Information in 1/m² of lines, each point counting as a measurement, from which they tell a
+position by themselves."""
+_BY_CHANCE = 12.0
+"""Difference of the costs at two poses up to which it may be due to the noise of the scan and the
+spacing of the map's surfaces: along bare walls it is at most 7."""
 AS_PROBABLE = 4.5
 """Difference of the logarithms of the probabilities of two poses up to which both are possible:
 that of three standard deviations."""
@@ -103,7 +104,7 @@ def most_probable_pose(
         + weakest_y * (across[1, 0] * weakest_x + across[1, 1] * weakest_y)
     )  # fmt: skip
     information, counts = hessian.copy(), (len(points) - int(alone.sum()), fitting)
-    if scale * by_lines < _TOLD_BY_LINES and fitting > 0:
+    if by_lines < _TOLD_BY_LINES and fitting > 0:
         # The surfaces beside those at which it ended may fit as well.
         found_with, least = information.copy(), math.inf
         for side in (-_BESIDE_M, _BESIDE_M):
@@ -112,7 +113,7 @@ def most_probable_pose(
                 grid, scan, at, rules, (radius, 0.0), 1, False, alone, hessian, gradient, across
             )
             least = min(least, there)
-        if scale * (least - cost) < _BY_CHANCE:
+        if least - cost < _BY_CHANCE:
             _forget(information, weakest_x, weakest_y)
         hessian[:] = found_with
     return (x, y, yaw), information, hessian, counts, (residual, cost)

@@ -92,14 +92,19 @@ def saved_map() -> tuple[Keyframe, ...]:
 KEYFRAMES = saved_map()
 
 
-def located_trip() -> Trip:
-    """A robot in the saved map."""
+def saved_trip(keyframes: tuple[Keyframe, ...]) -> Trip:
+    """A robot in a saved map."""
     ids = PoseIds(0.25, 10.0)
     ids.restore(np.array([[k.T_map_base.x_m, k.T_map_base.y_m, k.T_map_base.yaw_rad]
-                          for k in KEYFRAMES]))  # fmt: skip
+                          for k in keyframes]))  # fmt: skip
     localiser = Localiser(ids)
-    localiser.load(KEYFRAMES)
+    localiser.load(keyframes)
     return Trip(localiser)
+
+
+def located_trip() -> Trip:
+    """A robot in the saved map."""
+    return saved_trip(KEYFRAMES)
 
 
 def away_m(estimate: LocalisationEstimate, true: Pose2) -> float:
@@ -172,6 +177,23 @@ def test_in_a_saved_map_poor_odometry_does_no_harm() -> None:
     assert np.percentile([away_m(*result) for result in results], 95) < 0.15
     located = [e.state is LocalisationState.LOCATED for e, _ in results]
     assert np.mean(located) > 0.9
+
+
+def test_along_bare_walls_the_pose_is_as_uncertain_as_odometry_makes_it() -> None:
+    """Far points, which show no line, would else tell a way that nothing tells."""
+    bare = PlanWorld()
+    bare.wall((-30.0, 1.0), (60.0, 1.0))
+    bare.wall((-30.0, -1.0), (60.0, -1.0))
+    way = drive([(0.0, 0.0), (20.0, 0.0)])
+    first = new_trip()
+    for _ in first.go(way, way, bare):
+        pass
+    trip = saved_trip(first.localiser.keyframes)
+    for estimate, true in trip.go(way, odometry_of(way, scale=1.02), bare):
+        error_m = estimate.T_map_base.x_m - true.x_m
+        assert abs(error_m) <= 2.0 * math.sqrt(estimate.covariance[0, 0]) + 0.01
+        assert abs(estimate.T_map_base.y_m) < 0.03
+    assert math.sqrt(estimate.covariance[0, 0]) > 0.2
 
 
 def test_the_saved_map_stays_as_it_was() -> None:
