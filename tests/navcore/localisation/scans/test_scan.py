@@ -137,6 +137,6 @@ def test_a_camera_that_looks_down_sees_an_upright_wall_as_one_surface() -> None:
         assert 0.9 * directions <= len(scan) <= directions
         assert (np.hypot(*scan.normals.T) > 0.5).mean() > 0.9
         along = scan.normals[np.hypot(*scan.normals.T) > 0.5] @ (
-            math.cos(aside_rad), -math.sin(aside_rad)
+            math.cos(aside_rad), math.sin(aside_rad)
         )  # fmt: skip
         assert (along < -0.99).all()
