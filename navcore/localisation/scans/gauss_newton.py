@@ -127,7 +127,7 @@ def _residuals(
     rules: MatchRules,
     radii: tuple[float, float],
     stride: int,
-    first: bool,  # noqa: FBT001
+    first: bool,
     alone: Bools,
     hessian: Floats,
     gradient: Floats,

@@ -180,6 +180,8 @@ def _surfaces(
     high = np.full(directions, np.float32(-np.inf))
     across, heights = np.empty(cols), np.empty(cols, dtype=np.float32)
     direction = np.empty(cols, dtype=np.int32)
+    # Unsigned, as numba asks of each signed index whether it counts from the end.
+    numbers = direction.view(np.uint32)
     upright = np.zeros((cols + 7) // 8 * 8, dtype=np.uint8)
     eights = upright.view(np.uint64)
     for j in range(cols):
@@ -200,8 +202,7 @@ def _surfaces(
             for j in range(8 * eight, min(8 * eight + 8, cols)):
                 if not upright[j] or (excluded.shape[0] > 0 and excluded[i, j]):
                     continue
-                # Unsigned, as numba asks of each signed index whether it counts from the end.
-                d, depth, height = np.uint64(direction[j]), float(depth_m[i, j]), heights[j]
+                d, depth, height = numbers[j], float(depth_m[i, j]), heights[j]
                 ahead = depth * (
                     horizontal[0, 0] * across[j] + horizontal[0, 1] * b + horizontal[0, 2]
                 )

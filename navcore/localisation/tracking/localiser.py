@@ -403,7 +403,8 @@ class Localiser:
         matcher, own = self._matcher, self._require_filter()
         expected = own.covariance_by_motion if absolute else own.covariance_within
         scale = matcher.scale(result.points, absolute=absolute)
-        pull, information = result.alone(own.pose, np.linalg.inv(expected), scale)
+        prior = np.asarray(np.linalg.inv(expected), dtype=np.float64)
+        pull, information = result.alone(own.pose, prior, scale)
         own.fuse_match(pull, information, matcher.floor, absolute=absolute)
         if absolute:
             return

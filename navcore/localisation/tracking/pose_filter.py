@@ -222,7 +222,7 @@ class PoseFilter:
         before = spread[:3, :3] + LEAST
         prior = np.linalg.inv(before)
         # The floor is added to the covariance of the pose that the scan tells.
-        pull = np.linalg.solve(np.eye(3) + information @ floor, pull)
+        pull = np.asarray(np.linalg.solve(np.eye(3) + information @ floor, pull), dtype=np.float64)
         weakened = np.linalg.solve(np.eye(3) + information @ floor, information)
         posterior = np.asarray(np.linalg.inv(prior + (weakened + weakened.T) / 2), dtype=np.float64)
         # What the new pose says about the other states, too.
