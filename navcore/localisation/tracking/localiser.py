@@ -478,7 +478,7 @@ class Localiser:
         behind = difference(self._pose, applied)
         besides = np.outer(behind, behind)
         # As long as fixes or matches contradict it, the robot may be where they have it.
-        for offset in (self._refused.offset, self._refused_matches.offset):
+        for offset in (self._refused.offset(frame.stamp_ns), self._refused_matches.offset):
             besides[:2, :2] += np.outer(offset, offset)
         if len(self._saved):
             besides = besides + self._matcher.floor
