@@ -187,7 +187,7 @@ def test_after_such_a_correction_loops_of_the_chain_before_are_not_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     restarts: list[LoopCloser] = []
-    monkeypatch.setattr(LoopCloser, "restart", lambda chain: restarts.append(chain))
+    monkeypatch.setattr(LoopCloser, "restart", lambda chain, known: restarts.append(chain))
     localisation, estimates, _ = drive(rtk, push_m=1.1)
     assert sum(one.place_correction is not None for one in estimates) == len(restarts) == 1
     late = LoopClosures(
