@@ -261,7 +261,7 @@ class Localisation:
             verdict = self._start.after(
                 share,
                 points,
-                frame.stamp_ns,
+                self.tracker.seen_s,
                 may_be_elsewhere=may_be_elsewhere,
                 is_searching=self._is_asked,
             )

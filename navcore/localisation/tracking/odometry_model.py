@@ -67,6 +67,11 @@ class OdometryStep:
         """The part of the duration in seconds that the frame after the step may tell of."""
         return min(self.duration_s, FRAME_LIFE_S)
 
+    @property
+    def seen_m(self) -> float:
+        """The same of its distance in metres."""
+        return self.distance_m * self.seen_s / self.duration_s if self.duration_s else 0.0
+
     def is_standing(self, config: OdometryConfig = _DEFAULT) -> bool:
         """Return whether the robot stood, as far as odometry can tell: a slow mean over a gap may
         be a motion that has ended."""
