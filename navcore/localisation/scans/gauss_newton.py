@@ -54,6 +54,7 @@ def most_probable_pose(
     alone = np.zeros(len(points), dtype=np.bool_)
     near = len(points)
     for iteration in range(rules.iterations + 1):
+        is_last = iteration == rules.iterations
         fine = radius <= rules.fine_m
         # Wide at first, or the points that happen to lie on any surface would hold the rest back.
         loose = 0.0 if fine else (_LOOSE_SHARE * radius) ** 2
@@ -61,7 +62,7 @@ def most_probable_pose(
         hessian[:] = 0.0
         gradient[:] = 0.0
         fitting, squares, cost = 0, 0.0, 0.0
-        for k in range(0, len(points), 1 if fine or iteration == 0 else 2):
+        for k in range(0, len(points), 1 if fine or iteration == 0 or is_last else 2):
             if alone[k]:
                 cost += _cost_alone(variance[k], rules)
                 continue
@@ -114,7 +115,7 @@ def most_probable_pose(
             if abs(error) < rules.fit_m + 3.0 * math.sqrt(variance[k]):
                 fitting += 1
                 squares += error * error
-        if iteration == rules.iterations:
+        if is_last:
             break
         system = scale * hessian + prior
         turn = (expected[2] - yaw + math.pi) % (2 * math.pi) - math.pi
