@@ -1,9 +1,8 @@
 """Virtual laser scans: what a depth image shows between two heights, seen from above.
 
 A direction of the scan is a few neighbouring columns of the image. Going up a column, consecutive
-pixels at about the same distance are one upright surface, and one point: the mean, weighted by the
-variance of stereo depth, which grows with the fourth power of depth. A direction may show several
-surfaces one behind the other, such as a box before a wall.
+pixels at about the same distance are one upright surface, and one point: the mean of their inverse
+depths. A direction may show several surfaces one behind the other, such as a box before a wall.
 """
 
 from __future__ import annotations
