@@ -72,16 +72,17 @@ def most_probable_pose(
     alone = np.zeros(len(points), dtype=np.bool_)
     fitting, squares, cost = 0, 0.0, 0.0
     for iteration in range(rules.iterations + 1):
+        is_last = iteration == rules.iterations
         fine = radius <= rules.fine_m
         # Wide at first, or the points that happen to lie on any surface would hold the rest back.
         loose = 0.0 if fine else (_LOOSE_SHARE * radius) ** 2
         first = iteration == 0
-        stride = 1 if fine or first else 2
+        stride = 1 if fine or first or is_last else 2
         fitting, squares, cost = _residuals(
             grid, scan, (x, y, yaw), rules, (radius, loose), stride, first, alone, hessian,
             gradient, across,
         )  # fmt: skip
-        if iteration == rules.iterations:
+        if is_last:
             break
         system = scale * hessian + prior
         turn = (expected[2] - yaw + math.pi) % (2 * math.pi) - math.pi

@@ -30,6 +30,9 @@ _LEAST_ERRORS = np.diag([1e-7, 1e-5, 1e-5]) ** 2
 """Least covariance of the constant errors, so that it can be inverted where none are expected."""
 _LEAST_SCALES = 1e-12 * np.eye(2)
 """The same of the scales of lengths."""
+_LEARNT_S = 1.0
+"""Longest standstill in seconds between two frames of which the bias of the gyro is learnt: in a
+longer one the robot may have turned and back, or by as much as the gyro has drifted."""
 _REFERENCE = slice(STATES, STATES + 3)
 """Elements of the state that are the pose of the reference."""
 _POSES = np.array([X, Y, YAW, STATES, STATES + 1, STATES + 2])
@@ -148,7 +151,7 @@ class PoseFilter:
         self._state, self._covariance = predict(before, self._covariance, step, self._config)
         _, self._within = predict(before, self._within, step, self._config)
         _, self._best = predict(before, self._best, step, self._config)
-        if step.is_standing(self._config):
+        if step.is_standing(self._config) and step.duration_s <= _LEARNT_S:
             bias = np.zeros((1, len(before)))
             bias[0, GYRO_BIAS] = 1.0
             known = step.duration_s / (math.radians(self._config.gyro_noise_deg) ** 2 + 1e-18)

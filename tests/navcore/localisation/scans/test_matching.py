@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.config.localisation.localisation import MatchConfig
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.localisation.scans.matching import (
     Match,
@@ -58,6 +59,17 @@ def test_a_match_finds_the_pose_back(k: int, dx: float, dy: float, turn: float) 
     assert found.share > 0.7
     assert abs(found.pose.y_m - true.y_m) < 0.02
     assert errors(found.pose, true)[1] < 0.6
+
+
+@pytest.mark.parametrize("iterations", [1, 2, 12])
+def test_all_points_that_fit_are_counted_however_few_steps_are_taken(iterations: int) -> None:
+    scan = WORLD.scan(CORRIDOR[0], np.random.default_rng(1))
+    scan_map = ScanMap()
+    scan_map.put(Keyframe(pose_id=0, T_map_base=CORRIDOR[0], scan=scan))
+
+    found = match(scan, scan_map, CORRIDOR[0], LOOSE, config=MatchConfig(iterations=iterations))
+
+    assert found.share > 0.95
 
 
 def square_room() -> tuple[PlanWorld, ScanMap]:

@@ -240,6 +240,20 @@ def carried_off_in_a_new_map(trip: Trip) -> list[bool]:
     return [e.state is LocalisationState.LOST for e, _ in trip.go(THERE, odometry)]
 
 
+@pytest.mark.parametrize("moved_m", [0.0, 2.0])
+def test_one_contradicting_frame_after_a_gap_loses_no_robot(moved_m: float) -> None:
+    """A person may stand before the camera when the lens is free again."""
+    trip = located_trip()
+    list(trip.go(ROUTE[:60], ROUTE[:60]))
+    there = ROUTE[60] @ Pose2(x_m=moved_m, y_m=0.0, yaw_rad=0.0)
+    elsewhere = Pose2(x_m=there.x_m + 7.3, y_m=0.0, yaw_rad=1.2)
+    trip.k += 25
+    ((doubted, _),) = trip.go([elsewhere], [there])
+    ((after, _),) = trip.go([there], [there])
+    assert doubted.state is LocalisationState.DEAD_RECKONING
+    assert after.state is LocalisationState.LOCATED
+
+
 def test_a_robot_that_was_carried_off_in_its_new_map_is_lost() -> None:
     trip = new_trip()
     lost = carried_off_in_a_new_map(trip)
