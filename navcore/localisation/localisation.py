@@ -19,7 +19,7 @@ from navcore.localisation.estimate import LocalisationEstimate, LocalisationStat
 from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.fixes import TagMap, fixes_of
 from navcore.localisation.fresh_fixes import FreshFixes
-from navcore.localisation.loops.loop_closer import CloseLoops, LoopCloser, with_later
+from navcore.localisation.loops.loop_closer import CloseLoops, LoopCloser
 from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures
 from navcore.localisation.relocalisation.place_map import PlaceMap
 from navcore.localisation.relocalisation.relocalisation import (
@@ -261,7 +261,7 @@ class Localisation:
             verdict = self._start.after(
                 share,
                 points,
-                frame.stamp_ns,
+                self.tracker.seen_s,
                 may_be_elsewhere=may_be_elsewhere,
                 is_searching=self._is_asked,
             )
@@ -417,7 +417,7 @@ class Localisation:
 
     def corrected(self, closures: LoopClosures) -> tuple[dict[int, Pose2], Pose2]:
         """Return the poses by ID that closures lead to, and T_new_old of the robot."""
-        return with_later(closures.poses, dict(enumerate(self._pose_ids.poses)))
+        return self._loops.corrected(closures, self._pose_ids.poses)
 
     def correct(self, closures: LoopClosures, poses: Mapping[int, Pose2]) -> None:
         """Apply closures to keyframes and pose; `poses` are those of `corrected` before the map was
@@ -452,7 +452,7 @@ class Localisation:
     def _restart_chain(self) -> None:
         self.tracker.take_edges()
         self.tracker.take_fixes()
-        self._loops.restart()
+        self._loops.restart(known=len(self._pose_ids))
         self.closures = None
 
     @property

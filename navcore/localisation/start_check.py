@@ -34,9 +34,9 @@ class StartCheck:
     def __init__(self, config: StartConfig, rules: RelocalisationConfig) -> None:
         self._config, self._rules = config, rules
         self._is_better_elsewhere: bool | None = None
-        self._began_ns: int | None = None
-        self._seen_since_ns: int | None = None
-        self._fits_since_ns: int | None = None
+        self._looked_s: float | None = None
+        self._seen_s: float | None = None
+        self._fits_s: float | None = None
         self.is_looking = True
         """Whether the time for which the first looks may take is not over."""
 
@@ -59,36 +59,40 @@ class StartCheck:
         self,
         share: float | None,
         points: int,
-        stamp_ns: int,
+        seen_s: float,
         *,
         may_be_elsewhere: bool,
         is_searching: bool = False,
     ) -> bool | None:
         """Return whether the place is believed after one more frame, whose scan has `points` of
         which a share fits the saved map, None where it shows none of them; None while it is
-        open, and while the first search of the map is under way (`is_searching`)."""
+        open, and while the first search of the map is under way (`is_searching`). `seen_s`: time in
+        seconds before the frame that it may tell of."""
         config = self._config
-        self._began_ns = stamp_ns if self._began_ns is None else self._began_ns
-        if self._seen_since_ns is None and (share is not None or points >= config.telling_points):
-            self._seen_since_ns = stamp_ns
-        if share is None or share < config.share:
-            self._fits_since_ns = None
-        elif self._fits_since_ns is None:
-            self._fits_since_ns = stamp_ns
-        if _has_passed(self._fits_since_ns, config.fitting_s, stamp_ns):
+        self._looked_s = _with(self._looked_s, seen_s)
+        if self._seen_s is not None or share is not None or points >= config.telling_points:
+            self._seen_s = _with(self._seen_s, seen_s)
+        fits = share is not None and share >= config.share
+        self._fits_s = _with(self._fits_s, seen_s) if fits else None
+        if _has_passed(self._fits_s, config.fitting_s):
             waits = self._is_better_elsewhere is None and is_searching
-            if not waits or _has_passed(self._fits_since_ns, config.decide_s, stamp_ns):
+            if not waits or _has_passed(self._fits_s, config.decide_s):
                 return not self._is_better_elsewhere
             return None
-        if _has_passed(self._seen_since_ns, config.decide_s, stamp_ns):
+        if _has_passed(self._seen_s, config.decide_s):
             return False
-        waits = _has_passed(self._began_ns, config.decide_s, stamp_ns)
-        self.is_looking = self._seen_since_ns is not None or not waits
+        waits = _has_passed(self._looked_s, config.decide_s)
+        self.is_looking = self._seen_s is not None or not waits
         return None if self.is_looking or may_be_elsewhere else True
 
 
-def _has_passed(since_ns: int | None, seconds: float, stamp_ns: int) -> bool:
-    return since_ns is not None and stamp_ns - since_ns >= seconds * 1e9
+def _with(so_far_s: float | None, seen_s: float) -> float:
+    """Return the time in seconds since the first frame after one more; None before the first."""
+    return 0.0 if so_far_s is None else so_far_s + seen_s
+
+
+def _has_passed(so_far_s: float | None, seconds: float) -> bool:
+    return so_far_s is not None and so_far_s >= seconds
 
 
 class Probation:

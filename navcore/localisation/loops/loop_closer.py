@@ -7,7 +7,7 @@ map is followed and not corrected.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from navcore.config.localisation.localisation import MatchConfig
@@ -81,6 +81,7 @@ class LoopCloser:
     _chain: dict[int, None] = field(default_factory=dict)
     _first: Pose2 | None = None
     _tried: int = 0
+    _since: int = 0
 
     def note(self, edges: tuple[Edge, ...], absolute: tuple[AbsolutePose, ...] = ()) -> None:
         """Take the edges, and the measured poses of keyframes, since the last call."""
@@ -123,6 +124,29 @@ class LoopCloser:
         were looked for."""
         return closures.poses.keys() <= self._chain.keys()
 
+    def corrected(
+        self, closures: LoopClosures, present: Sequence[Pose2]
+    ) -> tuple[dict[int, Pose2], Pose2]:
+        """Return the poses by ID that closures of this chain lead to, and T_new_old of the newest;
+        `present` are those of all IDs.
+
+        Keyframes that are newer than the closures, and poses without a keyframe that were first
+        seen since the chain began, move rigidly with the last corrected one before them. Those of
+        before stay: this chain tells nothing of them.
+        """
+        moved, motion, known = dict(closures.poses), IDENTITY, self._since
+        for pose_id in self._chain:  # in the order of driving
+            for between in range(known, pose_id):
+                moved.setdefault(between, motion @ present[between])
+            known = max(known, pose_id + 1)
+            if pose_id in closures.poses:
+                motion = closures.poses[pose_id] @ present[pose_id].inverse()
+            else:
+                moved[pose_id] = motion @ present[pose_id]
+        for later in range(known, len(present)):
+            moved[later] = motion @ present[later]
+        return moved, motion
+
     def take(self, closures: LoopClosures) -> None:
         """Believe the loops of a task."""
         self._loops = closures.loops
@@ -134,23 +158,8 @@ class LoopCloser:
         if ids <= self._chain.keys():
             self._candidates = candidates.edges
 
-    def restart(self) -> None:
-        """Begin a new chain: the robot was placed, and no edge leads there."""
+    def restart(self, known: int) -> None:
+        """Begin a new chain: the robot was placed, and no edge leads there. `known`: number of pose
+        IDs so far."""
         self._edges, self._absolute, self._loops, self._candidates = [], [], (), ()
-        self._chain, self._first, self._tried = {}, None, 0
-
-
-def with_later(
-    corrected: Mapping[int, Pose2], present: Mapping[int, Pose2]
-) -> tuple[dict[int, Pose2], Pose2]:
-    """Return corrected poses with those that have no keyframe, and T_new_old of the newest.
-
-    A pose without a keyframe moves rigidly with the last one before it that has one.
-    """
-    moved, motion = dict(corrected), IDENTITY
-    for pose_id in sorted(present):
-        if pose_id in corrected:
-            motion = corrected[pose_id] @ present[pose_id].inverse()
-        elif motion != IDENTITY:
-            moved[pose_id] = motion @ present[pose_id]
-    return moved, motion
+        self._chain, self._first, self._tried, self._since = {}, None, 0, known

@@ -15,7 +15,7 @@ from navcore.config.localisation.localisation import MatchConfig
 from navcore.geometry.transform import Matrix, Pose2, difference, wrap_angle
 from navcore.localisation.scans.ambiguity import poses_beside, spread_to
 from navcore.localisation.scans.correlative_search import STEP_M, coarse_pose
-from navcore.localisation.scans.gauss_newton import most_probable_pose
+from navcore.localisation.scans.gauss_newton import AS_PROBABLE, most_probable_pose
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.scans.surface_grid import blocked_share
@@ -23,6 +23,8 @@ from navcore.localisation.scans.surface_grid import blocked_share
 _DEFAULT = MatchConfig()
 _FREE_M = 0.3
 """Distance in metres by which a line of sight must pass a surface to contradict it."""
+_LEAST = 1e-6 * np.eye(3)
+"""Information that is as good as none, so that any can be inverted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +35,7 @@ class Match:
     """Most probable T_map_base."""
     information: Matrix
     """(3, 3) information about x, y in metres and yaw in radians from the scan alone, in map axes:
-    every point counts as independent. Its smallest eigenvector is the way along a corridor."""
+    every point counts as independent. There is none along a corridor."""
     found_with: Matrix
     """(3, 3) information that the pose was found with: more than `information` where several poses
     are nearly as probable."""
@@ -59,6 +61,16 @@ class Match:
         """Share that fits of the points near surfaces of the map: in a map that is still being made
         the others are new."""
         return self.fitting / max(self.near, 1)
+
+    def alone(self, expected: Pose2, prior: Matrix, scale: float) -> tuple[Matrix, Matrix]:
+        """Return what the scan alone tells, where each point counts as `scale` measurements: (3,)
+        its information times the difference of its pose from the one expected, whose (3, 3)
+        information the match was given as `prior`, and the (3, 3) information."""
+        # With z the pose by the scan alone: (prior + found_with) · (pose − expected)
+        # = found_with · (z − expected).
+        found_with, information = scale * self.found_with, scale * self.information
+        pull = (prior + found_with) @ difference(self.pose, expected)
+        return information @ np.linalg.solve(found_with + _LEAST, pull), information
 
 
 def match(
@@ -89,14 +101,14 @@ def match(
     )
     grid, rules = scan_map.grid, config.rules
     radius_m = rules.search_m if search_m is None else max(search_m, rules.fine_m)
-    pose, information, counts, (residual, cost) = most_probable_pose(
+    pose, information, found_with, counts, (residual, cost) = most_probable_pose(
         grid, scan.points_base, scan.normals, scan.variance_m2, scan.origin, poses, prior, scale,
         rules, radius_m,
     )  # fmt: skip
     return Match(
         pose=Pose2(x_m=pose[0], y_m=pose[1], yaw_rad=wrap_angle(pose[2])),
         information=information,
-        found_with=information,
+        found_with=found_with,
         points=len(scan),
         near=counts[0],
         fitting=counts[1],
@@ -143,14 +155,9 @@ def match_widely(
     return replace(best, information=np.asarray(np.linalg.inv(spread)) / scale)
 
 
-AS_PROBABLE = 4.5
-"""Difference of the logarithms of the probabilities of two poses up to which both are possible:
-that of three standard deviations."""
-
-
 def _covariance(found: Match, scale: float) -> Matrix:
     """Return the (3, 3) covariance of a match without any expectation."""
-    return np.asarray(np.linalg.inv(scale * found.information + 1e-6 * np.eye(3)))
+    return np.asarray(np.linalg.inv(scale * found.information + _LEAST))
 
 
 def lines_blocked_share(

@@ -1,9 +1,10 @@
 """Virtual laser scans: what a depth image shows between two heights, seen from above.
 
-A direction of the scan is a few neighbouring columns of the image. Going up a column, consecutive
-pixels at about the same distance are one upright surface, and one point: the mean, weighted by the
-variance of stereo depth, which grows with the fourth power of depth. A direction may show several
-surfaces one behind the other, such as a box before a wall.
+A direction of the scan is as wide as a few columns of the image. Going up, consecutive pixels of a
+direction at about the same distance are one upright surface, and one point: the mean, weighted by
+the inverse of depth. A direction may show several surfaces one behind the other, such as a box
+before a wall. Directions and distances are horizontal: in the image of a camera that looks down,
+an upright wall runs across columns, and its depth changes along them.
 """
 
 from __future__ import annotations
@@ -168,7 +169,7 @@ def _surfaces(
     directions = cols // rules.column_step
     closed, found = np.empty((directions, _MOST_SURFACES, 3)), np.zeros(directions, dtype=np.int32)
     # The present surface of each direction: weighted sums, and the extent of its pixels.
-    weight, x, y, z = (
+    weight, x, y, far = (
         np.zeros(directions),
         np.zeros(directions),
         np.zeros(directions),
@@ -178,29 +179,38 @@ def _surfaces(
     low = np.full(directions, np.float32(np.inf))
     high = np.full(directions, np.float32(-np.inf))
     across, heights = np.empty(cols), np.empty(cols, dtype=np.float32)
+    direction = np.empty(cols, dtype=np.int32)
+    # Unsigned, as numba asks of each signed index whether it counts from the end.
+    numbers = direction.view(np.uint32)
     upright = np.zeros((cols + 7) // 8 * 8, dtype=np.uint8)
     eights = upright.view(np.uint64)
     for j in range(cols):
         across[j] = column_slope(j, lens)
     narrow = across.astype(np.float32)
-    # Unsigned, as numba asks of each signed index whether it counts from the end.
-    direction = np.repeat(np.arange(directions).astype(np.uint64), rules.column_step)
+    # A ray (across, b, 1) leads to (ahead, aside) along the horizontal axes of the camera.
+    heading = np.array([[level[0, 2], level[1, 2]], [level[1, 2], -level[0, 2]]])
+    heading /= max(math.hypot(level[0, 2], level[1, 2]), 1e-6)
+    horizontal = heading @ np.ascontiguousarray(level[:2, :3])
     for i in range(rows - 1, -1, -1):  # from below upwards
         b = row_slope(i, lens)
         ground = ground_m[i if len(ground_m) > 1 else 0]
         _upright(depth_m[i], ground, narrow, b, t, rules, heights, upright)
+        _directions(narrow, b, horizontal, lens, rules, directions, direction, upright)
         for eight in range(len(eights)):
             if eights[eight] == 0:
                 continue
-            for j in range(8 * eight, min(8 * eight + 8, len(direction))):
+            for j in range(8 * eight, min(8 * eight + 8, cols)):
                 if not upright[j] or (excluded.shape[0] > 0 and excluded[i, j]):
                     continue
-                d, depth, height = direction[j], float(depth_m[i, j]), heights[j]
+                d, depth, height = numbers[j], float(depth_m[i, j]), heights[j]
+                ahead = depth * (
+                    horizontal[0, 0] * across[j] + horizontal[0, 1] * b + horizontal[0, 2]
+                )
                 # The steeper the line of sight, the less of an error of depth is horizontal.
                 error = error_1pm * depth * depth
-                if abs(depth * weight[d] - z[d]) > (3.0 * error + 0.02) * weight[d]:
+                if abs(ahead * weight[d] - far[d]) > (3.0 * error + 0.02) * weight[d]:
                     _close(d, weight, x, y, pixels, low, high, error_1pm, rules, closed, found)
-                    weight[d], x[d], y[d], z[d], pixels[d] = 0.0, 0.0, 0.0, 0.0, 0
+                    weight[d], x[d], y[d], far[d], pixels[d] = 0.0, 0.0, 0.0, 0.0, 0
                     low[d], high[d] = np.inf, -np.inf
                 px, py, _ = point_on_ray(level, across[j], b, depth)
                 # So the inverse depths are averaged, whose errors are symmetric. Weights by the
@@ -209,7 +219,7 @@ def _surfaces(
                 weight[d] += share
                 x[d] += share * px
                 y[d] += share * py
-                z[d] += share * depth
+                far[d] += share * ahead
                 low[d] = min(low[d], height)
                 high[d] = max(high[d], height)
                 pixels[d] += 1
@@ -249,6 +259,32 @@ def _upright(
         upright[j] = (
             (depth >= nearest) & (depth <= farthest) & (height >= lowest) & (height <= most)
         )
+
+
+@inlined
+def _directions(
+    across: FloatImage,
+    b: float,
+    horizontal: Floats,
+    lens: Pinhole,
+    rules: ScanRules,
+    directions: int,
+    direction: npt.NDArray[np.int32],
+    upright: npt.NDArray[np.uint8],
+) -> None:
+    """Write the direction of each pixel of a row, and that those beside the first and the last
+    direction show nothing; free of branches as well."""
+    ahead0, aside0 = np.float32(horizontal[0, 0]), np.float32(horizontal[1, 0])
+    ahead1 = np.float32(horizontal[0, 1] * b + horizontal[0, 2])
+    aside1 = np.float32(horizontal[1, 1] * b + horizontal[1, 2])
+    step = 1.0 / rules.column_step
+    per_slope, middle = np.float32(lens.fx * step), np.float32((lens.cx + 0.5) * step)
+    most = np.float32(directions)
+    for j in range(len(across)):
+        ahead = ahead0 * across[j] + ahead1
+        column = (aside0 * across[j] + aside1) / ahead * per_slope + middle
+        direction[j] = np.int32(column)
+        upright[j] &= (column >= np.float32(0.0)) & (column < most) & (ahead > np.float32(0.0))
 
 
 @inlined

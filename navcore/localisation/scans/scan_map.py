@@ -110,16 +110,6 @@ class ScanMap:
         until all keyframes are replaced."""
         return int(self._used[1])
 
-    @property
-    def memory_bytes(self) -> int:
-        """Memory of surfaces and keyframes in bytes."""
-        scans = sum(
-            scan.points_base.nbytes + scan.variance_m2.nbytes + scan.normals.nbytes
-            for scan in (keyframe.scan for keyframe in self._keyframes.values())
-        )
-        surfaces = self._sums.nbytes + self._errors.nbytes
-        return scans + surfaces + self._heads.nbytes + self._directory.nbytes
-
     def covariance_at(self, pose: Pose2, scan: Scan, radius_m: float) -> Matrix | None:
         """Return how uncertain the surfaces are that a scan shows at a T_map_base, within
         `radius_m` of its points: the (3, 3) covariance of x, y and yaw that a pose has which they

@@ -22,13 +22,14 @@ class DisplacementSearch:
     def __init__(self, config: LocalisationConfig) -> None:
         self._config = config
         self._T_map_odom: Pose2 | None = None
-        self._since_ns = 0
+        self._fits_s = 0.0
 
     def find(
-        self, scan: Scan, saved: ScanMap, expected: Pose2, T_odom_base: Pose2, stamp_ns: int
+        self, scan: Scan, saved: ScanMap, expected: Pose2, T_odom_base: Pose2, seen_s: float
     ) -> Match | None:
         """Return the match of one more scan, which does not fit at the expected T_map_base, if the
-        scans of a while fit the saved map at the same place beside it; else None."""
+        scans of a while fit the saved map at the same place beside it; else None. `seen_s`: time in
+        seconds that the scan may tell of."""
         rules = self._config.start
         result = search(scan, saved, expected, config=self._config.match)
         if result.share < rules.share or result.fitting < self._config.match.min_points:
@@ -38,8 +39,10 @@ class DisplacementSearch:
         if self._T_map_odom is None or not is_same_pose(
             self._T_map_odom @ T_odom_base, T_map_odom @ T_odom_base
         ):
-            self._T_map_odom, self._since_ns = T_map_odom, stamp_ns
-        return result if stamp_ns - self._since_ns >= rules.fitting_s * 1e9 else None
+            self._T_map_odom, self._fits_s = T_map_odom, 0.0
+        else:
+            self._fits_s += seen_s
+        return result if self._fits_s >= rules.fitting_s else None
 
     def clear(self) -> None:
         """Forget the place: the scans fit where the robot was expected."""

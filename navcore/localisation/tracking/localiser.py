@@ -99,6 +99,8 @@ class Localiser:
         newest scan tells in a new map."""
         self.moved_m = 0.0
         """Motion before the newest frame in metres; a radian counts as half a metre."""
+        self.seen_s = 0.0
+        """Time before it in seconds that it may tell of."""
 
     def follow(self, frame: Frame, scan: Scan) -> LocalisationEstimate:
         """Return the estimate for one more frame and its scan."""
@@ -307,6 +309,7 @@ class Localiser:
         self._chain.advance(step)
         self._state.since_m += step.distance_m
         self.moved_m = step.distance_m + abs(step.turn_rad) / 2
+        self.seen_s = step.seen_s
         self._refused_matches.move(self.moved_m)
         moved_m, moved_rad = self._unmatched
         self._unmatched = (moved_m + step.distance_m, moved_rad + abs(step.turn_rad))
@@ -364,7 +367,7 @@ class Localiser:
         # the scan still continues the last ones.
         if contradicted or not self._continues:
             self._state.doubt(step, stamp_ns)
-            self._look_beside(scan, stamp_ns)
+            self._look_beside(scan, step)
         else:
             if continues:
                 self._state.trust(step)
@@ -401,8 +404,11 @@ class Localiser:
             return  # the same view again would say the same with the same errors
         self._unmatched = (0.0, 0.0)
         matcher, own = self._matcher, self._require_filter()
-        information = matcher.scale(result.points, absolute=absolute) * result.information
-        own.fuse_match(result.pose, information, matcher.floor, absolute=absolute)
+        expected = own.covariance_by_motion if absolute else own.covariance_within
+        scale = matcher.scale(result.points, absolute=absolute)
+        prior = np.asarray(np.linalg.inv(expected), dtype=np.float64)
+        pull, information = result.alone(own.pose, prior, scale)
+        own.fuse_match(pull, information, matcher.floor, absolute=absolute)
         if absolute:
             return
         surfaces = self._chain.map.covariance_at(result.pose, scan, self._config.match.fine_m)
@@ -426,12 +432,14 @@ class Localiser:
         own = self._require_filter()
         return self._refused_matches.look(scan, self._saved, own, self._odometry[0])
 
-    def _look_beside(self, scan: Scan, stamp_ns: int) -> None:
+    def _look_beside(self, scan: Scan, step: OdometryStep) -> None:
         """Correct the estimate if scans that contradict it fit the saved map beside it."""
         is_tracked = len(self._saved) and not self._state.is_lost
         if not (is_tracked and self.is_confirmed and self._state.doubt_s >= _DOUBTED_S):
             return
-        found = self._displacement.find(scan, self._saved, self._pose, self._odometry[0], stamp_ns)
+        found = self._displacement.find(
+            scan, self._saved, self._pose, self._odometry[0], step.seen_s
+        )
         if found is not None:
             self._correct_to(found)
 
@@ -478,7 +486,7 @@ class Localiser:
         behind = difference(self._pose, applied)
         besides = np.outer(behind, behind)
         # As long as fixes or matches contradict it, the robot may be where they have it.
-        for offset in (self._refused.offset, self._refused_matches.offset):
+        for offset in (self._refused.offset(frame.stamp_ns), self._refused_matches.offset):
             besides[:2, :2] += np.outer(offset, offset)
         if len(self._saved):
             besides = besides + self._matcher.floor

@@ -23,6 +23,9 @@ ERRORS = slice(GYRO_BIAS, SCAN_SCALE)
 """Elements that are the constant errors of odometry."""
 LEAST = np.diag([1e-4, 1e-4, 1e-5]) ** 2
 """Least (3, 3) covariance of a pose or a motion, so that it can be inverted."""
+FRAME_LIFE_S = 0.5
+"""Longest time in seconds before a frame that it may tell of: of a longer gap, as while the lens
+was covered, it shows the end alone."""
 _DEFAULT = OdometryConfig()
 
 
@@ -59,12 +62,23 @@ class OdometryStep:
         """Distance in metres."""
         return math.hypot(self.along_m, self.aside_m)
 
+    @property
+    def seen_s(self) -> float:
+        """The part of the duration in seconds that the frame after the step may tell of."""
+        return min(self.duration_s, FRAME_LIFE_S)
+
+    @property
+    def seen_m(self) -> float:
+        """The same of its distance in metres."""
+        return self.distance_m * self.seen_s / self.duration_s if self.duration_s else 0.0
+
     def is_standing(self, config: OdometryConfig = _DEFAULT) -> bool:
-        """Return whether the robot stood, as far as odometry can tell."""
+        """Return whether the robot stood, as far as odometry can tell: a slow mean over a gap may
+        be a motion that has ended."""
         return (
             self.duration_s > 0.0
-            and self.distance_m <= config.standing_mps * self.duration_s
-            and abs(self.turn_rad) <= config.standing_radps * self.duration_s
+            and self.distance_m <= config.standing_mps * self.seen_s
+            and abs(self.turn_rad) <= config.standing_radps * self.seen_s
         )
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from navcore.config.localisation.localisation import OdometryConfig
-from navcore.geometry.transform import Matrix, Pose2, difference, growth, wrap_angle
+from navcore.geometry.transform import Matrix, Pose2, growth, wrap_angle
 from navcore.localisation.graph.edges import ConstantErrors
 from navcore.localisation.tracking.odometry_model import (
     ERRORS,
@@ -30,6 +30,9 @@ _LEAST_ERRORS = np.diag([1e-7, 1e-5, 1e-5]) ** 2
 """Least covariance of the constant errors, so that it can be inverted where none are expected."""
 _LEAST_SCALES = 1e-12 * np.eye(2)
 """The same of the scales of lengths."""
+_LEARNT_S = 1.0
+"""Longest standstill in seconds between two frames of which the bias of the gyro is learnt: in a
+longer one the robot may have turned and back, or by as much as the gyro has drifted."""
 _REFERENCE = slice(STATES, STATES + 3)
 """Elements of the state that are the pose of the reference."""
 _POSES = np.array([X, Y, YAW, STATES, STATES + 1, STATES + 2])
@@ -148,7 +151,7 @@ class PoseFilter:
         self._state, self._covariance = predict(before, self._covariance, step, self._config)
         _, self._within = predict(before, self._within, step, self._config)
         _, self._best = predict(before, self._best, step, self._config)
-        if step.is_standing(self._config):
+        if step.is_standing(self._config) and step.duration_s <= _LEARNT_S:
             bias = np.zeros((1, len(before)))
             bias[0, GYRO_BIAS] = 1.0
             known = step.duration_s / (math.radians(self._config.gyro_noise_deg) ** 2 + 1e-18)
@@ -209,22 +212,20 @@ class PoseFilter:
         self._best = change @ self._best @ change.T
 
     def fuse_match(
-        self, matched: Pose2, information: Matrix, floor: Matrix, *, absolute: bool
+        self, pull: Matrix, information: Matrix, floor: Matrix, *, absolute: bool
     ) -> None:
         """Fuse a match whose expectation was the pose of this filter, with its covariance if the
         match is `absolute`, else with that within the robot's own map.
 
-        `matched` is the most probable pose, `information` (3, 3) that of the scan alone as it was
-        weighed against the expectation, and `floor` (3, 3) an error of the map which no number of
-        points makes smaller.
+        `information` (3, 3) is that of the scan alone, `pull` (3,) the information times the
+        difference of the pose that the scan tells from this filter's, and `floor` (3, 3) an error
+        of the map which no number of points makes smaller.
         """
         spread = self._covariance if absolute else self._within
         before = spread[:3, :3] + LEAST
         prior = np.linalg.inv(before)
-        # With z the pose by the scan alone: (prior + information) · (matched − pose)
-        # = information · (z − pose); the floor is then added to the covariance of z.
-        shift = difference(matched, self.pose)
-        pull = np.linalg.solve(np.eye(3) + information @ floor, (prior + information) @ shift)
+        # The floor is added to the covariance of the pose that the scan tells.
+        pull = np.asarray(np.linalg.solve(np.eye(3) + information @ floor, pull), dtype=np.float64)
         weakened = np.linalg.solve(np.eye(3) + information @ floor, information)
         posterior = np.asarray(np.linalg.inv(prior + (weakened + weakened.T) / 2), dtype=np.float64)
         # What the new pose says about the other states, too.

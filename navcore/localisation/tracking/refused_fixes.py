@@ -13,22 +13,26 @@ from navcore.geometry.transform import Matrix
 
 _LEAST = 4
 """Number of fixes that must agree."""
+_LEAST_LIFE_S = 2.0
+"""Least time in seconds for which they count: some receivers bring one each second."""
 _NOTHING = np.zeros(2)
 
 
 class RefusedFixes:
-    """The fixes that contradict the estimate, since it was confirmed last."""
+    """The fixes that contradict the estimate, since it was confirmed last. Those after which none
+    has come for longer than they must agree say nothing more."""
 
     def __init__(self, config: TrackingConfig) -> None:
         self._config = config
-        self._first_ns, self._count = 0, 0
+        self._life_ns = max(config.refused_s, _LEAST_LIFE_S) * 1e9
+        self._first_ns, self._newest_ns, self._count = 0, 0, 0
         self._newest, self._is_interrupted = _NOTHING, False
 
-    @property
-    def offset(self) -> Matrix:
-        """(2,) metres from the estimate to where these fixes have the robot; 0 unless enough of
-        them agree."""
-        return self._newest if self._count >= _LEAST else _NOTHING
+    def offset(self, stamp_ns: int) -> Matrix:
+        """Return (2,) metres from the estimate to where these fixes have the robot at the time of a
+        frame; 0 unless enough of them agree."""
+        is_told = self._count >= _LEAST and stamp_ns - self._newest_ns <= self._life_ns
+        return self._newest if is_told else _NOTHING
 
     def add(self, stamp_ns: int, residual: Matrix, covariance: Matrix) -> bool:
         """Note a fix that contradicts the estimate; return whether it is to be believed after all.
@@ -37,6 +41,9 @@ class RefusedFixes:
         is compared with the one before, as a wrong heading of the estimate lets the residual grow
         with the distance driven.
         """
+        if stamp_ns - self._newest_ns > self._life_ns:
+            self.clear()
+        self._newest_ns = stamp_ns
         if not self._agrees(residual, 2.0 * covariance):
             if self._count > 1 and not self._is_interrupted:
                 self._is_interrupted = True  # one outlier among those that agree

@@ -20,7 +20,8 @@ class TrackingState:
         self.since_m = 0.0
         """Distance in metres that was driven since the robot was located or placed."""
         self.doubt_s = 0.0
-        """Time in seconds of contradicting frames, less twice that of fitting ones."""
+        """Time in seconds of contradicting frames, less twice that of fitting ones; no frame tells
+        of a gap before it."""
         self._doubt_m = 0.0
 
     @property
@@ -48,13 +49,13 @@ class TrackingState:
 
     def trust(self, step: OdometryStep) -> None:
         """Take back doubt: a frame fits."""
-        self.doubt_s = max(self.doubt_s - 2 * step.duration_s, 0.0)
-        self._doubt_m = max(self._doubt_m - 2 * step.distance_m, 0.0)
+        self.doubt_s = max(self.doubt_s - 2 * step.seen_s, 0.0)
+        self._doubt_m = max(self._doubt_m - 2 * step.seen_m, 0.0)
 
     def doubt(self, step: OdometryStep, stamp_ns: int) -> None:
         """Count frames that contradict the map; after too many the robot is lost."""
-        self.doubt_s += step.duration_s
-        self._doubt_m += step.distance_m
+        self.doubt_s += step.seen_s
+        self._doubt_m += step.seen_m
         if self.doubt_s >= self._rules.lost_s or self._doubt_m >= self._rules.lost_m:
             self.lose(stamp_ns)
         else:

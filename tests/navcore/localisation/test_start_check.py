@@ -39,8 +39,7 @@ def verdict_of(share: float | None, points: int, *, may_be_elsewhere: bool = Fal
     """Verdict on frames that are all alike, for as long as it takes."""
     check = StartCheck(RULES, RelocalisationConfig())
     verdicts = (
-        check.after(share, points, k * 200_000_000, may_be_elsewhere=may_be_elsewhere)
-        for k in range(60)
+        check.after(share, points, 0.2, may_be_elsewhere=may_be_elsewhere) for _ in range(60)
     )
     return next((verdict for verdict in verdicts if verdict is not None), None)
 
@@ -58,6 +57,16 @@ def test_where_too_little_is_in_view_a_robot_that_may_be_elsewhere_is_believed_n
     assert verdict_of(0.5, FEW, may_be_elsewhere=True) is False
 
 
+def test_two_looks_with_a_gap_between_them_neither_confirm_a_start_nor_refute_it() -> None:
+    """As of a camera that begins slowly: the time in between shows nothing."""
+    localisation = Localisation(kept_map()[0], LocalisationConfig(), HUSKY.depth_sensor)
+    localisation.load(kept_map()[1])
+    scan = WORLD.scan(ROUTE[40], np.random.default_rng(2))
+    found = [localisation.follow(frame_at(ROUTE[40], k), scan) for k in (0, 50, 51, 52, 53)]
+    assert [one.state for one in found[:4]] == [LocalisationState.CHECKING] * 4
+    assert found[4].is_known
+
+
 def verdicts_while_searching(result: SearchResult | None) -> list[bool | None]:
     """Verdicts on frames, five a second, that fit while the map is searched; the result comes after
     two seconds."""
@@ -65,9 +74,7 @@ def verdicts_while_searching(result: SearchResult | None) -> list[bool | None]:
     for k in range(25):
         if k == 10 and result is not None:
             check.take(result)
-        verdicts.append(
-            check.after(0.9, MANY, k * 200_000_000, may_be_elsewhere=False, is_searching=True)
-        )
+        verdicts.append(check.after(0.9, MANY, 0.2, may_be_elsewhere=False, is_searching=True))
     return verdicts
 
 

@@ -12,7 +12,8 @@ import numpy as np
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference
 from navcore.localisation.scans.ambiguity import poses_beside, spread_to
-from navcore.localisation.scans.matching import AS_PROBABLE, Match, match, search
+from navcore.localisation.scans.gauss_newton import AS_PROBABLE
+from navcore.localisation.scans.matching import Match, match, search
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.scans.view import is_in_view

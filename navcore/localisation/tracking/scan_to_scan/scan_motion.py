@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference
+from navcore.geometry.transform import IDENTITY, Matrix, Pose2
 from navcore.localisation.scans.matching import match, match_widely
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
@@ -21,8 +21,6 @@ from navcore.localisation.scans.scan_map import ScanMap
 _WEAK = np.diag([1.0, 1.0, 1.0])
 """Information of a motion by scans in metres and radians below which it tells nothing, as along a
 corridor; so that it can be inverted."""
-_LEAST = 1e-6 * np.eye(3)
-"""Information that is as good as none, so that any can be inverted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,15 +83,7 @@ class ScanReference:
             )  # fmt: skip
         if found.fitting < least or found.share_of_near < self._config.tracking.located_share:
             return None
-        # With z the motion by the scan alone: (prior⁻¹ + found_with) · (found − expected)
-        # = found_with · (z − expected).
-        known, found_with = (
-            rules.point_weight * found.information,
-            rules.point_weight * found.found_with,
-        )
-        pull = (np.linalg.inv(prior) + found_with) @ difference(found.pose, expected)
-        if found.found_with is not found.information:  # several places fit alike
-            pull = known @ np.linalg.inv(found_with + _LEAST) @ pull
+        pull, known = found.alone(expected, np.linalg.inv(prior), rules.point_weight)
         # The floor is added to the covariance of z.
         weakened = np.linalg.inv(np.eye(3) + known @ rules.floor)
         information = weakened @ known

@@ -3,6 +3,7 @@ elsewhere counts as one."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,9 +14,9 @@ import pytest
 
 from navcore.config.localisation.localisation import MatchConfig
 from navcore.config.localisation.pose_graph import LoopClosureConfig, PoseGraphConfig
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.graph.edges import ConstantErrors, Edge
-from navcore.localisation.graph.pose_graph import AbsolutePose
+from navcore.localisation.graph.pose_graph import AbsolutePose, OptimisedGraph
 from navcore.localisation.loops.loop_closer import LoopCloser
 from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures, close_loops
 from navcore.localisation.scans.scan import Keyframe
@@ -199,10 +200,38 @@ def test_the_first_keyframe_is_held_to_where_it_was_made_after_loops_have_moved_
     moved = {i: replace(k, T_map_base=shift @ k.T_map_base) for i, k in made.items()}
     task = closer.next_task(moved.get, errors)
     assert task is not None and task.first == keyframes[0].T_map_base
-    closer.restart()
+    closer.restart(known=len(keyframes))
     closer.note(tuple(edges))
     task = closer.next_task(moved.get, errors)
     assert task is not None and task.first == moved[keyframes[0].pose_id].T_map_base
+
+
+def test_loops_move_what_was_seen_on_their_chain_and_nothing_of_the_chain_before() -> None:
+    """Passing by, the newer chain has made the keyframe of ID 3. IDs 10, 12 and 14 have none, and
+    13 was made while the loops were looked for."""
+    closer = LoopCloser(LoopClosureConfig(), PoseGraphConfig(), MatchConfig())
+    closer.restart(known=8)
+    closer.note(
+        tuple(
+            Edge(from_id=i, to_id=j, T_from_to=IDENTITY, covariance=np.eye(3))
+            for i, j in itertools.pairwise((8, 9, 3, 11, 13))
+        )
+    )
+    shifts_m = {8: 0.1, 9: 0.2, 3: 0.3, 11: 0.4}
+    closures = LoopClosures(
+        poses={i: Pose2(x_m=i + shift_m, y_m=0.0, yaw_rad=0.0) for i, shift_m in shifts_m.items()},
+        loops=(),
+        new_loops=(),
+        candidates=LoopCandidates(edges=()),
+        graph=OptimisedGraph.__new__(OptimisedGraph),
+    )
+    present = [Pose2(x_m=float(i), y_m=0.0, yaw_rad=0.0) for i in range(15)]
+
+    moved, motion = closer.corrected(closures, present)
+
+    by = {i: pose.x_m - i for i, pose in moved.items()}
+    assert by == pytest.approx({**shifts_m, 10: 0.3, 12: 0.4, 13: 0.4, 14: 0.4})
+    assert motion.x_m == pytest.approx(0.4)
 
 
 def test_the_same_keyframes_give_the_same_loops_and_poses() -> None:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navcore.config.localisation.localisation import MatchConfig
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.localisation.scans.matching import (
     Match,
@@ -58,6 +59,17 @@ def test_a_match_finds_the_pose_back(k: int, dx: float, dy: float, turn: float) 
     assert found.share > 0.7
     assert abs(found.pose.y_m - true.y_m) < 0.02
     assert errors(found.pose, true)[1] < 0.6
+
+
+@pytest.mark.parametrize("iterations", [1, 2, 12])
+def test_all_points_that_fit_are_counted_however_few_steps_are_taken(iterations: int) -> None:
+    scan = WORLD.scan(CORRIDOR[0], np.random.default_rng(1))
+    scan_map = ScanMap()
+    scan_map.put(Keyframe(pose_id=0, T_map_base=CORRIDOR[0], scan=scan))
+
+    found = match(scan, scan_map, CORRIDOR[0], LOOSE, config=MatchConfig(iterations=iterations))
+
+    assert found.share > 0.95
 
 
 def square_room() -> tuple[PlanWorld, ScanMap]:
@@ -138,11 +150,15 @@ def test_along_an_empty_corridor_the_expectation_stays() -> None:
     true = Pose2(x_m=3.0, y_m=0.05, yaw_rad=0.01)
     expected = Pose2(x_m=3.2, y_m=-0.1, yaw_rad=0.0)
 
-    found = match(world.scan(true, np.random.default_rng(4)), scan_map, expected, LOOSE)
+    scan = world.scan(true, np.random.default_rng(4))
+    found = match(scan, scan_map, expected, LOOSE, scale=1.0 / 12.0)
 
-    values, vectors = np.linalg.eigh(found.information[:2, :2])
-    assert abs(vectors[0, 0]) > 0.99  # least is known along the corridor
-    assert values[0] < 0.05 * values[1]
+    values, vectors = np.linalg.eigh(found.information)
+    assert abs(vectors[0, 0]) > 0.99  # nothing is known along the corridor
+    assert values[0] < 1e-6
+    assert found.found_with[0, 0] > 500.0, "as the nearest surfaces have it"
+    _, information = found.alone(expected, np.linalg.inv(LOOSE), 1.0 / 12.0)
+    assert information[1, 1] > 1e4
     assert abs(found.pose.y_m - true.y_m) < 0.01
     assert found.pose.x_m == pytest.approx(expected.x_m, abs=0.1)
 

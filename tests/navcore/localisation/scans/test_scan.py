@@ -126,3 +126,17 @@ def test_the_arrays_are_read_only() -> None:
         array.flags.writeable
         for array in (scan.points_base, scan.variance_m2, scan.normals, scan.origin)
     )
+
+
+def test_a_camera_that_looks_down_sees_an_upright_wall_as_one_surface() -> None:
+    """Up the wall its depth changes, and it runs across the columns of the image."""
+    for wall_x_m, aside_rad in ((1.3, 0.0), (1.6, 0.0), (1.3, 0.6)):
+        turned = Pose2(x_m=0.0, y_m=0.0, yaw_rad=-aside_rad).matrix()
+        scan = scan_of(frame_of(room(wall_x_m, tilt=turned)), HUSKY.depth_sensor)
+        directions = LENS.width // ScanConfig().column_step
+        assert 0.9 * directions <= len(scan) <= directions
+        assert (np.hypot(*scan.normals.T) > 0.5).mean() > 0.9
+        along = scan.normals[np.hypot(*scan.normals.T) > 0.5] @ (
+            math.cos(aside_rad), math.sin(aside_rad)
+        )  # fmt: skip
+        assert (along < -0.99).all()

@@ -103,7 +103,7 @@ def test_a_map_is_bounded_by_its_pose_ids() -> None:
     once.replace(scan_map.keyframes)
 
     assert len(scan_map) == len(POSES)
-    assert scan_map.memory_bytes == once.memory_bytes
+    assert scan_map.held == once.held
     assert scan_map.surfaces[:, 4].sum() == sum(len(scan) for scan in SCANS)
 
 

@@ -61,6 +61,21 @@ def test_a_robot_that_is_pushed_corrects_its_place_without_being_lost() -> None:
     assert last.T_map_base.distance_to(end.x_m, end.y_m) < RIGHT_M
 
 
+def test_two_scans_with_a_gap_between_them_correct_no_place() -> None:
+    ids, rng = PoseIds(0.25, 10.0), np.random.default_rng(2)
+    for pose in ROUTE:
+        ids.id_of(pose)
+    robot, here = Localiser(ids, LocalisationConfig()), ROUTE[HALF]
+    robot.load(saved_map())
+    for k in range(10):
+        robot.follow(frame_at(here, k), WORLD.scan(here, rng))
+    told = []
+    for k in (15, 21, 22, 23, 24):
+        estimate = robot.follow(frame_at(here, k), WORLD.scan(here @ PUSHED, rng))
+        told.append(estimate.place_correction is not None)
+    assert told == [False, False, False, False, True]
+
+
 def test_one_that_is_carried_far_is_lost() -> None:
     away = Pose2(x_m=-4.0, y_m=3.0, yaw_rad=2.0)
     estimates = driven(saved_map(), away)

@@ -92,14 +92,19 @@ def saved_map() -> tuple[Keyframe, ...]:
 KEYFRAMES = saved_map()
 
 
-def located_trip() -> Trip:
-    """A robot in the saved map."""
+def saved_trip(keyframes: tuple[Keyframe, ...]) -> Trip:
+    """A robot in a saved map."""
     ids = PoseIds(0.25, 10.0)
     ids.restore(np.array([[k.T_map_base.x_m, k.T_map_base.y_m, k.T_map_base.yaw_rad]
-                          for k in KEYFRAMES]))  # fmt: skip
+                          for k in keyframes]))  # fmt: skip
     localiser = Localiser(ids)
-    localiser.load(KEYFRAMES)
+    localiser.load(keyframes)
     return Trip(localiser)
+
+
+def located_trip() -> Trip:
+    """A robot in the saved map."""
+    return saved_trip(KEYFRAMES)
 
 
 def away_m(estimate: LocalisationEstimate, true: Pose2) -> float:
@@ -174,6 +179,23 @@ def test_in_a_saved_map_poor_odometry_does_no_harm() -> None:
     assert np.mean(located) > 0.9
 
 
+def test_along_bare_walls_the_pose_is_as_uncertain_as_odometry_makes_it() -> None:
+    """Far points, which show no line, would else tell a way that nothing tells."""
+    bare = PlanWorld()
+    bare.wall((-30.0, 1.0), (60.0, 1.0))
+    bare.wall((-30.0, -1.0), (60.0, -1.0))
+    way = drive([(0.0, 0.0), (20.0, 0.0)])
+    first = new_trip()
+    for _ in first.go(way, way, bare):
+        pass
+    trip = saved_trip(first.localiser.keyframes)
+    for estimate, true in trip.go(way, odometry_of(way, scale=1.02), bare):
+        error_m = estimate.T_map_base.x_m - true.x_m
+        assert abs(error_m) <= 2.0 * math.sqrt(estimate.covariance[0, 0]) + 0.01
+        assert abs(estimate.T_map_base.y_m) < 0.03
+    assert math.sqrt(estimate.covariance[0, 0]) > 0.2
+
+
 def test_the_saved_map_stays_as_it_was() -> None:
     trip = located_trip()
     before = trip.localiser.saved_map.surfaces
@@ -216,6 +238,20 @@ def carried_off_in_a_new_map(trip: Trip) -> list[bool]:
         pass
     odometry = [ROUTE[60] @ Pose2(x_m=0.1 * k, y_m=0.0, yaw_rad=0.0) for k in range(30)]
     return [e.state is LocalisationState.LOST for e, _ in trip.go(THERE, odometry)]
+
+
+@pytest.mark.parametrize("moved_m", [0.0, 2.0])
+def test_one_contradicting_frame_after_a_gap_loses_no_robot(moved_m: float) -> None:
+    """A person may stand before the camera when the lens is free again."""
+    trip = located_trip()
+    list(trip.go(ROUTE[:60], ROUTE[:60]))
+    there = ROUTE[60] @ Pose2(x_m=moved_m, y_m=0.0, yaw_rad=0.0)
+    elsewhere = Pose2(x_m=there.x_m + 7.3, y_m=0.0, yaw_rad=1.2)
+    trip.k += 25
+    ((doubted, _),) = trip.go([elsewhere], [there])
+    ((after, _),) = trip.go([there], [there])
+    assert doubted.state is LocalisationState.DEAD_RECKONING
+    assert after.state is LocalisationState.LOCATED
 
 
 def test_a_robot_that_was_carried_off_in_its_new_map_is_lost() -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from navcore.config.localisation.localisation import DEGPH, OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, difference, wrap_angle
 from navcore.localisation.tracking.odometry_model import (
+    DrivenOdometry,
     OdometryMotion,
     OdometryStep,
     initial_covariance,
@@ -124,6 +125,25 @@ def test_standing_still_the_gyro_bias_is_learnt_and_the_pose_stays() -> None:
     assert abs(math.degrees(own.pose.yaw_rad)) < 0.35
 
 
+def test_a_motion_over_a_gap_between_frames_is_no_standstill_and_tells_no_bias() -> None:
+    """The lens was covered while the robot braked over 0.4 m and turned."""
+    own, driven = straight(20), DrivenOdometry()
+    before = own.pose
+    driven.follow(START, 0)
+    driven.follow(Pose2(x_m=0.4, y_m=0.0, yaw_rad=0.2), 120 * 10**9)
+    own.predict(OdometryStep(along_m=0.4, aside_m=0.0, turn_rad=0.2, duration_s=120.0))
+
+    assert before.distance_to(own.pose.x_m, own.pose.y_m) == pytest.approx(0.4)
+    assert driven.pose.x_m == 0.4 and driven.travel[0] == pytest.approx(0.4)
+    assert own.constant_errors.mean[0] == 0.0
+
+    # Nor does one that has ended where it began.
+    unknown = own.constant_errors.covariance[0, 0]
+    own.predict(OdometryStep(along_m=0.0, aside_m=0.0, turn_rad=0.001, duration_s=120.0))
+    assert own.constant_errors.mean[0] == 0.0
+    assert own.constant_errors.covariance[0, 0] >= unknown
+
+
 def test_what_is_learnt_of_constant_errors_does_not_move_the_robot_away_from_its_new_map() -> None:
     bias = 40 * DEGPH
     own = PoseFilter(START)
@@ -154,12 +174,12 @@ def test_wheels_on_a_slope_measure_more_than_the_map_shows() -> None:
 def test_a_match_against_the_own_map_moves_the_pose_and_makes_it_no_more_certain() -> None:
     information = np.diag([1e4, 1e4, 1e5])
     floor = np.diag([0.01, 0.01, 0.002]) ** 2
-    found = Pose2(x_m=10.1, y_m=0.05, yaw_rad=0.01)
+    pull = information @ (0.1, 0.05, 0.01)
     own, saved = straight(100), straight(100)
     before = own.covariance
 
-    own.fuse_match(found, information, floor, absolute=False)
-    saved.fuse_match(found, information, floor, absolute=True)
+    own.fuse_match(pull, information, floor, absolute=False)
+    saved.fuse_match(pull, information, floor, absolute=True)
 
     assert own.pose.x_m > 10.05
     assert np.allclose(own.covariance, before)

@@ -98,8 +98,21 @@ def test_meanwhile_the_estimate_is_as_uncertain_as_they_are_far(
         return min(estimates[k].sigma_m for k in doubted)
 
     assert least_sigma_m() > 1.0
-    monkeypatch.setattr(RefusedFixes, "offset", np.zeros(2))
+    monkeypatch.setattr(RefusedFixes, "offset", lambda *_: np.zeros(2))
     assert least_sigma_m() < 0.1
+
+
+def test_reflected_signals_that_have_stopped_say_nothing_more() -> None:
+    """A few that agree, and seconds later one more."""
+
+    def reflected(k: int, at: Pose2) -> list[PositionFix]:
+        is_wrong = PUSHED <= k < PUSHED + 4 or k == PUSHED + 40
+        return rtk(k, Pose2(x_m=at.x_m, y_m=at.y_m + 8.0, yaw_rad=0.0)) if is_wrong else []
+
+    _, estimates, errors = drive(reflected, seconds=10.0)
+    assert estimates[PUSHED + 4].sigma_m > 7.0
+    assert max(one.sigma_m for one in estimates[PUSHED + 20 :]) < 0.2
+    assert max(errors) < 0.1 and not any(one.place_correction for one in estimates)
 
 
 def test_a_wild_fix_now_and_then_does_nothing_and_keeps_no_right_ones_out() -> None:
@@ -174,7 +187,7 @@ def test_after_such_a_correction_loops_of_the_chain_before_are_not_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     restarts: list[LoopCloser] = []
-    monkeypatch.setattr(LoopCloser, "restart", lambda chain: restarts.append(chain))
+    monkeypatch.setattr(LoopCloser, "restart", lambda chain, known: restarts.append(chain))
     localisation, estimates, _ = drive(rtk, push_m=1.1)
     assert sum(one.place_correction is not None for one in estimates) == len(restarts) == 1
     late = LoopClosures(
