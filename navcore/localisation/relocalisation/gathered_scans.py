@@ -104,15 +104,17 @@ class GatheredScans:
 
     def newest(self, count: int) -> tuple[Submap | None, bool]:
         """Return the scans that were kept since `count` had been kept, None while these are too few
-        to confirm a place, and whether the robot has only turned meanwhile."""
+        to confirm a place, and whether the robot has hardly left one position meanwhile: turning
+        in short strokes adds metres, but shows one room."""
         forgotten = self.count - len(self._views)
         views = self._views[max(count - forgotten, 0) :]
         if not views:
             return None, False
-        first, last = views[0].travel, views[-1].travel
-        has_only_turned = last.driven_m - first.driven_m < self.config.confirm_m
-        least_rad = math.radians(self.config.confirm_turn_deg)
-        if has_only_turned and last.turned_rad - first.turned_rad < least_rad:
+        start = views[0].T_odom_base
+        away_m = max(start.distance_to(one.T_odom_base.x_m, one.T_odom_base.y_m) for one in views)
+        has_only_turned = away_m < self.config.confirm_m
+        turned_rad = views[-1].travel.turned_rad - views[0].travel.turned_rad
+        if has_only_turned and turned_rad < math.radians(self.config.confirm_turn_deg):
             return None, True
         submap = _submap(views)
         tells = len(submap) >= self.config.search.least_points

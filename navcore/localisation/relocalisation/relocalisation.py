@@ -79,7 +79,7 @@ class SearchTask:
     newest: Submap | None
     """Scans since the place was first found; None while these are too few to confirm it."""
     has_only_turned: bool = False
-    """Whether the newest scans were taken at one position."""
+    """Whether the newest scans were taken at about one position."""
     has_looked_round: bool = False
     """Whether all scans together show everything around the robot."""
     given: Pose2 | None = None

@@ -43,6 +43,16 @@ def test_nor_do_a_few_recent_ones_move_a_robot_beside_its_place() -> None:
         assert (result.moved is None) is (recent is few)
 
 
+def test_strokes_to_and_fro_show_one_position_however_many_metres_they_add_up_to() -> None:
+    seen = GatheredScans(config=DEFAULT_RELOCALISATION)
+    for k in range(60):
+        pose = WAY[0] @ Pose2(x_m=0.15 * (-1) ** k, y_m=0.0, yaw_rad=0.14 * k)
+        seen.add(WORLD.scan(pose, np.random.default_rng(k)), pose)
+    assert seen.travel.driven_m > 2.0 * DEFAULT_RELOCALISATION.confirm_m
+    assert seen.newest(0)[1]
+    assert not gathered(50).newest(0)[1]
+
+
 def empty() -> Scan:
     return WORLD.scan(WAY[0], np.random.default_rng(0)).emptied()
 

@@ -171,6 +171,19 @@ def test_a_turn_alone_would_believe_the_like_of_a_room_in_a_wrong_map() -> None:
 
 
 @pytest.mark.long
+def test_a_turn_in_short_strokes_is_a_turn_alone_however_many_metres_they_add_up_to() -> None:
+    """They take the robot no more than 0.15 m from where it turns."""
+    on_spot = room_drive(1, 2, turns=2.0)[: round(4.0 * math.pi / 0.14)]
+    strokes = [0.15 * (1.0 - abs(k % 6 - 3) / 1.5) for k in range(len(on_spot))]
+    true = [
+        at @ Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0) for at, x_m in zip(on_spot, strokes, strict=True)
+    ]
+    last, error, _ = relocalised(office(1, rooms=ROOMS), true, office_map(4), seed=2)
+    assert error is None
+    assert "drive on" in last.reason
+
+
+@pytest.mark.long
 def test_rooms_of_the_same_shape_that_are_a_little_larger_fit_only_roughly() -> None:
     """All points find their surface, but not as closely as in the room itself."""
     rough, strict = (dataclasses.replace(CONFIG, least_closeness=least) for least in (0.1, 0.8))
