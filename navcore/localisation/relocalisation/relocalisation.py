@@ -65,7 +65,7 @@ class PlaceProposal:
     """(3, 3) covariance of the robot's pose there: x, y along the map's axes in metres, yaw in
     radians."""
     candidates: tuple[PlaceFit, ...] = ()
-    """Places that fit at the last search, best first."""
+    """Places of which any may be the one, as far as the last search tells; best first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -204,8 +204,10 @@ class Relocaliser:
         self._leading: Pose2 | None = None
         self._leading_since = 0
         self._shares: list[float] = []
-        self._tracked_since_ns: int | None = None
-        self._now_ns = 0
+        self._tracked_ns = 0
+        """Time between consecutive scans that have fitted at the leading place."""
+        self._fitted_ns: int | None = None
+        """Stamp of the newest scan if it is one of these."""
         self.proposal = PlaceProposal(state=RelocalisationState.SEARCHING, reason="")
         """What is known now."""
 
@@ -217,10 +219,12 @@ class Relocaliser:
 
     def observe(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
         """Take one more scan with the odometry of its moment."""
-        self._now_ns = stamp_ns
         self._seen.add(scan, T_odom_base)
-        if self._leading is not None and len(scan):
-            self._track(scan, T_odom_base, stamp_ns)
+        before_ns, self._fitted_ns = self._fitted_ns, None
+        if self._leading is None or not len(scan) or not self._fits(scan, T_odom_base):
+            return
+        self._tracked_ns += 0 if before_ns is None else stamp_ns - before_ns
+        self._fitted_ns = stamp_ns
 
     def next_task(
         self, T_map_odom: Pose2 | None = None, last: Pose2 | None = None
@@ -259,14 +263,14 @@ class Relocaliser:
         """Return what a finished search changes."""
         if self.proposal.state is RelocalisationState.ACCEPTED:
             return self.proposal
-        best = result.everything[0] if result.everything else None
+        best, others = result.everything[0] if result.everything else None, result.everything[1:]
         doubt = doubt_of(result.everything, self._config) or self._mirror_doubt(result)
         if best is None or doubt:
             self._leading = None
             self.proposal = PlaceProposal(
                 state=RelocalisationState.AMBIGUOUS if best else RelocalisationState.SEARCHING,
                 reason=doubt,
-                candidates=result.everything,
+                candidates=(best, *rivals_of(best, others, self._config)) if best else (),
             )
             return self.proposal
         T_map_odom = best.T_map_base @ result.task.everything.T_odom_base.inverse()
@@ -274,7 +278,7 @@ class Relocaliser:
             best.T_map_base, self._expected(result), self._config
         ):
             self._leading_since = self._seen.count
-            self._shares, self._tracked_since_ns = [], None
+            self._shares, self._tracked_ns, self._fitted_ns = [], 0, None
         self._leading = T_map_odom
         lacking = self._unconfirmed(result)
         # Odometry has drifted least in the newest scans: they say best where the robot is now.
@@ -284,12 +288,13 @@ class Relocaliser:
             reason=lacking,
             T_map_odom=newest.T_map_base @ result.task.everything.T_odom_base.inverse(),
             covariance=newest.covariance,
-            candidates=result.everything,
+            candidates=(newest,),
         )
         return self.proposal
 
-    def _track(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
-        """Measure for how long single scans have fitted at the leading place."""
+    def _fits(self, scan: Scan, T_odom_base: Pose2) -> bool:
+        """Return whether a scan tells of the leading place, and the newest ones fit there; those
+        that do not end the time for which they have."""
         assert self._leading is not None
         fit = evaluate_place(
             submap_of([(T_odom_base, scan)]),
@@ -298,12 +303,12 @@ class Relocaliser:
             self._config.fit,
         )
         if fit.agreeing_share is None:
-            return  # the map shows nothing here that would tell
+            return False  # the map shows nothing here that would tell
         self._shares = [*self._shares, fit.agreeing_share][-SMOOTHED_SCANS:]
         if sum(self._shares) / len(self._shares) < self._config.tracked_share:
-            self._tracked_since_ns = None
-        elif self._tracked_since_ns is None:
-            self._tracked_since_ns = stamp_ns
+            self._tracked_ns = 0
+            return False
+        return True
 
     def _unconfirmed(self, result: SearchResult) -> str:
         """Return what the leading place still lacks, or nothing."""
@@ -318,9 +323,8 @@ class Relocaliser:
             return "what has been seen since fits only roughly; drive on to confirm the place"
         if result.task.has_only_turned and not self._is_beyond_doubt(result):
             return "one place fits from here; drive on to confirm it"
-        tracked_ns = 0 if self._tracked_since_ns is None else self._now_ns - self._tracked_since_ns
-        if self._tracked_since_ns is None or tracked_ns < self._config.tracked_s * 1e9:
-            return f"scans have fitted there for {tracked_ns / 1e9:.1f} s"
+        if self._tracked_ns < self._config.tracked_s * 1e9:
+            return f"scans have fitted there for {self._tracked_ns / 1e9:.1f} s"
         return ""
 
     def _again(self, result: SearchResult) -> PlaceFit | None:

@@ -15,7 +15,7 @@ from navcore.config.localisation.relocalisation import (
     PlaceSearchConfig,
     RelocalisationConfig,
 )
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.relocalisation.place_fit import fit_place
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.relocalisation import (
@@ -39,6 +39,7 @@ from tests.navcore.localisation.plan_worlds import (
     tour,
     turn_on_spot,
 )
+from tests.navcore.localisation.starts import fit, search_result
 
 CONFIG = RelocalisationConfig()
 BY_LIKELIHOOD = dataclasses.replace(
@@ -125,9 +126,9 @@ def test_after_a_turn_and_some_metres_the_place_is_found(room: int) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("fit", "is_found"), [(CONFIG.fit, True), (BY_LIKELIHOOD, False)])
+@pytest.mark.parametrize(("rules", "is_found"), [(CONFIG.fit, True), (BY_LIKELIHOOD, False)])
 def test_in_a_map_that_has_seen_one_side_of_things_what_it_has_not_seen_tells_nothing(
-    fit: PlaceFitConfig, is_found: bool
+    rules: PlaceFitConfig, is_found: bool
 ) -> None:
     """On the first day the robot drove into the rooms and on, and never looked back. The control
     ranks places by their likelihood alone."""
@@ -139,7 +140,7 @@ def test_in_a_map_that_has_seen_one_side_of_things_what_it_has_not_seen_tells_no
     one_way = mapped(world, drive([*corners, (4.75 * ROOMS - 0.8, 0.0)])[::2])
     x, side, depth = doors[0]
     way = drive([(x, side * (1.0 + 0.4 * depth)), (x, 0.0), (max(x - 5.0, 0.8), 0.0)])
-    config = dataclasses.replace(CONFIG, fit=fit)
+    config = dataclasses.replace(CONFIG, fit=rules)
     _, error, _ = relocalised(world, way, one_way, config=config)
     assert (error is not None) is is_found
     assert error is None or math.hypot(error.x_m, error.y_m) < 0.15
@@ -251,6 +252,33 @@ def test_without_asking_for_a_second_best_an_equal_room_is_believed() -> None:
     rash = dataclasses.replace(CONFIG, margin=0.0, same_m=50.0, same_deg=30.0)
     careless, error, _ = relocalised(world, true, place_map, config=rash)
     assert error is not None or careless.state is RelocalisationState.CONFIRMING
+
+
+def test_as_many_places_are_named_as_fit_alike_and_one_where_one_is_left_to_confirm() -> None:
+    best, like_it, worse = fit(0.9), fit(0.85, x_m=9.0), fit(0.6, x_m=20.0)
+    for found, state in (
+        ((best, like_it, worse), RelocalisationState.AMBIGUOUS),
+        ((best, worse), RelocalisationState.CONFIRMING),
+    ):
+        said = Relocaliser(office_map(1)).take(search_result(None, *found))
+        assert said.state is state
+        assert said.candidates == found[:-1]
+
+
+def test_time_in_which_no_scan_tells_is_none_for_which_scans_have_fitted() -> None:
+    world, at, rng = office(1, rooms=ROOMS), room_drive(1, 0)[0], np.random.default_rng(0)
+    relocaliser, stamp_ns = Relocaliser(office_map(1)), 0
+    relocaliser._leading = IDENTITY
+    scan, other = world.scan(at, rng), world.scan(at @ Pose2(x_m=0, y_m=0, yaw_rad=1.5), rng)
+    tracked_s = []
+    for seen in [scan] * 3 + [scan.emptied()] * 16 + [scan] * 2 + [other] * 3 + [scan] * 8:
+        stamp_ns += 200_000_000
+        relocaliser.observe(seen, at, stamp_ns)
+        tracked_s.append(relocaliser._tracked_ns / 1e9)
+    assert tracked_s[2:19] == [0.4] * 17
+    assert tracked_s[20] == 0.6
+    assert tracked_s[23] == 0.0  # after scans that do not fit
+    assert 0.0 < tracked_s[-1] < 1.6
 
 
 def test_a_cancelled_search_ends_without_a_result() -> None:
