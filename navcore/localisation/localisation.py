@@ -365,7 +365,7 @@ class Localisation:
             and self._may_be_there
             and (fit := outcome.still_there(self._config.relocalisation))
         ):
-            T_base_driven = outcome.task.everything.T_odom_base.inverse()
+            T_base_driven = outcome.task.T_odom_base.inverse()
             self._still = fit.T_map_base @ T_base_driven, fit.covariance
         if self._start is not None and outcome.task is self._asked:
             self._start.take(outcome)
@@ -373,7 +373,7 @@ class Localisation:
             self._probation.take(outcome)
             self._beside = self._probation.correction or self._beside
             if fit := outcome.beside(self._config.relocalisation):
-                T_base_driven = outcome.task.everything.T_odom_base.inverse()
+                T_base_driven = outcome.task.T_odom_base.inverse()
                 self._beside = fit.T_map_base @ T_base_driven, fit.covariance
 
     def put_off_search(self) -> None:
