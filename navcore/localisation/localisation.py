@@ -247,6 +247,10 @@ class Localisation:
         was at the end of the session before: then that place is checked in the same way.
         """
         is_lost = estimate.state is LocalisationState.LOST
+        if is_lost and not self._is_lost and self._start is None:
+            # It fitted until now: the robot was carried, and what it saw before is of elsewhere.
+            self._relocaliser = None
+            self._drop_answer()
         share, points = self.tracker.saved_share, 0 if self.scan is None else len(self.scan)
         if self._probation is not None and not is_lost:
             verdict = self._probation.after(self.tracker.moved_m)

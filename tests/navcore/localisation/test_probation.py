@@ -25,6 +25,7 @@ from navcore.localisation.tasks import PrepareSearch
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.profile import HUSKY
+from tests.navcore.localisation.plan_worlds import office
 from tests.navcore.localisation.starts import ROUTE, RULES, WORLD, fit, search_result, started
 from tests.navcore.localisation.tracking.test_localiser import frame_at
 
@@ -237,6 +238,17 @@ def test_look_round_begins_without_what_was_seen_before(
     monkeypatch.setattr(Relocaliser, "take", lambda _, result: taken.append(result))
     localisation.take(late)
     assert not taken
+
+
+def test_a_robot_that_is_carried_away_on_trial_is_not_looked_for_with_what_it_saw_before() -> None:
+    localisation, _, _ = started()
+    accepted_elsewhere(localisation)
+    rng = np.random.default_rng(4)
+    for k in range(10, 60):
+        elsewhere = office(7).scan(Pose2(x_m=3.0, y_m=3.0, yaw_rad=2.5), rng)
+        estimate = localisation.follow(frame_at(ROUTE[40], k), elsewhere)
+    assert estimate.state is LocalisationState.LOST
+    assert localisation._relocaliser is None
 
 
 def test_a_lost_robot_whose_odometry_jumps_is_not_placed_by_what_was_found_before() -> None:
