@@ -78,6 +78,8 @@ class PlaceSearch:
         self._best = config.search.least_evidence
         self._next = 0
         self._order: Indices | None = None
+        self._unrefined: list[Pose2] | None = None
+        self._fits: list[PlaceFit] = []
         if not self._is_hopeless:
             self._rotate()
 
@@ -99,7 +101,8 @@ class PlaceSearch:
         self._channels = np.where((normals != 0.0).any(axis=1), channel, DIRECTIONS)
 
     def advance(self) -> bool:
-        """Search one slice of some milliseconds; return whether the search has ended."""
+        """Search one slice, or refine one of the places that were found, which takes some ten
+        milliseconds; return whether the search has ended."""
         if self._is_hopeless:
             return True
         rules = self._config.search
@@ -117,14 +120,26 @@ class PlaceSearch:
             promising = np.flatnonzero((flat > HOPELESS) & self._is_within())
             self._order = promising[np.argsort(-flat[promising], kind="stable")]
             return False
-        found = np.empty((MOST_FOUND, 4))
+        if self._next < len(self._order):
+            self._descend(self._order)
+            return False
+        if self._unrefined is None:
+            self._unrefined = self._places()
+        if self._unrefined:
+            near = self._unrefined.pop()
+            self._fits.append(fit_place(self._submap, near, self._map, self._config.fit))
+        return not self._unrefined
+
+    def _descend(self, order: Indices) -> None:
+        """Search some of the largest blocks."""
+        rules, found = self._config.search, np.empty((MOST_FOUND, 4))
         self._next, count, self._best = _descend(
             self._map.tables,
             self._worth,
             self._cells,
             self._channels,
             self._coarse,
-            self._order,
+            order,
             self._next,
             self._best,
             rules.least_score,
@@ -133,7 +148,6 @@ class PlaceSearch:
             found,
         )
         self._found.append(found[:count])
-        return self._next >= len(self._order)
 
     def _is_within(self) -> Bools:
         """Return which of the largest blocks reach into the window."""
@@ -153,12 +167,13 @@ class PlaceSearch:
         return np.asarray(np.broadcast_to(inside, self._coarse.shape)).ravel()
 
     def candidates(self) -> list[PlaceFit]:
-        """Return the refined places within the window that the search has found, best first."""
+        """Return the refined places within the window that a search has found which has ended, best
+        first."""
         fits = [
-            fit_place(self._submap, pose, self._map, self._config.fit) for pose in self._places()
+            fit
+            for fit in reversed(self._fits)
+            if self._window is None or self._window.holds(fit.T_map_base)
         ]
-        if self._window is not None:
-            fits = [fit for fit in fits if self._window.holds(fit.T_map_base)]
         fits.sort(key=lambda fit: -fit.evidence)
         distinct: list[PlaceFit] = []
         for fit in fits:

@@ -153,8 +153,8 @@ def search_task(
     config: RelocalisationConfig = DEFAULT_RELOCALISATION,
     is_cancelled: Callable[[], bool] = lambda: False,
 ) -> SearchResult | None:
-    """Return the places of a task, or None if it was cancelled, which is asked every few
-    milliseconds."""
+    """Return the places of a task, or None if it was cancelled, which is asked after each slice of
+    the searches and for each place that is refined: about every 0.1 s."""
     everything = submap_of(task.everything)
     newest = submap_of(task.newest) if task.newest else None
     if newest is not None and len(newest) < config.search.least_points:
@@ -181,11 +181,13 @@ def search_task(
         found.append(tuple(search.candidates()))
     again = None
     if found[0]:
-        best = fit_beside(everything, found[0][0], place_map, config)
+        best = fit_beside(everything, found[0][0], place_map, config, is_cancelled)
         found[0] = (best, *found[0][1:])
         if newest is not None:
             again = fit_place(newest, best.T_map_base, place_map, config.fit)
-            again = fit_beside(newest, again, place_map, config)
+            again = fit_beside(newest, again, place_map, config, is_cancelled)
+        if is_cancelled():
+            return None
     return SearchResult(
         task=task,
         points=len(everything),

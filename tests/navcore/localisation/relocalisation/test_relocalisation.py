@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +18,14 @@ from navcore.config.localisation.relocalisation import (
     RelocalisationConfig,
 )
 from navcore.geometry.transform import IDENTITY, Pose2
-from navcore.localisation.relocalisation.place_fit import fit_place
+from navcore.localisation.relocalisation import place_fit, place_search
+from navcore.localisation.relocalisation.place_fit import PlaceFit, fit_place
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.relocalisation import (
     PlaceProposal,
     RelocalisationState,
     Relocaliser,
+    SearchTask,
     search_task,
 )
 from navcore.localisation.relocalisation.submap import submap_of
@@ -290,6 +294,29 @@ def test_a_cancelled_search_ends_without_a_result() -> None:
     assert task is not None
     assert search_task(task, office_map(1), is_cancelled=lambda: True) is None
     assert relocaliser.next_task() is None
+
+
+def test_whether_a_search_is_cancelled_is_asked_for_each_place_that_it_refines(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world, true, rng = office(1, rooms=ROOMS), room_drive(1, 0), np.random.default_rng(0)
+    views = tuple((at, world.scan(at, rng)) for at in true[:12])
+    events: list[str] = []
+
+    def refined(*of: Any) -> PlaceFit:
+        events.append("refined")
+        return fit_place(*of)
+
+    def is_cancelled() -> bool:
+        events.append("asked")
+        return False
+
+    for module in (place_search, place_fit):
+        monkeypatch.setattr(module, "fit_place", refined)
+    task = SearchTask(everything=views, recent=views)
+    assert search_task(task, office_map(1), is_cancelled=is_cancelled) is not None
+    assert events.count("refined") > 5
+    assert ("refined", "refined") not in itertools.pairwise(events)
 
 
 def test_an_empty_map_and_an_empty_view_fit_nowhere() -> None:
