@@ -139,7 +139,9 @@ def test_the_tables_of_a_larger_map_grow_by_its_walls_and_not_by_its_area() -> N
     far = np.vstack([wall, wall + 200.0])
     two = place_map_of(far, np.vstack([facing, facing]), CONFIG.search)
     assert len(two.tables.tiles) - UNIFORM < 2.5 * (len(one.tables.tiles) - UNIFORM)
-    assert two.memory_mb < 0.1 * (9 * len(two.tables.numbers) + 64 + 1) * two.clear.size / 1e6
+    parts = (*two.tables, two.walls.numbers, two.walls.tiles, two.clear)
+    dense = (9 * len(two.tables.numbers) + 64 + 1) * two.clear.size
+    assert sum(part.nbytes for part in parts) < 0.1 * dense
 
 
 def wall_between() -> PlaceMap:
