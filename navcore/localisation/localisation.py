@@ -73,7 +73,8 @@ class Localisation:
         self._asked: SearchTask | None = None
         """The newest search that was asked for; None if not for the start that is checked."""
         self._outdated: SearchTask | None = None
-        """A search that was asked for while another place was on trial than now."""
+        """The search under way if it began with another place on trial than now, or with scans that
+        are forgotten."""
         self._last: Pose2 | None = None
         """The place at the end of the session before, which is tried where the first looks or
         metres contradict odometry's: T_map_base until the first frame, then T_map_driven."""
@@ -215,9 +216,13 @@ class Localisation:
         led to it, too, and so has any other that is to replace it: corridors are alike."""
         searched = self._relocaliser if by_search else None
         self._relocaliser = None if searched is None else searched.reconsidered()
-        self._outdated = self._asked
+        self._drop_answer()
         self._probation = Probation(self._config.start, self._config.relocalisation)
         self._restart_chain()
+
+    def _drop_answer(self) -> None:
+        """Take no answer to the search under way: it is about another place, or other scans."""
+        self._outdated, self._asked = self._asked or self._outdated, None
 
     def _fixed(self, frame: Frame, estimate: LocalisationEstimate) -> LocalisationEstimate:
         """Return the estimate with the absolute positions of a frame, which locate the robot for a
@@ -242,6 +247,10 @@ class Localisation:
         was at the end of the session before: then that place is checked in the same way.
         """
         is_lost = estimate.state is LocalisationState.LOST
+        if is_lost and not self._is_lost and self._start is None:
+            # It fitted until now: the robot was carried, and what it saw before is of elsewhere.
+            self._relocaliser = None
+            self._drop_answer()
         share, points = self.tracker.saved_share, 0 if self.scan is None else len(self.scan)
         if self._probation is not None and not is_lost:
             verdict = self._probation.after(self.tracker.moved_m)
@@ -288,7 +297,7 @@ class Localisation:
         return self._unconfirmed(self.tracker.estimate(frame), self._start)
 
     def _start_check(self) -> StartCheck:
-        self._outdated, self._asked = self._asked, None
+        self._drop_answer()
         return StartCheck(self._config.start, self._config.relocalisation)
 
     def _unconfirmed(
@@ -360,7 +369,7 @@ class Localisation:
             and self._may_be_there
             and (fit := outcome.still_there(self._config.relocalisation))
         ):
-            T_base_driven = outcome.task.everything.T_odom_base.inverse()
+            T_base_driven = outcome.task.T_odom_base.inverse()
             self._still = fit.T_map_base @ T_base_driven, fit.covariance
         if self._start is not None and outcome.task is self._asked:
             self._start.take(outcome)
@@ -368,7 +377,7 @@ class Localisation:
             self._probation.take(outcome)
             self._beside = self._probation.correction or self._beside
             if fit := outcome.beside(self._config.relocalisation):
-                T_base_driven = outcome.task.everything.T_odom_base.inverse()
+                T_base_driven = outcome.task.T_odom_base.inverse()
                 self._beside = fit.T_map_base @ T_base_driven, fit.covariance
 
     def put_off_search(self) -> None:
@@ -395,6 +404,7 @@ class Localisation:
         self.tracker.place(T_map_base, covariance, frame)
         self._relocaliser, self._is_lost, self._start, self._last = None, False, None, None
         self._kept = self._probation = self._beside = None
+        self._drop_answer()
         self._restart_chain()
 
     def accept_jump(self, before: LocalisationEstimate, frame: Frame) -> None:
@@ -409,7 +419,7 @@ class Localisation:
         self._relocaliser = self._kept = self._still = self._beside = None
         if self.tracker.scan is not None:  # until then it is a place on the map, not by odometry
             self._last = None
-        self._outdated = self._asked
+        self._drop_answer()
         self._fixes = FreshFixes()  # as the clock may have jumped as well
         if self._start is not None:
             self._start = self._start_check()
@@ -461,9 +471,11 @@ class Localisation:
         return self.tracker.pending is not None
 
     def search(self, stamp_ns: int) -> None:
-        """Forget the place, and look for it in the whole map."""
+        """Forget the place and what was seen so far, as the robot may have been carried since, and
+        look for the place in the whole map."""
         self.tracker.lose(stamp_ns)
-        self._kept = self._start = self._last = self._probation = None
+        self._kept = self._start = self._last = self._probation = self._relocaliser = None
+        self._drop_answer()
         self._begin_search(may_be_there=False)
 
     def load(

@@ -50,7 +50,7 @@ class StartCheck:
         """Receive what a search of the whole map says about the place: of few points many places
         explain more by chance."""
         if result.given is not None:
-            tells = len(result.task.everything) >= self._config.telling_points
+            tells = result.points >= self._config.telling_points
             rivals = _rivals(result, result.given, self._rules)
             is_better = _is_worse(result.given, rivals, self._rules)
             self._is_better_elsewhere = tells and is_better
@@ -150,7 +150,7 @@ class Probation:
         ):
             self._agreeing = 0
             return
-        T_odom_base = result.task.everything.T_odom_base
+        T_odom_base = result.task.T_odom_base
         is_same = before is not None and is_same_place(best.T_map_base, before @ T_odom_base, rules)
         self._other = best.T_map_base @ T_odom_base.inverse()
         self._agreeing = self._agreeing + 1 if is_same else 1

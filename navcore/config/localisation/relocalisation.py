@@ -103,7 +103,8 @@ class RelocalisationConfig:
     """Share of the points where the map has seen that nothing stands that a place must stay
     below."""
     confirm_m: float = ranged(0.5, 50.0, default=2.0)
-    """Distance in metres to drive before new scans may confirm a place."""
+    """Distance in metres from the first of the new scans that the robot has to reach before they
+    may confirm a place."""
     confirm_turn_deg: float = ranged(30.0, 720.0, default=120.0)
     """Turn in degrees after which scans may confirm a place instead, if the robot has turned by
     `round_deg` in all, the place exceeds every other by `turn_margin`, and the map contradicts less

@@ -41,3 +41,11 @@ class ConstantErrors:
 
 NO_ERRORS = ConstantErrors(mean=np.zeros(3), covariance=np.zeros((3, 3)))
 """Odometry without constant errors."""
+
+
+def in_own_axes(pose: Pose2, spread: Matrix) -> Matrix:
+    """Return a (3, 3) covariance, or information, along the axes of a pose's parent in those of the
+    pose, as edges have it."""
+    rotation = np.eye(3)
+    rotation[:2, :2] = pose.matrix()[:2, :2]
+    return np.asarray(rotation.T @ spread @ rotation)

@@ -19,7 +19,7 @@ from navcore.config.localisation.pose_graph import DEFAULT_POSE_GRAPH, PoseGraph
 from navcore.errors import BadGeometry
 from navcore.geometry.arrays import Bools, Floats
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2, wrap_angle
-from navcore.localisation.graph.edges import ConstantErrors, Edge
+from navcore.localisation.graph.edges import ConstantErrors, Edge, in_own_axes
 from navcore.localisation.graph.normal_equations import Factors, NormalEquations, factors_of
 
 SMALLEST_DAMPING = 1e-9
@@ -74,10 +74,6 @@ class OptimisedGraph:
     """T_map_base by pose ID."""
     accepted_loops: tuple[bool, ...]
     """For each loop whether it was believed."""
-    chi2: float
-    """Sum of the squared Mahalanobis distances of everything that was believed."""
-    steps: int
-    """Number of linear systems that were solved."""
     held: Matrix | None
     """(3, 3) covariance of the first pose where that stayed, which the equations leave out; None
     where it took part."""
@@ -131,15 +127,11 @@ def optimise(graph: PoseGraph, config: PoseGraphConfig = DEFAULT_POSE_GRAPH) -> 
     after_absolute = first_absolute + len(graph.absolute)
     trusted = np.ones(len(factors.first), dtype=bool)
     trusted[len(graph.odometry) : after_absolute] = False
-    solver = _Solver(equations, config)
-    state, weights = solver.graduated(state, trusted)
+    state, weights = _Solver(equations, config).graduated(state, trusted)
     believed = weights > 0.5
-    chi2 = equations.chi2(state)
     return OptimisedGraph(
         poses=_poses(ids, state),
         accepted_loops=tuple(map(bool, believed[len(graph.odometry) : first_absolute])),
-        chi2=float(chi2[believed].sum()),
-        steps=solver.steps,
         held=None if graph.absolute else graph.first_covariance,
         _equations=equations,
         _state=state,
@@ -160,12 +152,14 @@ def _factors(graph: PoseGraph, index: Mapping[int, int]) -> Factors:
     by_errors = [e.by_constant_errors for e in edges] + [np.zeros((3, 3))] * len(graph.absolute)
     try:
         information: list[Matrix] = [np.asarray(np.linalg.inv(e.covariance)) for e in edges]
-        information += [_in_body(a.T_map_base, a.information) for a in graph.absolute]
+        information += [in_own_axes(a.T_map_base, a.information) for a in graph.absolute]
         if graph.absolute and graph.first_covariance is not None:
             first = graph.first or next(iter(graph.poses.values()))
             ends.append((-1, 0))
             measured.append(first)
-            information.append(_in_body(first, np.asarray(np.linalg.inv(graph.first_covariance))))
+            information.append(
+                in_own_axes(first, np.asarray(np.linalg.inv(graph.first_covariance)))
+            )
             by_errors.append(np.zeros((3, 3)))
         if known is not None:  # the last factor says how far they may be from what is known
             ends.append((-1, -1))
@@ -188,13 +182,6 @@ def _without(edge: Edge, known: ConstantErrors | None) -> Pose2:
         return edge.T_from_to
     x_m, y_m, yaw_rad = (edge.by_constant_errors @ known.mean).tolist()
     return edge.T_from_to @ Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
-
-
-def _in_body(measured: Pose2, information: Matrix) -> Matrix:
-    """Return the information along the axes of a measured pose, as edges have it."""
-    rotation = np.eye(3)
-    rotation[:2, :2] = measured.matrix()[:2, :2]
-    return np.asarray(rotation.T @ information @ rotation)
 
 
 def _poses(ids: Sequence[int], state: Floats) -> dict[int, Pose2]:

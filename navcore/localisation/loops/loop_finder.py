@@ -13,7 +13,7 @@ from navcore.config.localisation.pose_graph import LoopClosureConfig
 from navcore.config.localisation.relocalisation import PlaceSearchConfig, RelocalisationConfig
 from navcore.geometry.arrays import Floats, Indices
 from navcore.geometry.transform import Matrix, Pose2
-from navcore.localisation.graph.edges import Edge
+from navcore.localisation.graph.edges import Edge, in_own_axes
 from navcore.localisation.graph.pose_graph import OptimisedGraph
 from navcore.localisation.relocalisation.place_fit import PlaceFit
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
@@ -118,7 +118,7 @@ class LoopFinder:
             from_id=ids[0],
             to_id=ids[1],
             T_from_to=pose,
-            covariance=_in_body(spread, pose.yaw_rad),
+            covariance=in_own_axes(pose, spread),
         )
         error = _vector(expected.inverse() @ pose)
         distance2 = error @ np.linalg.solve(covariance + edge.covariance, error)
@@ -236,10 +236,3 @@ class LoopFinder:
 
 def _vector(pose: Pose2) -> Floats:
     return np.array([pose.x_m, pose.y_m, pose.yaw_rad])
-
-
-def _in_body(covariance: Matrix, yaw_rad: float) -> Matrix:
-    """Return a covariance along the axes of the body instead of the map's."""
-    rotation = np.eye(3)
-    rotation[:2, :2] = Pose2(x_m=0.0, y_m=0.0, yaw_rad=yaw_rad).matrix()[:2, :2]
-    return np.asarray(rotation.T @ covariance @ rotation)

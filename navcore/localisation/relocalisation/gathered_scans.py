@@ -7,8 +7,12 @@ from dataclasses import dataclass, field, replace
 
 from navcore.config.localisation.relocalisation import RelocalisationConfig
 from navcore.geometry.transform import Pose2, wrap_angle
-from navcore.localisation.relocalisation.submap import Submap, submap_of
+from navcore.localisation.relocalisation.submap import View
 from navcore.localisation.scans.scan import Scan
+
+SUBMAP_RAD = 6.0 * math.pi
+"""Turns in radians after which a scan is forgotten: odometry has drifted since, and a robot that
+turns on the spot would keep more and more of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,11 +36,10 @@ class Travel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _View:
+class _Kept:
     """A kept scan and how far the robot had come."""
 
-    T_odom_base: Pose2
-    scan: Scan
+    view: View
     travel: Travel
 
 
@@ -50,29 +53,31 @@ class GatheredScans:
     """Number of scans that were kept so far, with those that are forgotten by now."""
     travel: Travel = Travel()
     """How far the robot has come."""
-    _views: list[_View] = field(default_factory=list)
+    _kept: list[_Kept] = field(default_factory=list)
     _last: Pose2 | None = None
 
     def copy(self) -> GatheredScans:
         """Return the same scans, to go on with."""
-        return replace(self, _views=list(self._views))
+        return replace(self, _kept=list(self._kept))
 
     def add(self, scan: Scan, T_odom_base: Pose2) -> None:
         """Take one more scan with the odometry of its moment; without a point it is no view."""
         if self._last is not None:
             self.travel = self.travel.after(self._last.inverse() @ T_odom_base)
         self._last = T_odom_base
-        while self._views and self._is_past(self._views[0]):
-            del self._views[0]
-        is_again = self._views and self._is_near(T_odom_base, self._views[-1].T_odom_base)
+        while self._kept and self._is_past(self._kept[0].travel):
+            del self._kept[0]
+        is_again = self._kept and self._is_near(T_odom_base, self._kept[-1].view[0])
         if is_again or not len(scan):
             return
-        self._views.append(_View(T_odom_base=T_odom_base, scan=scan, travel=self.travel))
+        self._kept.append(_Kept(view=(T_odom_base, scan), travel=self.travel))
         self.count += 1
 
-    def _is_past(self, view: _View) -> bool:
-        """Return whether odometry has drifted too far since a view."""
-        return self.travel.driven_m - view.travel.driven_m > self.config.submap_m
+    def _is_past(self, before: Travel) -> bool:
+        """Return whether odometry has drifted too far since a scan was kept."""
+        driven_m = self.travel.driven_m - before.driven_m
+        turned_rad = self.travel.turned_rad - before.turned_rad
+        return driven_m > self.config.submap_m or turned_rad > SUBMAP_RAD
 
     def _is_near(self, one: Pose2, other: Pose2) -> bool:
         turn = abs(wrap_angle(one.yaw_rad - other.yaw_rad))
@@ -83,41 +88,38 @@ class GatheredScans:
     @property
     def is_empty(self) -> bool:
         """Whether there is no scan."""
-        return not self._views
+        return not self._kept
 
     @property
-    def everything(self) -> Submap:
-        """All scans; raises `ValueError` without any."""
-        return _submap(self._views)
+    def everything(self) -> tuple[View, ...]:
+        """All scans, oldest first."""
+        return tuple(one.view for one in self._kept)
 
     @property
-    def recent(self) -> Submap:
-        """Scans of the last metres, over which odometry has hardly drifted."""
-        least_m = self._views[-1].travel.driven_m - self.config.recent_m
-        return _submap([view for view in self._views if view.travel.driven_m >= least_m])
+    def recent(self) -> tuple[View, ...]:
+        """Scans of the last metres, over which odometry has hardly drifted, of at least one."""
+        least_m = self._kept[-1].travel.driven_m - self.config.recent_m
+        return tuple(one.view for one in self._kept if one.travel.driven_m >= least_m)
 
     @property
     def has_looked_round(self) -> bool:
         """Whether the scans show everything around the robot."""
-        headings = [view.travel.heading_rad for view in self._views]
+        headings = [one.travel.heading_rad for one in self._kept]
         return max(headings) - min(headings) >= math.radians(self.config.round_deg)
 
-    def newest(self, count: int) -> tuple[Submap | None, bool]:
-        """Return the scans that were kept since `count` had been kept, None while these are too few
-        to confirm a place, and whether the robot has only turned meanwhile."""
-        forgotten = self.count - len(self._views)
-        views = self._views[max(count - forgotten, 0) :]
-        if not views:
-            return None, False
-        first, last = views[0].travel, views[-1].travel
-        has_only_turned = last.driven_m - first.driven_m < self.config.confirm_m
-        least_rad = math.radians(self.config.confirm_turn_deg)
-        if has_only_turned and last.turned_rad - first.turned_rad < least_rad:
-            return None, True
-        submap = _submap(views)
-        tells = len(submap) >= self.config.search.least_points
-        return submap if tells else None, has_only_turned
-
-
-def _submap(views: list[_View]) -> Submap:
-    return submap_of([(view.T_odom_base, view.scan) for view in views])
+    def newest(self, count: int) -> tuple[tuple[View, ...], bool]:
+        """Return the scans that were kept since `count` had been kept, none while these are too few
+        to confirm a place, and whether the robot has hardly left one position meanwhile: turning
+        in short strokes adds metres, but shows one room."""
+        forgotten = self.count - len(self._kept)
+        kept = self._kept[max(count - forgotten, 0) :]
+        if not kept:
+            return (), False
+        views = tuple(one.view for one in kept)
+        start = views[0][0]
+        away_m = max(start.distance_to(pose.x_m, pose.y_m) for pose, _ in views)
+        has_only_turned = away_m < self.config.confirm_m
+        turned_rad = kept[-1].travel.turned_rad - kept[0].travel.turned_rad
+        if has_only_turned and turned_rad < math.radians(self.config.confirm_turn_deg):
+            return (), True
+        return views, has_only_turned

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -156,12 +156,19 @@ def fit_place(submap: Submap, near: Pose2, place_map: PlaceMap, config: PlaceFit
 
 
 def fit_beside(
-    submap: Submap, fit: PlaceFit, place_map: PlaceMap, config: RelocalisationConfig
+    submap: Submap,
+    fit: PlaceFit,
+    place_map: PlaceMap,
+    config: RelocalisationConfig,
+    is_cancelled: Callable[[], bool] = lambda: False,
 ) -> PlaceFit:
     """Return the best of a fit and of those that begin beside it, with a covariance that spans all
-    that fit nearly as well."""
-    beside = poses_beside(fit.T_map_base, fit.covariance)
-    fits = [fit, *(fit_place(submap, one, place_map, config.fit) for one in beside)]
+    that fit nearly as well; of no use once `is_cancelled`, which ends it early."""
+    fits = [fit]
+    for one in poses_beside(fit.T_map_base, fit.covariance):
+        if is_cancelled():
+            break
+        fits.append(fit_place(submap, one, place_map, config.fit))
     best = max(fits, key=lambda one: one.evidence)
     alike = [
         one.T_map_base

@@ -64,12 +64,6 @@ class PlaceMap:
         inside &= (cols >= 0) & (cols < self.clear.shape[1])
         return np.asarray(inside & self.clear[np.where(inside, rows, 0), np.where(inside, cols, 0)])
 
-    @property
-    def memory_mb(self) -> float:
-        """Memory of the tables in megabytes."""
-        parts = (*self.tables, self.walls.numbers, self.walls.tiles, self.clear)
-        return sum(part.nbytes for part in parts) / 1e6
-
 
 def place_map_of(
     surfaces: Points,

@@ -31,6 +31,8 @@ MOST_FOUND = 4_096
 """Places that one slice can return."""
 HOPELESS = -1e9
 """Bound of a block that holds no candidate."""
+EVERYWHERE = np.array([0, 2**31, 0, 2**31], dtype=np.int64)
+"""Lowest and highest row and column of a search without a window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +80,8 @@ class PlaceSearch:
         self._best = config.search.least_evidence
         self._next = 0
         self._order: Indices | None = None
+        self._unrefined: list[Pose2] | None = None
+        self._fits: list[PlaceFit] = []
         if not self._is_hopeless:
             self._rotate()
 
@@ -96,10 +100,12 @@ class PlaceSearch:
         self._cells = np.floor(cells / rules.cell_m + 0.5).astype(np.int64)
         angle = np.arctan2(normals[:, 1], normals[:, 0])[None, :] + self._yaws[:, None]
         channel = np.round(angle / (2.0 * math.pi / DIRECTIONS)).astype(np.int64) % DIRECTIONS
+        self._window_cells = self._boxes()
         self._channels = np.where((normals != 0.0).any(axis=1), channel, DIRECTIONS)
 
     def advance(self) -> bool:
-        """Search one slice of some milliseconds; return whether the search has ended."""
+        """Search one slice, or refine one of the places that were found, which takes some ten
+        milliseconds; return whether the search has ended."""
         if self._is_hopeless:
             return True
         rules = self._config.search
@@ -117,14 +123,27 @@ class PlaceSearch:
             promising = np.flatnonzero((flat > HOPELESS) & self._is_within())
             self._order = promising[np.argsort(-flat[promising], kind="stable")]
             return False
-        found = np.empty((MOST_FOUND, 4))
+        if self._next < len(self._order):
+            self._descend(self._order)
+            return False
+        if self._unrefined is None:
+            self._unrefined = self._places()
+        if self._unrefined:
+            near = self._unrefined.pop()
+            self._fits.append(fit_place(self._submap, near, self._map, self._config.fit))
+        return not self._unrefined
+
+    def _descend(self, order: Indices) -> None:
+        """Search some of the largest blocks."""
+        rules, found = self._config.search, np.empty((MOST_FOUND, 4))
         self._next, count, self._best = _descend(
             self._map.tables,
             self._worth,
             self._cells,
             self._channels,
+            self._window_cells,
             self._coarse,
-            self._order,
+            order,
             self._next,
             self._best,
             rules.least_score,
@@ -133,32 +152,47 @@ class PlaceSearch:
             found,
         )
         self._found.append(found[:count])
-        return self._next >= len(self._order)
+
+    def _boxes(self) -> Indices:
+        """Return the (yaws, 4) lowest and highest row, then column, of the middle of the points
+        with the robot in the window or up to a cell beside it, by which a refinement moves it."""
+        boxes = np.tile(EVERYWHERE, (len(self._yaws), 1))
+        if self._window is None:
+            return boxes
+        lattice, expected, reach_m = (
+            self._map.lattice,
+            self._window.T_map_base,
+            self._window.reach_m,
+        )
+        x, y = self._centre
+        cos, sin = np.cos(self._yaws), np.sin(self._yaws)
+        middles = (
+            (expected.y_m + sin * x + cos * y - lattice.y_m) / lattice.cell_m - 0.5,
+            (expected.x_m + cos * x - sin * y - lattice.x_m) / lattice.cell_m - 0.5,
+        )
+        for axis, middle in enumerate(middles):
+            boxes[:, 2 * axis] = np.floor(middle - reach_m / lattice.cell_m)
+            boxes[:, 2 * axis + 1] = np.ceil(middle + reach_m / lattice.cell_m)
+        return boxes
 
     def _is_within(self) -> Bools:
         """Return which of the largest blocks reach into the window."""
         _, rows, cols = self._coarse.shape
-        if self._window is None:
-            return np.ones(self._coarse.size, dtype=bool)
-        lattice, side = self._map.lattice, 2**self._config.search.levels
-        middle = self._window.T_map_base.to_parent(self._centre)
-        half = 0.5 * side * lattice.cell_m
-        x = lattice.x_m + half * (2 * np.arange(cols) + 1) - middle[0]
-        y = lattice.y_m + half * (2 * np.arange(rows) + 1) - middle[1]
-        # The middle of what is seen swings as the robot turns within the window.
-        arm = float(np.hypot(*self._centre))
-        swing = 2.0 * arm * math.sin(min(self._window.reach_rad, math.pi) / 2)
-        reach = self._window.reach_m + swing + half
-        inside = (np.abs(y) <= reach)[:, None] & (np.abs(x) <= reach)
-        return np.asarray(np.broadcast_to(inside, self._coarse.shape)).ravel()
+        low_row, high_row, low_col, high_col = self._window_cells.T[:, :, None]
+        side = 2**self._config.search.levels
+        row, col = side * np.arange(rows), side * np.arange(cols)
+        is_row = (row + side > low_row) & (row <= high_row)
+        is_col = (col + side > low_col) & (col <= high_col)
+        return np.asarray(is_row[:, :, None] & is_col[:, None, :]).ravel()
 
     def candidates(self) -> list[PlaceFit]:
-        """Return the refined places within the window that the search has found, best first."""
+        """Return the refined places within the window that a search has found which has ended, best
+        first."""
         fits = [
-            fit_place(self._submap, pose, self._map, self._config.fit) for pose in self._places()
+            fit
+            for fit in reversed(self._fits)
+            if self._window is None or self._window.holds(fit.T_map_base)
         ]
-        if self._window is not None:
-            fits = [fit for fit in fits if self._window.holds(fit.T_map_base)]
         fits.sort(key=lambda fit: -fit.evidence)
         distinct: list[PlaceFit] = []
         for fit in fits:
@@ -293,6 +327,7 @@ def _descend(
     worth: Indices,
     cells: Indices,
     channels: Indices,
+    boxes: Indices,
     coarse: Floats,
     order: Indices,
     start: int,
@@ -305,7 +340,8 @@ def _descend(
     """Search the largest blocks from `order[start]` on, depth first.
 
     Writes evidence, heading, row and column of the best position of each small block that may still
-    count into `found`; returns where to go on, how many were found and the best evidence so far.
+    count into `found`, of those within the rows and columns of `boxes` for the heading; returns
+    where to go on, how many were found and the best evidence so far.
     """
     top = len(tables.numbers) - 2 + KEPT_BLOCK
     across_rows, across_cols = coarse.shape[1], coarse.shape[2]
@@ -317,6 +353,12 @@ def _descend(
         index += 1
         yaw = block // (across_rows * across_cols)
         row, col = block // across_cols % across_rows, block % across_cols
+        low_row, high_row, low_col, high_col = (
+            boxes[yaw, 0],
+            boxes[yaw, 1],
+            boxes[yaw, 2],
+            boxes[yaw, 3],
+        )
         if coarse[yaw, row, col] < max(least_evidence, best - kept_margin):
             index = len(order)  # they are sorted: none of the rest counts
             break
@@ -328,8 +370,8 @@ def _descend(
             least = max(least_evidence, best - kept_margin)
             if level <= KEPT_BLOCK:
                 highest, at_row, at_col = HOPELESS, 0, 0
-                for r in range(row, row + (1 << level)):
-                    for c in range(col, col + (1 << level)):
+                for r in range(max(row, low_row), min(row + (1 << level), high_row + 1)):
+                    for c in range(max(col, low_col), min(col + (1 << level), high_col + 1)):
                         value = _bound(
                             tables,
                             0,
@@ -353,6 +395,8 @@ def _descend(
             half = 1 << (level - 1)
             for k in range(4):
                 r, c = row + (k >> 1) * half, col + (k & 1) * half
+                if r + half <= low_row or r > high_row or c + half <= low_col or c > high_col:
+                    continue
                 calls += 1
                 value = _bound(
                     tables,

@@ -29,7 +29,7 @@ from navcore.localisation.relocalisation.place_fit import (
 )
 from navcore.localisation.relocalisation.place_map import PlaceMap
 from navcore.localisation.relocalisation.place_search import PlaceSearch
-from navcore.localisation.relocalisation.submap import Submap, submap_of
+from navcore.localisation.relocalisation.submap import View, submap_of
 from navcore.localisation.scans.scan import Scan
 
 SMOOTHED_SCANS = 5
@@ -65,29 +65,33 @@ class PlaceProposal:
     """(3, 3) covariance of the robot's pose there: x, y along the map's axes in metres, yaw in
     radians."""
     candidates: tuple[PlaceFit, ...] = ()
-    """Places that fit at the last search, best first."""
+    """Places of which any may be the one, as far as the last search tells; best first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchTask:
     """What a thread has to search; `search_task` does it."""
 
-    everything: Submap
-    """All scans that odometry still connects."""
-    recent: Submap
+    everything: tuple[View, ...]
+    """All scans that odometry still connects, at least one, oldest first."""
+    recent: tuple[View, ...]
     """Those of the last metres, over which odometry has hardly drifted."""
-    newest: Submap | None
-    """Scans since the place was first found; None while these are too few to confirm it."""
+    newest: tuple[View, ...] = ()
+    """Scans since the place was first found; none while these are too few to confirm it."""
     has_only_turned: bool = False
-    """Whether the newest scans were taken at one position."""
+    """Whether the newest scans were taken at about one position."""
     has_looked_round: bool = False
     """Whether all scans together show everything around the robot."""
     given: Pose2 | None = None
-    """T_map_base at which `everything` was seen if a place to be checked is right; None without
-    one."""
+    """T_map_base of the newest scan if a place to be checked is right; None without one."""
     last: Pose2 | None = None
     """The same of a lost robot if it is about where odometry has it since the place was believed
     last; None where that tells nothing."""
+
+    @property
+    def T_odom_base(self) -> Pose2:
+        """Pose of the robot at the newest scan, in odometry's frame: places are those of it."""
+        return self.everything[-1][0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,10 +100,12 @@ class SearchResult:
 
     task: SearchTask
     """What was searched."""
+    points: int
+    """Number of points of all scans; those of one surface within a cell count as one."""
     everything: tuple[PlaceFit, ...]
     """Places of all scans."""
-    newest: tuple[PlaceFit, ...]
-    """Places of the new scans alone."""
+    newest: tuple[PlaceFit, ...] | None
+    """Places of the new scans alone; None while these show too little to confirm a place."""
     again: PlaceFit | None
     """Fit of the new scans alone at the best place of all scans; None without either. A search may
     take the new scans along a wall, where all scans together do not slip."""
@@ -147,19 +153,23 @@ def search_task(
     config: RelocalisationConfig = DEFAULT_RELOCALISATION,
     is_cancelled: Callable[[], bool] = lambda: False,
 ) -> SearchResult | None:
-    """Return the places of a task, or None if it was cancelled, which is asked every few
-    milliseconds."""
-    everything = task.everything
+    """Return the places of a task, or None if it was cancelled, which is asked after each slice of
+    the searches and for each place that is refined: about every 0.1 s."""
+    everything = submap_of(task.everything)
+    newest = submap_of(task.newest) if task.newest else None
+    if newest is not None and len(newest) < config.search.least_points:
+        newest = None
     given = moved = unmoved = None
-    least = config.search.least_points
-    if task.given is not None and len(everything) >= least:
-        given = fit_place(everything, task.given, place_map, config.fit)
-    if task.given is not None and len(task.recent) >= least:
-        moved = fit_place(task.recent, task.given, place_map, config.fit)
-        unmoved = evaluate_place(task.recent, task.given, place_map, config.fit)
+    if task.given is not None:
+        recent = submap_of(task.recent)
+        if len(everything) >= config.search.least_points:
+            given = fit_place(everything, task.given, place_map, config.fit)
+        if len(recent) >= config.search.least_points:
+            moved = fit_place(recent, task.given, place_map, config.fit)
+            unmoved = evaluate_place(recent, task.given, place_map, config.fit)
     last = None if task.last is None else check_place(everything, task.last, place_map, config)
     found: list[tuple[PlaceFit, ...]] = []
-    for submap in (everything, task.newest, everything.mirrored):
+    for submap in (everything, newest, everything.mirrored):
         is_control = len(found) == 2
         if submap is None or (is_control and given is None and doubt_of(found[0], config)):
             found.append(())  # nothing would be believed anyway
@@ -171,15 +181,18 @@ def search_task(
         found.append(tuple(search.candidates()))
     again = None
     if found[0]:
-        best = fit_beside(everything, found[0][0], place_map, config)
+        best = fit_beside(everything, found[0][0], place_map, config, is_cancelled)
         found[0] = (best, *found[0][1:])
-        if task.newest is not None:
-            again = fit_place(task.newest, best.T_map_base, place_map, config.fit)
-            again = fit_beside(task.newest, again, place_map, config)
+        if newest is not None:
+            again = fit_place(newest, best.T_map_base, place_map, config.fit)
+            again = fit_beside(newest, again, place_map, config, is_cancelled)
+        if is_cancelled():
+            return None
     return SearchResult(
         task=task,
+        points=len(everything),
         everything=found[0],
-        newest=found[1],
+        newest=None if newest is None else found[1],
         again=again,
         mirrored=found[2],
         given=given,
@@ -204,8 +217,10 @@ class Relocaliser:
         self._leading: Pose2 | None = None
         self._leading_since = 0
         self._shares: list[float] = []
-        self._tracked_since_ns: int | None = None
-        self._now_ns = 0
+        self._tracked_ns = 0
+        """Time between consecutive scans that have fitted at the leading place."""
+        self._fitted_ns: int | None = None
+        """Stamp of the newest scan if it is one of these."""
         self.proposal = PlaceProposal(state=RelocalisationState.SEARCHING, reason="")
         """What is known now."""
 
@@ -217,10 +232,12 @@ class Relocaliser:
 
     def observe(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
         """Take one more scan with the odometry of its moment."""
-        self._now_ns = stamp_ns
         self._seen.add(scan, T_odom_base)
-        if self._leading is not None and len(scan):
-            self._track(scan, T_odom_base, stamp_ns)
+        before_ns, self._fitted_ns = self._fitted_ns, None
+        if self._leading is None or not len(scan) or not self._fits(scan, T_odom_base):
+            return
+        self._tracked_ns += 0 if before_ns is None else stamp_ns - before_ns
+        self._fitted_ns = stamp_ns
 
     def next_task(
         self, T_map_odom: Pose2 | None = None, last: Pose2 | None = None
@@ -230,18 +247,20 @@ class Relocaliser:
         if self._seen.is_empty or not self._has_moved:
             return None
         self._searched = self._seen.travel
-        newest, has_only_turned = None, False
+        newest: tuple[View, ...] = ()
+        has_only_turned = False
         if self._leading is not None:
             newest, has_only_turned = self._seen.newest(self._leading_since)
         everything = self._seen.everything
+        T_odom_base, _ = everything[-1]
         return SearchTask(
             everything=everything,
             recent=self._seen.recent,
             newest=newest,
             has_only_turned=has_only_turned,
             has_looked_round=self._seen.has_looked_round,
-            given=None if T_map_odom is None else T_map_odom @ everything.T_odom_base,
-            last=None if last is None else last @ everything.T_odom_base,
+            given=None if T_map_odom is None else T_map_odom @ T_odom_base,
+            last=None if last is None else last @ T_odom_base,
         )
 
     @property
@@ -259,22 +278,22 @@ class Relocaliser:
         """Return what a finished search changes."""
         if self.proposal.state is RelocalisationState.ACCEPTED:
             return self.proposal
-        best = result.everything[0] if result.everything else None
+        best, others = result.everything[0] if result.everything else None, result.everything[1:]
         doubt = doubt_of(result.everything, self._config) or self._mirror_doubt(result)
         if best is None or doubt:
             self._leading = None
             self.proposal = PlaceProposal(
                 state=RelocalisationState.AMBIGUOUS if best else RelocalisationState.SEARCHING,
                 reason=doubt,
-                candidates=result.everything,
+                candidates=(best, *rivals_of(best, others, self._config)) if best else (),
             )
             return self.proposal
-        T_map_odom = best.T_map_base @ result.task.everything.T_odom_base.inverse()
+        T_map_odom = best.T_map_base @ result.task.T_odom_base.inverse()
         if self._leading is None or not is_same_place(
             best.T_map_base, self._expected(result), self._config
         ):
             self._leading_since = self._seen.count
-            self._shares, self._tracked_since_ns = [], None
+            self._shares, self._tracked_ns, self._fitted_ns = [], 0, None
         self._leading = T_map_odom
         lacking = self._unconfirmed(result)
         # Odometry has drifted least in the newest scans: they say best where the robot is now.
@@ -282,14 +301,15 @@ class Relocaliser:
         self.proposal = PlaceProposal(
             state=RelocalisationState.CONFIRMING if lacking else RelocalisationState.ACCEPTED,
             reason=lacking,
-            T_map_odom=newest.T_map_base @ result.task.everything.T_odom_base.inverse(),
+            T_map_odom=newest.T_map_base @ result.task.T_odom_base.inverse(),
             covariance=newest.covariance,
-            candidates=result.everything,
+            candidates=(newest,),
         )
         return self.proposal
 
-    def _track(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
-        """Measure for how long single scans have fitted at the leading place."""
+    def _fits(self, scan: Scan, T_odom_base: Pose2) -> bool:
+        """Return whether a scan tells of the leading place, and the newest ones fit there; those
+        that do not end the time for which they have."""
         assert self._leading is not None
         fit = evaluate_place(
             submap_of([(T_odom_base, scan)]),
@@ -298,16 +318,16 @@ class Relocaliser:
             self._config.fit,
         )
         if fit.agreeing_share is None:
-            return  # the map shows nothing here that would tell
+            return False  # the map shows nothing here that would tell
         self._shares = [*self._shares, fit.agreeing_share][-SMOOTHED_SCANS:]
         if sum(self._shares) / len(self._shares) < self._config.tracked_share:
-            self._tracked_since_ns = None
-        elif self._tracked_since_ns is None:
-            self._tracked_since_ns = stamp_ns
+            self._tracked_ns = 0
+            return False
+        return True
 
     def _unconfirmed(self, result: SearchResult) -> str:
         """Return what the leading place still lacks, or nothing."""
-        if result.task.newest is None:
+        if result.newest is None:
             return "one place fits; drive on or turn round to confirm it"
         again = self._again(result)
         if again is None:
@@ -318,16 +338,17 @@ class Relocaliser:
             return "what has been seen since fits only roughly; drive on to confirm the place"
         if result.task.has_only_turned and not self._is_beyond_doubt(result):
             return "one place fits from here; drive on to confirm it"
-        tracked_ns = 0 if self._tracked_since_ns is None else self._now_ns - self._tracked_since_ns
-        if self._tracked_since_ns is None or tracked_ns < self._config.tracked_s * 1e9:
-            return f"scans have fitted there for {tracked_ns / 1e9:.1f} s"
+        if self._tracked_ns < self._config.tracked_s * 1e9:
+            return f"scans have fitted there for {self._tracked_ns / 1e9:.1f} s"
         return ""
 
     def _again(self, result: SearchResult) -> PlaceFit | None:
         """Return the best place again as the new scans alone show it; None if they fit clearly
         better elsewhere."""
         again, best = result.again, result.everything[0]
-        if again is None or not is_same_place(again.T_map_base, best.T_map_base, self._config):
+        if again is None or result.newest is None:
+            return None
+        if not is_same_place(again.T_map_base, best.T_map_base, self._config):
             return None
         is_worse = any(is_clearly_better(one, again, self._config) for one in result.newest)
         return None if is_worse else again
@@ -350,4 +371,4 @@ class Relocaliser:
     def _expected(self, result: SearchResult) -> Pose2:
         """Return T_map_base at the leading place."""
         assert self._leading is not None
-        return self._leading @ result.task.everything.T_odom_base
+        return self._leading @ result.task.T_odom_base

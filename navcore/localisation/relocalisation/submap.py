@@ -18,6 +18,8 @@ LEAST_VARIANCE_M2 = 0.01**2
 """Variance in square metres below which a point does not weigh more."""
 DIRECTIONS = 8
 """Directions of surfaces that a cell tells apart."""
+View = tuple[Pose2, Scan]
+"""T_odom_base, and the scan that was taken there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,8 +58,8 @@ class Submap:
             array.flags.writeable = False
 
 
-def submap_of(views: Sequence[tuple[Pose2, Scan]], *, reference: Pose2 | None = None) -> Submap:
-    """Return the surfaces of scans taken at poses T_odom_base, in the frame of `reference`, by
+def submap_of(views: Sequence[View], *, reference: Pose2 | None = None) -> Submap:
+    """Return the surfaces of scans, in the frame of `reference`, by
     default the last pose; the points of a surface in one cell become their mean.
 
     Raises `ValueError` without a view.

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig, StartConfig
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.relocalisation.place_fit import PlaceFit
 from navcore.localisation.relocalisation.relocalisation import SearchResult, SearchTask
-from navcore.localisation.relocalisation.submap import Submap
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
@@ -64,18 +63,14 @@ def search_result(
     unmoved: PlaceFit | None = None,
     count: int = MANY,
 ) -> SearchResult:
-    seen = Submap(
-        points=np.zeros((count, 2)),
-        normals=np.zeros((count, 2)),
-        origins=np.zeros((count, 2)),
-        T_odom_base=Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0),
-    )
-    task = SearchTask(everything=seen, recent=seen, newest=None)
+    views = ((IDENTITY, WORLD.scan(ROUTE[0], np.random.default_rng(0))),)
+    task = SearchTask(everything=views, recent=views)
     found = (*others, *(() if given is None else (given,)))
     return SearchResult(
         task=task,
+        points=count,
         everything=found,
-        newest=(),
+        newest=None,
         again=None,
         mirrored=mirrored,
         given=given,

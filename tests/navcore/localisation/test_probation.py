@@ -25,6 +25,7 @@ from navcore.localisation.tasks import PrepareSearch
 from navcore.localisation.tracking.localiser import Localiser
 from navcore.mapping.points.pose_ids import PoseIds
 from navcore.robot.profile import HUSKY
+from tests.navcore.localisation.plan_worlds import office
 from tests.navcore.localisation.starts import ROUTE, RULES, WORLD, fit, search_result, started
 from tests.navcore.localisation.tracking.test_localiser import frame_at
 
@@ -209,17 +210,45 @@ def accepted_elsewhere(robot: Localisation) -> None:
     )
 
 
-@pytest.mark.parametrize("how", ["lost", "asked"])
-def test_what_was_found_on_trial_does_not_place_a_robot_that_is_lost_after_it(how: str) -> None:
+def test_what_was_found_on_trial_does_not_place_a_robot_that_is_lost_after_it() -> None:
     localisation, _, _ = started()
     accepted_elsewhere(localisation)
-    if how == "asked":
-        localisation.search(0)
-    else:
-        localisation._begin_search(may_be_there=False)
+    localisation._begin_search(may_be_there=False)
     assert localisation._relocaliser is not None
     assert localisation._relocaliser.proposal.state is not RelocalisationState.ACCEPTED
-    assert localisation.is_on_trial is (how == "lost")
+    assert localisation.is_on_trial
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_look_round_begins_without_what_was_seen_before(
+    monkeypatch: pytest.MonkeyPatch, again: bool
+) -> None:
+    """The robot may have been carried since; an answer about what was seen there tells nothing,
+    either, nor does it when the operator asks twice."""
+    localisation, _, _ = started()
+    accepted_elsewhere(localisation)
+    late = search_result(fit(0.9))
+    localisation._asked = late.task
+    for _ in range(1 + again):
+        localisation.search(0)
+    assert localisation._relocaliser is None
+    assert not localisation.is_on_trial
+    accepted_elsewhere(localisation)
+    taken: list[object] = []
+    monkeypatch.setattr(Relocaliser, "take", lambda _, result: taken.append(result))
+    localisation.take(late)
+    assert not taken
+
+
+def test_a_robot_that_is_carried_away_on_trial_is_not_looked_for_with_what_it_saw_before() -> None:
+    localisation, _, _ = started()
+    accepted_elsewhere(localisation)
+    rng = np.random.default_rng(4)
+    for k in range(10, 60):
+        elsewhere = office(7).scan(Pose2(x_m=3.0, y_m=3.0, yaw_rad=2.5), rng)
+        estimate = localisation.follow(frame_at(ROUTE[40], k), elsewhere)
+    assert estimate.state is LocalisationState.LOST
+    assert localisation._relocaliser is None
 
 
 def test_a_lost_robot_whose_odometry_jumps_is_not_placed_by_what_was_found_before() -> None:

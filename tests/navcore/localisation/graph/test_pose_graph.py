@@ -43,7 +43,6 @@ def test_without_noise_the_true_poses_are_found_from_a_wrong_first_guess(
     found = optimise(dataclasses.replace(known.graph, poses=guess))
     assert largest_error(found.poses, known.true) < 1e-6
     assert all(found.accepted_loops)
-    assert found.chi2 < 1e-6
 
 
 @law(20)
@@ -69,7 +68,7 @@ def test_wrong_loops_that_are_trusted_spoil_the_poses() -> None:
 def test_the_same_graph_gives_the_same_poses() -> None:
     one, two = (optimise(known_graph(7, wrong_share=0.3).graph) for _ in range(2))
     assert one.poses == two.poses
-    assert one.chi2 == two.chi2
+    assert one.accepted_loops == two.accepted_loops
 
 
 def test_a_drifted_graph_is_pulled_to_absolute_positions_but_not_to_a_wrong_one() -> None:

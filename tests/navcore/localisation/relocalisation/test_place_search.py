@@ -139,7 +139,9 @@ def test_the_tables_of_a_larger_map_grow_by_its_walls_and_not_by_its_area() -> N
     far = np.vstack([wall, wall + 200.0])
     two = place_map_of(far, np.vstack([facing, facing]), CONFIG.search)
     assert len(two.tables.tiles) - UNIFORM < 2.5 * (len(one.tables.tiles) - UNIFORM)
-    assert two.memory_mb < 0.1 * (9 * len(two.tables.numbers) + 64 + 1) * two.clear.size / 1e6
+    parts = (*two.tables, two.walls.numbers, two.walls.tiles, two.clear)
+    dense = (9 * len(two.tables.numbers) + 64 + 1) * two.clear.size
+    assert sum(part.nbytes for part in parts) < 0.1 * dense
 
 
 def wall_between() -> PlaceMap:
@@ -238,6 +240,20 @@ def test_a_search_within_a_window_finds_nothing_outside_of_it() -> None:
     there = SearchWindow(T_map_base=Pose2(x_m=x, y_m=y, yaw_rad=0.0), reach_m=0.5, reach_rad=0.3)
     for place in search_places(seen, place_map(), RelocalisationConfig(), there):
         assert place.T_map_base.distance_to(x, y) < 0.5 * math.sqrt(2.0)
+
+
+def test_a_better_place_beside_a_window_hides_none_within_it() -> None:
+    """Half of what is seen fits in the window, and all of it 0.7 m beside."""
+    points = np.random.default_rng(0).uniform(-8.0, 8.0, (60, 2))
+    seen, rules = submap(points), RelocalisationConfig(search=PlaceSearchConfig(kept_margin=0.1))
+    beside = points[:30] + np.array([0.7, 0.0])
+    place_map = place_map_of(np.vstack([points, beside]), np.zeros((90, 2)), rules.search)
+    there = Pose2(x_m=0.7, y_m=0.0, yaw_rad=0.0)
+    evidence = [evaluate_place(seen, at, place_map, rules.fit).evidence for at in (IDENTITY, there)]
+    assert evidence[0] > evidence[1] + rules.search.kept_margin  # the control
+    window = SearchWindow(T_map_base=there, reach_m=0.5, reach_rad=0.2)
+    (found, *_) = search_places(seen, place_map, rules, window)
+    assert found.T_map_base.distance_to(0.7, 0.0) < 0.05
 
 
 @pytest.mark.parametrize("turn_deg", [-28.0, 28.0])

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,15 +17,18 @@ from navcore.config.localisation.relocalisation import (
     PlaceSearchConfig,
     RelocalisationConfig,
 )
-from navcore.geometry.transform import Pose2
-from navcore.localisation.relocalisation.place_fit import fit_place
+from navcore.geometry.transform import IDENTITY, Pose2
+from navcore.localisation.relocalisation import place_fit, place_search
+from navcore.localisation.relocalisation.place_fit import PlaceFit, fit_place
 from navcore.localisation.relocalisation.place_map import PlaceMap, place_map_of
 from navcore.localisation.relocalisation.relocalisation import (
     PlaceProposal,
     RelocalisationState,
     Relocaliser,
+    SearchTask,
     search_task,
 )
+from navcore.localisation.relocalisation.submap import submap_of
 from navcore.localisation.scans.scan import Keyframe, Scan
 from tests.navcore.localisation.plan_worlds import (
     Drive,
@@ -39,6 +44,7 @@ from tests.navcore.localisation.plan_worlds import (
     tour,
     turn_on_spot,
 )
+from tests.navcore.localisation.starts import fit, search_result
 
 CONFIG = RelocalisationConfig()
 BY_LIKELIHOOD = dataclasses.replace(
@@ -125,9 +131,9 @@ def test_after_a_turn_and_some_metres_the_place_is_found(room: int) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("fit", "is_found"), [(CONFIG.fit, True), (BY_LIKELIHOOD, False)])
+@pytest.mark.parametrize(("rules", "is_found"), [(CONFIG.fit, True), (BY_LIKELIHOOD, False)])
 def test_in_a_map_that_has_seen_one_side_of_things_what_it_has_not_seen_tells_nothing(
-    fit: PlaceFitConfig, is_found: bool
+    rules: PlaceFitConfig, is_found: bool
 ) -> None:
     """On the first day the robot drove into the rooms and on, and never looked back. The control
     ranks places by their likelihood alone."""
@@ -139,7 +145,7 @@ def test_in_a_map_that_has_seen_one_side_of_things_what_it_has_not_seen_tells_no
     one_way = mapped(world, drive([*corners, (4.75 * ROOMS - 0.8, 0.0)])[::2])
     x, side, depth = doors[0]
     way = drive([(x, side * (1.0 + 0.4 * depth)), (x, 0.0), (max(x - 5.0, 0.8), 0.0)])
-    config = dataclasses.replace(CONFIG, fit=fit)
+    config = dataclasses.replace(CONFIG, fit=rules)
     _, error, _ = relocalised(world, way, one_way, config=config)
     assert (error is not None) is is_found
     assert error is None or math.hypot(error.x_m, error.y_m) < 0.15
@@ -168,6 +174,19 @@ def test_a_turn_alone_would_believe_the_like_of_a_room_in_a_wrong_map() -> None:
     world, true = office(1, rooms=ROOMS), room_drive(1, 2, turns=2.0)
     rash = dataclasses.replace(CONFIG, turn_contradicted_share=0.05)
     assert relocalised(world, true, office_map(4), seed=2, config=rash)[1] is not None
+
+
+@pytest.mark.long
+def test_a_turn_in_short_strokes_is_a_turn_alone_however_many_metres_they_add_up_to() -> None:
+    """They take the robot no more than 0.15 m from where it turns."""
+    on_spot = room_drive(1, 2, turns=2.0)[: round(4.0 * math.pi / 0.14)]
+    strokes = [0.15 * (1.0 - abs(k % 6 - 3) / 1.5) for k in range(len(on_spot))]
+    true = [
+        at @ Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0) for at, x_m in zip(on_spot, strokes, strict=True)
+    ]
+    last, error, _ = relocalised(office(1, rooms=ROOMS), true, office_map(4), seed=2)
+    assert error is None
+    assert "drive on" in last.reason
 
 
 @pytest.mark.long
@@ -240,6 +259,33 @@ def test_without_asking_for_a_second_best_an_equal_room_is_believed() -> None:
     assert error is not None or careless.state is RelocalisationState.CONFIRMING
 
 
+def test_as_many_places_are_named_as_fit_alike_and_one_where_one_is_left_to_confirm() -> None:
+    best, like_it, worse = fit(0.9), fit(0.85, x_m=9.0), fit(0.6, x_m=20.0)
+    for found, state in (
+        ((best, like_it, worse), RelocalisationState.AMBIGUOUS),
+        ((best, worse), RelocalisationState.CONFIRMING),
+    ):
+        said = Relocaliser(office_map(1)).take(search_result(None, *found))
+        assert said.state is state
+        assert said.candidates == found[:-1]
+
+
+def test_time_in_which_no_scan_tells_is_none_for_which_scans_have_fitted() -> None:
+    world, at, rng = office(1, rooms=ROOMS), room_drive(1, 0)[0], np.random.default_rng(0)
+    relocaliser, stamp_ns = Relocaliser(office_map(1)), 0
+    relocaliser._leading = IDENTITY
+    scan, other = world.scan(at, rng), world.scan(at @ Pose2(x_m=0, y_m=0, yaw_rad=1.5), rng)
+    tracked_s = []
+    for seen in [scan] * 3 + [scan.emptied()] * 16 + [scan] * 2 + [other] * 3 + [scan] * 8:
+        stamp_ns += 200_000_000
+        relocaliser.observe(seen, at, stamp_ns)
+        tracked_s.append(relocaliser._tracked_ns / 1e9)
+    assert tracked_s[2:19] == [0.4] * 17
+    assert tracked_s[20] == 0.6
+    assert tracked_s[23] == 0.0  # after scans that do not fit
+    assert 0.0 < tracked_s[-1] < 1.6
+
+
 def test_a_cancelled_search_ends_without_a_result() -> None:
     world, true = office(1, rooms=ROOMS), room_drive(1, 0)
     relocaliser, rng = Relocaliser(office_map(1)), np.random.default_rng(0)
@@ -248,6 +294,29 @@ def test_a_cancelled_search_ends_without_a_result() -> None:
     assert task is not None
     assert search_task(task, office_map(1), is_cancelled=lambda: True) is None
     assert relocaliser.next_task() is None
+
+
+def test_whether_a_search_is_cancelled_is_asked_for_each_place_that_it_refines(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world, true, rng = office(1, rooms=ROOMS), room_drive(1, 0), np.random.default_rng(0)
+    views = tuple((at, world.scan(at, rng)) for at in true[:12])
+    events: list[str] = []
+
+    def refined(*of: Any) -> PlaceFit:
+        events.append("refined")
+        return fit_place(*of)
+
+    def is_cancelled() -> bool:
+        events.append("asked")
+        return False
+
+    for module in (place_search, place_fit):
+        monkeypatch.setattr(module, "fit_place", refined)
+    task = SearchTask(everything=views, recent=views)
+    assert search_task(task, office_map(1), is_cancelled=is_cancelled) is not None
+    assert events.count("refined") > 5
+    assert ("refined", "refined") not in itertools.pairwise(events)
 
 
 def test_an_empty_map_and_an_empty_view_fit_nowhere() -> None:
@@ -274,7 +343,7 @@ def test_a_place_between_pillars_that_are_alike_is_as_uncertain_as_they_are_apar
 
     assert result is not None
     best = result.everything[0]
-    near = fit_place(task.everything, best.T_map_base, place_map, CONFIG.fit)
+    near = fit_place(submap_of(task.everything), best.T_map_base, place_map, CONFIG.fit)
     assert near.sigma_m < 0.1  # the control: the next pillars alone seem to tell
     assert best.sigma_m > 0.2
     assert math.sqrt(best.covariance[1, 1]) < 0.1
