@@ -194,7 +194,7 @@ class Localisation:
             self._relocaliser = Relocaliser(self._place_map, self._config.relocalisation)
         if self._relocaliser is None or self.tracker.scan is None:
             return estimate
-        self._relocaliser.observe(self.tracker.scan, self._driven.pose, frame.stamp_ns)
+        self._relocaliser.observe(self.tracker.scan, self._driven.pose, self.tracker.seen_s)
         if not self._is_lost:
             return estimate
         proposal = self._relocaliser.proposal

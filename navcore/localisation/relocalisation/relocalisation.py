@@ -217,10 +217,10 @@ class Relocaliser:
         self._leading: Pose2 | None = None
         self._leading_since = 0
         self._shares: list[float] = []
-        self._tracked_ns = 0
-        """Time between consecutive scans that have fitted at the leading place."""
-        self._fitted_ns: int | None = None
-        """Stamp of the newest scan if it is one of these."""
+        self._tracked_s = 0.0
+        """Time in seconds between consecutive scans that have fitted at the leading place."""
+        self._has_fitted = False
+        """Whether the newest scan is one of these."""
         self.proposal = PlaceProposal(state=RelocalisationState.SEARCHING, reason="")
         """What is known now."""
 
@@ -230,14 +230,15 @@ class Relocaliser:
         again._seen, again._searched = self._seen.copy(), self._searched
         return again
 
-    def observe(self, scan: Scan, T_odom_base: Pose2, stamp_ns: int) -> None:
-        """Take one more scan with the odometry of its moment."""
+    def observe(self, scan: Scan, T_odom_base: Pose2, seen_s: float) -> None:
+        """Take one more scan with the odometry of its moment. `seen_s`: time in seconds before it
+        that it may tell of."""
         self._seen.add(scan, T_odom_base)
-        before_ns, self._fitted_ns = self._fitted_ns, None
+        has_fitted, self._has_fitted = self._has_fitted, False
         if self._leading is None or not len(scan) or not self._fits(scan, T_odom_base):
             return
-        self._tracked_ns += 0 if before_ns is None else stamp_ns - before_ns
-        self._fitted_ns = stamp_ns
+        self._tracked_s += seen_s if has_fitted else 0.0
+        self._has_fitted = True
 
     def next_task(
         self, T_map_odom: Pose2 | None = None, last: Pose2 | None = None
@@ -293,7 +294,7 @@ class Relocaliser:
             best.T_map_base, self._expected(result), self._config
         ):
             self._leading_since = self._seen.count
-            self._shares, self._tracked_ns, self._fitted_ns = [], 0, None
+            self._shares, self._tracked_s, self._has_fitted = [], 0.0, False
         self._leading = T_map_odom
         lacking = self._unconfirmed(result)
         # Odometry has drifted least in the newest scans: they say best where the robot is now.
@@ -321,7 +322,7 @@ class Relocaliser:
             return False  # the map shows nothing here that would tell
         self._shares = [*self._shares, fit.agreeing_share][-SMOOTHED_SCANS:]
         if sum(self._shares) / len(self._shares) < self._config.tracked_share:
-            self._tracked_ns = 0
+            self._tracked_s = 0.0
             return False
         return True
 
@@ -338,8 +339,8 @@ class Relocaliser:
             return "what has been seen since fits only roughly; drive on to confirm the place"
         if result.task.has_only_turned and not self._is_beyond_doubt(result):
             return "one place fits from here; drive on to confirm it"
-        if self._tracked_ns < self._config.tracked_s * 1e9:
-            return f"scans have fitted there for {self._tracked_ns / 1e9:.1f} s"
+        if self._tracked_s < self._config.tracked_s:
+            return f"scans have fitted there for {self._tracked_s:.1f} s"
         return ""
 
     def _again(self, result: SearchResult) -> PlaceFit | None:

@@ -30,6 +30,8 @@ from navcore.localisation.relocalisation.relocalisation import (
 )
 from navcore.localisation.relocalisation.submap import submap_of
 from navcore.localisation.scans.scan import Keyframe, Scan
+from navcore.localisation.tasks import PrepareSearch
+from navcore.localisation.tracking.odometry_model import FRAME_LIFE_S
 from tests.navcore.localisation.plan_worlds import (
     Drive,
     PlanWorld,
@@ -44,7 +46,8 @@ from tests.navcore.localisation.plan_worlds import (
     tour,
     turn_on_spot,
 )
-from tests.navcore.localisation.starts import fit, search_result
+from tests.navcore.localisation.starts import ROUTE, fit, search_result, started
+from tests.navcore.localisation.tracking.test_localiser import frame_at
 
 CONFIG = RelocalisationConfig()
 BY_LIKELIHOOD = dataclasses.replace(
@@ -95,9 +98,9 @@ def relocalised(
     the drive ends when a place is accepted."""
     rng = np.random.default_rng(seed)
     relocaliser, proposals = Relocaliser(place_map, config), []
-    for k, (where, odometry) in enumerate(zip(true, odometry_of(true, rng), strict=True)):
+    for where, odometry in zip(true, odometry_of(true, rng), strict=True):
         T_odom_base = ELSEWHERE.inverse() @ odometry
-        relocaliser.observe(world.scan(where, rng), T_odom_base, k * 200_000_000)
+        relocaliser.observe(world.scan(where, rng), T_odom_base, 0.2)
         if (task := relocaliser.next_task()) is None:
             continue
         result = search_task(task, place_map, config)
@@ -219,8 +222,8 @@ def test_what_fits_as_well_when_mirrored_is_not_believed() -> None:
     so far as to be confirmed."""
     world, true = office(1, rooms=ROOMS), room_drive(1, 0)
     relocaliser, rng = Relocaliser(office_map(1)), np.random.default_rng(0)
-    for k, at in enumerate(true):
-        relocaliser.observe(world.scan(at, rng), at, k * 200_000_000)
+    for at in true:
+        relocaliser.observe(world.scan(at, rng), at, 0.2)
     task = relocaliser.next_task()
     assert task is not None
     result = search_task(task, office_map(1))
@@ -272,24 +275,40 @@ def test_as_many_places_are_named_as_fit_alike_and_one_where_one_is_left_to_conf
 
 def test_time_in_which_no_scan_tells_is_none_for_which_scans_have_fitted() -> None:
     world, at, rng = office(1, rooms=ROOMS), room_drive(1, 0)[0], np.random.default_rng(0)
-    relocaliser, stamp_ns = Relocaliser(office_map(1)), 0
+    relocaliser = Relocaliser(office_map(1))
     relocaliser._leading = IDENTITY
     scan, other = world.scan(at, rng), world.scan(at @ Pose2(x_m=0, y_m=0, yaw_rad=1.5), rng)
     tracked_s = []
     for seen in [scan] * 3 + [scan.emptied()] * 16 + [scan] * 2 + [other] * 3 + [scan] * 8:
-        stamp_ns += 200_000_000
-        relocaliser.observe(seen, at, stamp_ns)
-        tracked_s.append(relocaliser._tracked_ns / 1e9)
+        relocaliser.observe(seen, at, 0.2)
+        tracked_s.append(relocaliser._tracked_s)
     assert tracked_s[2:19] == [0.4] * 17
-    assert tracked_s[20] == 0.6
+    assert tracked_s[20] == pytest.approx(0.6)
     assert tracked_s[23] == 0.0  # after scans that do not fit
     assert 0.0 < tracked_s[-1] < 1.6
+
+
+def test_nor_is_a_gap_without_frames_of_which_each_scan_tells_the_end_alone() -> None:
+    robot, scan, _ = started()
+    task = robot.next_task()
+    assert isinstance(task, PrepareSearch)
+    tables = task.run(lambda: False)
+    assert tables is not None
+    robot.take(tables)
+    robot.follow(frame_at(ROUTE[40], 10), scan)
+    assert robot._relocaliser is not None
+    robot._relocaliser._leading = IDENTITY
+    tracked_s = []
+    for k in (11, 12, 62):  # of which the last comes after 10 s
+        robot.follow(frame_at(ROUTE[40], k), scan)
+        tracked_s.append(robot._relocaliser._tracked_s)
+    assert tracked_s == pytest.approx([0.0, 0.2, 0.2 + FRAME_LIFE_S])
 
 
 def test_a_cancelled_search_ends_without_a_result() -> None:
     world, true = office(1, rooms=ROOMS), room_drive(1, 0)
     relocaliser, rng = Relocaliser(office_map(1)), np.random.default_rng(0)
-    relocaliser.observe(world.scan(true[0], rng), true[0], 0)
+    relocaliser.observe(world.scan(true[0], rng), true[0], 0.0)
     task = relocaliser.next_task()
     assert task is not None
     assert search_task(task, office_map(1), is_cancelled=lambda: True) is None
@@ -334,8 +353,8 @@ def test_a_place_between_pillars_that_are_alike_is_as_uncertain_as_they_are_apar
     world, poses = colonnade(), drive([(-4.0, 0.0), (8.0, 0.0)])
     place_map, rng = mapped(world, poses[::2]), np.random.default_rng(5)
     relocaliser = Relocaliser(place_map, CONFIG)
-    for k, pose in enumerate(poses[40:60]):
-        relocaliser.observe(world.scan(pose, rng), pose, k * 100_000_000)
+    for pose in poses[40:60]:
+        relocaliser.observe(world.scan(pose, rng), pose, 0.1)
     task = relocaliser.next_task()
     assert task is not None
 
