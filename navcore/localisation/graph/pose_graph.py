@@ -198,7 +198,6 @@ class _Solver:
         self._equations = equations
         self._config = config
         self._damping = SMALLEST_DAMPING
-        self.steps = 0
 
     def graduated(self, state: Floats, trusted: Bools) -> tuple[Floats, Floats]:
         """Return poses and weights, 0 or 1 for each factor."""
@@ -217,7 +216,7 @@ class _Solver:
             mu *= self._config.gnc_factor
         for _ in range(10):  # what the last poses say is an outlier or not, until nothing changes
             decided = np.where(doubtful, self._equations.chi2(state) <= limit, 1.0)
-            if self.steps and (decided == weights).all():
+            if (decided == weights).all():
                 break
             weights = decided.astype(np.float64)
             state = self._minimise(state, weights)
@@ -238,7 +237,6 @@ class _Solver:
         cost = float(weights @ chi2)
         while self._damping < LARGEST_DAMPING:
             change = equations.step(state, weights, self._damping)
-            self.steps += 1
             new = state + change
             if float(weights @ equations.chi2(new)) <= cost * (1.0 + 1e-12) + 1e-15:
                 self._damping = max(self._damping / 10.0, SMALLEST_DAMPING)
