@@ -46,6 +46,12 @@ NO_ERRORS = ConstantErrors(mean=np.zeros(3), covariance=np.zeros((3, 3)))
 def in_own_axes(pose: Pose2, spread: Matrix) -> Matrix:
     """Return a (3, 3) covariance, or information, along the axes of a pose's parent in those of the
     pose, as edges have it."""
+    return in_parent_axes(pose.inverse(), spread)
+
+
+def in_parent_axes(pose: Pose2, spread: Matrix) -> Matrix:
+    """Return a (3, 3) covariance along the axes of a pose in those of its parent: the inverse of
+    `in_own_axes`."""
     rotation = np.eye(3)
     rotation[:2, :2] = pose.matrix()[:2, :2]
-    return np.asarray(rotation.T @ spread @ rotation)
+    return np.asarray(rotation @ spread @ rotation.T)

@@ -11,14 +11,13 @@ import numpy as np
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference
 from navcore.localisation.fresh_fixes import FreshFixes, Source, source_of
-from navcore.localisation.graph.edges import NO_ERRORS, ConstantErrors, Edge
+from navcore.localisation.graph.edges import NO_ERRORS, ConstantErrors, Edge, in_parent_axes
 from navcore.localisation.graph.pose_graph import AbsolutePose
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.odometry_model import (
     OdometryMotion,
     OdometryStep,
-    in_axes_of,
 )
 from navcore.localisation.tracking.scan_to_scan.scan_motion import ScanReference
 from navcore.robot.fix import PositionFix
@@ -120,7 +119,7 @@ class KeyframeChain:
         there, by_last = measured @ moved.inverse(), np.eye(3)
         by_last[:2, 2] = there.y_m - measured.y_m, measured.x_m - there.x_m
         covariance = alike * np.asarray(fix.covariance)[: len(rows), : len(rows)]
-        covariance = covariance + rows @ in_axes_of(measured, noise) @ rows.T
+        covariance = covariance + rows @ in_parent_axes(measured, noise) @ rows.T
         rows = rows @ by_last
         self._absolute.append(
             AbsolutePose(
@@ -179,7 +178,7 @@ class KeyframeChain:
         expected = by_odometry.T_from_to @ Pose2(x_m=x, y_m=y, yaw_rad=yaw)
         spread = by_odometry.covariance + by_errors @ constant_errors.covariance @ by_errors.T
         found = ScanReference(last.scan, self._config).motion_to(
-            new.scan, expected, in_axes_of(expected, spread)
+            new.scan, expected, in_parent_axes(expected, spread)
         )
         if found is None:
             return None

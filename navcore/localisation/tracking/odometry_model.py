@@ -14,6 +14,7 @@ import numpy as np
 from navcore.config.localisation.localisation import DEGPH, OdometryConfig
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2, wrap_angle
+from navcore.localisation.graph.edges import in_parent_axes
 
 X, Y, YAW, GYRO_BIAS, LENGTH_SCALE, GYRO_SCALE, SCAN_SCALE = range(7)
 """Elements of the state: pose in metres and radians, bias in rad/s, relative errors."""
@@ -167,7 +168,7 @@ class OdometryMotion:
         swing = np.eye(3)
         swing[:2, YAW] = y - after.y_m, after.x_m - x
         self._state[:3] = (after.x_m, after.y_m, after.yaw_rad)
-        self._noise = swing @ self._noise @ swing.T + in_axes_of(after, covariance)
+        self._noise = swing @ self._noise @ swing.T + in_parent_axes(after, covariance)
         self._by_errors = swing @ self._by_errors
 
     def to(self, offset: Pose2) -> tuple[Pose2, Matrix, Matrix]:
@@ -180,13 +181,6 @@ class OdometryMotion:
         swing[:2, YAW] = y - pose.y_m, pose.x_m - x
         into = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ swing
         return pose, into @ self._noise @ into.T, into @ self._by_errors
-
-
-def in_axes_of(pose: Pose2, covariance: Matrix) -> Matrix:
-    """Return the (3, 3) covariance along the axes of a pose in those of its parent."""
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    axes = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(axes @ covariance @ axes.T)
 
 
 def travel_of(step: OdometryStep, config: OdometryConfig = _DEFAULT) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 
 from navcore.config.localisation.localisation import OdometryConfig
 from navcore.geometry.transform import Matrix, Pose2, growth, wrap_angle
-from navcore.localisation.graph.edges import ConstantErrors
+from navcore.localisation.graph.edges import ConstantErrors, in_parent_axes
 from navcore.localisation.tracking.odometry_model import (
     ERRORS,
     GYRO_BIAS,
@@ -20,7 +20,6 @@ from navcore.localisation.tracking.odometry_model import (
     OdometryStep,
     X,
     Y,
-    in_axes_of,
     initial_covariance,
     predict,
 )
@@ -199,7 +198,7 @@ class PoseFilter:
         swing[:2, YAW] = before.y_m - after.y_m, after.x_m - before.x_m
         self._state[:3] = (after.x_m, after.y_m, after.yaw_rad)
         self._turn(swing)
-        grown = in_axes_of(after, covariance)
+        grown = in_parent_axes(after, covariance)
         for spread in (self._covariance, self._within, self._best):
             spread[:3, :3] += grown
         self.moved = self.moved + grown[:2, :2]

@@ -11,13 +11,13 @@ import numpy as np
 
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Matrix, Pose2, difference
+from navcore.localisation.graph.edges import in_own_axes
 from navcore.localisation.scans.ambiguity import poses_beside, spread_to
 from navcore.localisation.scans.gauss_newton import AS_PROBABLE
 from navcore.localisation.scans.matching import Match, match, search
 from navcore.localisation.scans.scan import Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.scans.view import is_in_view
-from navcore.localisation.tracking.odometry_model import in_axes_of
 from navcore.localisation.tracking.pose_filter import PoseFilter
 
 _PUSHED = np.diag([0.3, 0.3, math.radians(8.0)]) ** 2
@@ -104,7 +104,7 @@ class PushSearch:
             return None
         spread = self._covariance(best) + spread_to(best.pose, [one.pose for one in alike])
         there, spread = _as_told(best.pose, expected, spread + rules.floor)
-        return Push(expected.inverse() @ there, in_axes_of(there.inverse(), spread))
+        return Push(expected.inverse() @ there, in_own_axes(there, spread))
 
     def _part_in_view(self, scan: Scan, motion: Pose2, view: Scan) -> Scan:
         """Return what of a scan after a motion the camera of another one has had in view."""

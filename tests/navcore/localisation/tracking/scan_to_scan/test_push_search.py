@@ -14,11 +14,11 @@ import pytest
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.geometry.transform import IDENTITY, Pose2, difference, wrap_angle
 from navcore.localisation.estimate import LocalisationEstimate
-from navcore.localisation.graph.edges import Edge
+from navcore.localisation.graph.edges import Edge, in_parent_axes
 from navcore.localisation.scans.scan import Keyframe, Scan
 from navcore.localisation.scans.scan_map import ScanMap
 from navcore.localisation.tracking.localiser import Localiser
-from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep, in_axes_of
+from navcore.localisation.tracking.odometry_model import OdometryMotion, OdometryStep
 from navcore.localisation.tracking.pose_filter import PoseFilter
 from navcore.localisation.tracking.scan_to_scan.push_search import PushSearch
 from navcore.mapping.points.pose_ids import PoseIds
@@ -216,7 +216,7 @@ def test_filter_and_edge_go_on_by_the_push() -> None:
         each.push(push, spread)
     there = start @ push
     np.testing.assert_allclose(difference(own.pose, there), 0.0, atol=1e-12)
-    expected = in_axes_of(there, spread)
+    expected = in_parent_axes(there, spread)
     for covariance in (own.covariance, own.covariance_by_motion, own.covariance_within):
         np.testing.assert_allclose(covariance, expected, atol=1e-6)
     np.testing.assert_allclose(own.motion_covariance, 0.0, atol=1e-6)  # the reference is here
