@@ -253,7 +253,7 @@ class Localisation:
             self._drop_answer()
         share, points = self.tracker.saved_share, 0 if self.scan is None else len(self.scan)
         if self._probation is not None and not is_lost:
-            verdict = self._probation.after(self.tracker.moved_m)
+            verdict = self._probation.after(self.tracker.moved_m, self._driven.pose)
             if verdict is not None:
                 self._probation = None
             if verdict:
@@ -409,8 +409,9 @@ class Localisation:
 
     def accept_jump(self, before: LocalisationEstimate, frame: Frame) -> None:
         """Follow odometry that has jumped since an estimate: the robot may be where it was then, or
-        where the frame's pose has it, and is as uncertain. A place on trial stays on trial, and a
-        lost robot lost; what was seen before the jump is no part of its search."""
+        where the frame's pose has it, and is as uncertain. A place on trial has to
+        prove itself from there on, and a lost robot stays lost; what was seen before the jump is no
+        part of its search."""
         there = before.T_map_odom @ frame.pose
         jump = difference(there, before.T_map_base)
         self.tracker.place(there, before.covariance + np.outer(jump, jump), frame)
@@ -423,6 +424,8 @@ class Localisation:
         self._fixes = FreshFixes()  # as the clock may have jumped as well
         if self._start is not None:
             self._start = self._start_check()
+        if self._probation is not None:
+            self._probation = Probation(self._config.start, self._config.relocalisation)
         self._restart_chain()
 
     def corrected(self, closures: LoopClosures) -> tuple[dict[int, Pose2], Pose2]:

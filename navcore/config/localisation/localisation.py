@@ -265,8 +265,9 @@ class StartConfig:
     """Number of points in view from which a map that shows nothing there, or that fits better
     elsewhere, speaks against the place."""
     probation_m: float = ranged(0.0, 50.0, default=4.0)
-    """Distance in metres after which a place that the first looks have confirmed may be confirmed
-    for good by all that was seen since; a radian counts as half a metre."""
+    """Distance in metres that the robot has to reach from a place that the first looks have
+    confirmed before this may be confirmed for good by all that was seen since; a turn by a radian
+    counts as half a metre, a full turn at most."""
     trial_m: float = ranged(0.0, 500.0, default=20.0)
     """Distance in metres, a turn by 1 rad counting as 0.5 m, after which what was seen stays on the
     map, and the map is written, even if the place is not confirmed for good, as where two places

@@ -10,7 +10,7 @@ import pytest
 
 from navcore.config.localisation.localisation import LocalisationConfig
 from navcore.config.localisation.relocalisation import RelocalisationConfig
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
 from navcore.localisation.estimate import LocalisationState
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.relocalisation.place_fit import PlaceFit, doubt_of
@@ -19,6 +19,7 @@ from navcore.localisation.relocalisation.relocalisation import (
     PlaceProposal,
     RelocalisationState,
     Relocaliser,
+    SearchResult,
 )
 from navcore.localisation.start_check import Probation
 from navcore.localisation.tasks import PrepareSearch
@@ -38,17 +39,50 @@ def verdict_after(
 ) -> bool | None:
     """Verdict after searches that all say the same, each half a metre."""
     result = search_result(given, *others, mirrored=mirrored)
-    probation, verdict = Probation(RULES, RelocalisationConfig()), None
-    for _ in range(round(metres / 0.5)):
-        verdict = probation.after(0.5)
+    way = [Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0) for x_m in np.arange(0.5, metres + 0.1, 0.5)]
+    return verdict_on(way, result)
+
+
+def verdict_on(way: list[Pose2], result: SearchResult) -> bool | None:
+    """Verdict on a way by odometry from its origin, after each pose of which a search says the
+    same."""
+    probation, before = Probation(RULES, RelocalisationConfig()), IDENTITY
+    verdict = probation.after(0.0, before)
+    for pose in way:
+        turn_rad = abs(wrap_angle(pose.yaw_rad - before.yaw_rad))
+        verdict = probation.after(before.distance_to(pose.x_m, pose.y_m) + turn_rad / 2, pose)
         probation.take(result)
-    return probation.after(0.0) if verdict is None else verdict
+        before = pose
+    return probation.after(0.0, before) if verdict is None else verdict
 
 
 def test_what_was_seen_on_the_first_metres_has_to_fit_and_nothing_may_speak_against_it() -> None:
     assert verdict_after(RULES.probation_m - 0.5, fit()) is None
     assert verdict_after(RULES.probation_m, fit()) is True
     assert verdict_after(1.5, fit(clear=0.2)) is False
+
+
+def test_strokes_to_and_fro_and_turns_on_the_spot_confirm_no_place_however_long() -> None:
+    """They show what was seen before; a turn and some way beside it show a small room."""
+
+    def at(x_m: float, yaw_rad: float) -> Pose2:
+        return Pose2(x_m=x_m, y_m=0.0, yaw_rad=wrap_angle(yaw_rad))
+
+    strokes = [at(0.2 * (-1) ** k, 0.3 * (-1) ** k) for k in range(200)]
+    turns = [at(0.0, 0.5 * k) for k in range(200)]
+    assert verdict_on(strokes, search_result(fit())) is None
+    assert verdict_on(turns, search_result(fit())) is None
+    assert verdict_on([*turns, at(0.5, 0.0), at(1.0, 0.0)], search_result(fit())) is True
+
+
+def test_nor_does_odometry_that_jumps() -> None:
+    robot, scan, before = started()
+    jumped = frame_at(Pose2(x_m=2.0 * RULES.probation_m, y_m=0.0, yaw_rad=0.0) @ ROUTE[40], 10)
+    robot.accept_jump(before, jumped)
+    for k in range(2):
+        robot.follow(dataclasses.replace(jumped, stamp_ns=jumped.stamp_ns + k), scan)
+        robot.take(search_result(fit()))
+    assert robot.is_on_trial
 
 
 def test_a_place_at_which_much_is_new_stays_open_unless_others_fit_as_well() -> None:
@@ -68,7 +102,8 @@ def test_rivals_that_come_and_go_count_as_long_as_little_fits() -> None:
     def verdict(fits_between: bool) -> bool | None:
         probation, found = Probation(RULES, RelocalisationConfig()), None
         for step in range(round(3 * RULES.unfit_m / 0.5)):
-            found = probation.after(0.5) if found is None else found
+            at = Pose2(x_m=0.5 * (step + 1), y_m=0.0, yaw_rad=0.0)
+            found = probation.after(0.5, at) if found is None else found
             between = search_result(fit() if fits_between else new)
             probation.take(between if step % 2 else search_result(new, rival))
             if step < 2:
@@ -274,7 +309,7 @@ def test_an_answer_about_the_place_before_says_nothing_of_the_one_that_was_found
         assert localisation._probation is not None
         for _ in range(RULES.doubts):
             localisation.take(asked)
-        verdict = localisation._probation.after(0.0)
+        verdict = localisation._probation.after(0.0, IDENTITY)
         assert verdict is (None if is_of_the_place_before else False)
 
 
