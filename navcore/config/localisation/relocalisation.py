@@ -141,7 +141,8 @@ class RelocalisationConfig:
     moved_fit_share: float = ranged(0.1, 1.0, default=0.7)
     """Share of the points of these scans that must fit beside that place."""
     submap_m: float = ranged(2.0, 100.0, default=12.0)
-    """Distance in metres driven after which a scan is forgotten: odometry has drifted since."""
+    """Distance in metres driven after which a scan is forgotten, as it is after three turns:
+    odometry has drifted since."""
     scan_spacing_m: float = ranged(0.05, 2.0, default=0.25)
     """Distance in metres after which the next scan is kept."""
     scan_spacing_deg: float = ranged(1.0, 60.0, default=12.0)
