@@ -22,6 +22,9 @@ from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.robot.profile import RobotProfile
 
+_PASSED_M = 1.0
+"""Distance in metres, about the length of a robot, after which who stood beside it is passed."""
+
 
 class RecoveryAction(IntEnum):
     """Recovery actions, the mildest first."""
@@ -69,14 +72,12 @@ class Recovery:
     """What the controller asked for when the present action started; None for nothing."""
     was_held: bool = False
     """Whether the safety gate kept the robot from its motion then."""
+    waited_in_vain: bool = False
+    """Whether the path was still blocked after it had waited at this position; until it is
+    `_PASSED_M` away."""
     stands_s: float = 0.0
     """Time in seconds for which a robot that has given up stands, whatever it is asked for; then
     all is tried again."""
-
-    @property
-    def has_waited(self) -> bool:
-        """Whether the robot has waited at this position, and the path was still blocked."""
-        return max(self.action, self.tried) > RecoveryAction.WAIT
 
     def after(
         self,
@@ -93,7 +94,12 @@ class Recovery:
             return Recovery()
         turned = self.turned_rad + abs(wrap_angle(pose.yaw_rad - self.heading_rad))
         counted = self._counted(motion, pose, rules)
-        now = dataclasses.replace(counted, turned_rad=turned, heading_rad=pose.yaw_rad)
+        now = dataclasses.replace(
+            counted,
+            turned_rad=turned,
+            heading_rad=pose.yaw_rad,
+            waited_in_vain=self.waited_in_vain and not self._has_moved(pose),
+        )
         stuck = motion.outcome is ControllerState.BLOCKED or now.backs >= rules.tries
         lasts_s = (stamp_ns - self.since_ns) / 1e9
         if self.action is RecoveryAction.NONE and held:
@@ -117,7 +123,8 @@ class Recovery:
                 return now._ended()
             if lasts_s < rules.wait_s:
                 return now
-            return now._enter(now._stronger(), motion, pose, stamp_ns)
+            waited = dataclasses.replace(now, waited_in_vain=True)
+            return waited._enter(waited._stronger(), motion, pose, stamp_ns)
         blocked = held or motion.outcome is ControllerState.BLOCKED
         if blocked or lasts_s >= rules.manoeuvre_s or now._is_done(pose, rules):
             return dataclasses.replace(now._ended(), tried=self.action, backs=0)
@@ -139,6 +146,10 @@ class Recovery:
             return None
         waited_s = self.waited_s + step_s
         return dataclasses.replace(self._ended(), at=self.at or pose, waited_s=waited_s)
+
+    def _has_moved(self, pose: Pose2) -> bool:
+        """Return whether the robot has passed who stood beside it where it was blocked."""
+        return self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > _PASSED_M
 
     def _stronger(self) -> RecoveryAction:
         """Return the action after the last one that failed."""

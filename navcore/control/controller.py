@@ -93,8 +93,9 @@ class Controller:
         reach_m = local.reach_m + self._profile.circumscribed_radius_m
         around = costmap.around(pose, reach_m)
         hard, forbidden = obstacle_masks(around, people=task.people_ids)
-        margins = not task.expectations.passes_close
-        people_cells = people_mask(around, task.people_ids, margins=margins)
+        near = (pose, self._profile.circumscribed_radius_m)
+        passed = near if task.expectations.passes_close else None
+        people_cells = people_mask(around, task.people_ids, passed)
         people_points = nearby(people_cells, around, pose, reach_m)
         cell_m = around.spec.resolution_m
         bare = bare_cells(around, people=task.people_ids)

@@ -32,7 +32,7 @@ from navcore.control.motions.growth_exit import drive_out
 from navcore.control.motions.manoeuvring import drive_manoeuvre, find_manoeuvre, manoeuvre_problem
 from navcore.control.motions.path_follower import follow
 from navcore.control.motions.reversing import back_off, retreat
-from navcore.control.motions.turning import spin, turn_in_place, turn_with_room
+from navcore.control.motions.turning import spin, turn_in_place, turn_with_room, turned_by
 from navcore.control.people.people_state import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
 from navcore.costmap.local_costmap import footprint_overlaps, outside
 from navcore.geometry.arrays import Points
@@ -110,6 +110,9 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         return Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
     checker = _collision_checker(inputs)
     motion = _select(inputs, checker, path, goal)
+    expected = inputs.people.expectations
+    if expected.passes_close and len(inputs.people_cells):
+        motion = no_faster(motion, inputs.people_config.cautious_mps, checker.profile)
     if inputs.people_config.non_cooperative:
         walked = len(inputs.people.walking) > 0
         collides = walked and will_collide(checker, motion.twist, inputs.twist)
@@ -117,7 +120,6 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
     if inputs.retreat is None:
         motion = slow_beside_people(checker, motion)
     waited = inputs.previous.outcome is ControllerState.WAIT_FOR_PEOPLE
-    expected = inputs.people.expectations
     if (
         expected.expects_return
         and not expected.ignore_predictions
@@ -127,7 +129,7 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     if motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
         return face_person(checker, motion)
-    if expected.is_cautious or (expected.passes_close and len(inputs.people_cells)):
+    if expected.is_cautious:
         return no_faster(motion, inputs.people_config.cautious_mps, checker.profile)
     return motion
 
@@ -218,7 +220,7 @@ def _cross(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
 def _align(inputs: LocalPlannerInput, checker: CollisionChecker, goal: _Goal) -> Motion:
     """Turn in place to the heading asked for, if need be after a look from elsewhere at the
     unobserved cells that the turn would sweep; stand where the body cannot turn."""
-    turn = turn_in_place(checker, goal.heading_error_rad)
+    turn = turn_in_place(checker, goal.heading_error_rad, previous=inputs.previous)
     if turn is not None:
         return dataclasses.replace(turn, outcome=ControllerState.ALIGN)
     if turn_in_place(checker.all_observed(), goal.heading_error_rad) is None:
@@ -249,7 +251,7 @@ def _drive(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
     off_path = abs(bearing) > math.radians(inputs.local.turn_until_deg)
     if off_path and follow(checker.all_observed(), path, primitives):
         # The path leads over unobserved cells.
-        turn = turn_in_place(checker, bearing)
+        turn = turn_in_place(checker, bearing, previous=inputs.previous)
         if turn is not None:
             return turn
     found = find_manoeuvre(checker, path, pose)
@@ -279,8 +281,10 @@ def _turn_to_path(
     """Turn in place towards the path; None where it lies ahead or the body cannot turn."""
     turning = inputs.previous.outcome is ControllerState.TURN
     least_deg = inputs.local.turn_until_deg if turning else inputs.local.turn_from_deg
-    turn = turn_in_place(checker, bearing) if abs(bearing) > math.radians(least_deg) else None
-    if turn is not None and loses_sight(checker, bearing):
+    if abs(bearing) <= math.radians(least_deg):
+        return None
+    turn = turn_in_place(checker, bearing, previous=inputs.previous)
+    if turn is not None and loses_sight(checker, turned_by(turn, bearing)):
         return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     return turn
 

@@ -86,15 +86,24 @@ def margins_left(
 
 
 def people_mask(
-    grid: OccupancyGrid, people: Collection[int], *, margins: bool = True
+    grid: OccupancyGrid, people: Collection[int], passed: tuple[Pose2, float] | None = None
 ) -> npt.NDArray[np.bool_]:
-    """Return the (rows, cols) cells of people, class ids, inflated by their own `margins`."""
+    """Return the (rows, cols) cells of people, class ids, inflated by their own margins, but for
+    those who are `passed`: whose margin reaches within metres of a position."""
     found = np.zeros_like(grid.zones)
     for class_id in people:
         layer = grid.beware.get(class_id)
-        if layer is not None and layer.any():
-            margin_m = grid.margins_m.get(class_id, 0.0) if margins else 0.0
-            found |= inflate_by(layer, margin_m, grid.spec.resolution_m)
+        if layer is None or not layer.any():
+            continue
+        margin_m, inflated = grid.margins_m.get(class_id, 0.0), layer
+        if passed is not None:
+            pose, within_m = passed
+            _, things = cv2.connectedComponents(layer.view(np.uint8), connectivity=8)
+            cells = np.argwhere(layer)
+            x, y = (grid.spec.centres(cells) - (pose.x_m, pose.y_m)).T
+            near = np.unique(things[tuple(cells.T)][np.hypot(x, y) <= within_m + margin_m])
+            inflated = layer & ~np.isin(things, near)
+        found |= layer | inflate_by(inflated, margin_m, grid.spec.resolution_m)
     return found
 
 

@@ -62,18 +62,18 @@ def face_person(checker: CollisionChecker, motion: Motion) -> Motion:
     return slow_beside_people(checker, dataclasses.replace(motion, twist=turn.twist))
 
 
-def loses_sight(checker: CollisionChecker, bearing: float) -> bool:
-    """Return whether a turn in place to a bearing takes a person who walks, or may walk on, out of
+def loses_sight(checker: CollisionChecker, angle: float) -> bool:
+    """Return whether a turn in place by an angle takes a person who walks, or may walk on, out of
     view, and they could be beside the robot before it has driven on: it would stand there and wait
     for a person whom it does not see come back."""
     if checker.profile.scanner is not None or checker.people.expectations.ignore_predictions:
         return False
     rules, turning = checker.people_config, checker.control.turn
     ahead, in_view = math.radians(turning.face_person_deg), math.radians(turning.in_view_deg)
-    needed_s = abs(bearing) / checker.local.turn_rate_radps + rules.waiting_s
+    needed_s = abs(angle) / checker.local.turn_rate_radps + rules.waiting_s
     for x, y, speed_mps, radius_m in checker.people.reachable_discs.tolist():
         now = math.atan2(y, x - checker.profile.camera.x_m)
-        then = abs(wrap_angle(now - bearing))
+        then = abs(wrap_angle(now - angle))
         leaves_view = abs(now) <= in_view and then > max(ahead, abs(now))
         if leaves_view and checker.profile.gap_m(x, y) - radius_m < speed_mps * needed_s:
             return True

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from navcore.control.collision.collision_checker import CollisionChecker
-from navcore.control.motion import ControllerState, Motion
+from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.geometry.arrays import Floats
 from navcore.geometry.transform import Twist
 
@@ -16,15 +16,21 @@ _POSES = 12
 """Number of poses at which the clearance of a turn is measured."""
 _LONGER_RAD = math.radians(90.0)
 """Angle by which a turn may be longer to show more of where people have walked."""
+_TURNS = (ControllerState.TURN, ControllerState.ALIGN)
 
 
 def turn_in_place(
-    checker: CollisionChecker, bearing: float, *, both_directions: bool = True
+    checker: CollisionChecker,
+    bearing: float,
+    *,
+    both_directions: bool = True,
+    previous: Motion = IDLE,
 ) -> Motion | None:
     """Turn in place towards the bearing, in the longer direction if the shorter one is blocked, or
-    the longer one shows more of where people have walked; None when neither is free."""
+    the longer one shows more of where people have walked; None when neither is free. A turn of the
+    `previous` step goes on in its direction."""
     config = checker.control.turn
-    for angle in _directions(checker, bearing) if both_directions else (bearing,):
+    for angle in _directions(checker, bearing, previous) if both_directions else (bearing,):
         count = max(2, math.ceil(abs(angle) / math.radians(config.step_deg)))
         if checker.can_turn_to(np.linspace(0.0, angle, count)[None]).all():
             rate = min(
@@ -61,20 +67,31 @@ def spin(checker: CollisionChecker) -> Motion | None:
     return None
 
 
-def _directions(checker: CollisionChecker, bearing: float) -> tuple[float, float]:
+def turned_by(motion: Motion, bearing: float) -> float:
+    """Return by which angle a motion that turns in place comes to a bearing."""
+    is_shorter = motion.twist.w_radps * bearing >= 0.0
+    return bearing if is_shorter else bearing - math.copysign(2 * math.pi, bearing)
+
+
+def _directions(checker: CollisionChecker, bearing: float, previous: Motion) -> tuple[float, float]:
     """Return the angles of both turns to a bearing, in the order in which they are tried.
 
     Who walks to and fro is soon back, and the robot that turns about is about to cross their way: a
     turn past it shows them in time.
     """
     other = bearing - math.copysign(2 * math.pi, bearing)
-    if checker.profile.scanner is None and abs(other) - abs(bearing) <= _LONGER_RAD:
-        x, y = checker.people.walked.T
-        seen = np.arctan2(y, x - checker.profile.camera.x_m)
+    walked = checker.people.walked
+    is_long = abs(other) - abs(bearing) > _LONGER_RAD
+    if is_long or len(walked) == 0 or checker.profile.scanner is not None:
+        return bearing, other
+    if previous.outcome in _TURNS:
+        # What a turn has brought into view would else make it turn back.
+        goes_on = previous.twist.w_radps * other > 0.0
+    else:
+        seen = np.arctan2(walked[:, 1], walked[:, 0] - checker.profile.camera.x_m)
         in_view_rad = math.radians(checker.control.turn.in_view_deg)
-        if _shown(seen, other, in_view_rad) > _shown(seen, bearing, in_view_rad):
-            return other, bearing
-    return bearing, other
+        goes_on = _shown(seen, other, in_view_rad) > _shown(seen, bearing, in_view_rad)
+    return (other, bearing) if goes_on else (bearing, other)
 
 
 def _shown(bearings: Floats, angle: float, in_view_rad: float) -> int:

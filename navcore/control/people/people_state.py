@@ -39,7 +39,8 @@ class PeopleExpectations:
     is_cautious: bool = False
     """Whether the robot has just waited while a person was out of sight."""
     passes_close: bool = False
-    """Whether the robot, blocked for a while, slowly passes those who stand within their margin."""
+    """Whether the robot, which has waited in vain, slowly passes those who stand beside it within
+    their margin."""
     ignore_predictions: bool = False
     """Whether the robot, having waited long enough, waits only where people are and not where they
     may come to."""

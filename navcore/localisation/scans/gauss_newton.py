@@ -5,8 +5,8 @@ and only with surfaces that face the camera.
 
 Along a bare corridor the far points, which show no line, are matched in both directions with
 whatever surfaces are nearest, wherever the pose is, and the derivatives take that for a measurement
-of the way along it. So where lines do not tell the position, the scan is tried beside the pose, and
-where it fits there as well nothing is known of that direction.
+of the way along it. So where lines do not tell the position, the scan is tried beside the pose that
+it has by itself, and where it fits there as well nothing is known of that direction.
 """
 
 from __future__ import annotations
@@ -106,15 +106,16 @@ def most_probable_pose(
     )  # fmt: skip
     information, counts = hessian.copy(), (len(points) - int(alone.sum()), fitting)
     if by_lines < _TOLD_BY_LINES and fitting > 0:
-        # The surfaces beside those at which it ended may fit as well.
-        found_with, least = information.copy(), math.inf
-        for side in (-_BESIDE_M, _BESIDE_M):
-            at = x + side * weakest_x, y + side * weakest_y, yaw
-            _, _, there = _residuals(
+        # Around where the scan alone has it: the expectation may hold the pose beside that.
+        ahead = _step_along(hessian, gradient, weakest_x, weakest_y)
+        found_with, costs = information.copy(), np.zeros(3)
+        for n in range(3):
+            away = min(max(ahead, -_BESIDE_M), _BESIDE_M) + (n - 1) * _BESIDE_M
+            at = x + away * weakest_x, y + away * weakest_y, yaw
+            _, _, costs[n] = _residuals(
                 grid, scan, at, rules, (radius, 0.0), 1, False, alone, hessian, gradient, across
             )
-            least = min(least, there)
-        if least - cost < _BY_CHANCE:
+        if min(costs[0], costs[2]) - costs[1] < _BY_CHANCE:
             _forget(information, weakest_x, weakest_y)
         hessian[:] = found_with
     return (x, y, yaw), information, hessian, counts, (residual, cost)
@@ -216,6 +217,16 @@ def _weakest(information: Floats) -> tuple[float, float]:
     # The eigenvector of the larger eigenvalue, turned by a quarter.
     angle = 0.5 * math.atan2(information[0, 1], half) + math.pi / 2 if root > 0.0 else 0.0
     return math.cos(angle), math.sin(angle)
+
+
+@nested
+def _step_along(information: Floats, gradient: Floats, ux: float, uy: float) -> float:
+    """Return how far along a unit vector in the plane the points alone would move the pose."""
+    system = information.copy()
+    for i in range(3):
+        system[i, i] += 1e-6
+    step = np.linalg.solve(system, -gradient)
+    return float(step[0] * ux + step[1] * uy)
 
 
 @nested

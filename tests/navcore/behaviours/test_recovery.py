@@ -539,11 +539,24 @@ def test_a_robot_that_the_gate_holds_backs_off_without_waiting_then_tries_what_i
     assert Recovery().after(onward, here, t_ns, RULES).action is RecoveryAction.NONE
 
 
-def test_the_margins_of_those_who_stand_give_way_only_after_a_wait() -> None:
+def test_the_margins_of_those_who_stand_give_way_only_after_a_wait_there() -> None:
     def passes_close(recovery: Recovery) -> bool:
         behaviour = Behaviour(recovery=recovery)
         return behaviour.expectations(HERE, HUSKY, NavigatorConfig()).passes_close
 
-    assert not passes_close(Recovery()) and not passes_close(Recovery(action=RecoveryAction.WAIT))
-    assert passes_close(Recovery(action=RecoveryAction.BACK_UP))
-    assert passes_close(Recovery(tried=RecoveryAction.SPIN))
+    def after(
+        recovery: Recovery, motion: Motion, t_s: float, *, held: bool = False, x_m: float = 0.0
+    ) -> Recovery:
+        pose = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+        return recovery.after(motion, pose, round(t_s * 1e9), RULES, held=held)
+
+    follows = Motion(twist=Twist(v_mps=0.2, w_radps=0.0), outcome=ControllerState.FOLLOW)
+    held = after(Recovery(), follows, 0.0, held=True)
+    assert held.action is RecoveryAction.BACK_UP and not passes_close(held)
+    waits = after(Recovery(), STUCK, 0.0)
+    assert waits.action is RecoveryAction.WAIT and not passes_close(waits)
+    backs = after(waits, STUCK, RULES.wait_s + 0.1)
+    assert backs.action is RecoveryAction.BACK_UP and passes_close(backs)
+    ended = after(backs, STUCK, RULES.wait_s + 0.2)
+    assert passes_close(after(ended, follows, RULES.wait_s + 0.3, x_m=0.5))
+    assert not passes_close(after(ended, follows, RULES.wait_s + 0.3, x_m=1.1))

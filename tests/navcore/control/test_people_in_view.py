@@ -11,13 +11,13 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navcore.control.motion import ControllerState, Motion
+from navcore.control.motion import IDLE, ControllerState, Motion
 from navcore.control.people.people_state import PeopleExpectations, PeopleState
 from navcore.perception.people.track import Track
 from navcore.robot.laser_scan import ScannerMount
 from navcore.robot.profile import HUSKY
 from tests.navcore.control.planning import ORIGIN, decide, stands
-from tests.navcore.control.walkers import stops_in_time, walking_on
+from tests.navcore.control.walkers import driven, stops_in_time, walking_on
 from tests.navcore.laws import law
 
 
@@ -147,3 +147,40 @@ def test_a_robot_turns_about_past_where_people_walk_to_and_fro(side: float) -> N
     wall = np.column_stack([np.linspace(-0.45, 0.45, 10), np.full(10, -side * 0.45)])
     turn = decide(path=behind, people=lane, geometric=wall)
     assert side * turn.twist.w_radps >= 0.0, "where the other is blocked"
+
+
+@pytest.mark.parametrize("bearing_deg", [-140.0, -170.0, 150.0, 170.0])
+@pytest.mark.parametrize("lane_deg", [(0.0, 0.0), (40.0, 80.0), (-30.0, 100.0), (-170.0, -90.0)])
+def test_a_turn_past_where_people_walk_goes_on_in_its_direction(
+    bearing_deg: float, lane_deg: tuple[float, float]
+) -> None:
+    angles = np.radians(np.linspace(*lane_deg, 8))
+    way = 2.0 * np.column_stack([np.cos(angles), np.sin(angles)])
+    ahead = np.linspace(0, 3, 31)[:, None]
+    path = ahead * (math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg)))
+    pose, motion, turned = ORIGIN, IDLE, []
+    for _ in range(80):
+        lane = PeopleState.of((), pose, expectations=PeopleExpectations(walked=way))
+        motion = decide(path=path, pose=pose, previous=motion, people=lane)
+        if motion.outcome is not ControllerState.TURN:
+            break
+        turned.append(motion.twist.w_radps)
+        pose = driven(pose, motion.twist, 0.1)
+    assert motion.outcome is ControllerState.FOLLOW
+    assert len({math.copysign(1.0, w) for w in turned}) == 1
+    assert 0.1 * sum(map(abs, turned)) < math.radians(235.0)
+
+
+def test_a_person_comes_up_while_the_turn_that_is_made_lasts() -> None:
+    """A person who may be there before the longer turn has ended is waited for."""
+    person = Track(
+        id=1, x_m=6.75, y_m=0.0, vx_mps=-1.0, vy_mps=0.0, radius_m=0.3, age_s=1.0, last_seen_ns=0,
+        walking_speed_mps=1.0,
+    )  # fmt: skip
+    angle = math.radians(140.0)
+    path = np.linspace(0, 3, 31)[:, None] * (math.cos(angle), math.sin(angle))
+    way = np.column_stack([np.zeros(10), -np.linspace(0.5, 3.0, 10)])
+    for walked, waits in ((np.empty((0, 2)), False), (way, True)):
+        people = PeopleState.of((person,), ORIGIN, expectations=PeopleExpectations(walked=walked))
+        motion = decide(path=path, people=people)
+        assert (motion.outcome is ControllerState.WAIT_FOR_PEOPLE) == waits

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -61,3 +62,22 @@ def test_forbidden_cells_are_zones_and_beware_classes_grown_by_their_margins() -
     assert obstacle_masks(person, people=[3])[1].sum() == people_mask(person, [4]).sum() == 0
     np.testing.assert_array_equal(obstacle_masks(wide)[0], one)
     assert not empty.any()
+
+
+def test_of_people_those_alone_who_are_passed_have_no_margin() -> None:
+    layer = np.zeros((SPEC.rows, SPEC.cols), dtype=np.bool_)
+    layer[30, 30] = layer[30, 50] = True
+    grid = OccupancyGrid(
+        spec=SPEC,
+        geometric=np.zeros_like(layer),
+        beware={3: layer},
+        zones=np.zeros_like(layer),
+        margins_m={3: 0.2},
+    )
+    far = layer.copy()
+    far[30, 30] = False
+    x_m, y_m = SPEC.centre(30, 30)
+    beside = Pose2(x_m=x_m - 0.5, y_m=y_m, yaw_rad=0.0)
+    whole = people_mask(dataclasses.replace(grid, beware={3: far}), [3])
+    assert (people_mask(grid, [3], (beside, 0.35)) == (whole | layer)).all()
+    assert (people_mask(grid, [3], (beside, 0.25)) == people_mask(grid, [3])).all()
