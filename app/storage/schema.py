@@ -59,6 +59,11 @@ is that of `rowid`."""
 INDICES = ("events_by_kind ON events (kind, id)",)
 
 
+def is_of_an_earlier_version(database: sqlite3.Connection) -> bool:
+    """Whether `create_schema` would convert the tables of a file."""
+    return 1 <= _version(database) < VERSION
+
+
 def create_schema(database: sqlite3.Connection) -> None:
     """Create the tables of a new file, or bring those of an earlier version up to
     date, all or nothing.
@@ -74,7 +79,7 @@ def create_schema(database: sqlite3.Connection) -> None:
         if version == VERSION:  # another process was faster
             database.execute("COMMIT")
             return
-        if 1 <= version < VERSION:
+        if is_of_an_earlier_version(database):
             _bring_up(database, version)
         else:
             _require_new(database)

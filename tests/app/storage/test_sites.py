@@ -16,6 +16,7 @@ from app.storage import Store, sites
 from app.storage.schema import FIRST_SITE, PER_SITE
 from app.storage.site_store import MAP_FILE, SiteStore
 from app.storage.sites import MAX_SITES, checked_name
+from app.storage.users import user_table
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import read_whole, write_whole
 from navcore.mission.beware_list import default_beware_list
@@ -425,6 +426,25 @@ def test_a_data_folder_of_the_version_before_is_opened_as_it_is(tmp_path: Path) 
         now.sites.copy("default", "hall")
         now.sites.delete("default")
         assert names(now) == ["hall"] and not now.site.folder.exists()
+
+
+def test_a_data_folder_is_not_converted_under_a_console_of_an_earlier_version(
+    tmp_path: Path,
+) -> None:
+    with closing(Store(tmp_path)) as running:
+        fill(running, "default")
+        with sites.site_table(tmp_path) as beside:  # that of the same version may run
+            assert len(beside.all()) == 1
+        for statement in VERSION_5:
+            running._database.write(statement)
+        for opened in (sites.site_table, user_table):
+            with pytest.raises(StorageFailed, match="earlier version uses it"), opened(tmp_path):
+                pass
+        assert running._database.rows("PRAGMA user_version") == [(5,)]
+    with sites.site_table(tmp_path) as converted:
+        assert converted.open("default").zones() == (zone("wet"),)
+        with closing(Store(tmp_path)) as now:  # the lock was that of the conversion
+            assert now.site.zones() == (zone("wet"),)
 
 
 @pytest.mark.parametrize("there", [("default",), ("hall",), ("hall", "default")])
