@@ -1,6 +1,7 @@
 """`bewarenav site`: the sites of a data folder.
 
-The console may be running; it alone renames and deletes then, in the page or by the API.
+The console may be running; it alone renames and deletes then, in the page or by the API. One of an
+earlier version may not: its data folder would be converted.
 """
 
 from __future__ import annotations

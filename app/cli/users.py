@@ -1,6 +1,7 @@
 """`bewarenav users`: the accounts of the console.
 
-The console may be running; changes take effect within a second.
+The console may be running; changes take effect within a second. One of an earlier version may not:
+its data folder would be converted.
 """
 
 from __future__ import annotations

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from app.storage.schema import create_schema
+from app.storage.folder_lock import lock_folder
+from app.storage.schema import create_schema, is_of_an_earlier_version
 from navcore.errors import StorageFailed
 
 BUSY_S = 0.5
@@ -20,8 +21,12 @@ FILE = "console.sqlite"
 class Database:
     """One connection, safe to use from any thread. An acknowledged write is on the disk."""
 
-    def __init__(self, folder: Path) -> None:
-        """Open or create the file in `folder`; raises `StorageFailed` when it cannot be used."""
+    def __init__(self, folder: Path, *, locked: bool = False) -> None:
+        """Open or create the file in `folder`; raises `StorageFailed` when it cannot be used.
+
+        One of an earlier version is converted while the folder is locked, by the caller if `locked`
+        is set: a console of that version would go on and acknowledge edits that are lost.
+        """
         self._lock = threading.RLock()
         self.path = folder / FILE
         connection = None
@@ -32,7 +37,10 @@ class Database:
             )
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = FULL")
-            create_schema(connection)
+            if locked or not is_of_an_earlier_version(connection):
+                create_schema(connection)
+            else:
+                _convert(connection, folder)
         except (OSError, sqlite3.Error, StorageFailed) as error:
             if connection is not None:
                 connection.close()
@@ -96,3 +104,13 @@ class Database:
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
             raise
+
+
+def _convert(connection: sqlite3.Connection, folder: Path) -> None:
+    """Bring the file up to date while no console uses its folder."""
+    try:
+        lock_file = lock_folder(folder)
+    except BlockingIOError:
+        raise StorageFailed("a console of an earlier version uses it; end that one first") from None
+    with lock_file:
+        create_schema(connection)

@@ -13,7 +13,7 @@ from navcore.errors import StorageFailed
 Row = tuple[str, str, str, str | None, float]
 """Row of the table of the sites."""
 
-VERSION = 6
+VERSION = 7
 FIRST_SITE = "default"
 """Name of the first site; what a file of version 1 holds becomes this site."""
 MAPS = "sites"
@@ -24,6 +24,9 @@ TABLES = {
     # site was made; `chosen` is larger than that of every site that was chosen before, 0 for never.
     "sites": "id TEXT PRIMARY KEY, name TEXT NOT NULL UNIQUE COLLATE NOCASE, "
     "folder TEXT NOT NULL, world TEXT, chosen REAL NOT NULL",
+    # Folders that a start deletes: that of a site whose deletion, or making, may have been
+    # interrupted. No other folder is deleted.
+    "obsolete_folders": "folder TEXT PRIMARY KEY",
     # What belongs to a site has its id, so that a new name concerns nothing that is being edited,
     # copied or exported. A zone is one JSON document, so that it can gain a property without a new
     # schema.
@@ -56,6 +59,11 @@ is that of `rowid`."""
 INDICES = ("events_by_kind ON events (kind, id)",)
 
 
+def is_of_an_earlier_version(database: sqlite3.Connection) -> bool:
+    """Whether `create_schema` would convert the tables of a file."""
+    return 1 <= _version(database) < VERSION
+
+
 def create_schema(database: sqlite3.Connection) -> None:
     """Create the tables of a new file, or bring those of an earlier version up to
     date, all or nothing.
@@ -71,7 +79,7 @@ def create_schema(database: sqlite3.Connection) -> None:
         if version == VERSION:  # another process was faster
             database.execute("COMMIT")
             return
-        if 1 <= version < VERSION:
+        if is_of_an_earlier_version(database):
             _bring_up(database, version)
         else:
             _require_new(database)
@@ -92,10 +100,17 @@ def _create(database: sqlite3.Connection, table: str) -> None:
 
 def _bring_up(database: sqlite3.Connection, version: int) -> None:
     """Bring the tables of an earlier version up to date."""
+    _create(database, "obsolete_folders")
     if version < 3:
         database.execute("ALTER TABLE users ADD COLUMN language TEXT")
     if version < 4:
         _split_runs(database)
+    if version < 6:
+        _store_by_id(database, version)
+
+
+def _store_by_id(database: sqlite3.Connection, version: int) -> None:
+    """Store what belongs to a site by its id; it was stored by its name, or was that of no site."""
     sites = _first_site() if version == 1 else _sites_before(database, version)
     _create(database, "sites")
     database.executemany("INSERT INTO sites VALUES (?, ?, ?, ?, ?)", sites)

@@ -1,8 +1,8 @@
 """The sites of a data folder: made, chosen, renamed, copied, deleted.
 
-Rows are in the SQLite file, the map of a site is in a folder of its own. Both have the id of the
-site: a new name changes one row and nothing else. Names are restricted to what is a plain file name
-everywhere, and differ in more than case.
+Rows are in the SQLite file under the id of the site, its map is in a folder of its own, which the
+row of the site names: a new name of the site changes one row and nothing else. Names are restricted
+to what is a plain file name everywhere, and differ in more than case.
 """
 
 from __future__ import annotations
@@ -28,8 +28,6 @@ MAX_SITES = 100
 """Largest number of sites in a data folder."""
 DRAFT = ".new-"
 """Begin of the name of a folder that is to become that of a site."""
-_LEFT = re.compile(rf"{re.escape(DRAFT)}.*|[0-9a-f]{{32}}")
-"""Names of folders that no program but this one makes."""
 
 Execute = Callable[..., Any]
 """Function that executes a statement within a transaction."""
@@ -70,13 +68,17 @@ class SiteTable:
 
     def tidy(self) -> None:
         """Delete the folders that an end of the console, or of another program, has left of a site
-        that was being made or deleted. What fails is left to the next start."""
+        that was being made or deleted. What fails is left to the next start.
+
+        A folder that the database does not know is kept: beside a new or a restored database, it
+        holds the map of a site of the other one.
+        """
         # Within a transaction, as a program that makes a site meanwhile gives it its folder in one.
         with suppress(StorageFailed), self._database.writing():
-            kept = {row.folder for row in self.all()}
-            for folder in self._root.glob("*"):
-                if _LEFT.fullmatch(folder.name) and folder.name not in kept:
-                    shutil.rmtree(folder, ignore_errors=True)
+            for draft in self._root.glob(f"{DRAFT}*"):
+                shutil.rmtree(draft, ignore_errors=True)
+            for (name,) in self._database.rows("SELECT folder FROM obsolete_folders"):
+                self._delete_folder(name)
 
     def all(self) -> tuple[SiteRow, ...]:
         """Return all sites by name."""
@@ -133,16 +135,19 @@ class SiteTable:
         checked_name(name)
         site_id = uuid.uuid4().hex
         site = SiteStore(self._database, site_id=site_id, name=name, folder=self._root / site_id)
-        with self._draft(map_data) as draft, self._database.writing() as connection:
+        with self._draft(site.folder, map_data) as draft, self._database.writing() as connection:
             self._insert(connection.execute, site)
             yield site
             if draft is not None:
+                connection.execute(
+                    "DELETE FROM obsolete_folders WHERE folder = ?", (site.folder.name,)
+                )
                 _rename(draft, site.folder)
 
     @contextmanager
-    def _draft(self, map_data: bytes | None) -> Iterator[Path | None]:
-        """Write a map file into a folder that is to be renamed, before the transaction: writing it
-        takes seconds, in which everything else would wait for the database."""
+    def _draft(self, folder: Path, map_data: bytes | None) -> Iterator[Path | None]:
+        """Write a map file into a folder that is to be renamed to `folder`, before the transaction:
+        writing it takes seconds, in which everything else would wait for the database."""
         if map_data is None:
             yield None
             return
@@ -153,6 +158,8 @@ class SiteTable:
             raise StorageFailed(f"{draft} cannot be made: {error.strerror}") from None
         try:
             write_whole(draft / MAP_FILE, map_data)
+            # In force where the transaction ends between the renaming and its commit.
+            self._database.write("INSERT INTO obsolete_folders VALUES (?)", (folder.name,))
             yield draft
         finally:
             shutil.rmtree(draft, ignore_errors=True)
@@ -202,7 +209,16 @@ class SiteTable:
             for table in PER_SITE:
                 connection.execute(f"DELETE FROM {table} WHERE site = ?", (site.id,))
             connection.execute("DELETE FROM sites WHERE id = ?", (site.id,))
-        shutil.rmtree(site.folder, ignore_errors=True)  # a start deletes what is left
+            connection.execute("INSERT INTO obsolete_folders VALUES (?)", (site.folder.name,))
+        self._delete_folder(site.folder.name)
+
+    def _delete_folder(self, name: str) -> None:
+        """Delete an obsolete folder. What fails is left to the next start."""
+        folder = self._root / name
+        with suppress(OSError, StorageFailed):
+            if folder.exists():
+                shutil.rmtree(folder)
+            self._database.write("DELETE FROM obsolete_folders WHERE folder = ?", (name,))
 
     def _insert(self, execute: Execute, site: SiteStore) -> None:
         """Add the row of a site."""

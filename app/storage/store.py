@@ -5,7 +5,6 @@ What belongs to a site is in `SiteStore`, which `Store.site` and `Store.sites` g
 
 from __future__ import annotations
 
-import fcntl
 import json
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 from app.storage.audit import AuditTable
 from app.storage.database import Database
 from app.storage.events import EventTable
+from app.storage.folder_lock import lock_folder
 from app.storage.schema import FIRST_SITE
 from app.storage.site_store import SiteStore
 from app.storage.sites import SiteTable
@@ -30,12 +30,16 @@ class Store:
         """Lock and open; raises `StorageFailed` when the folder is in use or cannot be written."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock_file = (folder / "lock").open("w")
+            # Two consoles would overwrite the zones of each other.
+            self._lock_file = lock_folder(folder)
+        except BlockingIOError:
+            raise StorageFailed(
+                f"another console uses the data folder {folder}; end it, or give another --data"
+            ) from None
         except OSError as error:
             raise StorageFailed(f"the data folder {folder} cannot be used: {error}") from None
         try:
-            self._lock(folder)
-            self._database = Database(folder)
+            self._database = Database(folder, locked=True)
             self.sites = SiteTable(self._database, folder)
             """Sites of the data folder."""
             self.sites.tidy()
@@ -64,15 +68,6 @@ class Store:
         """Close the files and unlock the folder."""
         self._database.close()
         self._lock_file.close()
-
-    def _lock(self, folder: Path) -> None:
-        """Allow one console per folder: two would overwrite the zones of each other."""
-        try:
-            fcntl.flock(self._lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise StorageFailed(
-                f"another console uses the data folder {folder}; end it, or give another --data"
-            ) from None
 
     def runs(self) -> tuple[dict[str, Any], ...]:
         """Return the reports of past missions without their time series, newest first."""

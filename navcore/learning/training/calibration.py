@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -66,7 +66,8 @@ def calibrate(
             f"calibration: nothing is labelled in the {images.split} images; choose another split"
         )
     offsets = best_offsets(logits, classes, weights)
-    temperature = best_temperature(logits + offsets.astype(np.float32), classes, weights)
+    logits += offsets.astype(np.float32)
+    temperature = best_temperature(logits, classes, weights)
     last = network.decoder.upsample2.conv
     assert last.bias is not None
     with torch.no_grad():
@@ -177,7 +178,7 @@ def _collected(
     on_progress: Callable[[int], None],
 ) -> tuple[Logits, npt.NDArray[np.int64], npt.NDArray[np.float64]]:
     """Return logits, true class and weight of the pixels, subsampled."""
-    kept: dict[tuple[int, bool], _KeptPixels] = {}
+    kept: _KeptPixels | None = None
     random = np.random.default_rng(0)
     for start in range(0, len(images), inference.batch):
         samples = [
@@ -193,42 +194,60 @@ def _collected(
                 )[0]
             flat, labels = one.flatten(1).T.numpy(), sample.labels.ravel().astype(np.int64) - 1
             is_right = flat.argmax(axis=1) == labels
+            kept = kept or _KeptPixels(flat.shape[1])
             for number in np.unique(labels[labels >= 0]).tolist():
-                for right, stride in ((True, RIGHT_STRIDE), (False, 1)):
+                for right in (False, True):
                     pixels = np.flatnonzero((labels == number) & (is_right == right))
-                    if len(pixels):
-                        own = kept.setdefault((number, right), _KeptPixels(stride))
-                        own.add(flat, pixels, random)
+                    kept.add(number, right, flat, random.permutation(pixels))
         on_progress(len(samples))
-    rows = {key: np.concatenate(own.parts) for key, own in kept.items()}
-    if not rows:
+    if kept is None:
         return np.empty((0, 0), np.float32), np.empty(0, np.int64), np.empty(0)
-    return (
-        np.concatenate(list(rows.values())),
-        np.concatenate([np.full(len(own), number) for (number, _), own in rows.items()]),
-        np.concatenate(
-            [np.full(len(own), kept[key].count / len(own)) for key, own in rows.items()]
-        ),
-    )
+    return kept.joined()
 
 
-@dataclass(slots=True, eq=False)
 class _KeptPixels:
-    """Logits of a random choice of some pixels, which stand for them all."""
+    """Logits of a random choice of the pixels of each class, of those that are labelled correctly
+    and the others apart, in one array of `MEMORY_BYTES`."""
 
-    stride: int
-    """Number of pixels of which one is kept."""
-    count: int = 0
-    """Number of pixels that were given."""
-    parts: list[Logits] = field(default_factory=list)
-    """Rows (N, C) of the kept ones."""
+    def __init__(self, count: int) -> None:
+        """`count`: number of classes."""
+        size = MEMORY_BYTES // (2 * count * count * np.dtype(np.float32).itemsize)
+        self._rows: Logits = np.empty((2 * count, size, count), np.float32)
+        # The shares: for each class its wrong pixels, then its right ones.
+        self._strides = [1, RIGHT_STRIDE] * count  # one pixel in so many is kept
+        self._seen = [0] * (2 * count)
 
-    def add(
-        self, logits: Logits, pixels: npt.NDArray[np.int64], random: np.random.Generator
-    ) -> None:
-        """Add pixels, whose logits are rows of (M, C); where that becomes too many, keep half as
-        many of them from now on."""
-        self.parts.append(logits[random.permutation(pixels)[:: self.stride]])
-        self.count += len(pixels)
-        if sum(map(len, self.parts)) > MEMORY_BYTES // (2 * logits.itemsize * logits.shape[1] ** 2):
-            self.parts, self.stride = [np.concatenate(self.parts)[::2].copy()], 2 * self.stride
+    def add(self, number: int, right: bool, logits: Logits, pixels: npt.NDArray[np.int64]) -> None:
+        """Add pixels of a class in random order, whose logits are rows of (M, C); where that
+        becomes too many, keep half as many of them from now on."""
+        share = 2 * number + right
+        # The stride goes on over the images: else those with few such pixels would count more.
+        while self._kept(share) + len(chosen := self._chosen(share, pixels)) > self._rows.shape[1]:
+            half = self._rows[share, : self._kept(share) : 2]
+            self._rows[share, : len(half)] = half
+            self._strides[share] *= 2
+        begin = self._kept(share)
+        self._rows[share, begin : begin + len(chosen)] = logits[chosen]
+        self._seen[share] += len(pixels)
+
+    def joined(self) -> tuple[Logits, npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+        """Return logits, true class and weight of all kept pixels. The rows are moved together in
+        place, so that they are in memory once; call it last."""
+        kept = np.array([self._kept(share) for share in range(len(self._seen))])
+        joined, begin = self._rows.reshape(-1, self._rows.shape[2]), 0
+        for rows, length in zip(self._rows, kept, strict=True):
+            joined[begin : begin + length] = rows[:length]
+            begin += length
+        weights = np.array(self._seen) / np.maximum(kept, 1)
+        return (
+            joined[:begin],
+            np.repeat(np.arange(len(kept)) // 2, kept),
+            np.repeat(weights, kept),
+        )
+
+    def _chosen(self, share: int, pixels: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        return pixels[-self._seen[share] % self._strides[share] :: self._strides[share]]
+
+    def _kept(self, share: int) -> int:
+        """Return the number of kept pixels: the first of each stride."""
+        return -(-self._seen[share] // self._strides[share])

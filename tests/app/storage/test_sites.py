@@ -16,6 +16,7 @@ from app.storage import Store, sites
 from app.storage.schema import FIRST_SITE, PER_SITE
 from app.storage.site_store import MAP_FILE, SiteStore
 from app.storage.sites import MAX_SITES, checked_name
+from app.storage.users import user_table
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import read_whole, write_whole
 from navcore.mission.beware_list import default_beware_list
@@ -42,7 +43,10 @@ VERSION_1 = (
     "PRAGMA user_version = 1",
 )
 """Schema of the data folders before sites."""
+VERSION_6 = ("DROP TABLE obsolete_folders", "PRAGMA user_version = 6")
+"""Way back to the schema that did not record which folders are to be deleted."""
 VERSION_5 = (
+    *VERSION_6,
     "ALTER TABLE sites RENAME TO now",
     "CREATE TABLE sites (name TEXT PRIMARY KEY COLLATE NOCASE, world TEXT, chosen REAL NOT NULL, "
     "renamed_from TEXT, id TEXT NOT NULL DEFAULT '') STRICT",
@@ -248,13 +252,59 @@ def test_a_map_is_written_before_the_transaction_and_a_draft_of_before_is_delete
     copied = store.sites.copy("default", "hall")
     assert copied.map_file.read_bytes() == b"map"
     folders = tmp_path / "sites"
-    # A draft, a site whose making or deletion was interrupted, and a folder of the operator.
-    for name in (f"{sites.DRAFT}killed", "0" * 32, "default.bak"):
-        (folders / name).mkdir()
-    kept = {copied.folder.name, store.site.folder.name, "default.bak"}
+    (folders / f"{sites.DRAFT}killed").mkdir()
+    kept = {copied.folder.name, store.site.folder.name}
     store.close()
     with closing(Store(tmp_path)):
         assert {path.name for path in folders.iterdir()} == kept
+
+
+def test_a_new_database_beside_the_folders_of_another_one_costs_no_map(tmp_path: Path) -> None:
+    with closing(Store(tmp_path)) as store:
+        fill(store, "default")
+    file = tmp_path / "console.sqlite"
+    file.rename(tmp_path / "away")
+    with closing(Store(tmp_path)) as new:
+        assert not new.site.map_file.exists()
+    (tmp_path / "away").rename(file)
+    with closing(Store(tmp_path)) as again:
+        assert again.site.map_file.read_bytes() == b"map"
+
+
+@pytest.mark.parametrize("folder", ["0" * 32, "Hall"])
+def test_a_start_deletes_the_folder_of_a_site_whose_deletion_was_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str
+) -> None:
+    with closing(Store(tmp_path)) as store, monkeypatch.context() as patch:
+        store.sites.make("hall")
+        store._database.write("UPDATE sites SET folder = ? WHERE name = 'hall'", (folder,))
+        fill(store, "hall")
+        patch.setattr(sites.SiteTable, "_delete_folder", lambda *_: None)
+        store.sites.delete("hall")
+    assert (tmp_path / "sites" / folder).exists()
+    with closing(Store(tmp_path)) as again:
+        assert not any((tmp_path / "sites").iterdir())
+        assert again._database.rows("SELECT * FROM obsolete_folders") == []
+
+
+def test_a_start_deletes_the_folder_of_a_site_whose_making_was_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def rename_and_end(draft: Path, folder: Path) -> None:
+        draft.rename(folder)
+        raise KeyboardInterrupt
+
+    with closing(Store(tmp_path)) as store, monkeypatch.context() as patch:
+        patch.setattr(sites, "_rename", rename_and_end)
+        with pytest.raises(KeyboardInterrupt), store.sites.making("hall", b"map"):
+            pass
+        assert any((tmp_path / "sites").iterdir())
+    with closing(Store(tmp_path)) as again:
+        assert names(again) == ["default"] and not any((tmp_path / "sites").iterdir())
+        with again.sites.making("hall", b"map"):
+            pass
+    with closing(Store(tmp_path)) as last:
+        assert last.sites.open("hall").map_file.read_bytes() == b"map"
 
 
 def test_a_site_whose_making_fails_halfway_is_not_there(store: Store) -> None:
@@ -364,6 +414,37 @@ def test_a_data_folder_of_an_earlier_version_keeps_its_sites_and_its_users(
     with closing(Store(tmp_path)) as again:
         assert again.users.all()[0].language == "de" and again.site.id == ids["Hall"]
         assert again.site.name == "nave" and again.site.map_file.read_bytes() == b"Hall"
+
+
+def test_a_data_folder_of_the_version_before_is_opened_as_it_is(tmp_path: Path) -> None:
+    with closing(Store(tmp_path)) as before:
+        fill(before, "default")
+        for statement in VERSION_6:
+            before._database.write(statement)
+    with closing(Store(tmp_path)) as now:
+        assert now.site.id == before.site.id and now.site.map_file.read_bytes() == b"map"
+        now.sites.copy("default", "hall")
+        now.sites.delete("default")
+        assert names(now) == ["hall"] and not now.site.folder.exists()
+
+
+def test_a_data_folder_is_not_converted_under_a_console_of_an_earlier_version(
+    tmp_path: Path,
+) -> None:
+    with closing(Store(tmp_path)) as running:
+        fill(running, "default")
+        with sites.site_table(tmp_path) as beside:  # that of the same version may run
+            assert len(beside.all()) == 1
+        for statement in VERSION_5:
+            running._database.write(statement)
+        for opened in (sites.site_table, user_table):
+            with pytest.raises(StorageFailed, match="earlier version uses it"), opened(tmp_path):
+                pass
+        assert running._database.rows("PRAGMA user_version") == [(5,)]
+    with sites.site_table(tmp_path) as converted:
+        assert converted.open("default").zones() == (zone("wet"),)
+        with closing(Store(tmp_path)) as now:  # the lock was that of the conversion
+            assert now.site.zones() == (zone("wet"),)
 
 
 @pytest.mark.parametrize("there", [("default",), ("hall",), ("hall", "default")])

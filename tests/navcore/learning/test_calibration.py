@@ -3,13 +3,16 @@ temperature undoes false certainty."""
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 import torch
 
 from navcore.errors import BadConfiguration
+from navcore.learning.data.card import Sample
 from navcore.learning.data.dataset import DatasetWriter, load_dataset
 from navcore.learning.training import calibration
 from navcore.learning.training.batches import CachedSplit, plain_batch
@@ -79,6 +82,42 @@ def test_so_many_pixels_are_kept_of_a_class_and_their_weights_count_all(
     labels = np.concatenate([images[index].labels.ravel() for index in range(len(images))])
     for number in (0, 1):
         assert weights[classes == number].sum() == pytest.approx((labels == number + 1).sum())
+
+
+def test_pixels_of_images_with_few_and_with_many_of_a_class_are_as_likely_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    few, many = (np.ones((1, count), np.uint8) for count in (5, 5000))
+    images = MagicMock()
+    images.__len__.return_value = 1001
+    images.__getitem__.side_effect = lambda index: MagicMock(labels=few if index else many)
+
+    def logits_by_size(_: object, samples: list[Sample], *_more: object) -> torch.Tensor:
+        (labels,) = (one.labels for one in samples)
+        return torch.eye(4)[:, 0, None, None].expand(1, 4, *labels.shape) * labels.size
+
+    monkeypatch.setattr(calibration, "MEMORY_BYTES", 1 << 15)  # 256 rows for each share of 2 × 4
+    monkeypatch.setattr(calibration, "plain_batch", lambda samples, *_: samples)
+    monkeypatch.setattr(calibration, "logits_of", logits_by_size)
+    inference = InferenceSettings(size=Size(height=64, width=64), batch=1)
+    rows, _, weights = calibration._collected(MagicMock(), images, inference, lambda _: None)
+    assert len(rows) > 128 and weights.sum() == pytest.approx(10_000)
+    assert (rows[:, 0] == 5.0).mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_the_kept_pixels_are_in_memory_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calibration, "MEMORY_BYTES", 1 << 24)
+    logits = np.zeros((20_000, 4), np.float32)
+    tracemalloc.start()
+    try:
+        kept = calibration._KeptPixels(4)
+        for number in range(40):
+            kept.add(number % 4, number % 3 == 0, logits, np.arange(20_000))
+        rows, *_ = kept.joined()
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert rows.nbytes > 1 << 22 and peak < 1.5 * (1 << 24)
 
 
 @pytest.mark.filterwarnings("error")
