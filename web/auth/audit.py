@@ -37,6 +37,8 @@ MAX_WAITING = 1000
 """Largest number of entries for which no request waits that wait for the disk."""
 MAX_PATH = 400
 """Largest length of a logged path, and of its query, in characters."""
+BODY_KEY = "bewarenav.body"
+"""Key of the body, bytes or an open file, in the scope of a request, once it is read."""
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
@@ -75,7 +77,7 @@ class Auditor:
         """Times of the last logged stops of each visitor and outcome, since the last reset."""
         self._room = threading.BoundedSemaphore(MAX_WAITING)
 
-    def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
+    def watching(self, send: Send, scope: Scope, visitor: Visitor) -> Send:
         """Return a `send` that logs the request before its answer, and the emergency stop after the
         beginning of its answer, none of which waits for the disk."""
         if self.audit_log is None or scope["method"] in SAFE or scope["path"] in SILENT:
@@ -84,10 +86,10 @@ class Auditor:
         async def watched(message: Message) -> None:
             first, is_stop = message["type"] == "http.response.start", scope["path"] == STOP
             if first and not is_stop:
-                await self.note(_entry(scope, visitor, body, message["status"]))
+                await self.note(_entry(scope, visitor, message["status"]))
             await send(message)
             if first and is_stop:
-                self.note_later(_entry(scope, visitor, body, message["status"]))
+                self.note_later(_entry(scope, visitor, message["status"]))
 
         return watched
 
@@ -159,7 +161,7 @@ def _is_stop(entry: Mapping[str, Any]) -> bool:
     return _address(entry) in (STOP, "stop")
 
 
-def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str, Any]:
+def _entry(scope: Scope, visitor: Visitor, status: int) -> dict[str, Any]:
     query = scope["query_string"][:MAX_PATH].decode("latin-1")
     # As in an address: names may have any character. Cut before it is quoted: a quoted name may
     # have 1000 characters, and what was done with it comes after it.
@@ -171,7 +173,8 @@ def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str
         "path": path,
         "status": status,
     }
-    if body and not scope["path"].startswith(_SECRET):
+    body = scope.get(BODY_KEY)
+    if body and isinstance(body, bytes) and not scope["path"].startswith(_SECRET):
         entry["detail"] = _detail(body)
     return entry
 

@@ -17,6 +17,7 @@ from tests.web.fake_operations import FakeOperations
 from web.auth.access import Access
 from web.auth.audit import MAX_WAITING, MOST_REFUSED, PERIOD_S, STOP_PERIOD_S, Auditor
 from web.auth.audit_text import describe_entry
+from web.gateway import guard
 from web.schemas.fields import MAX_NAME
 from web.server import ConsoleServer, create_app
 
@@ -67,16 +68,22 @@ def test_so_many_are_logged_within_an_hour_and_the_last_says_so(entry: dict[str,
     assert entries[-1] == entry
 
 
-@pytest.mark.parametrize("path", ["/api/v1/stop", "/api/v1/mission/back-off"])
-def test_a_request_whose_handler_fails_is_logged_and_its_answer_has_the_headers(
-    path: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("path", "failing"),
+    [
+        ("/api/v1/stop", "stop"),
+        ("/api/v1/mission/back-off", "back_off"),
+        ("/api/v1/mission/back-off", "bounded_body"),
+    ],
+)
+def test_a_request_whose_handler_or_guard_fails_is_logged_and_its_answer_has_the_headers(
+    path: str, failing: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*_: object) -> None:
         raise RuntimeError("a defect")
 
     operations, entries = FakeOperations(), Entries()
-    monkeypatch.setattr(operations, "stop", fails)
-    monkeypatch.setattr(operations, "back_off", fails)
+    monkeypatch.setattr(guard if failing == "bounded_body" else operations, failing, fails)
     server = ConsoleServer(operations, port=0, access=Access(audit_log=entries))
     server.start()
     try:
@@ -86,6 +93,21 @@ def test_a_request_whose_handler_fails_is_logged_and_its_answer_has_the_headers(
     assert answer.status_code == 500 and answer.json()["error"]["code"] == "internal_error"
     assert "Content-Security-Policy" in answer.headers
     assert [(entry["path"], entry["status"]) for entry in entries] == [(path, 500)]
+
+
+def test_a_guard_that_fails_before_it_knows_the_visitor_answers_with_the_headers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    access = Access()
+    server = ConsoleServer(FakeOperations(), port=0, access=access)
+    server.start()
+    try:
+        monkeypatch.delattr(type(access.authenticator), "authenticate")
+        answer = httpx.post(server.url + "/api/v1/stop", trust_env=False, timeout=60)
+    finally:
+        server.stop()
+    assert answer.status_code == 500 and answer.json()["error"]["code"] == "internal_error"
+    assert "Content-Security-Policy" in answer.headers
 
 
 STOPPED = {"who": "eve", "role": "viewer", "method": "WS", "path": "stop?by=console"}
