@@ -67,7 +67,7 @@ class EventDetector:
             stops = [emergency_stop(by) for by in (intent.stopped_by,) if by is not None]
             others = [reason for reason in self._reasons if reason.cause != Cause.EMERGENCY_STOP]
             self._hold(now_s, (*stops, *others), pose)
-        if before.site != intent.site:
+        if before.site_id != intent.site_id:  # a name may be given again
             # Nothing of the other site was edited.
             self._event_log.note(now_s, "map", f"The robot is at the site “{intent.site}”.", pose)
             return

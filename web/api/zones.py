@@ -12,7 +12,7 @@ from web.api.router import api_router
 from web.gateway.etag import ExpectedVersion, etag, outdated
 from web.gateway.problems import refusals
 from web.interface.operations import RobotService
-from web.schemas.fields import Name
+from web.schemas.fields import Name, NewName
 from web.schemas.zones import ZoneIn, ZoneOut, ZoneSetOut, ZonesOut
 
 SetName = Annotated[Name, Path()]
@@ -115,7 +115,7 @@ def zones_router(operations: RobotService) -> APIRouter:
         responses=refusals(409, 422, 503),
     )
     def save_set(
-        name: SetName,
+        name: Annotated[NewName, Path()],
         replace: Annotated[bool, Query(description="Replace a set of that name.")] = False,
     ) -> Response:
         """Save the present zones under a name; refused with 409 where a set has it, unless

@@ -30,13 +30,15 @@ MOST_REFUSED, PERIOD_S = 200, 3600.0
 logged within a period in seconds: they push nothing that was done out of the log."""
 MAX_COUNTED = 10_000
 """Largest number of names and addresses that are counted."""
-STOP_PERIOD_S = 1.0
+REPEAT_PERIOD_S = 1.0
 """Time in seconds after a logged stop in which the same visitor's next ones, which change nothing,
-are not logged: they come by the thousand over an open connection."""
+are not logged; so for beginnings of driving by hand."""
 MAX_WAITING = 1000
-"""Largest number of entries for which no request waits that wait for the disk."""
+"""Largest number of stops that wait for the disk, and of entries of driving by hand."""
 MAX_PATH = 400
 """Largest length of a logged path, and of its query, in characters."""
+BODY_KEY = "bewarenav.body"
+"""Key of the body, bytes or an open file, in the scope of a request, once it is read."""
 _SECRET = ("/api/v1/users", "/api/v1/me")
 
 
@@ -59,6 +61,24 @@ class AuditLog(Protocol):
         visitor, between two times."""
 
 
+class _Limit:
+    """Limit of the entries of a kind for which no request waits: they come by the thousand over an
+    open connection."""
+
+    def __init__(self) -> None:
+        self.places = threading.BoundedSemaphore(MAX_WAITING)
+        """Places of those that wait for the disk."""
+        self.noted_s: dict[object, float] = {}
+        """Time of the last entry of each key, seconds."""
+
+    def is_repeated(self, key: object, now_s: float) -> bool:
+        """Return whether an entry of a key was noted just before."""
+        self.noted_s = {
+            other: at_s for other, at_s in self.noted_s.items() if now_s - at_s < REPEAT_PERIOD_S
+        }
+        return key in self.noted_s
+
+
 class Auditor:
     """Writer of the audit log; it writes in a thread, so that no disk delays the event loop, in the
     order in which it is asked."""
@@ -71,11 +91,9 @@ class Auditor:
         self._clock = clock
         self._refused: OrderedDict[tuple[str, str], tuple[float, int]] = OrderedDict()
         """Of each name and address the end of the period, and the number of entries in it."""
-        self._stopped: dict[tuple[object, object], float] = {}
-        """Times of the last logged stops of each visitor and outcome, since the last reset."""
-        self._room = threading.BoundedSemaphore(MAX_WAITING)
+        self._stops, self._drives = _Limit(), _Limit()
 
-    def watching(self, send: Send, scope: Scope, visitor: Visitor, body: bytes) -> Send:
+    def watching(self, send: Send, scope: Scope, visitor: Visitor) -> Send:
         """Return a `send` that logs the request before its answer, and the emergency stop after the
         beginning of its answer, none of which waits for the disk."""
         if self.audit_log is None or scope["method"] in SAFE or scope["path"] in SILENT:
@@ -84,58 +102,62 @@ class Auditor:
         async def watched(message: Message) -> None:
             first, is_stop = message["type"] == "http.response.start", scope["path"] == STOP
             if first and not is_stop:
-                await self.note(_entry(scope, visitor, body, message["status"]))
+                if scope["path"] == RESET and message["status"] < 400:
+                    self._stops.noted_s.clear()  # the next stop changes something again
+                await self.note(_entry(scope, visitor, message["status"]))
             await send(message)
             if first and is_stop:
-                self.note_later(_entry(scope, visitor, body, message["status"]))
+                self.note_stop(_entry(scope, visitor, message["status"]))
 
         return watched
 
     async def note(self, entry: Mapping[str, Any]) -> None:
-        """Log an entry; return when it is stored. A failed disk is no reason to refuse the
-        request."""
-        if _address(entry) == RESET:  # the next stop changes something again
-            self._stopped.clear()
-        await asyncio.wrap_future(self._thread.submit(self._add, entry))
+        """Log an entry of a request, unless too many were refused; return when it is stored. A
+        failed disk is no reason to refuse the request."""
+        counted = self._counted(entry)
+        if counted is not None:
+            await asyncio.wrap_future(self._thread.submit(self._add, counted))
 
-    def note_later(self, entry: Mapping[str, Any]) -> Future[None]:
-        """Log an entry, but for a stop that repeats one, and while too many wait; return at
-        once."""
-        noted = Future[None]()
-        if self._repeats(entry):
-            noted.set_result(None)
-        elif self._room.acquire(blocking=False):
-            noted = self._thread.submit(self._add, entry)
-            noted.add_done_callback(lambda _: self._room.release())
-        else:
-            log.error("the disk is too slow; the audit log misses an entry: %s", dict(entry))
-            noted.set_result(None)
+    def note_stop(self, entry: Mapping[str, Any]) -> Future[None] | None:
+        """Log a stop, but for one that repeats another; see `_later`."""
+        return self._later(entry, self._stops, (entry.get("who"), entry.get("status")))
+
+    def note_driving(self, entry: Mapping[str, Any], *, begins: bool) -> Future[None] | None:
+        """Log that a visitor begins to drive by hand, at most once in `REPEAT_PERIOD_S`, or ends it
+        after a logged beginning; see `_later`."""
+        return self._later(entry, self._drives, (entry.get("who"),) if begins else None)
+
+    def _later(
+        self, entry: Mapping[str, Any], limit: _Limit, key: tuple[object, ...] | None
+    ) -> Future[None] | None:
+        """Log an entry and return at once what waits for the disk; None for one that is not logged,
+        because it repeats another of its key or too many wait."""
+        now_s = self._clock()
+        if key is not None and limit.is_repeated(key, now_s):
+            return None
+        if not limit.places.acquire(blocking=False):
+            missed = "missed", key
+            if not limit.is_repeated(missed, now_s):
+                limit.noted_s[missed] = now_s
+                log.error("the disk is too slow; the audit log misses an entry: %s", dict(entry))
+            return None
+        if key is not None:
+            limit.noted_s[key] = now_s
+        noted = self._thread.submit(self._add, entry)
+        noted.add_done_callback(lambda _: limit.places.release())
         return noted
 
-    def _repeats(self, entry: Mapping[str, Any]) -> bool:
-        """Return whether an entry is a stop like the one that the same visitor made just before."""
-        if not _is_stop(entry):
-            return False
-        key, now = (entry.get("who"), entry.get("status")), self._clock()
-        self._stopped = {kept: at for kept, at in self._stopped.items() if now - at < STOP_PERIOD_S}
-        if key in self._stopped:
-            return True
-        self._stopped[key] = now
-        return False
-
     def _add(self, entry: Mapping[str, Any]) -> None:
-        if self.audit_log is None or (counted := self._counted(entry)) is None:
-            return
         try:
-            self.audit_log.add(counted)
+            if self.audit_log is not None:
+                self.audit_log.add(entry)
         except Exception:
             log.exception("the audit log misses an entry: %s", dict(entry))
 
     def _counted(self, entry: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Return the entry, or None for one of too many that were refused or choose a language; the
-        last one says so. A stop is none of these."""
-        is_refused = entry.get("status", 200) >= 400 and not _is_stop(entry)
-        if not is_refused and entry.get("path") != LANGUAGE:
+        """Return the entry of a request, or None for one of too many that were refused or choose a
+        language; the last one says so."""
+        if entry.get("status", 200) < 400 and entry.get("path") != LANGUAGE:
             return entry
         key, now = (str(entry.get("who")), str(entry.get("from", ""))), self._clock()
         until, number = self._refused.get(key, (now + PERIOD_S, 0))
@@ -151,15 +173,7 @@ class Auditor:
         return None if number >= MOST_REFUSED else {**entry, "note": last}
 
 
-def _address(entry: Mapping[str, Any]) -> str:
-    return str(entry.get("path")).partition("?")[0]
-
-
-def _is_stop(entry: Mapping[str, Any]) -> bool:
-    return _address(entry) in (STOP, "stop")
-
-
-def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str, Any]:
+def _entry(scope: Scope, visitor: Visitor, status: int) -> dict[str, Any]:
     query = scope["query_string"][:MAX_PATH].decode("latin-1")
     # As in an address: names may have any character. Cut before it is quoted: a quoted name may
     # have 1000 characters, and what was done with it comes after it.
@@ -171,7 +185,8 @@ def _entry(scope: Scope, visitor: Visitor, body: bytes, status: int) -> dict[str
         "path": path,
         "status": status,
     }
-    if body and not scope["path"].startswith(_SECRET):
+    body = scope.get(BODY_KEY)
+    if body and isinstance(body, bytes) and not scope["path"].startswith(_SECRET):
         entry["detail"] = _detail(body)
     return entry
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 import functools
 from collections import Counter
 from collections.abc import Sequence
-from typing import BinaryIO
 
 from fastapi import WebSocketDisconnect
 from starlette.datastructures import Headers
@@ -76,41 +75,52 @@ class Guard:
             await self._request(scope, receive, send)
 
     async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, and an error of the guard itself, with the security headers."""
         headers = Headers(scope=scope)
-        answer: ASGIApp | None = check_origin(scope, headers, self._hosts)
-        send = with_headers(
-            send, scope, self._client_cookie(scope, headers) if answer is None else {}
+        foreign = check_origin(scope, headers, self._hosts)
+        extra = self._client_cookie(scope, headers) if foreign is None else {}
+        app = foreign or functools.partial(self._own_request, headers)
+        await answered(app, scope, receive, with_headers(send, scope, extra))
+
+    async def _own_request(
+        self, headers: Headers, scope: Scope, receive: Receive, send: Send
+    ) -> None:
+        """Answer a request that names no foreign host or origin."""
+        if self._login is not None and (scope["method"], scope["path"]) == ("POST", LOGIN_PATH):
+            await self._log_in(self._login, scope, receive, send)
+            return
+        visitor = self._authenticator.authenticate(
+            headers, _cookie(scope, headers), renews=is_deliberate(scope["method"], scope["path"])
         )
-        body: bytes | BinaryIO | Response = b""
-        if answer is None:
-            visitor = self._authenticator.authenticate(
-                headers,
-                _cookie(scope, headers),
-                renews=is_deliberate(scope["method"], scope["path"]),
-            )
-            is_login = self._login is not None and (scope["method"], scope["path"]) == (
-                "POST",
-                LOGIN_PATH,
-            )
-            answer = None if is_login else self._refusal(scope, headers, visitor)
-            if answer is None:
-                body = await bounded_body(scope, receive, self._spools)
-                if isinstance(body, Response):
-                    answer = body
-                elif is_login and self._login is not None:
-                    assert isinstance(body, bytes)
-                    answer = await self._login.attempt(scope, body, _cookie_name(scope))
-                else:
-                    receive = replayed(body, scope, receive)
-                    answer = self._claimed(scope, headers, visitor)
-            if visitor is not None and not is_login:
-                send = self._auditor.watching(
-                    send, scope, visitor, body if isinstance(body, bytes) else b""
-                )
+        app: ASGIApp | None = self._refusal(scope, headers, visitor)
+        if visitor is not None:
+            send = self._auditor.watching(send, scope, visitor)
+            app = app or functools.partial(self._allowed_request, headers, visitor)
+        assert app is not None
+        await answered(app, scope, receive, send)
+
+    async def _log_in(self, login: Login, scope: Scope, receive: Receive, send: Send) -> None:
+        body = await bounded_body(scope, receive, self._spools)
+        if isinstance(body, bytes):
+            answer = await login.attempt(scope, body, _cookie_name(scope))
+        else:
+            assert isinstance(body, Response)
+            answer = body
+        await answer(scope, receive, send)
+
+    async def _allowed_request(
+        self, headers: Headers, visitor: Visitor, scope: Scope, receive: Receive, send: Send
+    ) -> None:
+        """Read the body of a request of a visitor with the right to it, and pass it to the app."""
+        body = await bounded_body(scope, receive, self._spools)
+        if isinstance(body, Response):
+            await body(scope, receive, send)
+            return
+        receive = replayed(body, scope, receive)
         try:
-            await answered(answer or self._app, scope, receive, send)
+            await (self._claimed(scope, headers, visitor) or self._app)(scope, receive, send)
         finally:
-            if not isinstance(body, bytes | Response):
+            if not isinstance(body, bytes):
                 await close(body)
 
     def _refusal(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
@@ -125,10 +135,9 @@ class Guard:
         scope[SCOPE_KEY] = visitor
         return None
 
-    def _claimed(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
+    def _claimed(self, scope: Scope, headers: Headers, visitor: Visitor) -> Response | None:
         """Return the refusal of a visitor who is not in control but has to be, or the answer to a
         log-out; None for none."""
-        assert visitor is not None
         if is_deliberate(scope["method"], scope["path"]):
             self._control.heartbeat(visitor)
         if self._login is not None and (scope["method"], scope["path"]) == ("POST", LOGOUT):

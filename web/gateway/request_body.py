@@ -15,6 +15,7 @@ from starlette.responses import Response
 from starlette.types import Message, Receive, Scope
 
 from navcore.errors import BewareNavError
+from web.auth.audit import BODY_KEY
 from web.auth.permissions import SAFE, STOP
 from web.gateway.login import LOGIN_PATH
 from web.gateway.problems import problem, refusal
@@ -47,8 +48,6 @@ annotations, each of whose numbers has ten characters at most."""
 Spools = Mapping[str, Callable[[], BinaryIO]]
 """Path → what opens an empty file to which its body is written as it arrives, since the computer of
 a robot may lack the memory; may raise `BewareNavError`."""
-_FILE = "bewarenav.body"
-"""Key of a body's file in the scope of its request."""
 _LABELS = re.compile("/api/v1/teach/frames/[0-9]{1,12}/labels")
 
 
@@ -120,9 +119,8 @@ def _too_large(at_most: int) -> Response:
 
 def replayed(body: bytes | BinaryIO, scope: Scope, receive: Receive) -> Receive:
     """Return a `receive` that gives a body that was read already; a file is in `body_file`."""
-    if not isinstance(body, bytes):
-        scope[_FILE], body = body, b""
-    waiting = [body]
+    scope[BODY_KEY] = body
+    waiting = [body if isinstance(body, bytes) else b""]
 
     async def replay() -> Message:
         if waiting:
@@ -135,4 +133,4 @@ def replayed(body: bytes | BinaryIO, scope: Scope, receive: Receive) -> Receive:
 def body_file(request: Request) -> BinaryIO:
     """Return the file of a body that `Spools` name, open at its beginning until the request is
     answered."""
-    return cast(BinaryIO, request.scope[_FILE])
+    return cast(BinaryIO, request.scope[BODY_KEY])

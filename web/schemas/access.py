@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictStr
 from web.auth.roles import Role
 from web.auth.users import LONGEST_PASSWORD
 from web.interface.wire import DOCUMENTED
-from web.schemas.fields import Closed, Name
+from web.schemas.fields import Closed, NewName
 
 Password = Annotated[StrictStr, Field(max_length=LONGEST_PASSWORD)]
 
@@ -46,7 +46,7 @@ class LanguageIn(Closed):
 class NewUserIn(RoleIn, PasswordIn):
     """New user."""
 
-    name: Name
+    name: NewName
     """Unique name of the user."""
 
 

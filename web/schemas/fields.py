@@ -87,12 +87,9 @@ UNKNOWN_PRICE_RANGE: Limits = {"low": _PRICE["low"], "high": _PRICE["high"]}
 """Range of the price of unseen floor."""
 UnknownPrice = Annotated[float, number(_PRICE["low"], _PRICE["high"])]
 Corner = tuple[Metres, Metres]
-Name = Annotated[
-    StrictStr,
-    Field(min_length=1, max_length=MAX_NAME),
-    AfterValidator(_printable),
-    AfterValidator(_addressable),
-]
+Name = Annotated[StrictStr, Field(min_length=1, max_length=MAX_NAME), AfterValidator(_printable)]
+NewName = Annotated[Name, AfterValidator(_addressable)]
+"""Name of something new that is addressed by it; what is stored already may have any name."""
 Label = Annotated[
     StrictStr,
     Field(max_length=MAX_NAME),

@@ -315,12 +315,18 @@ def test_a_new_price_of_unseen_floor_is_told() -> None:
     ]
 
 
-def test_another_site_is_told_as_that_and_not_as_edits_and_arrivals() -> None:
+@pytest.mark.parametrize("former_name", ["hall", "attic"])
+def test_another_site_is_told_as_that_and_not_as_edits_and_arrivals(former_name: str) -> None:
+    """A site may have the name by which the robot entered the one before, renamed since."""
     event_log = EventLog()
-    before = intent(zones=(ZONE,), driving=False)
+    before = dataclasses.replace(
+        intent(zones=(ZONE,), driving=False), site=former_name, site_id="one"
+    )
     detector = EventDetector(event_log, before)
     mission = dataclasses.replace(before.mission, reached=before.mission.queue, queue=())
-    there = OperatorState(mission=mission, beware=BewareList(classes=()), site="attic")
+    there = OperatorState(
+        mission=mission, beware=BewareList(classes=()), site="attic", site_id="another"
+    )
     detector.on_change(1.0, there, HERE)
     assert [text for _, text in written(event_log)] == ["The robot is at the site “attic”."]
     detector.on_change(2.0, dataclasses.replace(there, zones=(ZONE,)), HERE)

@@ -408,8 +408,35 @@ def test_a_stop_waits_neither_for_the_log_nor_for_the_state(
             eventually(lambda: operations.stops)
             assert not entries
             written.set()
-            eventually(lambda: len(entries) == 2)
-            assert entries == ["by hand: begins", "stop?by=console key"]
+            eventually(lambda: len(entries) == 3)
+            assert entries == ["by hand: begins", "stop?by=console key", "by hand: ends"]
     finally:
         written.set()
         stopping.stop()
+
+
+def test_of_a_drive_key_that_is_pressed_again_and_again_one_drive_a_second_is_logged(
+    locked: ConsoleServer, accounts: Accounts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("web.auth.audit.REPEAT_PERIOD_S", 60.0)
+
+    def logged() -> list[str]:
+        return [entry["path"] for entry in reversed(accounts.store.audit.newest())]
+
+    with live(locked, Authorization=f"Bearer {accounts.tokens['operator']}") as page:
+        for _ in range(20):
+            push(page, 0.0)
+            push(page, 0.0, v_mps=0.0)
+        page.send(json.dumps({"type": "stop", "by": "console key"}))
+        eventually(lambda: len(logged()) >= 3)
+        assert logged() == ["by hand: begins", "by hand: ends", "stop?by=console key"]
+
+
+def test_the_end_of_a_drive_by_a_page_that_is_closed_is_logged(
+    locked: ConsoleServer, accounts: Accounts
+) -> None:
+    with live(locked, Authorization=f"Bearer {accounts.tokens['operator']}") as page:
+        push(page, 0.0)
+        eventually(lambda: len(accounts.store.audit.newest()) == 1)
+    eventually(lambda: len(accounts.store.audit.newest()) == 2)
+    assert accounts.store.audit.newest()[0]["path"] == "by hand: ends"

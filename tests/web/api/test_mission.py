@@ -96,6 +96,14 @@ def test_a_name_that_means_a_folder_in_an_address_is_refused(
     assert "are no names" in wrong(answer, 422)["message"]
 
 
+@pytest.mark.parametrize("path", ["/api/v1/missions/{}", "/api/v1/zone-sets/{}"])
+def test_a_deletion_of_what_has_such_a_name_already_is_not_refused_for_it(
+    client: httpx.Client, path: str
+) -> None:
+    answer = client.delete(path.format("%2E%2E"))
+    assert wrong(answer, 404)["code"] == "not_known"
+
+
 @pytest.mark.parametrize(
     ("x", "y", "says"), [(9900, 0, "too far away"), (4.0, 2.5, "inside an obstacle")]
 )

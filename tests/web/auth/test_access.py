@@ -322,6 +322,8 @@ def test_admins_keep_the_users_and_a_change_ends_the_sessions_it_concerns(
             ).status_code
             == 409
         )
+        folder = {"name": "..", "role": "viewer", "password": "long enough"}
+        assert admin.post("/api/v1/users", json=folder).status_code == 422
         token = admin.post("/api/v1/users/bob/token").json()["token"]
         bearer = {"Authorization": f"Bearer {token}"}
         assert (

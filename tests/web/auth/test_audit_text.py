@@ -49,7 +49,7 @@ def test_a_name_is_logged_whole_whatever_its_characters() -> None:
         "query_string": b"force=true",
     }
     visitor = Visitor(name="vera", role=Role.ADMIN, client_id="page vera")
-    assert describe_entry(_entry(scope, visitor, b"", 204)) == f"deleted the mission “{name}”"
+    assert describe_entry(_entry(scope, visitor, 204)) == f"deleted the mission “{name}”"
 
 
 def test_every_request_that_changes_something_has_words() -> None:

@@ -86,6 +86,7 @@ def control_router(operations: RobotService, control: ControlLeases, auditor: Au
             await socket.close(BAD_MESSAGE)
         finally:
             session.release()
+            _note_driving(auditor, session)
 
     return router
 
@@ -99,6 +100,8 @@ class TeleopSession:
         self._least_delay_s: float | None = None
         self._received_s, self._late = 0.0, 0
         self.is_driving = False
+        self.is_logged = False
+        """Whether the audit log says that this page drives."""
         self.is_stop_unanswered = False
         self.refusals: deque[dict[str, str]] = deque(maxlen=1)
         """What the page has to be told next. The messages of the page, a stop perhaps, do not wait
@@ -180,20 +183,17 @@ async def _receive(
             by = stop_label(received.by, "console")
             session.operations.stop(stop_source(session.visitor, by))
             session.is_stop_unanswered = True
-            _note(auditor, session.visitor, f"stop?by={by}")
+            auditor.note_stop(_entry(session.visitor, f"stop?by={by}"))
             session.release()
         control.heartbeat(session.visitor)
         if isinstance(received, DriveMessage) and session.visitor.role.may(Role.OPERATOR):
-            was_driving = session.is_driving
             try:
                 session.move(received)
             except BewareNavError as refused:
                 session.release()
                 code = "not_in_control" if isinstance(refused, NotInControl) else "refused"
                 session.refusals.append({"type": "refused", "code": code, "message": str(refused)})
-            if session.is_driving != was_driving:
-                change = "begins" if session.is_driving else "ends"
-                _note(auditor, session.visitor, f"by hand: {change}")
+        _note_driving(auditor, session)
 
 
 def _message_of(text: str) -> HeartbeatMessage | StopMessage | DriveMessage:
@@ -208,11 +208,19 @@ def _message_of(text: str) -> HeartbeatMessage | StopMessage | DriveMessage:
         raise
 
 
-def _note(auditor: Auditor, visitor: Visitor, what: str) -> None:
-    """Log what a page did; the next message, a stop perhaps, does not wait for the disk."""
-    auditor.note_later(
-        {"who": visitor.name, "role": str(visitor.role), "method": "WS", "path": what}
-    )
+def _note_driving(auditor: Auditor, session: TeleopSession) -> None:
+    """Log that a page has begun to drive, which is tried again while it drives, or has ended it;
+    the next message, a stop perhaps, does not wait for the disk."""
+    if session.is_driving and not session.is_logged:
+        begins = _entry(session.visitor, "by hand: begins")
+        session.is_logged = auditor.note_driving(begins, begins=True) is not None
+    elif session.is_logged and not session.is_driving:
+        session.is_logged = False
+        auditor.note_driving(_entry(session.visitor, "by hand: ends"), begins=False)
+
+
+def _entry(visitor: Visitor, what: str) -> dict[str, str]:
+    return {"who": visitor.name, "role": str(visitor.role), "method": "WS", "path": what}
 
 
 def _control_of(control: ControlLeases, visitor: Visitor) -> ControlOut:

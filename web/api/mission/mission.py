@@ -18,7 +18,7 @@ from web.auth.roles import CurrentVisitor
 from web.gateway.problems import refusals
 from web.interface.operations import MissionAction, RobotService
 from web.interface.snapshots import State
-from web.schemas.fields import Name
+from web.schemas.fields import Name, NewName
 from web.schemas.mission.mission import (
     GoalIn,
     GoalOrderIn,
@@ -95,7 +95,7 @@ def mission_router(operations: RobotService) -> APIRouter:
 
     @router.put("/missions/{name:path}", status_code=204, responses=refusals(409, 422, 503))
     def save_mission(
-        name: Annotated[Name, Path()],
+        name: Annotated[NewName, Path()],
         replace: Annotated[
             bool, Query(description="Replace a saved mission of that name.")
         ] = False,

@@ -31,7 +31,7 @@ from navcore.grid.grid import GridSpec
 from navcore.mapping.changes import CellMap
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage import map_file
-from navcore.mission.beware_list import MAX_RETIRED, default_beware_list
+from navcore.mission.beware_list import MAX_RETIRED, BewareList, default_beware_list
 from navcore.mission.zone import Zone
 from navcore.mission.zone_shapes import Circle
 from web.interface.sites import Tag
@@ -261,6 +261,24 @@ def test_a_site_whose_classes_were_often_renamed_comes_back(store: Store) -> Non
     brought = store.sites.open("hall").beware()
     assert brought is not None
     assert (brought.classes, brought.retired) == (beware.classes, beware.retired)
+
+
+def test_a_site_comes_back_whose_names_mean_folders_in_an_address(store: Store) -> None:
+    site, beware = store.site, default_beware_list()
+    one, *others = beware.classes
+    beware = BewareList(
+        classes=(dataclasses.replace(one, name=".."), *others),
+        retired=((".", one.class_id),),
+    )
+    site.save_beware(beware)
+    site.save_zone(Zone(id="dot", name=".", polygon=CIRCLE.outline()))
+    site.save_document("mission", "..", {"goals": [], "loop": False})
+    add(store.sites, "hall", pack(site))
+    brought = store.sites.open("hall")
+    read = brought.beware()
+    assert read is not None and (read.classes, read.retired) == (beware.classes, beware.retired)
+    assert [zone.name for zone in brought.zones()] == [zone.name for zone in site.zones()]
+    assert brought.documents("mission") == site.documents("mission")
 
 
 def test_the_nav2_export_is_without_the_zones_and_the_mask_beside_it(store: Store) -> None:
