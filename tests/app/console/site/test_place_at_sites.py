@@ -109,7 +109,7 @@ def test_the_gyros_drift_at_standstill_does_not_turn_a_robot_that_comes_back(des
     left = desk.controller.place.T_map_base
     desk.choose("hall")
     for _ in range(30):
-        desk.pose = desk.pose @ Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.003)
+        desk.pose = desk.pose @ Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0015)
         desk.tick()
     expected, kept = desk.sites._expected_place(desk.store.sites.open("default"))
     assert kept is not None and expected is not None
