@@ -111,6 +111,8 @@ def _convert(connection: sqlite3.Connection, folder: Path) -> None:
     try:
         lock_file = lock_folder(folder)
     except BlockingIOError:
+        if not is_of_an_earlier_version(connection):
+            return  # a console has converted it meanwhile
         raise StorageFailed("a console of an earlier version uses it; end that one first") from None
     with lock_file:
         create_schema(connection)

@@ -22,8 +22,9 @@ from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.mission.zone import OWN_COLOUR, Zone
 from navcore.robot.profile import RobotProfile
 
-_PASSED_M = 1.0
-"""Distance in metres, about the length of a robot, after which who stood beside it is passed."""
+_PASSED_M = 0.5
+"""Distance in metres, beyond that over which the robot backs off, from where it waited, after which
+it has passed who stood beside it there."""
 
 
 class RecoveryAction(IntEnum):
@@ -72,9 +73,9 @@ class Recovery:
     """What the controller asked for when the present action started; None for nothing."""
     was_held: bool = False
     """Whether the safety gate kept the robot from its motion then."""
-    waited_in_vain: bool = False
-    """Whether the path was still blocked after it had waited at this position; until it is
-    `_PASSED_M` away."""
+    waited_at: Pose2 | None = None
+    """Pose where it has waited, and the path was still blocked, until it is well away from there;
+    None for none."""
     stands_s: float = 0.0
     """Time in seconds for which a robot that has given up stands, whatever it is asked for; then
     all is tried again."""
@@ -98,7 +99,7 @@ class Recovery:
             counted,
             turned_rad=turned,
             heading_rad=pose.yaw_rad,
-            waited_in_vain=self.waited_in_vain and not self._has_moved(pose),
+            waited_at=None if self._has_passed(pose, rules) else self.waited_at,
         )
         stuck = motion.outcome is ControllerState.BLOCKED or now.backs >= rules.tries
         lasts_s = (stamp_ns - self.since_ns) / 1e9
@@ -123,7 +124,7 @@ class Recovery:
                 return now._ended()
             if lasts_s < rules.wait_s:
                 return now
-            waited = dataclasses.replace(now, waited_in_vain=True)
+            waited = dataclasses.replace(now, waited_at=pose)
             return waited._enter(waited._stronger(), motion, pose, stamp_ns)
         blocked = held or motion.outcome is ControllerState.BLOCKED
         if blocked or lasts_s >= rules.manoeuvre_s or now._is_done(pose, rules):
@@ -147,9 +148,11 @@ class Recovery:
         waited_s = self.waited_s + step_s
         return dataclasses.replace(self._ended(), at=self.at or pose, waited_s=waited_s)
 
-    def _has_moved(self, pose: Pose2) -> bool:
-        """Return whether the robot has passed who stood beside it where it was blocked."""
-        return self.at is not None and self.at.distance_to(pose.x_m, pose.y_m) > _PASSED_M
+    def _has_passed(self, pose: Pose2, rules: RecoveryConfig) -> bool:
+        """Return whether the robot has come away from where it waited, farther than it backs off to
+        try again."""
+        at = self.waited_at
+        return at is not None and at.distance_to(pose.x_m, pose.y_m) > rules.back_m + _PASSED_M
 
     def _stronger(self) -> RecoveryAction:
         """Return the action after the last one that failed."""

@@ -85,7 +85,7 @@ class Behaviour:
             leaves_lane=self.leaves_lane,
             is_cautious=self.waiting.has_just_ended(config.people) and not absence.crosses,
             ignore_predictions=self.waiting.is_over(config.people),
-            passes_close=self.recovery.waited_in_vain,
+            passes_close=self.recovery.waited_at is not None and not config.people.non_cooperative,
         )
 
     def _is_in_lane(self, pose: Pose2, profile: RobotProfile, config: NavigatorConfig) -> bool:

@@ -110,9 +110,6 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         return Motion(twist=STANDSTILL, outcome=ControllerState.IN_ZONE)
     checker = _collision_checker(inputs)
     motion = _select(inputs, checker, path, goal)
-    expected = inputs.people.expectations
-    if expected.passes_close and len(inputs.people_cells):
-        motion = no_faster(motion, inputs.people_config.cautious_mps, checker.profile)
     if inputs.people_config.non_cooperative:
         walked = len(inputs.people.walking) > 0
         collides = walked and will_collide(checker, motion.twist, inputs.twist)
@@ -120,6 +117,7 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
     if inputs.retreat is None:
         motion = slow_beside_people(checker, motion)
     waited = inputs.previous.outcome is ControllerState.WAIT_FOR_PEOPLE
+    expected = inputs.people.expectations
     if (
         expected.expects_return
         and not expected.ignore_predictions
@@ -129,7 +127,7 @@ def compute_velocity(inputs: LocalPlannerInput) -> Motion:
         motion = Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     if motion.outcome is ControllerState.WAIT_FOR_PEOPLE:
         return face_person(checker, motion)
-    if expected.is_cautious:
+    if expected.is_cautious or (expected.passes_close and len(inputs.people_cells)):
         return no_faster(motion, inputs.people_config.cautious_mps, checker.profile)
     return motion
 
@@ -220,7 +218,7 @@ def _cross(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
 def _align(inputs: LocalPlannerInput, checker: CollisionChecker, goal: _Goal) -> Motion:
     """Turn in place to the heading asked for, if need be after a look from elsewhere at the
     unobserved cells that the turn would sweep; stand where the body cannot turn."""
-    turn = turn_in_place(checker, goal.heading_error_rad, previous=inputs.previous)
+    turn = turn_in_place(checker, goal.heading_error_rad)
     if turn is not None:
         return dataclasses.replace(turn, outcome=ControllerState.ALIGN)
     if turn_in_place(checker.all_observed(), goal.heading_error_rad) is None:
@@ -251,7 +249,7 @@ def _drive(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -
     off_path = abs(bearing) > math.radians(inputs.local.turn_until_deg)
     if off_path and follow(checker.all_observed(), path, primitives):
         # The path leads over unobserved cells.
-        turn = turn_in_place(checker, bearing, previous=inputs.previous)
+        turn = turn_in_place(checker, bearing)
         if turn is not None:
             return turn
     found = find_manoeuvre(checker, path, pose)
@@ -283,7 +281,7 @@ def _turn_to_path(
     least_deg = inputs.local.turn_until_deg if turning else inputs.local.turn_from_deg
     if abs(bearing) <= math.radians(least_deg):
         return None
-    turn = turn_in_place(checker, bearing, previous=inputs.previous)
+    turn = turn_in_place(checker, bearing)
     if turn is not None and loses_sight(checker, turned_by(turn, bearing)):
         return Motion(twist=STANDSTILL, outcome=ControllerState.WAIT_FOR_PEOPLE)
     return turn

@@ -89,7 +89,7 @@ def people_mask(
     grid: OccupancyGrid, people: Collection[int], passed: tuple[Pose2, float] | None = None
 ) -> npt.NDArray[np.bool_]:
     """Return the (rows, cols) cells of people, class ids, inflated by their own margins, but for
-    those who are `passed`: whose margin reaches within metres of a position."""
+    those that are `passed`: whose margin reaches within metres of a position."""
     found = np.zeros_like(grid.zones)
     for class_id in people:
         layer = grid.beware.get(class_id)
@@ -97,12 +97,9 @@ def people_mask(
             continue
         margin_m, inflated = grid.margins_m.get(class_id, 0.0), layer
         if passed is not None:
-            pose, within_m = passed
-            _, things = cv2.connectedComponents(layer.view(np.uint8), connectivity=8)
-            cells = np.argwhere(layer)
+            (pose, within_m), cells, inflated = passed, np.argwhere(layer), layer.copy()
             x, y = (grid.spec.centres(cells) - (pose.x_m, pose.y_m)).T
-            near = np.unique(things[tuple(cells.T)][np.hypot(x, y) <= within_m + margin_m])
-            inflated = layer & ~np.isin(things, near)
+            inflated[tuple(cells[np.hypot(x, y) <= within_m + margin_m].T)] = False
         found |= layer | inflate_by(inflated, margin_m, grid.spec.resolution_m)
     return found
 

@@ -8,29 +8,22 @@ import math
 import numpy as np
 
 from navcore.control.collision.collision_checker import CollisionChecker
-from navcore.control.motion import IDLE, ControllerState, Motion
-from navcore.geometry.arrays import Floats
+from navcore.control.motion import ControllerState, Motion
 from navcore.geometry.transform import Twist
 
 _POSES = 12
 """Number of poses at which the clearance of a turn is measured."""
 _LONGER_RAD = math.radians(90.0)
-"""Angle by which a turn may be longer to show more of where people have walked."""
-_TURNS = (ControllerState.TURN, ControllerState.ALIGN)
+"""Angle by which a turn may be longer to end past where people have walked."""
 
 
 def turn_in_place(
-    checker: CollisionChecker,
-    bearing: float,
-    *,
-    both_directions: bool = True,
-    previous: Motion = IDLE,
+    checker: CollisionChecker, bearing: float, *, both_directions: bool = True
 ) -> Motion | None:
     """Turn in place towards the bearing, in the longer direction if the shorter one is blocked, or
-    the longer one shows more of where people have walked; None when neither is free. A turn of the
-    `previous` step goes on in its direction."""
+    the longer one ends past more of where people have walked; None when neither is free."""
     config = checker.control.turn
-    for angle in _directions(checker, bearing, previous) if both_directions else (bearing,):
+    for angle in _directions(checker, bearing) if both_directions else (bearing,):
         count = max(2, math.ceil(abs(angle) / math.radians(config.step_deg)))
         if checker.can_turn_to(np.linspace(0.0, angle, count)[None]).all():
             rate = min(
@@ -73,29 +66,23 @@ def turned_by(motion: Motion, bearing: float) -> float:
     return bearing if is_shorter else bearing - math.copysign(2 * math.pi, bearing)
 
 
-def _directions(checker: CollisionChecker, bearing: float, previous: Motion) -> tuple[float, float]:
+def _directions(checker: CollisionChecker, bearing: float) -> tuple[float, float]:
     """Return the angles of both turns to a bearing, in the order in which they are tried.
 
-    Who walks to and fro is soon back, and the robot that turns about is about to cross their way: a
-    turn past it shows them in time.
+    Who walks to and fro is soon back, and the robot that turns about is about to cross their way:
+    the turn comes to its bearing past the side of it on which more of them have walked, out of view
+    there. The sides are those of the bearing, so that the turn goes on as it has begun.
     """
     other = bearing - math.copysign(2 * math.pi, bearing)
     walked = checker.people.walked
     is_long = abs(other) - abs(bearing) > _LONGER_RAD
     if is_long or len(walked) == 0 or checker.profile.scanner is not None:
         return bearing, other
-    if previous.outcome in _TURNS:
-        # What a turn has brought into view would else make it turn back.
-        goes_on = previous.twist.w_radps * other > 0.0
-    else:
-        seen = np.arctan2(walked[:, 1], walked[:, 0] - checker.profile.camera.x_m)
-        in_view_rad = math.radians(checker.control.turn.in_view_deg)
-        goes_on = _shown(seen, other, in_view_rad) > _shown(seen, bearing, in_view_rad)
-    return (other, bearing) if goes_on else (bearing, other)
-
-
-def _shown(bearings: Floats, angle: float, in_view_rad: float) -> int:
-    """Return how many of (N,) bearings come into view in a turn by an angle."""
-    along = np.mod(bearings * math.copysign(1.0, angle), 2 * math.pi)
-    shown = (along <= abs(angle) + in_view_rad) | (along >= 2 * math.pi - in_view_rad)
-    return int(shown.sum())
+    seen = np.arctan2(walked[:, 1], walked[:, 0]) - bearing
+    aside = np.arctan2(np.sin(seen), np.cos(seen))
+    in_view_rad = math.radians(checker.control.turn.in_view_deg)
+    left, right = (int((side * aside > in_view_rad).sum()) for side in (1.0, -1.0))
+    # Past the left of the bearing the robot turns to the right.
+    if left != right and (left > right) == (bearing > 0.0):
+        return other, bearing
+    return bearing, other

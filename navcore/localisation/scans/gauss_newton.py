@@ -5,8 +5,8 @@ and only with surfaces that face the camera.
 
 Along a bare corridor the far points, which show no line, are matched in both directions with
 whatever surfaces are nearest, wherever the pose is, and the derivatives take that for a measurement
-of the way along it. So where lines do not tell the position, the scan is tried beside the pose that
-it has by itself, and where it fits there as well nothing is known of that direction.
+of the way along it. So where lines do not tell the position, the scan is tried beside the pose, and
+where it fits as well on a side of the best of these, nothing is known of that direction.
 """
 
 from __future__ import annotations
@@ -35,9 +35,11 @@ _LOOSE_SHARE = 0.5
 """Width of the kernel as a share of the search radius, while that shrinks."""
 _SHRINK = 0.6
 """Ratio of the search radius from one step to the next."""
-_BESIDE_M = 0.2
-"""Distance in metres from the pose at which the scan must fit worse for the position to be told:
-two cells and a half of the map, so that neighbouring cells of a wall are no different."""
+_STEP_M = 0.1
+"""Distance in metres between the poses beside the found one at which the scan is tried."""
+_BESIDE = 2
+"""Number of steps from the best of them at which it must fit worse for the position to be told: two
+cells and a half of the map, so that neighbouring cells of a wall are no different."""
 _TOLD_BY_LINES = 1200.0
 """Information in 1/m² of lines, each point counting as a measurement, from which they tell a
 position by themselves."""
@@ -106,18 +108,9 @@ def most_probable_pose(
     )  # fmt: skip
     information, counts = hessian.copy(), (len(points) - int(alone.sum()), fitting)
     if by_lines < _TOLD_BY_LINES and fitting > 0:
-        # Around where the scan alone has it: the expectation may hold the pose beside that.
-        ahead = _step_along(hessian, gradient, weakest_x, weakest_y)
-        found_with, costs = information.copy(), np.zeros(3)
-        for n in range(3):
-            away = min(max(ahead, -_BESIDE_M), _BESIDE_M) + (n - 1) * _BESIDE_M
-            at = x + away * weakest_x, y + away * weakest_y, yaw
-            _, _, costs[n] = _residuals(
-                grid, scan, at, rules, (radius, 0.0), 1, False, alone, hessian, gradient, across
-            )
-        if min(costs[0], costs[2]) - costs[1] < _BY_CHANCE:
-            _forget(information, weakest_x, weakest_y)
-        hessian[:] = found_with
+        weakest = weakest_x, weakest_y
+        if not _is_told(grid, scan, (x, y, yaw), weakest, rules, radius, alone):
+            _forget(information, weakest)
     return (x, y, yaw), information, hessian, counts, (residual, cost)
 
 
@@ -220,21 +213,58 @@ def _weakest(information: Floats) -> tuple[float, float]:
 
 
 @nested
-def _step_along(information: Floats, gradient: Floats, ux: float, uy: float) -> float:
-    """Return how far along a unit vector in the plane the points alone would move the pose."""
-    system = information.copy()
-    for i in range(3):
-        system[i, i] += 1e-6
-    step = np.linalg.solve(system, -gradient)
-    return float(step[0] * ux + step[1] * uy)
+def _is_told(
+    grid: SurfaceGrid,
+    scan: tuple[Floats, Floats, Floats, Floats],
+    pose: tuple[float, float, float],
+    along: tuple[float, float],
+    rules: MatchRules,
+    radius: float,
+    alone: Bools,
+) -> bool:
+    """Return whether a scan tells the position along a unit vector in the plane: whether it fits
+    worse on both sides of where it fits best, which may be beside the pose, as the expectation has
+    a share in that."""
+    costs, best = np.full(2 * _BESIDE + 5, np.nan), _BESIDE + 2
+    middle = best
+    for step in (0, -1, 1, -2, 2):
+        costs[middle + step] = _cost_beside(grid, scan, pose, along, step, rules, radius, alone)
+        best = middle + step if costs[middle + step] < costs[best] else best
+    least = math.inf
+    for n in (best - _BESIDE, best + _BESIDE):
+        if math.isnan(costs[n]):
+            costs[n] = _cost_beside(grid, scan, pose, along, n - middle, rules, radius, alone)
+        least = min(least, costs[n])
+    return bool(least - costs[best] >= _BY_CHANCE)
 
 
 @nested
-def _forget(information: Floats, ux: float, uy: float) -> None:
+def _cost_beside(
+    grid: SurfaceGrid,
+    scan: tuple[Floats, Floats, Floats, Floats],
+    pose: tuple[float, float, float],
+    along: tuple[float, float],
+    steps: int,
+    rules: MatchRules,
+    radius: float,
+    alone: Bools,
+) -> float:
+    """Return the cost of a scan some steps beside a pose."""
+    x, y, yaw = pose
+    at = x + steps * _STEP_M * along[0], y + steps * _STEP_M * along[1], yaw
+    _, _, cost = _residuals(
+        grid, scan, at, rules, (radius, 0.0), 1, False, alone, np.empty((3, 3)), np.empty(3),
+        np.empty((3, 3)),
+    )  # fmt: skip
+    return cost
+
+
+@nested
+def _forget(information: Floats, along: tuple[float, float]) -> None:
     """Remove from a (3, 3) information what it tells along a unit vector in the plane, together
     with what the other directions know through it."""
-    column = information[:, 0] * ux + information[:, 1] * uy
-    about = column[0] * ux + column[1] * uy
+    column = information[:, 0] * along[0] + information[:, 1] * along[1]
+    about = column[0] * along[0] + column[1] * along[1]
     if about > 0.0:
         for i in range(3):
             for j in range(3):

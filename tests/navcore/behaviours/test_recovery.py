@@ -558,5 +558,13 @@ def test_the_margins_of_those_who_stand_give_way_only_after_a_wait_there() -> No
     backs = after(waits, STUCK, RULES.wait_s + 0.1)
     assert backs.action is RecoveryAction.BACK_UP and passes_close(backs)
     ended = after(backs, STUCK, RULES.wait_s + 0.2)
-    assert passes_close(after(ended, follows, RULES.wait_s + 0.3, x_m=0.5))
-    assert not passes_close(after(ended, follows, RULES.wait_s + 0.3, x_m=1.1))
+    assert passes_close(after(ended, follows, RULES.wait_s + 0.3, x_m=-RULES.back_m))
+    away_m = RULES.back_m + 0.6
+    assert not passes_close(after(ended, follows, RULES.wait_s + 0.3, x_m=away_m))
+    # Before another one, where it is still near the position at which it was blocked first.
+    waits = after(ended, STUCK, 10.0, x_m=away_m)
+    assert waits.at == HERE and waits.action is RecoveryAction.WAIT
+    backs = after(waits, STUCK, 10.1 + RULES.wait_s, x_m=away_m)
+    assert passes_close(after(backs, STUCK, 10.2 + RULES.wait_s, x_m=away_m))
+    among_movers = NavigatorConfig(people=PeopleConfig(non_cooperative=True))
+    assert not Behaviour(recovery=backs).expectations(HERE, HUSKY, among_movers).passes_close

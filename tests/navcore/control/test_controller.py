@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from navcore.config.navigator import NavigatorConfig
-from navcore.config.people import PeopleConfig
 from navcore.control.controller import Controller, ControlTask
 from navcore.control.motion import ControllerState, Motion
 from navcore.control.people.people_state import PeopleExpectations
@@ -154,10 +153,5 @@ def test_a_robot_that_waited_in_vain_passes_who_stands_before_it_slowly_within_t
     twist = controller.control(dataclasses.replace(task, expectations=waited)).twist
     fastest_mps = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
     assert twist.w_radps < 0.0 and fastest_mps <= CONFIG.people.cautious_mps + 1e-9
-    alone = dataclasses.replace(CONFIG, people=PeopleConfig(non_cooperative=True))
-    controller = Controller(PointMap(SPEC, CONFIG.map).explored, HUSKY, alone)
-    twist = controller.control(dataclasses.replace(task, expectations=waited)).twist
-    fastest_mps = abs(twist.v_mps) + abs(twist.w_radps) * HUSKY.circumscribed_radius_m
-    assert 0.0 < fastest_mps <= CONFIG.people.cautious_mps + 1e-9
     mines = dataclasses.replace(task, people_ids=(), expectations=waited)
     assert controller.control(mines).outcome is ControllerState.BLOCKED, "another class's margin"

@@ -159,7 +159,8 @@ def test_a_turn_past_where_people_walk_goes_on_in_its_direction(
     ahead = np.linspace(0, 3, 31)[:, None]
     path = ahead * (math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg)))
     pose, motion, turned = ORIGIN, IDLE, []
-    for _ in range(80):
+    for k in range(80):
+        motion = IDLE if k % 5 == 4 else motion  # as after a wait for a person
         lane = PeopleState.of((), pose, expectations=PeopleExpectations(walked=way))
         motion = decide(path=path, pose=pose, previous=motion, people=lane)
         if motion.outcome is not ControllerState.TURN:

@@ -163,6 +163,31 @@ def test_along_an_empty_corridor_the_expectation_stays() -> None:
     assert found.pose.x_m == pytest.approx(expected.x_m, abs=0.1)
 
 
+@pytest.mark.parametrize("beside_m", [-0.1, 0.0, 0.1])
+def test_a_leg_tells_the_way_along_a_corridor_where_the_expectation_holds_the_pose_beside_it(
+    beside_m: float,
+) -> None:
+    true = Pose2(x_m=1.5, y_m=0.0, yaw_rad=0.0)
+    expected = Pose2(x_m=true.x_m + beside_m, y_m=0.0, yaw_rad=0.0)
+    prior = np.diag([0.05, 0.03, math.radians(0.5)]) ** 2
+    for legs in (0, 1):
+        world = PlanWorld()
+        world.wall((-10.0, 1.0), (20.0, 1.0))
+        world.wall((-10.0, -1.0), (20.0, -1.0))
+        if legs:
+            world.box(3.0, 0.6, 3.08, 0.68)
+        scan_map = map_of(world, drive([(0.0, 0.0), (6.0, 0.0)]))
+        scan = world.scan(true, np.random.default_rng(99))
+        found = match(scan, scan_map, expected, prior, scale=1.0 / 12.0, search_m=0.45)
+        assert abs(found.pose.x_m - expected.x_m) < 0.03, "the expectation holds it"
+        pull, information = found.alone(expected, np.linalg.inv(prior), 1.0 / 12.0)
+        if legs:
+            assert information[0, 0] > 200.0
+            assert pull[0] * beside_m <= 0.0, "towards the true pose"
+        else:
+            assert information[0, 0] < 1.0
+
+
 def test_legs_and_posts_alone_give_a_pose() -> None:
     world = PlanWorld()
     for x, y in [(2.0, 0.5), (2.6, -0.7), (3.1, 1.3), (3.5, -0.2), (1.8, -1.1), (4.0, 0.8)]:
