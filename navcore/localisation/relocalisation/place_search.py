@@ -124,7 +124,7 @@ class PlaceSearch:
             self._order = promising[np.argsort(-flat[promising], kind="stable")]
             return False
         if self._next < len(self._order):
-            self._descend(self._order)
+            self._search_blocks(self._order)
             return False
         if self._unrefined is None:
             self._unrefined = self._places()
@@ -133,7 +133,7 @@ class PlaceSearch:
             self._fits.append(fit_place(self._submap, near, self._map, self._config.fit))
         return not self._unrefined
 
-    def _descend(self, order: Indices) -> None:
+    def _search_blocks(self, order: Indices) -> None:
         """Search some of the largest blocks."""
         rules, found = self._config.search, np.empty((MOST_FOUND, 4))
         self._next, count, self._best = _descend(

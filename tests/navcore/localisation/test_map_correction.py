@@ -37,7 +37,7 @@ def test_the_robot_and_what_it_has_seen_since_move_with_the_loops_before() -> No
     before = {one.pose_id: one.T_map_base for one in localisation.keyframes}
     closed = dict(list(before.items())[:-5])
     # A pose that is corrected as it is already moves by nothing at all, or by rounding alone.
-    shifts = (Pose2(x_m=0.0, y_m=0.3, yaw_rad=0.5 + 0.001 * k) for k in range(1000))
+    shifts = (Pose2(x_m=0.0, y_m=0.3, yaw_rad=0.5 + 1e-5 * k) for k in range(100_000))
     newest = list(closed.values())[-1]
     shift = next(s for s in shifts if (s @ newest) @ (s @ newest).inverse() == IDENTITY)
     poses = {pose_id: shift @ pose for pose_id, pose in closed.items()}
