@@ -42,7 +42,7 @@ def laser_config(config: NavigatorConfig = _DEFAULT) -> NavigatorConfig:
             own,
             odometry=replace(
                 own.odometry, length_scale=0.1, gyro_scale=0.1, gyro_noise_deg=5.0,
-                slip_m=0.07, aside_m=0.07,
+                slip_m=0.1, aside_m=0.1,
             ),
             scan_odometry=replace(own.scan_odometry, gate_sigmas=6.0),
             # Scans that are seconds apart are each as good as many of a camera, and what one of
