@@ -37,6 +37,8 @@ _SHRINK = 0.6
 """Ratio of the search radius from one step to the next."""
 _STEP_M = 0.1
 """Distance in metres between the poses beside the found one at which the scan is tried."""
+_STEPS = (0, -1, 1, -2, 2)
+"""Numbers of steps at which it is tried first."""
 _BESIDE = 2
 """Number of steps from the best of them at which it must fit worse for the position to be told: two
 cells and a half of the map, so that neighbouring cells of a wall are no different."""
@@ -225,38 +227,23 @@ def _is_told(
     """Return whether a scan tells the position along a unit vector in the plane: whether it fits
     worse on both sides of where it fits best, which may be beside the pose, as the expectation has
     a share in that."""
-    costs, best = np.full(2 * _BESIDE + 5, np.nan), _BESIDE + 2
-    middle = best
-    for step in (0, -1, 1, -2, 2):
-        costs[middle + step] = _cost_beside(grid, scan, pose, along, step, rules, radius, alone)
-        best = middle + step if costs[middle + step] < costs[best] else best
-    least = math.inf
-    for n in (best - _BESIDE, best + _BESIDE):
-        if math.isnan(costs[n]):
-            costs[n] = _cost_beside(grid, scan, pose, along, n - middle, rules, radius, alone)
-        least = min(least, costs[n])
-    return bool(least - costs[best] >= _BY_CHANCE)
-
-
-@nested
-def _cost_beside(
-    grid: SurfaceGrid,
-    scan: tuple[Floats, Floats, Floats, Floats],
-    pose: tuple[float, float, float],
-    along: tuple[float, float],
-    steps: int,
-    rules: MatchRules,
-    radius: float,
-    alone: Bools,
-) -> float:
-    """Return the cost of a scan some steps beside a pose."""
-    x, y, yaw = pose
-    at = x + steps * _STEP_M * along[0], y + steps * _STEP_M * along[1], yaw
-    _, _, cost = _residuals(
-        grid, scan, at, rules, (radius, 0.0), 1, False, alone, np.empty((3, 3)), np.empty(3),
-        np.empty((3, 3)),
-    )  # fmt: skip
-    return cost
+    (x, y, yaw), middle, best = pose, 2 * _BESIDE, 0
+    costs = np.full(4 * _BESIDE + 1, np.nan)
+    scratch = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    for n in range(len(_STEPS) + 2):
+        is_first = n < len(_STEPS)
+        # The last two are beside the best of those before.
+        steps = _STEPS[n] if is_first else best + _BESIDE * (2 * (n - len(_STEPS)) - 1)
+        if math.isnan(costs[middle + steps]):
+            away_m = steps * _STEP_M
+            at = x + away_m * along[0], y + away_m * along[1], yaw
+            _, _, costs[middle + steps] = _residuals(
+                grid, scan, at, rules, (radius, 0.0), 1, False, alone, *scratch
+            )
+        if is_first and costs[middle + steps] < costs[middle + best]:
+            best = steps
+    beside = min(costs[middle + best - _BESIDE], costs[middle + best + _BESIDE])
+    return bool(beside - costs[middle + best] >= _BY_CHANCE)
 
 
 @nested
