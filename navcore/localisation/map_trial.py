@@ -11,6 +11,7 @@ from __future__ import annotations
 from navcore.config.localisation.localisation import StartConfig
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.localisation import Localisation
+from navcore.localisation.new_way import NewWay
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage.map_state import MapState
 
@@ -24,8 +25,8 @@ class MapTrial:
     ) -> None:
         self._map, self._localisation, self._config = point_map, localisation, config
         self._saved: MapState | None = None
-        self._is_clean, self._edits, self._driven_m = True, 0, 0.0
-        self._is_corrected = False
+        self._is_clean, self._edits = True, 0
+        self._is_corrected, self._proof = False, NewWay(config.trial_m)
 
     @property
     def is_open(self) -> bool:
@@ -36,8 +37,8 @@ class MapTrial:
         """Hold the map that was loaded, if the place in it is on trial."""
         is_open = self._localisation.is_on_trial
         self._saved = self._map.state() if is_open else None
-        self._is_clean, self._edits, self._driven_m = True, self._map.edits.count, 0.0
-        self._is_corrected = False
+        self._is_clean, self._edits = True, self._map.edits.count
+        self._is_corrected, self._proof = False, NewWay(self._config.trial_m)
 
     def follow(self, place: LocalisationEstimate) -> bool:
         """Note the estimate of one more frame, before it enters the map: end the trial, or take
@@ -47,7 +48,7 @@ class MapTrial:
         An edit by hand ends the trial, too: the operator has looked at the map and found it right.
         """
         if not place.is_known:
-            self._driven_m = 0.0
+            self._proof = NewWay(self._config.trial_m)
             return self.take_back()
         # The pose follows a correction from the next frame on, or when the robot stands.
         is_applied = self._is_corrected and not self._localisation.waits_for_standstill
@@ -56,14 +57,11 @@ class MapTrial:
             self._is_corrected and not is_applied
         )
         if place.place_correction is not None and place.place_correction.source is None:
-            self._driven_m = 0.0  # by scans: the place that they have found has to prove itself
+            # By scans: the place that they have found has to prove itself.
+            self._proof = NewWay(self._config.trial_m)
         if not self._localisation.is_in_new:
-            self._driven_m += self._localisation.tracker.moved_m
-        if (
-            self._is_edited
-            or not self._localisation.is_on_trial
-            or self._driven_m >= self._config.trial_m
-        ):
+            self._proof.follow(place.T_driven_base)
+        if self._is_edited or not self._localisation.is_on_trial or self._proof.is_enough:
             self._saved = None
         self._is_clean = False
         return is_changed

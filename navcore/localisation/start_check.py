@@ -9,7 +9,8 @@ import numpy as np
 
 from navcore.config.localisation.localisation import StartConfig
 from navcore.config.localisation.relocalisation import RelocalisationConfig
-from navcore.geometry.transform import IDENTITY, Matrix, Pose2, wrap_angle
+from navcore.geometry.transform import Matrix, Pose2, wrap_angle
+from navcore.localisation.new_way import NewWay
 from navcore.localisation.relocalisation.place_fit import (
     PlaceFit,
     doubt_of,
@@ -106,9 +107,7 @@ class Probation:
 
     def __init__(self, config: StartConfig, rules: RelocalisationConfig) -> None:
         self._config, self._rules = config, rules
-        self._unfit_m = self._reached_m = self._turned_rad = 0.0
-        self._first: Pose2 | None = None
-        self._newest = IDENTITY
+        self._unfit_m, self._proof = 0.0, NewWay(config.probation_m)
         self._is_unfit, self._doubts = False, 0
         self._verdict: bool | None = None
         self._other: Pose2 | None = None
@@ -134,7 +133,7 @@ class Probation:
         self._note_other(result, given if is_worse else None)
         if self._doubts >= self._config.doubts:
             self._verdict = False
-        elif self._reached_m >= self._config.probation_m and not (self._doubts or rivals):
+        elif self._proof.is_enough and not (self._doubts or rivals):
             self._verdict = True if fits else None
 
     def _note_other(self, result: SearchResult, given: PlaceFit | None) -> None:
@@ -162,20 +161,9 @@ class Probation:
     def after(self, moved_m: float, T_odom_base: Pose2) -> bool | None:
         """Return whether the place is right after one more frame, before which the robot has moved
         by some metres; None while it is open."""
-        self._note_reach(T_odom_base)
+        self._proof.follow(T_odom_base)
         self._unfit_m += moved_m if self._is_unfit else 0.0
         return False if self._unfit_m >= self._config.unfit_m else self._verdict
-
-    def _note_reach(self, T_odom_base: Pose2) -> None:
-        """Note how far the robot has come from its first pose: strokes to and fro add metres, but
-        show what it has seen there."""
-        if self._first is None:
-            self._first = self._newest = T_odom_base
-        self._turned_rad += wrap_angle(T_odom_base.yaw_rad - self._newest.yaw_rad)
-        self._newest = T_odom_base
-        away_m = self._first.distance_to(T_odom_base.x_m, T_odom_base.y_m)
-        turn_rad = min(abs(self._turned_rad), 2.0 * math.pi)  # which has shown everything around
-        self._reached_m = max(self._reached_m, away_m + turn_rad / 2)
 
 
 def _is_sure(place: PlaceFit, rules: RelocalisationConfig) -> bool:

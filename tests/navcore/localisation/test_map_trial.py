@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import cast
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from navcore.config.localisation.localisation import StartConfig
 from navcore.config.navigator import NavigatorConfig
+from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState, PlaceCorrection
 from navcore.localisation.localisation import Localisation
@@ -23,17 +25,12 @@ CORRECTED = dataclasses.replace(LOCATED, place_correction=PlaceCorrection(source
 
 @dataclasses.dataclass(slots=True)
 class Driving:
-    """Localisation of a robot that drives half a metre a frame at a place on trial."""
+    """Localisation of a robot at a place on trial."""
 
     is_on_trial: bool = True
     is_in_new: bool = False
     waits_for_standstill: bool = False
-    moved_m: float = 0.5
     forgotten: int = 0
-
-    @property
-    def tracker(self) -> Driving:
-        return self
 
     def forget_session(self) -> None:
         self.forgotten += 1
@@ -47,19 +44,31 @@ def trial() -> tuple[MapTrial, PointMap, Driving]:
     return begun, point_map, driving
 
 
-def frames_until_closed(*, corrected_at: int | None) -> int:
+def frames_until_closed(*, corrected_at: int | None = None, lane_m: float = math.inf) -> int | None:
+    """Frames of a drive to and fro on a lane, half a metre a frame, that end the trial; None if
+    many times `trial_m` do not."""
     begun, _, _ = trial()
-    for count in range(1, 200):
-        begun.follow(CORRECTED if count == corrected_at else LOCATED)
+    for count in range(1, round(10 * RULES.trial_m)):
+        away_m = 0.5 * count
+        x_m = away_m if away_m < lane_m else abs(away_m % (2.0 * lane_m) - lane_m)
+        place = CORRECTED if count == corrected_at else LOCATED
+        at = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+        begun.follow(dataclasses.replace(place, T_driven_base=at))
         if not begun.is_open:
             return count
-    raise AssertionError("the trial never ends")
+    return None
 
 
 def test_the_metres_before_a_correction_prove_nothing() -> None:
     needed = round(RULES.trial_m / 0.5)
-    assert frames_until_closed(corrected_at=None) == needed
+    assert frames_until_closed() == pytest.approx(needed, abs=1)
     assert frames_until_closed(corrected_at=30) == pytest.approx(needed + 30, abs=1)
+
+
+def test_a_way_that_is_driven_again_proves_nothing_more() -> None:
+    """Between two walls that are alike a robot goes to and fro: a wrong map must not be written."""
+    assert frames_until_closed(lane_m=RULES.trial_m / 2) is None
+    assert frames_until_closed(lane_m=RULES.trial_m + 1.0) is not None
 
 
 def test_an_edit_by_hand_ends_the_trial_at_once() -> None:

@@ -72,7 +72,8 @@ def test_strokes_to_and_fro_and_turns_on_the_spot_confirm_no_place_however_long(
     turns = [at(0.0, 0.5 * k) for k in range(200)]
     assert verdict_on(strokes, search_result(fit())) is None
     assert verdict_on(turns, search_result(fit())) is None
-    assert verdict_on([*turns, at(0.5, 0.0), at(1.0, 0.0)], search_result(fit())) is True
+    beside = [at(x_m, 0.0) for x_m in (0.5, 1.0, 1.5)]
+    assert verdict_on([*turns, *beside], search_result(fit())) is True
 
 
 def test_nor_does_odometry_that_jumps() -> None:
