@@ -19,6 +19,7 @@ from navcore.localisation.estimate import LocalisationEstimate, LocalisationStat
 from navcore.localisation.excluded import excluded_pixels
 from navcore.localisation.fixes import TagMap, fixes_of
 from navcore.localisation.fresh_fixes import FreshFixes
+from navcore.localisation.global_search import GlobalSearch
 from navcore.localisation.loops.loop_closer import CloseLoops, LoopCloser
 from navcore.localisation.loops.loop_closure import LoopCandidates, LoopClosures
 from navcore.localisation.relocalisation.place_map import PlaceMap
@@ -26,9 +27,7 @@ from navcore.localisation.relocalisation.relocalisation import (
     SEARCH_FAILED,
     PlaceProposal,
     RelocalisationState,
-    Relocaliser,
     SearchResult,
-    SearchTask,
 )
 from navcore.localisation.scans.scan import Keyframe, Scan, scan_of
 from navcore.localisation.scans.scan_map import ScanMap
@@ -68,13 +67,6 @@ class Localisation:
         """Loop closures that wait to be applied to the map and to the poses alike."""
         self._start: StartCheck | None = None
         """Check of the place at which the robot has started; None once it has ended."""
-        self._is_asked = False
-        """Whether the search that the start waits for was asked for."""
-        self._asked: SearchTask | None = None
-        """The newest search that was asked for; None if not for the start that is checked."""
-        self._outdated: SearchTask | None = None
-        """The search under way if it began with another place on trial than now, or with scans that
-        are forgotten."""
         self._last: Pose2 | None = None
         """The place at the end of the session before, which is tried where the first looks or
         metres contradict odometry's: T_map_base until the first frame, then T_map_driven."""
@@ -84,10 +76,7 @@ class Localisation:
         """Estimate of before another map was used, from which the next frame goes on."""
         self._probation: Probation | None = None
         """First metres from a place that may be wrong; None once it is believed for good."""
-        self._place_map: PlaceMap | None = None
-        """Search tables of the map."""
-        self._relocaliser: Relocaliser | None = None
-        """Search of the place in the whole map."""
+        self._search = GlobalSearch(config.relocalisation)
         self._is_lost, self._T_map_driven = False, IDENTITY
         self._may_be_there = False
         """Whether a lost robot may be where odometry has it."""
@@ -95,9 +84,6 @@ class Localisation:
         """Place of a lost robot that is where odometry has it, as a search has found."""
         self._beside: tuple[Pose2, Matrix] | None = None
         """Place beside the believed one, which the next frame takes over."""
-        self._put_off_m = 0.0
-        """Distance in metres that the robot has to move before a search that has failed is tried
-        again; a radian counts as half a metre."""
 
     def update(
         self, frame: Frame, labels: Labels, people: tuple[Track, ...], ground_m: FloatImage
@@ -134,7 +120,7 @@ class Localisation:
                 self._last = self._last @ self._driven.pose.inverse()
         self.tracker.is_confirmed = self._start is None
         estimate = self.tracker.follow(frame, scan)
-        self._put_off_m -= self.tracker.moved_m
+        self._search.move(self.tracker.moved_m)
         self._loops.note(self.tracker.take_edges(), self.tracker.take_fixes())
         beside, self._beside = self._beside, None
         if beside is not None and estimate.state is not LocalisationState.LOST:
@@ -153,10 +139,10 @@ class Localisation:
         if self._is_lost and not was_lost:
             self._begin_search(may_be_there=is_believed and not len(self.tracker.saved_map))
         if not self._is_searching:
-            self._relocaliser = None
+            self._search.forget_scans()
             return estimate
         estimate = self._searched(estimate, frame)
-        if self._is_lost and self._put_off_m > 0.0:
+        if self._is_lost and self._search.is_put_off:
             return dataclasses.replace(estimate, reason=SEARCH_FAILED)
         return estimate
 
@@ -164,11 +150,11 @@ class Localisation:
         """Look for a lost robot, which `may_be_there` where odometry has it: only its own scans of
         the last metres have said otherwise."""
         self._is_lost, self._may_be_there, self._still = True, may_be_there, None
-        self._beside, self._put_off_m = None, 0.0
-        if self._relocaliser is not None:  # what it has found is what led here
-            self._relocaliser = self._relocaliser.reconsidered()
+        self._beside = None
+        self._search.retry()
+        self._search.reconsider()  # what it has found is what led here
         if not len(self.tracker.saved_map):
-            self._place_map = None  # the map has grown since it was searched last
+            self._search.forget_map()  # it has grown since it was searched last
 
     @property
     def _is_searching(self) -> bool:
@@ -190,14 +176,10 @@ class Localisation:
 
     def _searched(self, estimate: LocalisationEstimate, frame: Frame) -> LocalisationEstimate:
         """Return the estimate of a robot that is looked for in the whole map."""
-        if self._relocaliser is None and self._place_map is not None:
-            self._relocaliser = Relocaliser(self._place_map, self._config.relocalisation)
-        if self._relocaliser is None or self.tracker.scan is None:
+        self._search.follow(self.tracker.scan, self._driven.pose, self.tracker.seen_s)
+        proposal = self._search.proposal
+        if proposal is None or not self._is_lost:
             return estimate
-        self._relocaliser.observe(self.tracker.scan, self._driven.pose, self.tracker.seen_s)
-        if not self._is_lost:
-            return estimate
-        proposal = self._relocaliser.proposal
         found = self._still
         if proposal.state is RelocalisationState.ACCEPTED and proposal.T_map_odom is not None:
             found = proposal.T_map_odom, proposal.covariance
@@ -214,15 +196,13 @@ class Localisation:
     def _prove(self, *, by_search: bool = False) -> None:
         """Put the place that was found on probation. One that a search has found has to fit what
         led to it, too, and so has any other that is to replace it: corridors are alike."""
-        searched = self._relocaliser if by_search else None
-        self._relocaliser = None if searched is None else searched.reconsidered()
-        self._drop_answer()
+        if by_search:
+            self._search.reconsider()
+        else:
+            self._search.forget_scans()
+        self._search.forget_answer()
         self._probation = Probation(self._config.start, self._config.relocalisation)
         self._restart_chain()
-
-    def _drop_answer(self) -> None:
-        """Take no answer to the search under way: it is about another place, or other scans."""
-        self._outdated, self._asked = self._asked or self._outdated, None
 
     def _fixed(self, frame: Frame, estimate: LocalisationEstimate) -> LocalisationEstimate:
         """Return the estimate with the absolute positions of a frame, which locate the robot for a
@@ -249,8 +229,7 @@ class Localisation:
         is_lost = estimate.state is LocalisationState.LOST
         if is_lost and not self._is_lost and self._start is None:
             # It fitted until now: the robot was carried, and what it saw before is of elsewhere.
-            self._relocaliser = None
-            self._drop_answer()
+            self._search.restart()
         share, points = self.tracker.saved_share, 0 if self.scan is None else len(self.scan)
         if self._probation is not None and not is_lost:
             verdict = self._probation.after(self.tracker.moved_m, self._driven.pose)
@@ -259,8 +238,7 @@ class Localisation:
             if verdict:
                 self._last = None
             if verdict is False:
-                if self._relocaliser is not None:
-                    self._relocaliser = self._relocaliser.reconsidered()
+                self._search.reconsider()
                 return self._refuted(estimate, frame)
         if self._start is None:
             return self._refuted(estimate, frame) if is_lost and self._last else estimate
@@ -272,7 +250,7 @@ class Localisation:
                 points,
                 self.tracker.seen_s,
                 may_be_elsewhere=may_be_elsewhere,
-                is_searching=self._is_asked,
+                is_searching=self._search.has_asked,
             )
         if verdict is None:
             return self._unconfirmed(estimate, self._start)
@@ -292,12 +270,12 @@ class Localisation:
         last = self._last @ self._driven.pose
         self._start, self._probation = self._start_check(), None
         self._last, self._may_be_elsewhere = None, True
-        self._relocaliser = None  # what is searched is compared with the place now given
+        self._search.forget_scans()  # what is searched is compared with the place now given
         self.tracker.place(last, self._start.covariance, frame)
         return self._unconfirmed(self.tracker.estimate(frame), self._start)
 
     def _start_check(self) -> StartCheck:
-        self._drop_answer()
+        self._search.forget_answer()
         return StartCheck(self._config.start, self._config.relocalisation)
 
     def _unconfirmed(
@@ -331,20 +309,9 @@ class Localisation:
             return self._loops.next_task(
                 self.tracker.own_map.keyframe, self.tracker.constant_errors
             )
-        if self._put_off_m > 0.0:
-            return None
-        rules, self._is_asked = self._config.relocalisation, True
-        if self._place_map is None:
-            return PrepareSearch.of(self.searched_map, rules)
-        if self._relocaliser is None:
-            return None
         given = None if self._is_lost else self._T_map_driven
         last = self._T_map_driven if self._is_lost and self._may_be_there else None
-        task = self._relocaliser.next_task(given, last)
-        if task is None:
-            return None
-        self._asked = task
-        return SearchPlaces(task=task, place_map=self._place_map, config=rules)
+        return self._search.next_task(self.searched_map, given=given, last=last)
 
     def take(self, outcome: Outcome) -> None:
         """Receive the outcome of a task."""
@@ -358,12 +325,10 @@ class Localisation:
         if not self._is_searching:
             return
         if isinstance(outcome, PlaceMap):
-            self._place_map = outcome
+            self._search.take_map(outcome)
             return
-        if outcome.task is self._outdated:
+        if not self._search.take(outcome):
             return
-        if self._relocaliser is not None:
-            self._relocaliser.take(outcome)
         if (
             self._is_lost
             and self._may_be_there
@@ -371,7 +336,7 @@ class Localisation:
         ):
             T_base_driven = outcome.task.T_odom_base.inverse()
             self._still = fit.T_map_base @ T_base_driven, fit.covariance
-        if self._start is not None and outcome.task is self._asked:
+        if self._start is not None and self._search.is_newest(outcome):
             self._start.take(outcome)
         if self._probation is not None:
             self._probation.take(outcome)
@@ -382,7 +347,7 @@ class Localisation:
 
     def put_off_search(self) -> None:
         """Search no more until the robot has moved: the last search has failed."""
-        self._put_off_m = self._config.relocalisation.search_m
+        self._search.put_off()
 
     @property
     def keyframes(self) -> tuple[Keyframe, ...]:
@@ -402,9 +367,9 @@ class Localisation:
     def place(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
         """Set the pose of the robot at a frame, with its (3, 3) covariance."""
         self.tracker.place(T_map_base, covariance, frame)
-        self._relocaliser, self._is_lost, self._start, self._last = None, False, None, None
+        self._is_lost, self._start, self._last = False, None, None
         self._kept = self._probation = self._beside = None
-        self._drop_answer()
+        self._search.restart()
         self._restart_chain()
 
     def accept_jump(self, before: LocalisationEstimate, frame: Frame) -> None:
@@ -417,10 +382,10 @@ class Localisation:
         self.tracker.place(there, before.covariance + np.outer(jump, jump), frame)
         if self._is_lost:
             self.tracker.lose(frame.stamp_ns)
-        self._relocaliser = self._kept = self._still = self._beside = None
+        self._kept = self._still = self._beside = None
         if self.tracker.scan is not None:  # until then it is a place on the map, not by odometry
             self._last = None
-        self._drop_answer()
+        self._search.restart()
         self._fixes = FreshFixes()  # as the clock may have jumped as well
         if self._start is not None:
             self._start = self._start_check()
@@ -477,8 +442,8 @@ class Localisation:
         """Forget the place and what was seen so far, as the robot may have been carried since, and
         look for the place in the whole map."""
         self.tracker.lose(stamp_ns)
-        self._kept = self._start = self._last = self._probation = self._relocaliser = None
-        self._drop_answer()
+        self._kept = self._start = self._last = self._probation = None
+        self._search.restart()
         self._begin_search(may_be_there=False)
 
     def load(
@@ -500,12 +465,12 @@ class Localisation:
             kept = None
         self.tracker = Localiser(self._pose_ids, self._config)
         self.tracker.load(keyframes)
-        self._relocaliser, self._place_map, self._is_lost = None, None, False
+        self._search.begin_map()
+        self._is_lost = False
         self._restart_chain()
         has_map = len(self.tracker.saved_map) > 0
         self._kept, self._probation, self._beside = kept, None, None
         self._start = self._start_check() if has_map and kept is None else None
-        self._is_asked, self._put_off_m = False, 0.0
         self._fixes, self._fixed_ns = FreshFixes(), -FIX_LIFE_NS
         self._last = last if has_map and kept is None else None
         self._may_be_elsewhere = False

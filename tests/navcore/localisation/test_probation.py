@@ -237,8 +237,8 @@ def test_a_refuted_start_is_beside_its_place_where_the_searches_find_that_one_al
 
 def accepted_elsewhere(robot: Localisation) -> None:
     """Let the search beside a place on trial have found another one."""
-    robot._relocaliser = Relocaliser(cast(PlaceMap, None), RelocalisationConfig())
-    robot._relocaliser.proposal = PlaceProposal(
+    robot._search._relocaliser = Relocaliser(cast(PlaceMap, None), RelocalisationConfig())
+    robot._search._relocaliser.proposal = PlaceProposal(
         state=RelocalisationState.ACCEPTED,
         reason="",
         T_map_odom=Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.0),
@@ -250,8 +250,8 @@ def test_what_was_found_on_trial_does_not_place_a_robot_that_is_lost_after_it() 
     localisation, _, _ = started()
     accepted_elsewhere(localisation)
     localisation._begin_search(may_be_there=False)
-    assert localisation._relocaliser is not None
-    assert localisation._relocaliser.proposal.state is not RelocalisationState.ACCEPTED
+    assert localisation._search._relocaliser is not None
+    assert localisation._search._relocaliser.proposal.state is not RelocalisationState.ACCEPTED
     assert localisation.is_on_trial
 
 
@@ -264,10 +264,10 @@ def test_look_round_begins_without_what_was_seen_before(
     localisation, _, _ = started()
     accepted_elsewhere(localisation)
     late = search_result(fit(0.9))
-    localisation._asked = late.task
+    localisation._search._asked = late.task
     for _ in range(1 + again):
         localisation.search(0)
-    assert localisation._relocaliser is None
+    assert localisation._search._relocaliser is None
     assert not localisation.is_on_trial
     accepted_elsewhere(localisation)
     taken: list[object] = []
@@ -284,7 +284,7 @@ def test_a_robot_that_is_carried_away_on_trial_is_not_looked_for_with_what_it_sa
         elsewhere = office(7).scan(Pose2(x_m=3.0, y_m=3.0, yaw_rad=2.5), rng)
         estimate = localisation.follow(frame_at(ROUTE[40], k), elsewhere)
     assert estimate.state is LocalisationState.LOST
-    assert localisation._relocaliser is None
+    assert localisation._search._relocaliser is None
 
 
 def test_a_lost_robot_whose_odometry_jumps_is_not_placed_by_what_was_found_before() -> None:
@@ -292,19 +292,19 @@ def test_a_lost_robot_whose_odometry_jumps_is_not_placed_by_what_was_found_befor
     localisation.search(0)
     accepted_elsewhere(localisation)
     late = search_result(fit(0.9))
-    localisation._asked = late.task
+    localisation._search._asked = late.task
     jumped = frame_at(Pose2(x_m=3.0, y_m=0.0, yaw_rad=0.0) @ ROUTE[40], 20)
     localisation.accept_jump(before, jumped)
     localisation.take(late)
     assert localisation.follow(jumped, scan).state is LocalisationState.LOST
-    assert localisation._relocaliser is None
+    assert localisation._search._relocaliser is None
 
 
 def test_an_answer_about_the_place_before_says_nothing_of_the_one_that_was_found() -> None:
     for is_of_the_place_before in (True, False):
         localisation, _, _ = started()
         asked = search_result(fit(0.2), fit(0.9, x_m=9.0))
-        localisation._asked = asked.task
+        localisation._search._asked = asked.task
         if is_of_the_place_before:
             localisation._prove()
         assert localisation._probation is not None

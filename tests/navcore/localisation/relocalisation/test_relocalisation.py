@@ -296,12 +296,12 @@ def test_nor_is_a_gap_without_frames_of_which_each_scan_tells_the_end_alone() ->
     assert tables is not None
     robot.take(tables)
     robot.follow(frame_at(ROUTE[40], 10), scan)
-    assert robot._relocaliser is not None
-    robot._relocaliser._leading = IDENTITY
+    assert robot._search._relocaliser is not None
+    robot._search._relocaliser._leading = IDENTITY
     tracked_s = []
     for k in (11, 12, 62):  # of which the last comes after 10 s
         robot.follow(frame_at(ROUTE[40], k), scan)
-        tracked_s.append(robot._relocaliser._tracked_s)
+        tracked_s.append(robot._search._relocaliser._tracked_s)
     assert tracked_s == pytest.approx([0.0, 0.2, 0.2 + FRAME_LIFE_S])
 
 
