@@ -213,81 +213,31 @@ class Navigator:
         stages, beware = self._stages, request.beware
         if labels is None:
             labels = stages.segment(self._segmenter, frame, beware)
-        ground_rules = self._config.perception.ground
-        # Localisation needs the ground: the pose here is that of the last correction.
-        slopes = self.map.terrain.slopes_around(
-            frame.placed(self.place.T_map_odom), cell_centres(ground_rules)
-        )
-        ground_m = stages.estimate_ground(
-            self._ground, frame, self._config.points.max_slope, ground_rules, slopes
-        )
+        ground_m = self._estimate_ground(frame)
         people = stages.track(self._tracker, frame, labels, beware, ground_m)
-        correction = self._correction.apply(self.place.T_map_base, frame.twist)
-        if correction is not None:
-            earlier = self._corrected
-            self._corrected = correction.following(earlier) if earlier else correction
-            self._mapper.follow_correction()
-        last = self.place
-        self.place = place = stages.localise(self.localisation, frame, labels, people, ground_m)
-        if place.T_map_odom != last.T_map_odom:
-            self._follow_place(last, frame)
-        if self._trial.follow(place):
-            self._plan_anew()
-            self._taken_back = True
+        place = self._localise(frame, labels, people, ground_m)
         frame = frame.placed(place.T_map_odom)
         people = tuple(person.placed(place.T_map_odom) for person in people)
         before, self.behaviour = self.behaviour, self.behaviour.towards(request)
         if self.behaviour is not before:
             self.zone_margins.restore_clearance()
+        drawn = request.zones
+        request = dataclasses.replace(request, zones=self.zone_margins.follow(drawn, place))
+        around = self.zone_margins.covering_robot(drawn, place) if request.goal else ()
         keep_outs = self.behaviour.keep_outs
-        grown = self.zone_margins.follow(request.zones, place)
-        reach_m = self._config.local.reach_m + self._profile.circumscribed_radius_m
-        kept_zones = self.zone_margins.near(
-            request.zones, place, reach_m, self._config.control.collision.kept_besides_m
-        )
-        covering = self.zone_margins.covering_robot(request.zones, place) if request.goal else ()
-        request = dataclasses.replace(request, zones=grown)
-        zones = (*request.zones, *keep_outs)
         if place.is_known:
-            self.grow_to(self._needed_part(frame, request, zones))
+            self.grow_to(self._needed_part(frame, request, (*request.zones, *keep_outs)))
             labels = self.map.rejections.without(frame, labels)
             stages.update_map(self._mapper, frame, labels, beware, ground_m, place.T_map_odom)
-        costmap = stages.update_costmap(self._costmap, beware, zones)
-        around = costmap.around(frame.pose, DEFAULT_SAFETY.keep_out.seen_within_m)
-        cells, objects = beware_cells(around)
-        grown_cells = self._cell_margins.follow(cells, frame, place, objects)
-        costmap = self._kept_from(grown_cells, frame.pose, beware)
-        route = stages.plan(self._planner, costmap, frame.pose, request, keep_outs, stages.replan)
-        while self._planner.lacking and self.grow_to(
-            permitted_part(self._planner.lacking, self.map.spec, zones)
-        ):
-            stages.update_costmap(self._costmap, beware, zones)
-            costmap = self._kept_from(grown_cells, frame.pose, beware)
-            route = stages.plan(
-                self._planner, costmap, frame.pose, request, keep_outs, stages.replan
-            )
-        if self.zone_margins.keeps_clearance and route and isinstance(route.outcome, NoPath):
-            self.zone_margins.give_up_clearance()
+        grown_cells = self._update_costmap(frame, request, keep_outs)
+        costmap, route = self._plan(frame, request, keep_outs, grown_cells)
         task = dataclasses.replace(
-            self._control_task(costmap, frame, route, people, request, covering),
+            self._control_task(costmap, frame, route, people, request, around),
             kept_cells=grown_cells,
-            kept_zones=kept_zones,
+            kept_zones=self._zones_near(drawn),
         )
         motion = stages.control(self._controller, task)
-        self.behaviour, motion = stages.supervise(
-            self.behaviour,
-            motion,
-            held=held,
-            frame=frame,
-            route=route,
-            people=people,
-            profile=self._profile,
-            config=self._config,
-        )
-        idle = motion.outcome is ControllerState.IDLE
-        if route is not None and route.is_look and (idle or self.behaviour.has_failed):
-            self._planner.end_look()
-            self.behaviour = self.behaviour.on_another_way()
+        motion = self._supervise(motion, frame, route, people, held=held)
         result = TickResult(
             frame=frame,
             request=request,
@@ -303,10 +253,105 @@ class Navigator:
             people=people,
             closed=keep_outs,
             in_margin=self._controller.in_margin,
-            in_growth=len(covering) > 0,
+            in_growth=len(around) > 0,
         )
         self._corrected, self._taken_back = None, False
         return result
+
+    def _estimate_ground(self, frame: Frame) -> FloatImage:
+        """Return the height of the ground below each pixel. Localisation needs it: the slopes that
+        were seen earlier are looked up by the place of the frame before."""
+        rules = self._config.perception.ground
+        slopes = self.map.terrain.slopes_around(
+            frame.placed(self.place.T_map_odom), cell_centres(rules)
+        )
+        return self._stages.estimate_ground(
+            self._ground, frame, self._config.points.max_slope, rules, slopes
+        )
+
+    def _localise(
+        self, frame: Frame, labels: Labels, people: tuple[Track, ...], ground_m: FloatImage
+    ) -> LocalisationEstimate:
+        """Return the place at a frame, whose pose is odometry's. Before it a correction of the map
+        that waits is applied, and after it the map is freed of what was seen from a wrong place."""
+        correction = self._correction.apply(self.place.T_map_base, frame.twist)
+        if correction is not None:
+            earlier = self._corrected
+            self._corrected = correction.following(earlier) if earlier else correction
+            self._mapper.follow_correction()
+        last = self.place
+        self.place = self._stages.localise(self.localisation, frame, labels, people, ground_m)
+        if self.place.T_map_odom != last.T_map_odom:
+            self._follow_place(last, frame)
+        if self._trial.follow(self.place):
+            self._plan_anew()
+            self._taken_back = True
+        return self.place
+
+    def _update_costmap(
+        self, frame: Frame, request: NavigationRequest, keep_outs: tuple[Zone, ...]
+    ) -> GrownCells:
+        """Follow map, list and zones; return the beware cells near the robot as the safety gate
+        keeps them."""
+        zones = (*request.zones, *keep_outs)
+        costmap = self._stages.update_costmap(self._costmap, request.beware, zones)
+        around = costmap.around(frame.pose, DEFAULT_SAFETY.keep_out.seen_within_m)
+        cells, objects = beware_cells(around)
+        return self._cell_margins.follow(cells, frame, self.place, objects)
+
+    def _plan(
+        self,
+        frame: Frame,
+        request: NavigationRequest,
+        keep_outs: tuple[Zone, ...],
+        grown_cells: GrownCells,
+    ) -> tuple[Costmap, Route | None]:
+        """Return the costmap, and the route over it; the grid grows where the way leads out."""
+        stages, zones = self._stages, (*request.zones, *keep_outs)
+        while True:
+            costmap = self._kept_from(grown_cells, frame.pose, request.beware)
+            route = stages.plan(
+                self._planner, costmap, frame.pose, request, keep_outs, stages.replan
+            )
+            lacking = self._planner.lacking
+            if not lacking or not self.grow_to(permitted_part(lacking, self.map.spec, zones)):
+                break
+            stages.update_costmap(self._costmap, request.beware, zones)
+        if self.zone_margins.keeps_clearance and route and isinstance(route.outcome, NoPath):
+            self.zone_margins.give_up_clearance()
+        return costmap, route
+
+    def _zones_near(self, drawn: tuple[Zone, ...]) -> tuple[GrownZone, ...]:
+        """Return the zones near the robot, which it keeps from as the safety gate does."""
+        local, collision = self._config.local, self._config.control.collision
+        reach_m = local.reach_m + self._profile.circumscribed_radius_m
+        return self.zone_margins.near(drawn, self.place, reach_m, collision.kept_besides_m)
+
+    def _supervise(
+        self,
+        motion: Motion,
+        frame: Frame,
+        route: Route | None,
+        people: tuple[Track, ...],
+        *,
+        held: bool,
+    ) -> Motion:
+        """Run the behaviours; return the motion to carry out."""
+        self.behaviour, motion = self._stages.supervise(
+            self.behaviour,
+            motion,
+            held=held,
+            frame=frame,
+            route=route,
+            people=people,
+            profile=self._profile,
+            config=self._config,
+        )
+        idle = motion.outcome is ControllerState.IDLE
+        if route is not None and route.is_look and (idle or self.behaviour.has_failed):
+            self._planner.end_look()
+            self.behaviour = self.behaviour.on_another_way()
+        return motion
 
     def grow_to(self, part: Box) -> bool:
         """Grow the grid by whole tiles to contain a part of the map frame, in cells of the present
