@@ -134,6 +134,11 @@ def load(path: Path) -> Nav2Map:
     return Nav2Map(description=description, image=decode(data, str(image_path)))
 
 
+def image_of(path: Path) -> Path:
+    """Return the path of the image of a map's YAML file; raises as `load`."""
+    return _image_path(_entries(read_whole(path, at_most=_LARGEST_YAML), path.name), path)
+
+
 def read(text: bytes, image: bytes, where: str) -> Nav2Map:
     """Return the map of the contents of a YAML file and its image; the name of the image is
     ignored."""

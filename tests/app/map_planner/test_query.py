@@ -286,6 +286,17 @@ def test_a_file_that_is_a_folder_is_refused_and_not_a_crash(hall: Path, tmp_path
     assert "cannot be written" in str(result.exception)
 
 
+@pytest.mark.parametrize(
+    ("option", "file"), [("--out", "hall.yaml"), ("--out", "hall.pgm"), ("--picture", "hall.pgm")]
+)
+def test_a_plan_is_not_written_over_the_map(hall: Path, option: str, file: str) -> None:
+    before = (hall.parent / file).read_bytes()
+    result = run("--map", hall, "--start", "-2,1", "--goal", "2,2", option, hall.parent / file)
+    assert isinstance(result.exception, BewareNavError)
+    assert f"{file}: is a file of the map" in str(result.exception)
+    assert (hall.parent / file).read_bytes() == before
+
+
 @pytest.mark.parametrize(("name", "goal"), [("depot", "28,12"), ("warehouse", "5,20")])
 def test_published_robot_maps_are_planned_on(name: str, goal: str) -> None:
     start = {"depot": "2,2", "warehouse": "0,-20"}[name]
