@@ -19,12 +19,13 @@ from app.map_planner import query
 from app.map_planner.query import ask
 from app.map_planner.stored_map import open_map
 from navcore.errors import BewareNavError
-from navcore.formats.nav2_map import State, load, map_from_cells, save
+from navcore.formats.nav2_map import State, load, map_from_cells
 from navcore.grid.grid import GridSpec
 from navcore.grid.nearest import nearest_reachable
 from navcore.planning.path import Path as GridPath
 from navcore.planning.planner import plan
 from tests.app.cli.test_main import bewarenav
+from tests.navcore.formats.stored import save
 from tests.navcore.planning.test_planner import map_data
 
 SPEC = GridSpec(resolution_m=0.1, rows=60, cols=80, origin_x_m=-4.0, origin_y_m=-1.0)
