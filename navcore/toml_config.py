@@ -13,8 +13,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from navcore.errors import BadConfiguration
+from navcore.files import read_whole
 
 T = TypeVar("T")
+MAX_BYTES = 1 << 22
+"""Largest TOML file that is read, in bytes."""
 _LARGEST_INT = 1 << 53
 """Largest integer; beyond it floats no longer represent every integer."""
 
@@ -29,12 +32,11 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file; raises `BadConfiguration` with the file if it cannot be read."""
+    """Return the text of a file of at most `MAX_BYTES`; raises `BadConfiguration` with the file if
+    it cannot be read."""
     try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise BadConfiguration(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
+        return read_whole(path, at_most=MAX_BYTES).decode()
+    except UnicodeDecodeError as error:
         raise BadConfiguration(f"{path}: not readable as TOML: {error}") from None
 
 

@@ -167,6 +167,7 @@ def console(settings: ConsoleSettings) -> None:
 def _check(settings: ConsoleSettings) -> CameraStream | None:
     """Refuse wrong options and files before anything slow is loaded; return the camera's stream,
     None for what this machine can follow."""
+    from app.replay.recording import open_recording
     from app.storage.sites import checked_name
     from navcore.config.navigator import load_config
     from navcore.formats import nav2_map
@@ -187,7 +188,9 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
     if settings.site is not None:
         checked_name(settings.site)
     robot = robot_profile(settings.robot, scanner=settings.scanner)
-    if settings.recording is None:
+    if settings.recording is not None:
+        open_recording(settings.recording)
+    else:
         load_scenario(settings.scenario, robot)
         chassis_for(robot)
     if settings.navigation is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
+import re
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
@@ -14,17 +15,8 @@ import typer
 if TYPE_CHECKING:
     from navcore.perception.esanet.inference.selection import EngineBenchmark
 
-PACKAGES = (
-    "numpy",
-    "numba",
-    "opencv-python-headless",
-    "torch",
-    "pybullet",
-    "viser",
-    "fastapi",
-    "uvicorn",
-    "shapely",
-)
+NAME = re.compile(r"[A-Za-z0-9._-]+")
+"""Name of a package at the beginning of a requirement."""
 FASTER = ("onnx", "onnxruntime", "openvino")
 TRIAL_S = 1.0
 """Time for which each engine of the network is measured, seconds."""
@@ -34,7 +26,7 @@ def examine() -> int:
     """Print one line per part; return 0 if everything required is installed, else 1."""
     missing = 0
     _say(True, f"Python {platform.python_version()} ({sys.executable})")
-    for package in PACKAGES:
+    for package in ("bewarenav", *_required()):
         try:
             _say(True, f"{package} {importlib.metadata.version(package)}")
         except importlib.metadata.PackageNotFoundError:
@@ -50,6 +42,16 @@ def examine() -> int:
         else "chromium is missing, needed for browser tests: apt-get install chromium",
     )
     return 1 if missing else 0
+
+
+def _required() -> list[str]:
+    """Return the packages that the installed program needs in any case, none if it is not
+    installed."""
+    try:
+        lines = importlib.metadata.requires("bewarenav") or []
+    except importlib.metadata.PackageNotFoundError:
+        return []
+    return [found[0] for line in lines if "extra ==" not in line and (found := NAME.match(line))]
 
 
 def _segmentation() -> Iterator[tuple[bool, str]]:

@@ -100,6 +100,7 @@ def drive(settings: DriveSettings) -> None:
     from navcore.config.navigator import load_config
     from navcore.config.perception.perception import DEFAULT_PERCEPTION
     from navcore.formats import nav2_map
+    from navcore.mapping.storage import map_file
     from sim.scenario.load import load_scenario
 
     robot = robot_profile(settings.robot, scanner=settings.scanner)
@@ -114,6 +115,8 @@ def drive(settings: DriveSettings) -> None:
     for file in files:
         if file.is_dir():
             raise BadConfiguration(f"{file} is a folder; give the name of a file")
+    if settings.kept is not None and settings.kept.exists():
+        map_file.load(settings.kept)
     writer = None if settings.record is None else RecordingWriter(settings.record)
     task = Task(
         scenario=load_scenario(settings.scenario, robot),

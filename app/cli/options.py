@@ -182,7 +182,19 @@ class SegmenterOptions:
 
     def choice(self, *, live: bool = False, camera: CameraStream | None = None) -> SegmenterChoice:
         """Return the segmenter to compose; `live` where the world does not wait for it. Weights of
-        the user's own may follow the image size of the camera, the shipped ones have their own."""
+        the user's own may follow the image size of the camera, the shipped ones have their own.
+
+        Raises `BadConfiguration` for weights beside the colour rules, and for a name or a file that
+        is not that of a network: what follows is slow."""
+        if self.weights is not None:
+            if self.segmenter == "colour":
+                raise BadConfiguration(
+                    "--weights with --segmenter colour: the colour rules have no weights; "
+                    "leave one of them out"
+                )
+            from navcore.perception.esanet.inference.network_file import check_name
+
+            check_name(self.weights)
         follows = camera if camera is not None and self.weights is not None else CameraStream()
         return SegmenterChoice(
             kind=self.segmenter,

@@ -66,7 +66,7 @@ class PlanSettings:
 def plan(settings: PlanSettings) -> None:
     """Plan the shortest path on a stored map; exit code 0 with a path, 1 without one."""
     from app.map_planner.query import as_report, ask, in_words
-    from app.map_planner.stored_map import open_map
+    from app.map_planner.stored_map import files_of, open_map
 
     ends = finite_point(settings.start, "--start"), finite_point(settings.goal, "--goal")
     for file in (settings.out, settings.picture):
@@ -78,6 +78,10 @@ def plan(settings: PlanSettings) -> None:
         margin=settings.margin,
         unknown_blocked=settings.unknown is Unknown.BLOCKED,
     )
+    inputs = {file.resolve() for file in files_of(settings.map_file)}
+    for option, file in (("--out", settings.out), ("--picture", settings.picture)):
+        if file is not None and file.resolve() in inputs:
+            raise BadConfiguration(f"{option} {file}: is a file of the map; give another name")
     if plan_map.unit == "cells" and not all(number.is_integer() for end in ends for number in end):
         raise BadConfiguration("--start and --goal on a MovingAI map are column,row: whole numbers")
     answer = ask(plan_map, *ends, nearest=settings.nearest)

@@ -66,6 +66,11 @@ class PlanMap:
         return self.spec.extent()
 
 
+def files_of(path: Path) -> tuple[Path, ...]:
+    """Return the files that a map is read from."""
+    return (path,) if path.suffix == ".map" else (path, nav2_map.image_of(path))
+
+
 def open_map(
     path: Path, *, width: float | None, margin: float | None, unknown_blocked: bool
 ) -> PlanMap:

@@ -19,8 +19,8 @@ import numpy.typing as npt
 import yaml
 
 from navcore.errors import BadConfiguration
-from navcore.files import read_whole, write_whole
-from navcore.formats.map_image import MAX_BYTES, MapImage, decode, encode
+from navcore.files import read_whole
+from navcore.formats.map_image import MAX_BYTES, MapImage, decode
 from navcore.grid.grid import BoolGrid, GridSpec
 
 OCCUPIED_PIXEL, FREE_PIXEL, UNKNOWN_PIXEL = 0, 254, 205
@@ -134,6 +134,11 @@ def load(path: Path) -> Nav2Map:
     return Nav2Map(description=description, image=decode(data, str(image_path)))
 
 
+def image_of(path: Path) -> Path:
+    """Return the path of the image of a map's YAML file; raises as `load`."""
+    return _image_path(_entries(read_whole(path, at_most=_LARGEST_YAML), path.name), path)
+
+
 def read(text: bytes, image: bytes, where: str) -> Nav2Map:
     """Return the map of the contents of a YAML file and its image; the name of the image is
     ignored."""
@@ -141,19 +146,6 @@ def read(text: bytes, image: bytes, where: str) -> Nav2Map:
         raise BadConfiguration(f"{where}: larger than a map may be")
     description = _description(_entries(text, f"{where}.yaml"), f"{where}.yaml")
     return Nav2Map(description=description, image=decode(image, f"{where}.picture"))
-
-
-def save(nav2_map: Nav2Map, path: Path) -> Path:
-    """Write the YAML file and the image beside it; return the path of the image.
-
-    Raises `StorageFailed`, and `BadConfiguration` for another suffix than .yaml.
-    """
-    if path.suffix not in (".yaml", ".yml"):
-        raise BadConfiguration(f"{path}: expected a file name that ends in .yaml")
-    image_path = path.with_suffix(nav2_map.image.suffix)
-    write_whole(image_path, encode(nav2_map.image))
-    write_whole(path, yaml_text(nav2_map.description, image_path.name).encode())
-    return image_path
 
 
 def yaml_text(description: Description, image: str) -> str:

@@ -39,6 +39,8 @@ OPTIONAL = (
     *("label", "network_class"),
 )
 """Fields of an entry that an edit may remove, with None."""
+LIMITED = ("height_m", "size_m", "saturation", "value")
+"""What has a least and a greatest value, `min_` and `max_`, in an entry or its colours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -325,6 +327,9 @@ class BewareList:
         for entry in classes:
             if entry.name not in known:
                 check_name(entry.name, "beware list")
+            # What was stored before limits were compared stays until it is edited.
+            if entry not in self.classes:
+                check_limits(entry, f"beware list: {entry.name}")
         kept = {(entry.name, entry.class_id) for entry in classes}
         retired = tuple(pair for pair in self.ids.items() if pair not in kept)
         return BewareList(classes=classes, version=self.version + 1, retired=retired)
@@ -363,6 +368,22 @@ def check_name(name: str, where: str) -> None:
         raise BadConfiguration(
             f"{where}: “.” and “..” are no names: in an address they mean folders"
         )
+
+
+def check_limits(entry: BewareClass, where: str) -> None:
+    """Raise `BadConfiguration` for an entry whose least value of something is above the greatest:
+    nothing would be detected as it."""
+    parts: list[tuple[str, BewareClass | ColourRule | ColourPattern]] = [(where, entry)]
+    if entry.colour is not None:
+        parts.append((f"{where}.colour", entry.colour))
+        if entry.colour.pattern is not None:
+            parts.append((f"{where}.colour.pattern", entry.colour.pattern))
+    for place, part in parts:
+        for what in LIMITED:
+            low, high = f"min_{what}", f"max_{what}"
+            least, greatest = getattr(part, low, None), getattr(part, high, None)
+            if least is not None and greatest is not None and least > greatest:
+                raise BadConfiguration(f"{place}.{low}: {least:g} is above {high} {greatest:g}")
 
 
 def as_table(entry: BewareClass) -> dict[str, object]:
@@ -417,6 +438,8 @@ def parse_beware_list(text: str, where: str) -> BewareList:
         raise BadConfiguration(f"{where}: not readable as TOML: {error}") from None
     try:
         classes = from_table(_Document, document, where).beware
+        for number, entry in enumerate(classes):
+            check_limits(entry, f"beware[{number}]")
     except BadConfiguration as error:
         found = _PLACE.search(str(error))
         if found is None:

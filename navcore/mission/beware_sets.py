@@ -19,14 +19,17 @@ def ready_made() -> dict[str, BewareList]:
 
 def beware_list_of(name_or_file: Path) -> BewareList:
     """Return the ready-made list of a name, else that of a TOML file; raises `BadConfiguration` for
-    what is neither, and as `load_beware_list`."""
+    what is neither and for a list without classes, and as `load_beware_list`."""
     lists, name = ready_made(), str(name_or_file)
     if name in lists:
         return lists[name]
     if not name_or_file.exists():
         known = ", ".join(lists)
         raise BadConfiguration(f"{name}: no such file, and no ready-made beware list: {known}")
-    return load_beware_list(name_or_file)
+    beware = load_beware_list(name_or_file)
+    if not beware.classes:
+        raise BadConfiguration(f"{name}: the list is empty, the robot would beware of nothing")
+    return beware
 
 
 def _with_only(shipped: BewareList, on: list[str]) -> BewareList:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -19,7 +20,7 @@ from navcore.mission.beware_list import (
     load_beware_list,
 )
 from navcore.robot.profile import HEADROOM_M, load_profile
-from navcore.toml_config import from_table, ranged
+from navcore.toml_config import MAX_BYTES, from_table, ranged, read_toml
 
 CUP = {"name": "cup", "class_id": 1}
 RED = {"name": "red floor", "class_id": 2, "colour": {"hue_deg": [345, 15]}}
@@ -191,6 +192,22 @@ def test_files_are_read_and_errors_name_file_and_key(tmp_path: Path) -> None:
     file.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(BadConfiguration, match="not readable"):
         load_beware_list(file)
+
+
+def test_what_is_no_file_of_a_usual_size_is_refused_without_being_read_whole(
+    tmp_path: Path,
+) -> None:
+    large = tmp_path / "large.toml"
+    large.touch()
+    os.truncate(large, MAX_BYTES + 1)
+    os.mkfifo(tmp_path / "pipe.toml")
+    for path, words in (
+        (large, f"larger than the allowed {MAX_BYTES} bytes"),
+        (tmp_path, "not a regular file"),
+        (tmp_path / "pipe.toml", "not a regular file"),
+    ):
+        with pytest.raises(BadConfiguration, match=words):
+            read_toml(path)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from app.bench.planning.peers import peers
 from app.bench.planning.plain_astar import length_by_astar
 from app.bench.quiet import QuietGuard
 from navcore.errors import BadConfiguration
+from navcore.formats.moving_ai import load_map, load_scenario
 from navcore.grid.free_space import FreeSpace
 from navcore.grid.grid import BoolGrid, Cell, inflate
 from navcore.grid.inflation import InflatedGrid
@@ -86,25 +87,23 @@ def run_planning_bench(terminal: Terminal, maps: FilePath | None = None) -> None
 
 
 def published(folder: FilePath) -> Iterator[Problem]:
-    """Yield every map in the folder with known path lengths."""
+    """Yield every map in the folder with known path lengths; raises `BadConfiguration` for one that
+    is wrong."""
     for file in sorted(folder.glob("movingai/*/*.map")):
-        rows = file.read_text().splitlines()[4:]
-        lines = [
-            line.split()
-            for line in FilePath(f"{file}.scen").read_text().splitlines()[1:]
-            if line.strip()
-        ]
+        queries = load_scenario(FilePath(f"{file}.scen"))
         yield Problem(
             name=file.stem,
-            blocked=np.array([[letter not in ".GS" for letter in row] for row in rows]),
-            queries=tuple(
-                ((int(w[5]), int(w[4])), (int(w[7]), int(w[6])), float(w[8])) for w in lines
-            ),
-            decimals=max(len(w[8].partition(".")[2]) for w in lines),
+            blocked=load_map(file),
+            queries=tuple((query.start, query.goal, query.length) for query in queries),
+            decimals=max((_decimals(query.length) for query in queries), default=0),
         )
     for file in sorted([*folder.glob("ros/*.npz"), *folder.glob("synthetic/forest*.npz")]):
         with np.load(file) as stored:
             yield _stored(file.stem, stored)
+
+
+def _decimals(length: float) -> int:
+    return len(repr(length).removesuffix(".0").partition(".")[2])
 
 
 def _stored(name: str, stored: Any) -> Problem:

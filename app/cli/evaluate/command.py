@@ -173,16 +173,18 @@ def _detection(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.detection import walks
     from app.runtime.start.preparation import prepared_perception
 
+    beware = beware_list(settings.beware)
     perception = prepared_perception(
         settings.segmentation.choice(camera=settings.stream),
         sensor=settings.profile.depth_sensor,
     )
-    suite = walks(perception, beware_list(settings.beware), settings.stream.size)
+    suite = walks(perception, beware, settings.stream.size)
     return _walked(settings, suite, walks_by_default=40)
 
 
 def _perception(settings: EvaluateSettings) -> Perception:
-    """Return what sees the images of a suite in which nothing drives."""
+    """Return what sees the images of a suite in which nothing drives. This takes seconds: all else
+    that is given is checked before."""
     from app.runtime.start.engine_memory import EngineMemory
     from app.runtime.start.segmentation import compose
 
@@ -204,9 +206,10 @@ def _one_click(settings: EvaluateSettings) -> bool:
 def _light(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.light import evaluate_light
 
+    beware = beware_list(settings.beware)
     told = evaluate_light(
         _perception(settings),
-        beware_list(settings.beware),
+        beware,
         seeds=range(settings.seed, settings.seed + (settings.episodes or 12)),
         out=_out(settings, settings.suite),
         size=settings.stream.size,
@@ -224,23 +227,17 @@ def _teaching(settings: EvaluateSettings) -> bool:
             "--beware names the classes that are known; the suite 'teaching' knows the network's"
         )
     seeds = range(settings.seed, settings.seed + (settings.episodes or 16))
-    return evaluate_teaching(
-        settings.segmentation.choice().weights or SHIPPED,
-        seeds,
-        out=_out(settings, Suite.TEACHING),
-    )
+    out = _out(settings, Suite.TEACHING)
+    return evaluate_teaching(settings.segmentation.choice().weights or SHIPPED, seeds, out=out)
 
 
 def _table_tops(settings: EvaluateSettings) -> bool:
-    from app.evaluation.perception.table_tops import evaluate_table_tops
+    from app.evaluation.perception.table_tops import evaluate_table_tops, splits_in
 
     assert settings.images is not None
-    told = evaluate_table_tops(
-        _perception(settings),
-        beware_list(settings.beware),
-        settings.images,
-        out=_out(settings, Suite.TABLE_TOPS),
-    )
+    out, beware = _out(settings, Suite.TABLE_TOPS), beware_list(settings.beware)
+    splits = splits_in(settings.images)
+    told = evaluate_table_tops(_perception(settings), beware, splits, out=out)
     return all(
         found["labelled"] >= ENOUGH_LABELLED * found["things"]
         and found["table_share"] <= LITTLE_OF_TABLES
@@ -251,9 +248,10 @@ def _table_tops(settings: EvaluateSettings) -> bool:
 def _prints(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.prints import evaluate_prints
 
+    beware = beware_list(settings.beware)
     told = evaluate_prints(
         _perception(settings),
-        beware_list(settings.beware),
+        beware,
         seeds=range(settings.seed, settings.seed + (settings.episodes or 30)),
         out=_out(settings, Suite.PRINTS),
         size=settings.stream.size,

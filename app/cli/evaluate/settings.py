@@ -145,6 +145,11 @@ def check_options(settings: EvaluateSettings) -> None:
             "--max-time and --figures are for scenarios; the suite "
             f"{settings.suite!r} has its own time limit, and draws no episodes"
         )
+    own_network = SegmenterOptions(weights=settings.segmentation.weights)
+    if settings.suite == Suite.TEACHING and settings.segmentation != own_network:
+        raise BadConfiguration(
+            "--segmenter and --backend: the suite 'teaching' trains the network, in torch"
+        )
     drives, colour = settings.suite not in VIEWING, SegmenterOptions(segmenter="colour")
     if is_own and drives and settings.segmentation not in (usual.segmentation, colour):
         raise BadConfiguration(

@@ -35,7 +35,12 @@ DepthOption = Annotated[
 ]
 UnitsOption = Annotated[
     float,
-    typer.Option("--units-per-m", help="Depth units per metre in the PNGs; 1000 = millimetres."),
+    typer.Option(
+        "--units-per-m",
+        help="Depth units per metre in the PNGs; 1000 = millimetres.",
+        min=1e-3,
+        max=1e6,
+    ),
 ]
 BackgroundOption = Annotated[
     bool,
@@ -269,10 +274,14 @@ def _write(
 
     source = {"imported_from": origin}
     writer = DatasetWriter(out, class_names=class_names, units_per_m=units_per_m, source=source)
-    for image in images:
-        sample = image.sample
-        writer.add(image.split, image.name, sample.rgb, sample.depth, sample.labels)
-    counts = writer.finish().counts
+    try:
+        for image in images:
+            sample = image.sample
+            writer.add(image.split, image.name, sample.rgb, sample.depth, sample.labels)
+        counts = writer.finish().counts
+    except BaseException:
+        writer.discard()  # else the same command, corrected, is refused: the folder is not empty
+        raise
     typer.echo(_summary(out, counts.train, counts.valid, counts.test))
     typer.echo(f"classes: {', '.join(class_names)}")
     if "background" not in (name.casefold() for name in class_names):

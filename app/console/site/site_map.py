@@ -39,11 +39,8 @@ def beware_of(site: SiteStore, new: BewareList | None = None) -> BewareList:
 
 def put_in_force(site: SiteStore, given: BewareList, present: BewareList) -> None:
     """Store a list from elsewhere as the newest one of a site, whose ids it takes over; nothing is
-    stored where it says the same as the present one. Raises `BadConfiguration` for an empty
-    list."""
+    stored where it says the same as the present one."""
     adopted = present.adopted(given.classes)
-    if not adopted.classes:
-        raise BadConfiguration("--beware: the list is empty, the robot would beware of nothing")
     if adopted.classes == present.classes:
         return
     now_s = time.time()

@@ -74,22 +74,27 @@ class Labelled:
                 self.as_class[names[int(np.bincount(found).argmax())]] += 1
 
 
-def evaluate_table_tops(
-    perception: Perception, beware: BewareList, folder: Path, *, out: Path
-) -> dict[str, Any]:
-    """Label all images of the splits below a folder, print the counts, write `summary.json`; return
-    the summary. Raises `BadConfiguration` for a perception without a network, or a folder without
-    such images."""
-    if perception.examples is None:
-        raise BadConfiguration(
-            f"the suite '{Suite.TABLE_TOPS}' needs a network; {perception.title} has none"
-        )
+def splits_in(folder: Path) -> dict[str, list[Path]]:
+    """Return the instances of the images by the name of their split; raises `BadConfiguration` for
+    a folder without splits."""
     splits = {
         split.name: sorted(split.glob("*.instance.png")) for split in sorted(folder.glob("*/"))
     }
     splits = {name: paths for name, paths in splits.items() if paths}
     if not splits:
         raise BadConfiguration(f"--images {folder}: holds no folder with NN.instance.png")
+    return splits
+
+
+def evaluate_table_tops(
+    perception: Perception, beware: BewareList, splits: Mapping[str, Sequence[Path]], *, out: Path
+) -> dict[str, Any]:
+    """Label all images of the splits, see `splits_in`, print the counts, write `summary.json`;
+    return the summary. Raises `BadConfiguration` for a perception without a network."""
+    if perception.examples is None:
+        raise BadConfiguration(
+            f"the suite '{Suite.TABLE_TOPS}' needs a network; {perception.title} has none"
+        )
     found = {
         name: _summary(_labelled(perception.examples, beware, paths))
         for name, paths in splits.items()

@@ -121,11 +121,6 @@ def compose(
     the shipped weights this gives a warning, and the colour rules are used.
     """
     if choice.kind == "colour":
-        if choice.weights is not None:
-            raise BadConfiguration(
-                "--weights with --segmenter colour: the colour rules have no weights; "
-                "leave one of them out"
-            )
         return colour_perception(config=config)
     try:
         prepare = _prepared_apart if apart else _prepared

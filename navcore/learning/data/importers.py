@@ -81,6 +81,7 @@ class CvatArchive:
         `background`, which CVAT gives to unlabelled pixels, is void unless `keep_background` makes
         it a class.
         """
+        _check_folders(depth_dir, rgb_dir)
         self.path, self._depth_dir, self._rgb_dir = path, depth_dir, rgb_dir
         try:
             self._archive = open_zip(path, str(path))
@@ -242,6 +243,7 @@ class LabelmeFolder:
         self._files = sorted(folder.glob("*.json"))
         if not self._files:
             raise BadConfiguration(f"{folder}: no labelme file (*.json) is there")
+        _check_folders(depth_dir)
         if len(self._files) > MAX_ENTRIES:
             raise BadConfiguration(f"{folder}: more than {MAX_ENTRIES} files")
         occurring = {
@@ -390,6 +392,12 @@ def _found(folder: Path, name: str, endings: Sequence[str], *, alone: bool) -> P
         f"{folder}: no file for image {name!r:.120}; expected {name}{endings[0]}"
         + ("" if alone else ", with its folder: another image of the archive has its name")
     )
+
+
+def _check_folders(*folders: Path | None) -> None:
+    for folder in folders:
+        if folder is not None and not folder.is_dir():
+            raise BadConfiguration(f"{folder}: no such folder")
 
 
 def _within(folder: Path, relative: str) -> Path:

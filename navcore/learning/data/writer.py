@@ -8,7 +8,9 @@ import io
 import json
 import os
 import re
+import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -113,6 +115,7 @@ class DatasetWriter:
         self._sums = {split: DepthSums() for split in SPLITS}
         self._sizes: set[tuple[int, int]] = set()
         self._finished = False
+        self._is_new_folder = not folder.exists()
         _make_empty(folder)
 
     def add(
@@ -167,6 +170,17 @@ class DatasetWriter:
         write_text(self._folder / CARD_NAME, json.dumps(dataclasses.asdict(card), indent=1))
         self._finished = True
         return card
+
+    def discard(self) -> None:
+        """Remove what was written, and the folder too if it was created for the data set."""
+        for split in SPLITS:
+            shutil.rmtree(self._folder / split, ignore_errors=True)
+            for kind in KINDS:
+                (self._folder / f"{split}_{kind}.txt").unlink(missing_ok=True)
+        (self._folder / CARD_NAME).unlink(missing_ok=True)
+        if self._is_new_folder:
+            with suppress(OSError):  # something else was put there meanwhile
+                self._folder.rmdir()
 
     def _check(self, split: str, name: str) -> None:
         if self._finished:

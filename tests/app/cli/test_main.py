@@ -19,6 +19,7 @@ from app.cli.main import main
 from app.evaluation.campaign import Fleet
 from app.fleet.local import Processes
 from app.fleet.ray_cluster import RayCluster
+from navcore.errors import BadConfiguration
 from navcore.perception.esanet import build
 
 COLUMNS = {"COLUMNS": "200"}
@@ -137,6 +138,8 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("evaluate", "finding", "--camera", "@15"), "without a rate"),
         (("evaluate", "light", "--segmenter", "colour"), "needs a network"),
         (("evaluate", "light", "--workers", "2"), "runs as a whole"),
+        (("evaluate", "teaching", "--segmenter", "colour"), "--segmenter and --backend"),
+        (("evaluate", "teaching", "--backend", "torch"), "--segmenter and --backend"),
         (("evaluate", "localisation", "--camera", "848x480"), "--camera"),
         (("evaluate", "localisation", "--shard", "1/2"), "take --workers"),
         (("drive", "--camera", "848x480@25"), "one of 10, 15, 30, 60"),
@@ -175,6 +178,35 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(
     arguments: tuple[str, ...], words: str
 ) -> None:
     check_refusal(bewarenav(*arguments), words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("drive", "--weights", "/no/such.onnx"), "/no/such.onnx: no such file"),
+        (("drive", "--weights", "/no/such.pth"), ".safetensors or .onnx"),
+        (("drive", "--segmenter", "colour", "--weights", "/no/such.onnx"), "have no weights"),
+        (("drive", "--map", "TMP/torn.map"), "torn.map"),
+        (("evaluate", "table-tops", "--images", "TMP", "--out", "TMP/out"), "holds no folder"),
+        (("evaluate", "light", "--beware", "/no/such.toml"), "no such file"),
+        ((*CONSOLE, "--recording", "/no/such"), "no such file"),
+        ((*CONSOLE, "--weights", "/no/such.onnx"), "/no/such.onnx: no such file"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_refused_before_anything_slow_begins(
+    arguments: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def begun(*_: object, **__: object) -> None:
+        raise BadConfiguration("something slow has begun")
+
+    for slow in (
+        "app.runtime.start.preparation.prepared_perception",
+        "app.runtime.start.segmentation.compose",
+        "app.console.application.run_console",
+    ):
+        monkeypatch.setattr(slow, begun)
+    (tmp_path / "torn.map").write_bytes(b"PK")
+    check_refusal(bewarenav(*(part.replace("TMP", str(tmp_path)) for part in arguments)), words)
 
 
 @pytest.mark.parametrize(

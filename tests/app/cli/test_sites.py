@@ -16,11 +16,11 @@ from app.console.site.site_map import accepted_map
 from app.storage import Store
 from app.storage.sites import site_table
 from navcore.errors import BadConfiguration, BadGeometry, BewareNavError, NotKnown, StorageFailed
-from navcore.formats import nav2_map
 from navcore.formats.nav2_map import map_from_cells
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.zone import Zone
+from tests.navcore.formats.stored import save
 
 CORNERS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 
@@ -66,7 +66,7 @@ def test_only_a_new_site_makes_a_new_data_folder(tmp_path: Path) -> None:
         np.zeros((2, 2), np.bool_),
         GridSpec(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.1, rows=2, cols=2),
     )
-    nav2_map.save(map_from_cells(occupied=cells, known=~cells, spec=spec), tmp_path / "map.yaml")
+    save(map_from_cells(occupied=cells, known=~cells, spec=spec), tmp_path / "map.yaml")
     for command in (["new"], ["import", "hall.zip"], ["import-nav2", "map.yaml"]):
         with pytest.raises(BadConfiguration, match="site name 'bad/name'"):
             site(mistyped, command[0], "bad/name", *(str(tmp_path / file) for file in command[1:]))
@@ -91,7 +91,7 @@ def test_a_nav2_map_is_placed_by_two_points(tmp_path: Path) -> None:
     occupied[10, :] = True
     spec = GridSpec(resolution_m=0.1, rows=20, cols=40, origin_x_m=0.0, origin_y_m=0.0)
     source = map_from_cells(occupied=occupied, known=np.ones_like(occupied), spec=spec)
-    nav2_map.save(source, tmp_path / "hall.yaml")
+    save(source, tmp_path / "hall.yaml")
     data, file = tmp_path / "data", str(tmp_path / "hall.yaml")
     site(data, "import-nav2", "plain", file)
     site(data, "import-nav2", "moved", file, "--point", "0,1.05=10,5", "--point", "3,1.05=10,8")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.cli.evaluate.settings import EvaluateSettings, check_options
-from app.evaluation.perception.table_tops import evaluate_table_tops
+from app.evaluation.perception.table_tops import evaluate_table_tops, splits_in
 from app.evaluation.suites import Suite
 from app.evaluation.tables.kinds import file_name
 from app.evaluation.tables.pages import full_table
@@ -62,7 +62,7 @@ def perception(network: Any) -> Perception:
 def test_a_thing_counts_when_enough_of_it_is_labelled_surely(tmp_path: Path) -> None:
     images(tmp_path / "images" / "test")
     told = evaluate_table_tops(
-        perception(LooksAtRed()), LIST, tmp_path / "images", out=tmp_path / "out"
+        perception(LooksAtRed()), LIST, splits_in(tmp_path / "images"), out=tmp_path / "out"
     )
     found = told["labelled_things"]["test"]
     assert (found["images"], found["things"], found["labelled"]) == (1, 3, 1)
@@ -75,13 +75,15 @@ def test_a_thing_counts_when_enough_of_it_is_labelled_surely(tmp_path: Path) -> 
 
 def test_what_cannot_be_judged_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadConfiguration, match="holds no folder with"):
-        evaluate_table_tops(perception(LooksAtRed()), LIST, tmp_path, out=tmp_path / "out")
+        splits_in(tmp_path)
     with pytest.raises(BadConfiguration, match="needs a network"):
-        evaluate_table_tops(perception(None), LIST, tmp_path, out=tmp_path / "out")
+        evaluate_table_tops(perception(None), LIST, {}, out=tmp_path / "out")
     images(tmp_path / "test")
     cv2.imwrite(str(tmp_path / "test" / "00.depth.png"), np.zeros((10, 10), np.uint16))
     with pytest.raises(BadConfiguration, match="not of one size"):
-        evaluate_table_tops(perception(LooksAtRed()), LIST, tmp_path, out=tmp_path / "out")
+        evaluate_table_tops(
+            perception(LooksAtRed()), LIST, splits_in(tmp_path), out=tmp_path / "out"
+        )
     for suite, folder in (("office", tmp_path), (Suite.TABLE_TOPS, None)):
         with pytest.raises(BadConfiguration, match="--images"):
             check_options(EvaluateSettings(suite=suite, images=folder))

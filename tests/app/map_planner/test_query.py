@@ -19,12 +19,13 @@ from app.map_planner import query
 from app.map_planner.query import ask
 from app.map_planner.stored_map import open_map
 from navcore.errors import BewareNavError
-from navcore.formats.nav2_map import State, load, map_from_cells, save
+from navcore.formats.nav2_map import State, load, map_from_cells
 from navcore.grid.grid import GridSpec
 from navcore.grid.nearest import nearest_reachable
 from navcore.planning.path import Path as GridPath
 from navcore.planning.planner import plan
 from tests.app.cli.test_main import bewarenav
+from tests.navcore.formats.stored import save
 from tests.navcore.planning.test_planner import map_data
 
 SPEC = GridSpec(resolution_m=0.1, rows=60, cols=80, origin_x_m=-4.0, origin_y_m=-1.0)
@@ -284,6 +285,17 @@ def test_a_file_that_is_a_folder_is_refused_and_not_a_crash(hall: Path, tmp_path
     result = run("--map", hall, "--start", "-2,1", "--goal", "2,2", "--out", tmp_path)
     assert isinstance(result.exception, BewareNavError)
     assert "cannot be written" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("option", "file"), [("--out", "hall.yaml"), ("--out", "hall.pgm"), ("--picture", "hall.pgm")]
+)
+def test_a_plan_is_not_written_over_the_map(hall: Path, option: str, file: str) -> None:
+    before = (hall.parent / file).read_bytes()
+    result = run("--map", hall, "--start", "-2,1", "--goal", "2,2", option, hall.parent / file)
+    assert isinstance(result.exception, BewareNavError)
+    assert f"{file}: is a file of the map" in str(result.exception)
+    assert (hall.parent / file).read_bytes() == before
 
 
 @pytest.mark.parametrize(("name", "goal"), [("depot", "28,12"), ("warehouse", "5,20")])

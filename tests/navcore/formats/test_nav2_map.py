@@ -24,10 +24,10 @@ from navcore.formats.nav2_map import (
     State,
     load,
     map_from_cells,
-    save,
     yaml_text,
 )
 from navcore.grid.grid import GridSpec
+from tests.navcore.formats.stored import save
 from tests.navcore.laws import law
 from tests.navcore.planning.test_planner import map_data
 

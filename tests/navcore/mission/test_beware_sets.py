@@ -40,3 +40,10 @@ def test_what_is_no_name_is_a_file(tmp_path: Path) -> None:
         BadConfiguration, match="forest: no such file, and no ready-made beware list: office"
     ):
         beware_list_of(Path("forest"))
+
+
+def test_a_file_without_classes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "empty.toml"
+    path.touch()
+    with pytest.raises(BadConfiguration, match=r"empty.toml: the list is empty"):
+        beware_list_of(path)

@@ -35,6 +35,21 @@ colour = { hue_deg = [345, 15], min_saturation = 0.5 }
         ('"tape"', '".."', "line 8: .* are no names"),
         ('[[beware]]\nname = "tape"', "[[beware]\nname = 1", "not readable as TOML.*line 7"),
         ("# a comment", "x = 1", "unknown key 'x'"),
+        (
+            "margin_m = 0.1",
+            "min_size_m = 2\nmax_size_m = 0.5",
+            r"line 5: beware\[0\].min_size_m: 2 is above max_size_m 0.5",
+        ),
+        (
+            "min_saturation = 0.5",
+            "min_saturation = 0.5, max_saturation = 0.1",
+            r"line 10: beware\[1\].colour.min_saturation: 0.5 is above max_saturation 0.1",
+        ),
+        (
+            "min_saturation = 0.5",
+            "pattern = { max_gap_m = 1, min_value = 0.9, max_value = 0.2 }",
+            r"line 10: beware\[1\].colour.pattern.min_value: 0.9 is above max_value 0.2",
+        ),
     ],
 )
 def test_a_wrong_entry_is_named_with_its_line(old: str, new: str, reason: str) -> None:

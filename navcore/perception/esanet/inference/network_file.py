@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parents[1] / "shipped" / "beware-r18-nbt1d.safetensors"
 """The weights that come with the package."""
+SUFFIXES = (".safetensors", onnx_file.SUFFIX)
+"""Endings of the names of a network's file."""
 DEFAULT_CONFIG = InferenceConfig()
 
 
@@ -90,12 +92,9 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
             features=onnx_card.features or sha256,
             onnx=content,
         )
+    check_name(path)
     from navcore.perception.esanet.weights import weights_file as weights
 
-    if path.suffix != weights.SUFFIX:
-        raise BadConfiguration(
-            f"{path}: expected a name ending in {weights.SUFFIX} or {onnx_file.SUFFIX}"
-        )
     trained = weights.load(path)
     card = trained.card
     return NetworkFile(
@@ -108,6 +107,15 @@ def open_network(path: Path, *, camera: Size) -> NetworkFile:
         network=trained.network,
         ranges=card.ranges,
     )
+
+
+def check_name(path: Path) -> None:
+    """Raise `BadConfiguration` for a name that is not that of a network, and for one without a
+    file; loads nothing slow."""
+    if path.suffix not in SUFFIXES:
+        raise BadConfiguration(f"{path}: expected a name ending in {' or '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise BadConfiguration(f"{path}: no such file")
 
 
 def nearest_size(camera: Size) -> Size:

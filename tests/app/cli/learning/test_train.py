@@ -323,6 +323,30 @@ def test_imported_labels_become_a_data_set(tmp_path: Path) -> None:
     np.testing.assert_array_equal(load_dataset(tmp_path / "b").read("valid", 0).depth, DEPTH)
 
 
+@pytest.mark.parametrize("there", [False, True])
+def test_an_import_that_fails_leaves_the_folder_as_it_was(there: bool, tmp_path: Path) -> None:
+    folder, out, depth = labelme(tmp_path / "l"), tmp_path / "out", tmp_path / "depth"
+    if there:
+        out.mkdir()
+    command = ("dataset", "import", "labelme", folder, out, "--depth-dir", depth)
+    with pytest.raises(BadConfiguration, match="depth: no such folder"):
+        run(*command)
+    depth.mkdir()
+    with pytest.raises(BadConfiguration, match="no file for image 'a'"):
+        run(*command)
+    assert out.exists() == there
+    cv2.imwrite(str(depth / "a.png"), DEPTH)
+    assert "1 images to train" in run(*command)
+
+
+@pytest.mark.parametrize("units", ["0", "-5", "nan"])
+def test_units_of_depth_that_no_data_set_has_are_refused(units: str, tmp_path: Path) -> None:
+    command = ("import", "labelme", str(labelme(tmp_path / "l")), str(tmp_path / "out"))
+    result = CliRunner().invoke(cli, ["dataset", *command, "--units-per-m", units])
+    assert result.exit_code == 2 and "--units-per-m" in result.output
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [

@@ -183,8 +183,23 @@ def test_a_file_from_the_command_line_is_a_version_of_the_site(tmp_path: Path) -
     editor = editor_of(store)
     editor.undo()
     assert editor.list.classes == SHIPPED.classes
-    with pytest.raises(BadConfiguration, match="the list is empty"):
-        put_in_force(store.site, BewareList(classes=()), beware_of(store.site))
+    store.close()
+
+
+def test_an_edit_whose_limits_contradict_each_other_is_refused_and_a_stored_one_loads(
+    tmp_path: Path,
+) -> None:
+    store = Store(tmp_path)
+    with pytest.raises(BadConfiguration, match=r"cup.min_height_m: 0.5 is above max_height_m 0.1"):
+        editor_of(store).edit("cup", {"min_height_m": 0.5, "max_height_m": 0.1})
+    swapped = dataclasses.replace(SHIPPED.named("cup"), min_height_m=0.5, max_height_m=0.1)
+    store.site.save_beware(
+        dataclasses.replace(SHIPPED, classes=(swapped, SHIPPED.named("book")), version=4)
+    )
+    editor = editor_of(store)
+    assert beware_of(store.site).named("cup") == swapped
+    editor.edit("book", {"margin_m": 0.2})
+    assert editor.edit("cup", {"min_height_m": 0.05}).named("cup").min_height_m == 0.05
     store.close()
 
 

@@ -12,7 +12,6 @@ from navcore.config.mapping import MappingConfig
 from navcore.config.perception.perception import ObservationConfig
 from navcore.costmap.costmap import layer_grid
 from navcore.errors import BadConfiguration
-from navcore.formats import nav2_map
 from navcore.formats.nav2_map import map_from_cells
 from navcore.grid.grid import GridSpec
 from navcore.grid.growth import growth_to
@@ -21,6 +20,7 @@ from navcore.mapping.storage.map_file import load
 from navcore.mapping.views.observation import observe
 from navcore.mission.beware_list import BewareList
 from navcore.perception.colour_segmenter import ColourSegmenter
+from tests.navcore.formats.stored import save
 from tests.navcore.scene import RED_ID, RED_LIST, SPEC, Paint, picture
 
 EMPTY = BewareList(classes=())
@@ -57,7 +57,7 @@ def test_an_obstacle_of_the_prior_map_that_was_seen_to_be_gone_stays_gone(
     row, col = SPEC.cell(2.0, 0.0)
     before[row, col] = True  # in view of the camera, which sees free floor
     before[row, 3] = True  # behind it
-    nav2_map.save(
+    save(
         map_from_cells(occupied=before, known=np.ones_like(before), spec=SPEC),
         tmp_path / "prior.yaml",
     )
@@ -82,7 +82,7 @@ def test_a_map_that_had_grown_and_a_prior_map_beyond_it_are_loaded_as_a_whole(
     far = SPEC.part(0, 0, SPEC.rows, SPEC.cols + 700)
     before = np.zeros((far.rows, far.cols), dtype=np.bool_)
     before[3, far.cols - 1] = True
-    nav2_map.save(
+    save(
         map_from_cells(occupied=before, known=np.ones_like(before), spec=far),
         tmp_path / "prior.yaml",
     )
