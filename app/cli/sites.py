@@ -144,11 +144,12 @@ def dock(
     from app.console.site.dock_and_tags import furnish, stored_tags
     from navcore.geometry.transform import Pose2
 
-    with _sites(data) as sites:
-        site, pose = sites.open(name), None
-        if (numbers := _pose(at, remove, "X,Y,DEG")) is not None:
-            x_m, y_m, degrees = numbers
-            pose = Pose2(x_m=x_m, y_m=y_m, yaw_rad=math.radians(degrees))
+    pose = None
+    if (numbers := _pose(at, remove, "X,Y,DEG")) is not None:
+        x_m, y_m, degrees = numbers
+        pose = Pose2(x_m=x_m, y_m=y_m, yaw_rad=math.radians(degrees))
+    # As they are stored now: a running console changes them, too.
+    with _sites(data) as sites, sites.renaming(name, None) as site:
         furnish(site, pose, stored_tags(site))
     typer.echo(f"The dock of site {name} is {'removed' if remove else 'set'}.")
 
@@ -179,8 +180,7 @@ def tag(
     from navcore.toml_config import from_table
     from web.interface.sites import Tag
 
-    with _sites(data) as sites:
-        site = sites.open(name)
+    with _sites(data) as sites, sites.renaming(name, None) as site:
         tags = stored_tags(site)
         if (numbers := _pose(at, remove, "X,Y,Z,DEG")) is not None:
             x_m, y_m, z_m, degrees = numbers

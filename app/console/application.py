@@ -215,13 +215,9 @@ def console(
         keeper = _load_map(point_map, site, options, names)
         expected = expected_place(site) if options.kept is None else None
         controller.navigator.adopt_map(expected)
-        stack.callback(  # when the loop has stopped
-            lambda: keeper.finish(point_map, controller.intent.beware.names)
-        )
         recorder = Recorder(
             controller=controller, store=store, referee=back_end.referee, scenario=back_end.name
         )
-        stack.callback(recorder.close)
         recorder.watch_zones(controller.intent.zones)
         latch = StopLatch(options.data / STOP_FILE, controller)
         operations = LiveOperations(
@@ -242,7 +238,10 @@ def console(
             compose=composing,
             stop_warning=lambda: latch.warning,
         )
+        # The last one is called first: what is to be stored waits for no network that is prepared.
         stack.callback(operations.close)
+        stack.callback(lambda: keeper.finish(point_map, controller.intent.beware.names))
+        stack.callback(recorder.close)
         stack.callback(operations.sites.keep_session)
         stack.callback(latch.keep)
         for work, period_s, name in (
@@ -258,21 +257,8 @@ def console(
         stack.callback(keeper.stop)
         operations.insight.start()
         stack.callback(operations.insight.stop)
-        stack.callback(controller.finish_edits)  # when loop and server have stopped
-        loop = ControlLoop(
-            robot,
-            controller,
-            on_decision=operations.note_decision,
-            on_verdict=operations.note_verdict,
-        )
-        loop.start()
-        stack.callback(loop.stop)
         is_reached = bool(options.allowed_hosts) or options.proxy is not None
         locked = options.login or is_reached or options.host not in LOOPBACK
-        admin = first_admin(store.users) if locked else None
-        access = (
-            Access.by_login(store.users, store.audit) if locked else Access(audit_log=store.audit)
-        )
         server = ConsoleServer(
             operations,
             options.host,
@@ -280,15 +266,27 @@ def console(
             listener=listener,
             allowed_hosts=options.allowed_hosts,
             proxy=options.proxy,
-            access=access,
+            access=Access.by_login(store.users, store.audit)
+            if locked
+            else Access(audit_log=store.audit),
             unattended=options.unattended,
         )
+        stack.callback(controller.finish_edits)  # when loop and server have stopped
+        stack.callback(server.stop)
+        loop = ControlLoop(
+            robot,
+            controller,
+            on_decision=operations.note_decision,
+            on_verdict=operations.note_verdict,
+        )
+        loop.start()
+        stack.callback(loop.stop)  # first: the robot stands before anything else ends
         if starting is not None:
             starting.end()
         server.start()
-        stack.callback(server.stop)
         lower_other_priorities()
-        stack.callback(loop.stop)  # again, to be first: the robot stands before anything else ends
+        # Last: the password is shown when the start has succeeded, and never again.
+        admin = first_admin(store.users) if locked else None
         yield RunningConsole(url=server.url, operations=operations, admin=admin)
 
 

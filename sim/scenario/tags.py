@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from navcore.config.localisation.tags import LARGEST_TAG
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from navcore.localisation.fixes import MappedTag, TagMap, tag_map
@@ -24,7 +25,7 @@ class Tag:
     """An AprilTag on a white plate without thickness, upright: on a wall half the thickness of the
     wall and a centimetre off its line."""
 
-    id: int = ranged(0, 586)
+    id: int = ranged(0, LARGEST_TAG)
     """Number of the tag in its family."""
     at: tuple[float, float] = ranged(-FARTHEST_M, FARTHEST_M)
     """Position of the middle, x and y in metres."""

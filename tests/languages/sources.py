@@ -50,6 +50,7 @@ SENTENCES = (
     "app/console/mission/saved_missions.py",
     "app/console/site/site_archive.py",
     "app/console/site/site_files.py",
+    "app/console/site/site_map.py",
     "app/console/site/sites.py",
     "app/console/mission/zone_editor.py",
     "app/insight/*.py",
@@ -87,6 +88,7 @@ SENTENCES = (
     "navcore/localisation/relocalisation/relocalisation.py",
     "navcore/learning/data/zip_archive.py",
     "navcore/mapping/points/pose_ids.py",
+    "navcore/mapping/storage/*.py",
     "navcore/mission/*.py",
     "navcore/perception/colour_rule.py",
     "navcore/perception/labels.py",
@@ -97,6 +99,7 @@ SENTENCES = (
     "navcore/safety/gate.py",
     "navcore/safety/keep_out_monitor.py",
     "navcore/safety/sensor_monitor.py",
+    "navcore/toml_config.py",
     "web/api/archive.py",
     "web/api/beware/beware.py",
     "web/api/beware/drafts.py",
@@ -145,6 +148,7 @@ MORE = (
     "console button",
     "console key",
     "is",
+    "line {line}: {text}",
     "margin",
     "redo",
     "the robot is at another site now; nothing was changed",
@@ -170,7 +174,7 @@ _NUMBER = re.compile(r"[.\d,+]*[fgd%]")
 _SILENT = re.compile(
     r"log\..*|.*(?:\bdatabase|\bconnection|query)\.\w+|Field|Query|Header|Path|Response|api_router"
     r"|PeriodicThread|threading\.Thread|typer\..*|.*\.(?:encode|removeprefix|replace|join)"
-    r"|(?:error|context|scope)\.get"
+    r"|(?:error|context|scope|table)\.get"
 )
 """Calls whose strings no operator reads."""
 _NO_PROSE = re.compile(r"\s*[A-Z]{3,} |(?:attachment|image): |.*=|#|by hand: ")

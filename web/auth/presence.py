@@ -40,10 +40,11 @@ class PresenceMonitor:
             thread.start()
 
     def stop(self) -> None:
-        """End the threads."""
+        """End the threads, if they were started."""
         self._ended.set()
         for thread in self._threads:
-            thread.join(JOIN_S)
+            if thread.is_alive():
+                thread.join(JOIN_S)
 
     def check(self) -> None:
         """Pause the mission if the operator in control has left."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pydantic import ValidationError
+
 LABELS = {
     "x_m": "x",
     "y_m": "y",
@@ -68,6 +70,12 @@ COUNTS = {
     "too_long": ("max_length", "{label}: at most {limit} entries."),
     "too_short": ("min_length", "{label}: at least {limit} entries."),
 }
+
+
+def first_sentence(error: ValidationError) -> str:
+    """Return the sentence for the first error in a document."""
+    first = error.errors()[0]
+    return sentence_of(first, first["loc"])
 
 
 def sentence_of(error: Mapping[str, Any], parts: Sequence[str | int]) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol
 
+from navcore.config.localisation.tags import LARGEST_TAG
 from navcore.errors import OtherSite
 from navcore.geometry.transform import Pose2
 from navcore.mapping.changes import ChangeKind
@@ -23,10 +24,8 @@ MAX_ARCHIVE_BYTES = 64_000_000
 """Largest site archive in bytes."""
 FAR_M = 1e6
 """Largest coordinate in metres."""
-
-
-MAX_TAGS = 1000
-"""Largest number of tags of a site."""
+MAX_TAGS = LARGEST_TAG + 1
+"""Largest number of tags of a site: each number once."""
 
 
 @served
@@ -34,7 +33,7 @@ MAX_TAGS = 1000
 class Tag:
     """Fiducial marker of a site."""
 
-    id: int = ranged(0, 1_000_000)
+    id: int = ranged(0, LARGEST_TAG)
     """Number of the marker in its family."""
     x_m: float = ranged(-FAR_M, FAR_M)
     """x of its centre in metres of the map frame."""

@@ -4,6 +4,7 @@ what the map would have held under it."""
 from __future__ import annotations
 
 import dataclasses
+import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -60,11 +61,12 @@ class RecentFrame:
 
 
 class RecentFrames:
-    """Noted by the think thread; read by any."""
+    """Noted by the think thread; forgotten and read by any."""
 
     def __init__(self) -> None:
         self._kept: deque[RecentFrame] = deque(maxlen=MAX_FRAMES)
         self._shown: deque[RecentFrame] = deque()
+        self._lock = threading.Lock()
 
     def note(self, frame: Frame, pose_id: int, T_map_id: Pose2, erasures: int = 0) -> None:
         """Note a frame that is placed in the map, with the pose ID of its points and the number of
@@ -75,38 +77,41 @@ class RecentFrames:
             T_id_base=T_map_id.inverse() @ frame.pose,
             erasures=erasures,
         )
-        self._shown.append(one)
-        while len(self._shown) > max(1, SHOWN_PIXELS // frame.depth_m.size) or (
-            self._age_s(self._shown[0], one) > SHOWN_S
-        ):
-            self._shown.popleft()
-        while self._kept and self._age_s(self._kept[0], one) > MAX_AGE_S:
-            self._kept.popleft()
-        if not self._kept or self._is_new(self._kept[-1], one):
-            self._kept.append(one)
-            while len(self._kept) > max(1, MAX_PIXELS // frame.depth_m.size):
+        with self._lock:
+            self._shown.append(one)
+            while len(self._shown) > max(1, SHOWN_PIXELS // frame.depth_m.size) or (
+                self._age_s(self._shown[0], one) > SHOWN_S
+            ):
+                self._shown.popleft()
+            while self._kept and self._age_s(self._kept[0], one) > MAX_AGE_S:
                 self._kept.popleft()
+            if not self._kept or self._is_new(self._kept[-1], one):
+                self._kept.append(one)
+                while len(self._kept) > max(1, MAX_PIXELS // frame.depth_m.size):
+                    self._kept.popleft()
 
     def forget(self) -> None:
         """Forget all frames: the robot is at another site now."""
-        self._kept.clear()
-        self._shown.clear()
+        with self._lock:
+            self._kept.clear()
+            self._shown.clear()
 
     @property
     def newest(self) -> RecentFrame | None:
         """Newest frame; None before the first."""
-        shown = tuple(self._shown)
-        return shown[-1] if shown else None
+        with self._lock:
+            return self._shown[-1] if self._shown else None
 
     def named(self, name: str | None) -> RecentFrame:
         """Return the frame with a name, the newest one for None. Raises `Refused` where it is no
         longer held, and before the first."""
-        newest = self.newest
-        if newest is None:
+        with self._lock:
+            shown, kept = tuple(self._shown)[::-1], tuple(self._kept)[::-1]
+        if not shown:
             raise Refused("the camera has delivered no image yet; wait for one")
         if name is None:
-            return newest
-        for one in (*tuple(self._shown)[::-1], *self.kept):
+            return shown[0]
+        for one in (*shown, *kept):
             if one.name == name:
                 return one
         raise Refused("that image is no longer kept: the picture has moved on; click again")
@@ -114,13 +119,15 @@ class RecentFrames:
     @property
     def all(self) -> tuple[RecentFrame, ...]:
         """All frames, newest first."""
-        newest, kept = self.newest, self.kept
-        return kept if newest is None or newest is kept[0] else (newest, *kept)
+        with self._lock:
+            newest, kept = tuple(self._shown)[-1:], tuple(self._kept)[::-1]
+        return kept if newest == kept[:1] else newest + kept
 
     @property
     def kept(self) -> tuple[RecentFrame, ...]:
         """Frames that are kept for minutes, newest first."""
-        return tuple(self._kept)[::-1]
+        with self._lock:
+            return tuple(self._kept)[::-1]
 
     @staticmethod
     def _age_s(older: RecentFrame, newer: RecentFrame) -> float:

@@ -5,15 +5,18 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from pydantic import ValidationError
 
 from app.console.site.site_archive import FURNISHINGS, furnishings_of
 from app.storage.site_store import SiteStore
-from navcore.errors import Refused
+from navcore.errors import BadConfiguration, Refused
 from navcore.geometry.transform import Pose2
 from navcore.localisation.fixes import MappedTag, TagMap, tag_map, tag_seen
 from navcore.navigator import TickResult
 from navcore.perception.tags import detect_tags
-from web.interface.sites import MAX_TAGS, SeenTag, Tag
+from web.gateway.sentences import first_sentence
+from web.interface.sites import SeenTag, Tag
+from web.schemas.fields import PoseIn
 
 Dock = Pose2 | None
 """Pose of the robot in its dock, map frame; None without a dock."""
@@ -22,9 +25,14 @@ Tags = tuple[Tag, ...]
 
 
 def furnish(site: SiteStore, dock: Dock, tags: Tags) -> None:
-    """Set dock and tags of a site."""
+    """Set dock and tags of a site; raises `BadConfiguration` for a dock that its archive could not
+    hold."""
+    try:
+        pose = None if dock is None else PoseIn(**dataclasses.asdict(dock))
+    except ValidationError as error:
+        raise BadConfiguration(f"the dock: {first_sentence(error)}") from None
     record = {
-        "dock": None if dock is None else dataclasses.asdict(dock),
+        "dock": None if pose is None else pose.model_dump(),
         "tags": [dataclasses.asdict(tag) for tag in tags],
     }
     site.save_document(*FURNISHINGS, record)
@@ -36,12 +44,8 @@ def stored_tags(site: SiteStore) -> tuple[Tag, ...]:
 
 
 def with_tag(tags: Tags, tag: Tag) -> Tags:
-    """Return tags with one more, in the place of that of its number, by number; raises `Refused`
-    for too many."""
-    others = without_tag(tags, tag.id)
-    if len(others) >= MAX_TAGS:
-        raise Refused(f"a site has at most {MAX_TAGS} tags; remove one first")
-    return tuple(sorted((*others, tag), key=lambda one: one.id))
+    """Return tags with one more, in the place of that of its number, by number."""
+    return tuple(sorted((*without_tag(tags, tag.id), tag), key=lambda one: one.id))
 
 
 def without_tag(tags: Tags, number: int) -> Tags:

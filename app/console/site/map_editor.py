@@ -210,7 +210,7 @@ class MapEditor:
             chosen = tuple(
                 gallery.extent(one.id)
                 for one in gallery.all()
-                if one.class_id == first.sighting.class_id and one.verdict is None
+                if one.class_id == first.sighting.class_id and one.verdict != "rejected"
             )
         (x_m, y_m), class_id = first.sighting.place, first.sighting.class_id
         name = self._beware().titles.get(class_id, first.sighting.class_name)
@@ -241,7 +241,7 @@ class MapEditor:
             one
             for one in self._detections().all()
             if one.class_id == class_id
-            and one.verdict is None
+            and one.verdict != "rejected"
             and min(distance_m(region, *one.place) for region in regions) < REACH_M
         )
         text = f"“{name}” at ({x_m:.1f}, {y_m:.1f}) is not one"

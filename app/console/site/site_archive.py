@@ -32,6 +32,7 @@ from navcore.mapping.storage import map_file
 from navcore.mission.beware_list import BewareList, as_table, default_beware_list
 from navcore.mission.zone import Zone, check_polygon, check_rules
 from navcore.mission.zone_shapes import still_drawn
+from web.gateway.sentences import first_sentence
 from web.interface.drafts import ZoneDraft
 from web.interface.sites import MAX_ARCHIVE_BYTES
 from web.schemas.sites import BewareDocument, SiteDocument
@@ -115,9 +116,12 @@ def unpack(archive: bytes) -> SiteContents:
     try:
         read = _READ.validate_json(document)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])[:120]
-        raise BadConfiguration(f"{DOCUMENT}: {where}: {first['msg']:.200}") from None
+        where = ".".join(map(str, error.errors()[0]["loc"]))
+        raise BadConfiguration(
+            f"{DOCUMENT}: at {where:.120}: {first_sentence(error):.200}"
+            if where
+            else f"{DOCUMENT}: no JSON of a site"
+        ) from None
     beware = None if read.beware is None else _beware_list(read.beware)
     if map_data is not None:
         _check_map(map_data, beware or default_beware_list())

@@ -170,10 +170,14 @@ class LiveSites:
         return self._retag(name, lambda tags: dock_and_tags.without_tag(tags, number))
 
     def _retag(self, name: str, change: Callable[[Tags], Tags]) -> Site:
-        """Change the tags of a site as they are stored now: others change them, too."""
+        """Change the tags of a site as they are stored now: others change them, too, also from the
+        command line."""
         with self._lock:
-            tags = dock_and_tags.stored_tags(self._store.sites.open(name))
-            return self.change(name, SiteChanges(tags=change(tags)))
+            with self._store.sites.renaming(name, None) as site:
+                tags = change(dock_and_tags.stored_tags(site))
+                dock_and_tags.furnish(site, dock_and_tags.dock_of(site), tags)
+            self._use_tags()
+            return self._site(site)
 
     def seen_tags(self, size_m: float) -> tuple[SeenTag, ...]:
         """Return the tags in the newest image, placed by where the robot is."""

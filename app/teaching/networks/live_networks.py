@@ -41,8 +41,9 @@ CHECK_S = 120.0
 NICENESS = 19
 """The lowest priority, of that check."""
 MAX_HEADER_BYTES = 1 << 20
-JOIN_S = 30.0
-"""Longest wait for an exchange at the end, seconds."""
+JOIN_S = 2.0
+"""Longest wait for an exchange at the end, seconds. The trials of the engines take longer; they are
+given up."""
 log = logging.getLogger(__name__)
 _DRAFT = ".weights-"
 """Beginning of the name of the folder of an upload that is being checked."""
@@ -108,6 +109,7 @@ class LiveNetworks:
         self._trouble: str | None = None
         self._lock, self._checking = threading.Lock(), threading.Lock()
         self._thread: threading.Thread | None = None
+        self._is_closed = False
 
     @property
     def used(self) -> str | None:
@@ -255,7 +257,9 @@ class LiveNetworks:
                 self.versions.note_used(self._history)
 
     def close(self) -> None:
-        """Wait for an exchange that is going on."""
+        """Let no exchange take effect any more, and wait a little for one that is going on."""
+        with self._lock:
+            self._is_closed = True
         if self._thread is not None:
             self._thread.join(JOIN_S)
 
@@ -285,6 +289,7 @@ class LiveNetworks:
                 self._require_fast(perception)
             self._try(perception)
             with self._lock:
+                self._require_open()
                 before = self._history[-1], self._live.now
                 self._take(perception, self._history[:-1] if back else [*self._history, name])
                 self._before = None if back else before
@@ -295,6 +300,11 @@ class LiveNetworks:
             log.warning("the network %r is not used: %s", name, error, exc_info=unknown)
         finally:
             self._exchange = None
+
+    def _require_open(self) -> None:
+        """Raise `Refused` once the console ends."""
+        if self._is_closed:
+            raise Refused("the console ends")
 
     def _composed(self, choice: SegmenterChoice) -> Perception:
         """Compose with the engine in use, measured with this network alone; with the best one, also
@@ -307,6 +317,7 @@ class LiveNetworks:
                 dataclasses.replace(choice, engine=now.engine, smaller=now.smaller, measured=True)
             )
         except BadConfiguration as error:
+            self._require_open()  # which ends the process of the trials
             log.info("%s cannot run the network: %s", now.engine, error)
             return self._compose(dataclasses.replace(choice, engine="auto", smaller=False))
 

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from navcore.toml_config import ranged
 
+LARGEST_TAG = 586
+"""Largest number in the family 36h11."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagConfig:

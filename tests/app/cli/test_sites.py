@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from contextlib import closing
 from pathlib import Path
 
@@ -11,16 +12,20 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli.sites import site_cli
-from app.console.site.dock_and_tags import dock_of, stored_tags
+from app.console.site import dock_and_tags
+from app.console.site.dock_and_tags import dock_of, furnish, stored_tags, with_tag
 from app.console.site.site_map import accepted_map
-from app.storage import Store
+from app.storage import Store, database
+from app.storage.site_store import SiteStore
 from app.storage.sites import site_table
 from navcore.errors import BadConfiguration, BadGeometry, BewareNavError, NotKnown, StorageFailed
 from navcore.formats.nav2_map import map_from_cells
 from navcore.geometry.transform import Pose2
 from navcore.grid.grid import GridSpec
 from navcore.mission.zone import Zone
+from tests.app.console.site.desk import Desk
 from tests.navcore.formats.stored import save
+from web.interface.sites import Tag
 
 CORNERS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 
@@ -147,7 +152,43 @@ def test_dock_and_tags_are_set_and_removed_and_bad_ones_are_refused_by_name(tmp_
         (("tag", "hall", "5", "--at", "1,2,3"), "expected X,Y,Z,DEG"),
         (("tag", "hall", "5", "--at", "1,2,3,4", "--size", "0"), "tag 5.size_m"),
         (("dock", "hall", "--at", "1,nan,3"), "expected X,Y,DEG"),
+        (("tag", "hall", "587", "--at", "1,2,3,4"), "tag 587.id"),
+        (("dock", "hall", "--at", "1e9,2,90"), "the dock: X: at most"),
+        (("dock", "hall", "--at", "1,2,90000"), "the dock: Heading: at most"),
         (("dock", "hall"), "either --at X,Y,DEG or --remove"),
     ):
         with pytest.raises(BadConfiguration, match=said):
             site(data, *bad)
+
+
+@pytest.mark.parametrize("by", ["command", "console"])
+def test_a_tag_that_another_process_sets_meanwhile_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, by: str
+) -> None:
+    monkeypatch.setattr(database, "BUSY_S", 30.0)
+    data = tmp_path / "data"
+    desk = Desk(data)
+    seven, five = (
+        Tag(id=number, x_m=1.0, y_m=0.0, z_m=1.0, yaw_rad=0.0, size_m=0.3) for number in (7, 5)
+    )
+
+    def set_seven() -> None:
+        with site_table(data) as sites, sites.renaming("default", None) as stored:
+            furnish(stored, None, with_tag(stored_tags(stored), seven))
+
+    def read_before(stored: SiteStore) -> tuple[Tag, ...]:
+        tags = stored_tags(stored)
+        if other.ident is None:
+            other.start()
+            other.join(0.5)  # it waits, or stores at once
+        return tags
+
+    other = threading.Thread(target=set_seven)
+    monkeypatch.setattr(dock_and_tags, "stored_tags", read_before)
+    with closing(desk.store):
+        if by == "command":
+            site(data, "tag", "default", "5", "--at", "1,0,1,0")
+        else:
+            desk.sites.put_tag("default", five)
+        other.join()
+        assert [tag.id for tag in stored_tags(desk.store.site)] == [5, 7]

@@ -19,8 +19,16 @@ from app.console.application import (
     MOST_FILES,
     ConsoleOptions,
     allow_many_connections,
+    console,
     run_console,
 )
+from app.runtime.control.loop import ControlLoop
+from app.runtime.record.map_keeper import MapKeeper
+from app.runtime.record.recorder import Recorder
+from app.runtime.start.segmenter_choice import SegmenterChoice
+from app.storage import Store
+from app.teaching.networks.live_networks import LiveNetworks
+from web.server import ConsoleServer
 
 
 @pytest.fixture(autouse=True)
@@ -81,3 +89,47 @@ def test_a_running_console_ends_in_order(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(application, "console", running)
     run_console(ConsoleOptions(scenario="empty_room", data=tmp_path))
     assert steps == ["ended in order"]
+
+
+def test_what_is_stored_at_the_end_waits_for_no_network_and_the_robot_stands_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps: list[str] = []
+
+    def watched(owner: type, name: str) -> None:
+        end = getattr(owner, name)
+
+        def noted(self: Any, *args: Any) -> None:
+            steps.append(owner.__name__)
+            end(self, *args)
+
+        monkeypatch.setattr(owner, name, noted)
+
+    watched(ControlLoop, "stop")
+    watched(ConsoleServer, "stop")
+    watched(Recorder, "close")
+    watched(MapKeeper, "finish")
+    watched(LiveNetworks, "close")
+    with console(options_of(tmp_path)):
+        pass
+    assert steps == ["ControlLoop", "ConsoleServer", "Recorder", "MapKeeper", "LiveNetworks"]
+
+
+def test_a_start_that_fails_leaves_no_account_whose_password_was_never_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(server: ConsoleServer) -> None:
+        raise SystemExit(128 + signal.SIGTERM)
+
+    monkeypatch.setattr(ConsoleServer, "start", fail)
+    with pytest.raises(SystemExit), console(options_of(tmp_path)):
+        pass
+    store = Store(tmp_path)
+    assert store.users.all() == ()
+    store.close()
+
+
+def options_of(data: Path) -> ConsoleOptions:
+    """Return the options of a console that starts quickly and asks for a login."""
+    choice = SegmenterChoice(kind="colour")
+    return ConsoleOptions(scenario="empty_room", data=data, port=0, login=True, choice=choice)

@@ -486,3 +486,22 @@ def test_an_upload_that_is_checked_holds_no_exchange_up(
     ended.set()
     upload.join(10)
     assert [one.name for one in networks.versions.all()] == ["taught 2", "mine"]
+
+
+def test_an_exchange_takes_no_effect_once_the_console_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_networks, "JOIN_S", 0.0)
+    versions, go = store_of(tmp_path, 2), threading.Event()
+    live = LivePerception(perception_of(SegmenterChoice()))
+
+    def compose(choice: SegmenterChoice) -> Perception:
+        go.wait(30)
+        return perception_of(choice)
+
+    networks = networks_of(versions, live, compose=compose)
+    networks.use("taught 2")
+    networks.close()
+    go.set()
+    eventually(lambda: networks.exchange is None)
+    assert (networks.used, label_of(live), versions.used()) == (START, 1, [])

@@ -163,6 +163,24 @@ def test_every_sentence_of_the_robot_is_translated_with_its_figures(
         assert page.evaluate(TRANSLATE, [language, [unknown]]) == [unknown]
 
 
+def test_the_refusal_of_a_file_is_translated_whole(
+    new_context: Opener, server: ConsoleServer
+) -> None:
+    page = opened(new_context, server, "en-US")
+    said = {
+        "the file: line 4: beware[0].enabled: expected bool, got 1": "die Datei: Zeile 4: "
+        "beware[0].enabled: bool erwartet, nicht 1",
+        "the file: line 6: beware[0].margin_m: nan is out of range, allowed 0 to 2": "die Datei: "
+        "Zeile 6: beware[0].margin_m: nan liegt außerhalb von 0 bis 2",
+        "map.npz: head.x_m: nan is out of range, allowed -inf to inf": "map.npz: head.x_m: nan "
+        "liegt außerhalb von -inf bis inf",
+        "map.npz: no map of this program; expected the parts head, rgb": "map.npz: keine Karte "
+        "dieses Programms; erwartet werden die Teile head, rgb",
+        "site.json: at dock.x_m: X: at most 5 m.": "site.json: bei dock.x_m: X: höchstens 5 m.",
+    }
+    assert page.evaluate(TRANSLATE, ["de", list(said)]) == list(said.values())
+
+
 def _translated(text: str, language: str) -> str:
     """Return the translation of a sample: a figure in the form of the language, but in a position,
     whose translation has no format."""

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
+import threading
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -34,6 +37,43 @@ def test_a_robot_that_drives_fast_leaves_no_more_than_the_largest_number_of_fram
     frames = noted(5 * MAX_FRAMES, step_m=2 * STEP_M, period_s=0.1)
     assert len(frames.all) == MAX_FRAMES
     assert frames.newest is frames.all[0]
+
+
+@pytest.fixture
+def quick_switches() -> Iterator[None]:
+    """Threads that take turns as often as they can."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(before)
+
+
+@pytest.mark.usefixtures("quick_switches")
+def test_frames_may_be_forgotten_and_read_while_others_are_noted() -> None:
+    frames, seen, failed = RecentFrames(), picture(), list[Exception]()
+    ended = threading.Event()
+
+    def repeat(act: Callable[[], object]) -> None:
+        try:
+            while not ended.is_set():
+                act()
+        except Exception as error:
+            failed.append(error)
+
+    others = [
+        threading.Thread(target=repeat, args=(act,)) for act in (frames.forget, lambda: frames.all)
+    ]
+    for thread in others:
+        thread.start()
+    try:
+        for number in range(10_000):
+            stamped = dataclasses.replace(seen, stamp_ns=number * 10**8)
+            frames.note(stamped, 0, IDENTITY)
+    finally:
+        ended.set()
+        for thread in others:
+            thread.join()
+    assert not failed
 
 
 def test_of_finer_images_fewer_are_kept_in_the_same_memory() -> None:

@@ -147,6 +147,20 @@ def test_a_rejection_is_undone_with_points_memory_and_verdict(
     assert mat_cells(holder) == 0 and len(editor.rejected) == 2
 
 
+def test_what_was_called_wrong_before_is_among_those_of_which_none_is_one(
+    editor: MapEditor, holder: Holder, gallery: DetectionGallery
+) -> None:
+    both = seen(holder, mats())
+    gallery.mark(1, "wrong")
+    editor.reject(1, all_of_class=True, by="Ana")
+    holder.tick()
+    assert mat_cells(holder) == 0 and {one.verdict for one in gallery.all()} == {"rejected"}
+    editor.undo(by="Ana")
+    holder.tick()
+    assert mat_cells(holder) == both
+    assert {one.id: one.verdict for one in gallery.all()} == {1: "wrong", 2: None}
+
+
 def test_what_a_kept_map_holds_is_rejected_at_its_place_without_a_detection(
     holder: Holder, told: list[str]
 ) -> None:

@@ -170,6 +170,21 @@ def test_a_hostile_archive_is_refused_and_leaves_nothing(
     add(store.sites, "good", packed(parts))  # control: undamaged it is taken
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"dock": {"x_m": 1e9, "y_m": 0, "yaw_rad": 0}}, "site.json: at dock.x_m: X: at most"),
+        ({"version": 2}, "site.json: at version: Version: expected 1."),
+    ],
+)
+def test_a_bad_value_in_an_archive_is_told_in_a_sentence(
+    store: Store, change: dict[str, Any], said: str
+) -> None:
+    archive = edited(lambda site: site.update(change))(parts_of(pack(store.site)))
+    with pytest.raises(BadConfiguration, match=said):
+        add(store.sites, "evil", archive)
+
+
 def test_a_site_that_is_renamed_or_deleted_meanwhile_is_exported_whole_or_not_at_all(
     store: Store,
 ) -> None:

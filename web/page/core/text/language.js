@@ -74,7 +74,7 @@ export const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1
 // sentences in it. Templates with many words come first.
 const NAMES = new Set(["name", "title", "class_name"]); // mostly given by people
 const FIELD = /\{(\w+)(?::([^}]*))?\}/g;
-const FIGURE = "([-+]?[\\d.]+(?:e[-+]?\\d+)?%?)";
+const FIGURE = "([-+]?(?:[\\d.]+(?:e[-+]?\\d+)?|inf|nan)%?)";
 const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
 const templates = Object.entries(sentences)
   .filter(([source]) => source.search(FIELD) >= 0)
