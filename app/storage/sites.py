@@ -113,16 +113,25 @@ class SiteTable:
         names = (made, *(f"{made}-{number}" for number in range(2, MAX_SITES + 2)))
         return next(name for name in names if name.lower() not in known)
 
-    def choose(self, name: str, world: str | None) -> SiteStore:
-        """Note that a site is in use now, in `world`; raises `NotKnown`."""
+    @contextmanager
+    def choosing(self, name: str, world: str) -> Iterator[SiteStore]:
+        """Note that a site is in use now, in `world`, which is taken back where the block fails;
+        raises `NotKnown`."""
         site = self.open(name)
+        (before,) = self._database.rows("SELECT chosen, world FROM sites WHERE id = ?", (site.id,))
         # Not the time: a robot has none before it is on a network, and may have had a wrong one.
         self._database.write(
             "UPDATE sites SET chosen = (SELECT max(chosen) + 1 FROM sites), "
             "world = coalesce(world, ?) WHERE id = ?",
             (world, site.id),
         )
-        return site
+        try:
+            yield site
+        except BaseException:
+            self._database.write(
+                "UPDATE sites SET chosen = ?, world = ? WHERE id = ?", (*before, site.id)
+            )
+            raise
 
     def make(self, name: str) -> SiteStore:
         """Make an empty site; raises `Refused` for a name that is taken or too many sites."""

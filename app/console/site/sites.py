@@ -14,7 +14,13 @@ from app.console.mission.path_settings import stored_unknown_price
 from app.console.site import dock_and_tags, site_files
 from app.console.site.dock_and_tags import Dock, Tags
 from app.console.site.site_archive import pack
-from app.console.site.site_map import accepted_map, beware_of, cells_on, map_of, save_accepted
+from app.console.site.site_map import (
+    accepted_map,
+    begin_list,
+    cells_on,
+    map_of,
+    save_accepted,
+)
 from app.runtime.control.operator_state import OperatorState, PlaceSearch
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.map_keeper import MapKeeper
@@ -30,7 +36,7 @@ from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.fixes import TagMap
 from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
 from navcore.mapping.point_map import PointMap
-from navcore.mission.beware_list import BewareList
+from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Goal, Mission, Phase
 from web.interface.meant_site import require_meant_site
 from web.interface.sites import (
@@ -113,7 +119,8 @@ class LiveSites:
         """`has_own_map`: whether the map is kept in the folder of the site, not in another file.
         `world_tags`: tags of the world, for sites that name none. `new_beware`: list of a new site,
         by default the shipped one."""
-        self._world_tags, self._new_beware = world_tags or TagMap(), new_beware
+        self._world_tags = world_tags or TagMap()
+        self._new_beware = new_beware or default_beware_list()
         self._store, self._controller, self._view, self._keeper = store, controller, view, keeper
         self._user, self._config, self._world, self._has_own_map = user, config, world, has_own_map
         self._lock = threading.RLock()
@@ -317,7 +324,7 @@ class LiveSites:
         left = self._controller.place
         expected, kept = self._expected_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
-        mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
+        mission, zones, beware = mission_of(site), site.zones(), site.beware() or self._new_beware
         price, tags = stored_unknown_price(site), self._tags_of(site)
         self.keep_session()
         replaced = self._saved
@@ -348,17 +355,18 @@ class LiveSites:
             self._controller.navigator.localisation.tags = self._tags
 
         with self._user.leaving_site(lambda: self._write_map(is_last=True)):
-            self._store.use(site.name, world=self._world)
-            # Until the next tick the robot's place is that on the map of the site before.
-            self._has_entered, tags_before, self._tags = False, self._tags, tags
-            try:
-                self._controller.enter_site(edit, replace_map)
-            except Refused:
-                self._store.site = before  # that of the editors, which go on
-                self._has_entered, self._tags = True, tags_before
-                self._store.sites.choose(before.name, None)
-                raise
-            self._user.enter_site(self._store.site)
+            with self._store.sites.choosing(site.name, self._world):
+                begin_list(site, self._new_beware)
+                # Until the next tick the robot's place is that on the map of the site before.
+                self._has_entered, tags_before, self._tags = False, self._tags, tags
+                self._store.site = site
+                try:
+                    self._controller.enter_site(edit, replace_map)
+                except Refused:
+                    self._store.site = before  # that of the editors, which go on
+                    self._has_entered, self._tags = True, tags_before
+                    raise
+            self._user.enter_site(site)
         self._left.pop(site.id, None)
         if left.is_known:
             self._left[before.id] = left

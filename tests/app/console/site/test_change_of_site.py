@@ -166,19 +166,18 @@ def test_what_an_operator_was_told_is_stored_in_the_last_moment_is_at_the_site_t
 def test_a_disk_that_fails_on_the_way_back_leaves_the_robot_at_its_site(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object) -> None:
-        raise Refused("the robot moves")
-
     def fail(*_: object) -> None:
         raise StorageFailed("the disk is full")
 
-    choose = desk.store.sites.choose
-    monkeypatch.setattr(desk.controller, "enter_site", refuse)
-    monkeypatch.setattr(
-        desk.store.sites, "choose", lambda name, world: (choose if world else fail)(name, world)
-    )
-    with desk.ticking(), pytest.raises(StorageFailed):
-        desk.sites.choose("hall")
+    with monkeypatch.context() as broken:
+
+        def refuse(*_: object) -> None:
+            broken.setattr(desk.store._database, "write", fail)
+            raise Refused("the robot moves")
+
+        broken.setattr(desk.controller, "enter_site", refuse)
+        with desk.ticking(), pytest.raises(StorageFailed):
+            desk.sites.choose("hall")
     assert desk.sites.chosen == "default"
     with desk.ticking():
         desk.sites.change("default", SiteChanges(name="Ward 3"))
@@ -395,8 +394,22 @@ def test_the_map_is_kept_on_where_the_site_could_not_be_changed(
         raise Refused("the robot moves")
 
     monkeypatch.setattr(desk.controller, "enter_site", refuse)
+    before = desk.store.sites.all()
     with desk.ticking(), pytest.raises(Refused):
         desk.sites.choose("hall")
+    assert desk.store.sites.all() == before, "it is not taken for one of this world"
     desk.store.site.map_file.unlink()
     desk.keeper.finish(desk.controller.navigator.map, RED_LIST.names)
     assert desk.store.site.map_file.exists()
+
+
+def test_a_site_gets_the_list_of_the_world_when_it_is_first_used(desk: Desk) -> None:
+    desk.sites._new_beware = listed = RED_LIST.edited("red floor", margin_m=0.7)
+    desk.sites.make("ward")
+    desk.choose("ward")
+    assert desk.store.site.beware() == listed
+    assert desk.controller.intent.beware.classes == listed.classes
+    desk.sites._new_beware = RED_LIST
+    desk.choose("default")
+    desk.choose("ward")
+    assert desk.store.site.beware() == listed
