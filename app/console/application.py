@@ -53,6 +53,7 @@ from app.storage.site_store import SiteStore
 from app.teaching.networks.live_networks import composed_at_start
 from app.teaching.service import versions_in
 from navcore.config.navigator import NavigatorConfig, config_for, load_config
+from navcore.files import remove_drafts
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.navigator import Navigator, Stages
@@ -316,6 +317,7 @@ def _load_map(
     """Load the map of the site, or of the file that was given, and return what keeps it."""
     if options.kept is not None:
         load_map(point_map, beware_of(site), prior=options.prior, kept=options.kept)
+        remove_drafts(options.kept)
         return MapKeeper(options.kept, {**names_in(options.kept), **names})
     stored = map_of(site, point_map.state())
     point_map.restore(stored.state)

@@ -20,7 +20,7 @@ from app.storage.database import Database
 from app.storage.schema import MAPS, PER_SITE
 from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
-from navcore.files import read_whole, sync_folder, write_whole
+from navcore.files import read_whole, remove_drafts, sync_folder, write_whole
 from navcore.mapping.storage.map_file import MAX_BYTES
 from web.interface.sites import SITE_NAME
 
@@ -68,7 +68,7 @@ class SiteTable:
 
     def tidy(self) -> None:
         """Delete the folders that an end of the console, or of another program, has left of a site
-        that was being made or deleted. What fails is left to the next start.
+        that was being made or deleted, and half-written maps. What fails is left to the next start.
 
         A folder that the database does not know is kept: beside a new or a restored database, it
         holds the map of a site of the other one.
@@ -77,6 +77,8 @@ class SiteTable:
         with suppress(StorageFailed), self._database.writing():
             for draft in self._root.glob(f"{DRAFT}*"):
                 shutil.rmtree(draft, ignore_errors=True)
+            for row in self.all():
+                remove_drafts(self.contents(row).map_file)
             for (name,) in self._database.rows("SELECT folder FROM obsolete_folders"):
                 self._delete_folder(name)
 

@@ -315,6 +315,18 @@ def test_a_site_whose_making_fails_halfway_is_not_there(store: Store) -> None:
     assert store.sites.make("hall").zones() == ()
 
 
+def test_the_next_start_deletes_what_a_kill_has_left_of_a_map_that_was_written(
+    tmp_path: Path,
+) -> None:
+    with closing(Store(tmp_path)) as store:
+        folder = store.site.folder
+    folder.mkdir(parents=True)
+    for name in ("map.npz", ".map.npz.x7_kq0ab"):
+        (folder / name).touch()
+    with closing(Store(tmp_path)):
+        assert [file.name for file in folder.iterdir()] == ["map.npz"]
+
+
 def use(store: Store, name: str | None, world: str = "office") -> None:
     with store.starting(name, world):
         pass
