@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import lzma
 import os
 import shutil
@@ -65,10 +66,20 @@ def write_whole(path: Path, data: bytes) -> None:
             os.fsync(file.fileno())
         draft.replace(path)
         sync_folder(path.parent)
-    except OSError as error:
+    except BaseException as error:
         with suppress(OSError):
             draft.unlink()
-        raise StorageFailed(f"{path} cannot be written: {_reason(error)}") from None
+        if isinstance(error, OSError):
+            raise StorageFailed(f"{path} cannot be written: {_reason(error)}") from None
+        raise
+
+
+def remove_drafts(path: Path) -> None:
+    """Delete what `write_whole` has left of a file where its process was killed. For a process that
+    alone writes the file; what fails is left to the next time."""
+    for draft in path.parent.glob(f".{glob.escape(path.name)}.{'?' * 8}"):
+        with suppress(OSError):
+            draft.unlink()
 
 
 def link_or_copy(source: Path, target: Path) -> None:

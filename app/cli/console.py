@@ -171,6 +171,7 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
     from app.storage.sites import checked_name
     from navcore.config.navigator import load_config
     from navcore.formats import nav2_map
+    from navcore.mapping.storage import map_file
     from navcore.mission.beware_sets import beware_list_of
     from sim.robot.chassis import chassis_for
     from sim.scenario.load import load_scenario
@@ -199,6 +200,8 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
         beware_list_of(settings.beware)
     if settings.kept is not None:
         prepare(settings.kept.parent)
+        if settings.kept.exists():
+            map_file.load(settings.kept)
     if settings.prior is not None:
         nav2_map.load(settings.prior)
     if settings.recording is not None and (settings.camera != "auto" or settings.scanner):

@@ -22,7 +22,7 @@ import cv2
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.mission.path_settings import stored_unknown_price
 from app.console.operations import LiveOperations
-from app.console.site.site_map import beware_of, map_of, put_in_force
+from app.console.site.site_map import begin_list, beware_of, map_of, put_in_force
 from app.console.site.sites import SESSION_PERIOD_S, expected_place, mission_of
 from app.console.stop_latch import PERIOD_S as STOP_PERIOD_S
 from app.console.stop_latch import StopLatch, read_latch
@@ -53,6 +53,7 @@ from app.storage.site_store import SiteStore
 from app.teaching.networks.live_networks import composed_at_start
 from app.teaching.service import versions_in
 from navcore.config.navigator import NavigatorConfig, config_for, load_config
+from navcore.files import remove_drafts
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.navigator import Navigator, Stages
@@ -195,24 +196,25 @@ def console(
         faults = FaultInjector(lambda: back_end.faults, lambda: (robot.now_ns() - began_ns) / 1e9)
         faults.take_time(time.sleep)
         stages = faults.wrap(Stages()) if back_end.faults else Stages()
-        site = _site_of(store, options.site, back_end.name)
-        if options.beware is not None:
-            put_in_force(site, options.beware, beware_of(site, back_end.beware))
         background = ThreadBackground()
         background.start()
         stack.callback(background.stop)
-        controller = _controller_of(
-            site,
-            back_end,
-            options.robot,
-            perception,
-            config,
-            stages,
-            background,
-            stopped_by=read_latch(options.data / STOP_FILE),
-        )
-        point_map, names = controller.navigator.map, controller.intent.beware.names
-        keeper = _load_map(point_map, site, options, names)
+        with store.starting(options.site, back_end.name) as site:
+            begin_list(site, back_end.beware)
+            if options.beware is not None:
+                put_in_force(site, options.beware)
+            controller = _controller_of(
+                site,
+                back_end,
+                options.robot,
+                perception,
+                config,
+                stages,
+                background,
+                stopped_by=read_latch(options.data / STOP_FILE),
+            )
+            point_map, names = controller.navigator.map, controller.intent.beware.names
+            keeper = _load_map(point_map, site, options, names)
         expected = expected_place(site) if options.kept is None else None
         controller.navigator.adopt_map(expected)
         recorder = Recorder(
@@ -307,20 +309,13 @@ def _back_end(options: ConsoleOptions, config: NavigatorConfig, perception: Perc
     )
 
 
-def _site_of(store: Store, name: str | None, world: str) -> SiteStore:
-    """Return the site to use, which is made if it is new."""
-    name = name or store.sites.last_of(world)
-    if name.lower() not in {row.name.lower() for row in store.sites.all()}:
-        store.sites.make(name)
-    return store.use(name, world=world)
-
-
 def _load_map(
     point_map: PointMap, site: SiteStore, options: ConsoleOptions, names: Mapping[int, str]
 ) -> MapKeeper:
     """Load the map of the site, or of the file that was given, and return what keeps it."""
     if options.kept is not None:
         load_map(point_map, beware_of(site), prior=options.prior, kept=options.kept)
+        remove_drafts(options.kept)
         return MapKeeper(options.kept, {**names_in(options.kept), **names})
     stored = map_of(site, point_map.state())
     point_map.restore(stored.state)
@@ -353,7 +348,7 @@ def _controller_of(
         site=site.name,
         site_id=site.id,
         mission=mission_of(site),
-        beware=beware_of(site, back_end.beware),
+        beware=beware_of(site),
         zones=site.zones(),
         stopped_by=stopped_by,
         unknown_price=stored_unknown_price(site),

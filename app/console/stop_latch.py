@@ -8,7 +8,7 @@ from pathlib import Path
 
 from app.runtime.control.operator_state import StateHolder
 from navcore.errors import StorageFailed
-from navcore.files import write_whole
+from navcore.files import remove_drafts, write_whole
 
 log = logging.getLogger(__name__)
 PERIOD_S = 0.2
@@ -20,6 +20,7 @@ class StopLatch:
 
     def __init__(self, file: Path, holder: StateHolder) -> None:
         self._file, self._holder = file, holder
+        remove_drafts(file)
         self._kept: str | None = read_latch(file)
         self._is_known = True  # whether the file holds that, and not perhaps what could not be kept
         self._warning: str | None = None

@@ -20,7 +20,7 @@ from app.storage.database import Database
 from app.storage.schema import MAPS, PER_SITE
 from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
-from navcore.files import read_whole, sync_folder, write_whole
+from navcore.files import read_whole, remove_drafts, sync_folder, write_whole
 from navcore.mapping.storage.map_file import MAX_BYTES
 from web.interface.sites import SITE_NAME
 
@@ -68,7 +68,7 @@ class SiteTable:
 
     def tidy(self) -> None:
         """Delete the folders that an end of the console, or of another program, has left of a site
-        that was being made or deleted. What fails is left to the next start.
+        that was being made or deleted, and half-written maps. What fails is left to the next start.
 
         A folder that the database does not know is kept: beside a new or a restored database, it
         holds the map of a site of the other one.
@@ -77,6 +77,8 @@ class SiteTable:
         with suppress(StorageFailed), self._database.writing():
             for draft in self._root.glob(f"{DRAFT}*"):
                 shutil.rmtree(draft, ignore_errors=True)
+            for row in self.all():
+                remove_drafts(self.contents(row).map_file)
             for (name,) in self._database.rows("SELECT folder FROM obsolete_folders"):
                 self._delete_folder(name)
 
@@ -113,16 +115,25 @@ class SiteTable:
         names = (made, *(f"{made}-{number}" for number in range(2, MAX_SITES + 2)))
         return next(name for name in names if name.lower() not in known)
 
-    def choose(self, name: str, world: str | None) -> SiteStore:
-        """Note that a site is in use now, in `world`; raises `NotKnown`."""
+    @contextmanager
+    def choosing(self, name: str, world: str) -> Iterator[SiteStore]:
+        """Note that a site is in use now, in `world`, which is taken back where the block fails;
+        raises `NotKnown`."""
         site = self.open(name)
+        (before,) = self._database.rows("SELECT chosen, world FROM sites WHERE id = ?", (site.id,))
         # Not the time: a robot has none before it is on a network, and may have had a wrong one.
         self._database.write(
             "UPDATE sites SET chosen = (SELECT max(chosen) + 1 FROM sites), "
             "world = coalesce(world, ?) WHERE id = ?",
             (world, site.id),
         )
-        return site
+        try:
+            yield site
+        except BaseException:
+            self._database.write(
+                "UPDATE sites SET chosen = ?, world = ? WHERE id = ?", (*before, site.id)
+            )
+            raise
 
     def make(self, name: str) -> SiteStore:
         """Make an empty site; raises `Refused` for a name that is taken or too many sites."""

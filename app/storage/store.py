@@ -6,6 +6,8 @@ What belongs to a site is in `SiteStore`, which `Store.site` and `Store.sites` g
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -59,10 +61,18 @@ class Store:
         self.events = EventTable(self._database)
         """Event log: what the navigation decided, when and why."""
 
-    def use(self, name: str, *, world: str | None = None) -> SiteStore:
-        """Use a site from now on, in `world`; raises `NotKnown`."""
-        self.site = self.sites.choose(name, world)
-        return self.site
+    @contextmanager
+    def starting(self, name: str | None, world: str) -> Iterator[SiteStore]:
+        """Use a site in `world` once the block has loaded what it holds; where that fails nothing
+        is stored, also of what the block stores. One of a new name is made; None for the site last
+        used in this world."""
+        with self._database.writing():
+            name = name or self.sites.last_of(world)
+            if name.lower() not in {row.name.lower() for row in self.sites.all()}:
+                self.sites.make(name)
+            with self.sites.choosing(name, world) as site:
+                yield site
+        self.site = site
 
     def close(self) -> None:
         """Close the files and unlock the folder."""

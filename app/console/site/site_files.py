@@ -71,7 +71,7 @@ def export_nav2(site: SiteStore, config: MappingConfig) -> bytes:
     beside it. Raises `NotKnown` without a map, and where the site has been deleted."""
     cells = cells_of(site, config)
     if cells is None:
-        raise NotKnown(f"site {site.name!r} has no map yet; drive there first")
+        raise NotKnown(f"site {site.name!r} keeps no map yet; drive there first, without --map")
     with site.reading():
         zones = site.zones()
     spec = mask_spec(zones, cells.spec)  # zones may lie beyond the map

@@ -31,23 +31,27 @@ ACCEPTED = ("map", "accepted")
 """Kind and name of the stored document."""
 
 
-def beware_of(site: SiteStore, new: BewareList | None = None) -> BewareList:
-    """Return the beware list of a site; before its first edit it is `new`, by default the shipped
-    one."""
-    return site.beware() or new or default_beware_list()
+def beware_of(site: SiteStore) -> BewareList:
+    """Return the beware list of a site; before its first use it is the shipped one."""
+    return site.beware() or default_beware_list()
 
 
-def put_in_force(site: SiteStore, given: BewareList, present: BewareList) -> None:
+def begin_list(site: SiteStore, of_world: BewareList) -> None:
+    """Store the list of a world at a site that has none, as its first use begins: its map is made
+    by that list, by which it is exported as well, also where the world is not known."""
+    if site.beware() is None:
+        site.save_beware(of_world, unix_s=time.time(), what="list of a new site")
+
+
+def put_in_force(site: SiteStore, given: BewareList) -> None:
     """Store a list from elsewhere as the newest one of a site, whose ids it takes over; nothing is
     stored where it says the same as the present one."""
+    present = beware_of(site)
     adopted = present.adopted(given.classes)
     if adopted.classes == present.classes:
         return
-    now_s = time.time()
-    if site.beware() is None:
-        site.save_beware(present, unix_s=now_s, what="list of a new site")
     what = "; ".join(changes_between(present, adopted)[:3])
-    site.save_beware(adopted, unix_s=now_s, by="command line", what=what)
+    site.save_beware(adopted, unix_s=time.time(), by="command line", what=what)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)

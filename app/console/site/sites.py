@@ -14,7 +14,13 @@ from app.console.mission.path_settings import stored_unknown_price
 from app.console.site import dock_and_tags, site_files
 from app.console.site.dock_and_tags import Dock, Tags
 from app.console.site.site_archive import pack
-from app.console.site.site_map import accepted_map, beware_of, cells_on, map_of, save_accepted
+from app.console.site.site_map import (
+    accepted_map,
+    begin_list,
+    cells_on,
+    map_of,
+    save_accepted,
+)
 from app.runtime.control.operator_state import OperatorState, PlaceSearch
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.map_keeper import MapKeeper
@@ -30,7 +36,7 @@ from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.fixes import TagMap
 from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
 from navcore.mapping.point_map import PointMap
-from navcore.mission.beware_list import BewareList
+from navcore.mission.beware_list import BewareList, default_beware_list
 from navcore.mission.mission import Goal, Mission, Phase
 from web.interface.meant_site import require_meant_site
 from web.interface.sites import (
@@ -67,6 +73,9 @@ class SiteUser(Protocol):
     def leaving_site(self, keep_map: Callable[[], None]) -> AbstractContextManager[None]:
         """Hold every edit of the present site, and call `keep_map` once none changes its map any
         more; after the block they are refused."""
+
+    def copy_moved_zones(self) -> Callable[[], None]:
+        """Return what stores the zones that have moved with the map where they are now."""
 
     def enter_site(self, site: SiteStore) -> None:
         """Edit the contents of another site from now on."""
@@ -110,7 +119,8 @@ class LiveSites:
         """`has_own_map`: whether the map is kept in the folder of the site, not in another file.
         `world_tags`: tags of the world, for sites that name none. `new_beware`: list of a new site,
         by default the shipped one."""
-        self._world_tags, self._new_beware = world_tags or TagMap(), new_beware
+        self._world_tags = world_tags or TagMap()
+        self._new_beware = new_beware or default_beware_list()
         self._store, self._controller, self._view, self._keeper = store, controller, view, keeper
         self._user, self._config, self._world, self._has_own_map = user, config, world, has_own_map
         self._lock = threading.RLock()
@@ -122,6 +132,7 @@ class LiveSites:
         self._listed = 0
         self._tags = self._world_tags
         self._use_tags()
+        keeper.copy_rest = self._copy_session
 
     @property
     def chosen(self) -> str:
@@ -146,7 +157,11 @@ class LiveSites:
         with self._lock:
             site = self._store.sites.open(name)
             if not self._is_chosen(site):
-                self._enter(site)
+                try:
+                    self._enter(site)
+                except Exception:
+                    self._keeper.go_on()
+                    raise
             return self._site(site)
 
     def change(self, name: str, changes: SiteChanges) -> Site:
@@ -260,21 +275,49 @@ class LiveSites:
     # The session over a restart
 
     def keep_session(self) -> None:
-        """Store the goals, the phase and the place of the robot if they have changed; called
-        periodically."""
+        """Store moved zones, the goals, the phase and the place of the robot if they have changed;
+        called periodically. What a correction moves with the map is stored with the map instead."""
         with self._lock:
-            mission, place = self._controller.intent.mission, self._controller.place
+            mission, place = self._controller.intent.mission, self._known_place()
+            if self._keeper.is_behind:  # asked last: a correction is noted before it moves the rest
+                return
+            self._user.copy_moved_zones()()
             if mission is not self._saved:
                 self._store.site.save_document(*MISSION, _mission_record(mission))
                 self._saved = mission
-            # Before the first tick the place is no estimate yet.
-            has_place = self._controller.tick_state.decision is not None and place.is_known
-            is_open = self._controller.navigator.map_is_on_trial
-            if is_open or not (self._has_own_map and self._has_entered and has_place):
-                return
-            if _has_moved(self._placed, place.T_map_base):
-                self._placed = place.T_map_base
-                self._store.site.save_document(*LAST_PLACE, dataclasses.asdict(self._placed))
+            if place is not None and _has_moved(self._placed, place):
+                self._store.site.save_document(*LAST_PLACE, dataclasses.asdict(place))
+                self._placed = place
+
+    def _copy_session(self) -> Callable[[], None]:
+        """Return what stores zones, goals and the place of the robot as they lie on the present
+        map; called by the think thread."""
+        site, mission, place = (
+            self._store.site,
+            self._controller.intent.mission,
+            self._known_place(),
+        )
+        store_zones = self._user.copy_moved_zones()
+
+        def store() -> None:
+            store_zones()
+            site.save_document(*MISSION, _mission_record(mission))
+            if place is not None:
+                site.save_document(*LAST_PLACE, dataclasses.asdict(place))
+
+        return store
+
+    def _known_place(self) -> Pose2 | None:
+        """Return T_map_base of the robot on the map of the site in use; None where that is not
+        known."""
+        # First: until the next tick after a change of site, the place is that on the map before.
+        if not (self._has_own_map and self._has_entered):
+            return None
+        place = self._controller.place
+        # Before the first tick the place is no estimate yet.
+        has_place = self._controller.tick_state.decision is not None and place.is_known
+        is_open = self._controller.navigator.map_is_on_trial
+        return place.T_map_base if has_place and not is_open else None
 
     # Inside
 
@@ -285,7 +328,7 @@ class LiveSites:
         left = self._controller.place
         expected, kept = self._expected_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
-        mission, zones, beware = mission_of(site), site.zones(), beware_of(site, self._new_beware)
+        mission, zones, beware = mission_of(site), site.zones(), site.beware() or self._new_beware
         price, tags = stored_unknown_price(site), self._tags_of(site)
         self.keep_session()
         replaced = self._saved
@@ -315,18 +358,19 @@ class LiveSites:
             self._has_entered, self._old_picture = True, self._view.picture
             self._controller.navigator.localisation.tags = self._tags
 
-        with self._user.leaving_site(self._write_map):
-            self._store.use(site.name, world=self._world)
-            # Until the next tick the robot's place is that on the map of the site before.
-            self._has_entered, tags_before, self._tags = False, self._tags, tags
-            try:
-                self._controller.enter_site(edit, replace_map)
-            except Refused:
-                self._store.site = before  # that of the editors, which go on
-                self._has_entered, self._tags = True, tags_before
-                self._store.sites.choose(before.name, None)
-                raise
-            self._user.enter_site(self._store.site)
+        with self._user.leaving_site(lambda: self._write_map(is_last=True)):
+            with self._store.sites.choosing(site.name, self._world):
+                begin_list(site, self._new_beware)
+                # Until the next tick the robot's place is that on the map of the site before.
+                self._has_entered, tags_before, self._tags = False, self._tags, tags
+                self._store.site = site
+                try:
+                    self._controller.enter_site(edit, replace_map)
+                except Refused:
+                    self._store.site = before  # that of the editors, which go on
+                    self._has_entered, self._tags = True, tags_before
+                    raise
+            self._user.enter_site(site)
         self._left.pop(site.id, None)
         if left.is_known:
             self._left[before.id] = left
@@ -369,11 +413,11 @@ class LiveSites:
         if self._has_own_map and self._is_chosen(self._store.sites.open(name)):
             self._write_map()
 
-    def _write_map(self) -> None:
+    def _write_map(self, *, is_last: bool = False) -> None:
         """Write the present map, with all that an operator was told is erased, unless it is still
-        that of the site before, which was written then."""
+        that of the site before, which was written then. `is_last`: write nothing after it."""
         if self._has_entered:
-            self._keeper.write_now(self._controller.edit_map)
+            self._keeper.write_now(self._controller.edit_map, is_last=is_last)
 
     def _present(self) -> CellMap:
         picture = self._view.picture

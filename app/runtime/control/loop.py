@@ -178,9 +178,13 @@ class PeriodicThread:
         self._thread.join(timeout=JOIN_S)
 
     def _run(self) -> None:
+        failure = None
         while not self._ended.is_set():
             try:
                 self._act()
-            except Exception:
-                log.exception("the thread %r continues", self._thread.name)
+                failure = None
+            except Exception as error:
+                if str(error) != failure:  # what goes on failing, such as a full disk, once
+                    log.exception("the thread %r continues", self._thread.name)
+                failure = str(error)
             self._ended.wait(self._period_s)

@@ -162,6 +162,7 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
         (("drive", "--scenario", "moon", "--weights", "/no/such.onnx"), "forest, indoor, office"),
         ((*CONSOLE, "--scenario", "moon", "--weights", "/no/such.onnx"), "forest, indoor, office"),
         ((*CONSOLE, "--site", "a/b", "--weights", "/no/such.onnx"), "site name 'a/b'"),
+        ((*CONSOLE, "--map", __file__, "--weights", "/no/such.onnx"), "test_main.py: no map file"),
         (("evaluate", "office", "--robot", "unicycle", "--segmenter", "colour"), "unicycle"),
         (
             ("drive", "--scenario", "empty_room", "--weights", "/no/such.safetensors"),

@@ -315,27 +315,58 @@ def test_a_site_whose_making_fails_halfway_is_not_there(store: Store) -> None:
     assert store.sites.make("hall").zones() == ()
 
 
+def test_the_next_start_deletes_what_a_kill_has_left_of_a_map_that_was_written(
+    tmp_path: Path,
+) -> None:
+    with closing(Store(tmp_path)) as store:
+        folder = store.site.folder
+    folder.mkdir(parents=True)
+    for name in ("map.npz", ".map.npz.x7_kq0ab"):
+        (folder / name).touch()
+    with closing(Store(tmp_path)):
+        assert [file.name for file in folder.iterdir()] == ["map.npz"]
+
+
+def use(store: Store, name: str | None, world: str = "office") -> None:
+    with store.starting(name, world):
+        pass
+
+
+def test_a_start_that_is_refused_stores_nothing(store: Store) -> None:
+    use(store, "default")
+    store.sites.make("wood")
+    before = store.sites.all()
+    for name, world in (("wood", "office"), ("new", "office"), (None, "forest")):
+        with pytest.raises(BadConfiguration), store.starting(name, world) as site:
+            site.save_zone(zone("wet"))
+            raise BadConfiguration("the map does not fit")
+        assert store.site.name == "default" and not site.zones()
+        assert store.sites.all() == before
+    use(store, None, "forest")
+    assert store.site.name == "wood"
+
+
 def test_the_newest_site_is_that_chosen_last_whatever_the_clock_says(tmp_path: Path) -> None:
     with closing(Store(tmp_path)) as store:
-        store.use("default")
+        use(store, "default")
         # A console of before, with a clock that was years ahead.
         store._database.write("UPDATE sites SET chosen = 4e9")
         store.sites.make("hall")
-        store.use("hall", world="office")
+        use(store, "hall")
     with closing(Store(tmp_path)) as again:
         assert again.site.name == "hall" and again.sites.last_of("office") == "hall"
 
 
 def test_the_site_that_was_used_last_in_a_world_is_used_again(store: Store) -> None:
     assert store.sites.last_of("office") == "default"
-    store.use("default", world="office")
+    use(store, "default")
     assert store.sites.last_of("office") == "default"
     assert store.sites.last_of("my world.v2") == "my-world-v2"
     store.sites.make("upstairs")
-    store.use("upstairs", world="office")
+    use(store, "upstairs")
     assert store.sites.last_of("office") == "upstairs"
     store.sites.make("indoor")
-    store.use("indoor", world="office")
+    use(store, "indoor")
     assert store.sites.last_of("indoor") == "indoor-2"
 
 
@@ -383,7 +414,7 @@ def test_a_data_folder_of_an_earlier_version_keeps_its_sites_and_its_users(
 ) -> None:
     with closing(Store(tmp_path)) as before:
         hall = before.sites.make("Hall")
-        before.use("Hall", world="office")
+        use(before, "Hall")
         before.users.add(VERA)
         for name in ("default", "Hall"):
             fill(before, name, mark=name.encode())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextvars
 import dataclasses
+import functools
 import threading
 import time
 from collections.abc import Callable
@@ -15,15 +16,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.console.site.sites import LiveSites, mission_of
+from app.console.site.sites import LiveSites, last_place_of, mission_of
 from app.runtime.record.map_keeper import MapKeeper
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration, OtherSite, Outdated, Refused, StorageFailed
+from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.erasing import Erasable
 from navcore.mapping.storage import map_file
-from navcore.mission.mission import Phase
+from navcore.mission.mission import Mission, Phase
 from tests.app.console.site.desk import SECOND, SQUARE, Desk, points_in
 from tests.navcore.scene import RED_LIST, SPEC
 from web.interface.meant_site import mean_site
@@ -113,8 +115,8 @@ def test_a_mission_that_starts_in_the_meantime_is_not_moved_to_another_site(
     desk.zones.add(SQUARE)
     written = desk.keeper.write_now
 
-    def start_meanwhile(*given: Any) -> None:
-        written(*given)
+    def start_meanwhile(*given: Any, **named: Any) -> None:
+        written(*given, **named)
         desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC).start())
 
     monkeypatch.setattr(desk.keeper, "write_now", start_meanwhile)
@@ -138,7 +140,7 @@ def test_what_an_operator_was_told_is_stored_in_the_last_moment_is_at_the_site_t
         desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC))
         enter(*given)
 
-    def write_while_edits_wait(*given: Any) -> None:
+    def write_while_edits_wait(*given: Any, **named: Any) -> None:
         def edit() -> None:
             with pytest.raises(Refused, match="another site"):
                 desk.beware.edit(desk.beware.list.classes[0].name, {"enabled": False})
@@ -146,7 +148,7 @@ def test_what_an_operator_was_told_is_stored_in_the_last_moment_is_at_the_site_t
         desk.zones.add(SQUARE)  # a tick may have to move the zones
         late.append(threading.Thread(target=edit))
         late[0].start()
-        written(*given)
+        written(*given, **named)
         late[0].join(0.05)
         assert late[0].is_alive()
 
@@ -164,19 +166,18 @@ def test_what_an_operator_was_told_is_stored_in_the_last_moment_is_at_the_site_t
 def test_a_disk_that_fails_on_the_way_back_leaves_the_robot_at_its_site(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object) -> None:
-        raise Refused("the robot moves")
-
     def fail(*_: object) -> None:
         raise StorageFailed("the disk is full")
 
-    choose = desk.store.sites.choose
-    monkeypatch.setattr(desk.controller, "enter_site", refuse)
-    monkeypatch.setattr(
-        desk.store.sites, "choose", lambda name, world: (choose if world else fail)(name, world)
-    )
-    with desk.ticking(), pytest.raises(StorageFailed):
-        desk.sites.choose("hall")
+    with monkeypatch.context() as broken:
+
+        def refuse(*_: object) -> None:
+            broken.setattr(desk.store._database, "write", fail)
+            raise Refused("the robot moves")
+
+        broken.setattr(desk.controller, "enter_site", refuse)
+        with desk.ticking(), pytest.raises(StorageFailed):
+            desk.sites.choose("hall")
     assert desk.sites.chosen == "default"
     with desk.ticking():
         desk.sites.change("default", SiteChanges(name="Ward 3"))
@@ -335,3 +336,80 @@ def test_the_first_tick_at_a_site_is_told_of_its_tags(
     monkeypatch.setattr(desk.controller, "enter_site", enter_and_tick)
     desk.choose("hall")
     assert told == [[8]]
+
+
+def test_zones_goals_and_place_on_disk_lie_on_the_map_on_disk_whenever_the_console_is_killed(
+    desk: Desk,
+) -> None:
+    def on_disk() -> tuple[object, ...]:
+        site = desk.store.site
+        return site.zones(), mission_of(site).queue, last_place_of(site)
+
+    desk.zones.add(SQUARE)
+    desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC))
+    desk.tick()
+    desk.sites.keep_session()
+    before, navigator = on_disk(), desk.controller.navigator
+    for x_m in (1.5, 3.0):  # two corrections, the second while the map of the first is written
+        desk.keeper.note_correction()
+        polygon = tuple((x_m + x, y) for x, y in SQUARE.polygon)
+        desk.zones.move(functools.partial(dataclasses.replace, polygon=polygon))
+        desk.controller.change_mission(functools.partial(Mission.add, x_m=x_m, y_m=3.0, spec=SPEC))
+        there = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
+        navigator.place = dataclasses.replace(navigator.place, T_map_base=there)
+        desk.keeper._copy(navigator.map, RED_LIST.names)
+        desk.sites.keep_session()
+        assert on_disk() == before
+        desk.keeper._write()
+        intent = desk.controller.intent
+        before = on_disk()
+        assert before == (intent.zones, intent.mission.queue, there)
+    desk.sites.keep_session()
+    assert on_disk() == before
+
+
+def test_the_folder_of_a_site_that_is_left_and_deleted_does_not_come_back(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    enter, left = desk.controller.enter_site, desk.store.site.folder
+
+    def enter_after_more_ticks(*given: Any) -> None:
+        desk.keeper._copied = desk.keeper._looked_ns = None  # the map has changed
+        desk.keeper.note_tick(desk.controller.navigator.map, RED_LIST.names, 10**12)
+        enter(*given)
+
+    monkeypatch.setattr(desk.controller, "enter_site", enter_after_more_ticks)
+    desk.choose("hall")
+    desk.sites.delete("default")
+    desk.keeper._write()
+    assert not left.exists()
+    desk.keeper.finish(desk.controller.navigator.map, RED_LIST.names)
+    assert desk.store.site.map_file.exists(), "the map of the new site is kept"
+
+
+def test_the_map_is_kept_on_where_the_site_could_not_be_changed(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise Refused("the robot moves")
+
+    monkeypatch.setattr(desk.controller, "enter_site", refuse)
+    before = desk.store.sites.all()
+    with desk.ticking(), pytest.raises(Refused):
+        desk.sites.choose("hall")
+    assert desk.store.sites.all() == before, "it is not taken for one of this world"
+    desk.store.site.map_file.unlink()
+    desk.keeper.finish(desk.controller.navigator.map, RED_LIST.names)
+    assert desk.store.site.map_file.exists()
+
+
+def test_a_site_gets_the_list_of_the_world_when_it_is_first_used(desk: Desk) -> None:
+    desk.sites._new_beware = listed = RED_LIST.edited("red floor", margin_m=0.7)
+    desk.sites.make("ward")
+    desk.choose("ward")
+    assert desk.store.site.beware() == listed
+    assert desk.controller.intent.beware.classes == listed.classes
+    desk.sites._new_beware = RED_LIST
+    desk.choose("default")
+    desk.choose("ward")
+    assert desk.store.site.beware() == listed

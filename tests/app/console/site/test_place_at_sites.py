@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from app.console.site.sites import last_place_of
+from navcore.errors import StorageFailed
 from navcore.geometry.transform import Pose2
 from navcore.navigator import Navigator
 from tests.app.console.site.desk import FRAMES, Desk
@@ -79,6 +81,43 @@ def test_the_place_on_the_old_map_is_never_kept_for_the_new_site(
     assert last_place_of(entered) is None
     desk.sites.keep_session()
     assert last_place_of(entered) == desk.controller.place.T_map_base
+
+
+def test_the_place_is_not_that_on_the_old_map_where_the_new_one_comes_in_while_it_is_looked_at(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replaced: list[Callable[[], None]] = []
+    with monkeypatch.context() as waiting:
+        waiting.setattr(desk.controller, "enter_site", lambda edit, now: replaced.append(now))
+        with desk.ticking():
+            desk.sites.choose("hall")
+    hall, save = desk.store.site, desk.store.site.save_document
+
+    def enter_meanwhile(kind: str, name: str, value: Any) -> None:
+        save(kind, name, value)
+        while replaced:
+            replaced.pop()()
+
+    monkeypatch.setattr(hall, "save_document", enter_meanwhile)
+    desk.controller.change_mission(lambda mission: mission.repeat(True))
+    desk.sites.keep_session()
+    assert not replaced and last_place_of(hall) is None
+
+
+def test_a_place_that_could_not_be_stored_is_stored_when_there_is_room_again(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise StorageFailed("the disk is full")
+
+    desk.sites.keep_session()
+    navigator, there = desk.controller.navigator, Pose2(x_m=3.0, y_m=1.0, yaw_rad=0.5)
+    navigator.place = dataclasses.replace(navigator.place, T_map_base=there)
+    with monkeypatch.context() as full, pytest.raises(StorageFailed):
+        full.setattr(desk.store.site, "save_document", fail)
+        desk.sites.keep_session()
+    desk.sites.keep_session()
+    assert last_place_of(desk.store.site) == there
 
 
 def test_a_robot_that_comes_back_is_looked_for_where_its_wheels_have_brought_it(

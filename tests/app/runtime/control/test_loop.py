@@ -16,11 +16,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.runtime.control.loop import LOW_PRIORITY_NICENESS, ControlLoop, lower_other_priorities
+from app.runtime.control.loop import (
+    LOW_PRIORITY_NICENESS,
+    ControlLoop,
+    PeriodicThread,
+    lower_other_priorities,
+)
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.safety import DEFAULT_SAFETY, GateConfig, SafetyConfig
+from navcore.errors import StorageFailed
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import default_beware_list
@@ -282,6 +288,26 @@ def test_a_command_that_goes_on_failing_is_logged_once_and_zero_is_sent(
     assert sum("sends zero" in record.message for record in caplog.records) == 1
     monkeypatch.undo()
     until(lambda: moving(rig))
+
+
+def test_a_periodic_work_that_goes_on_failing_is_logged_once_until_it_has_worked(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    outcomes, ended = iter(["full", "full", "torn", "torn", "", "torn"]), threading.Event()
+
+    def work() -> None:
+        outcome = next(outcomes, None)
+        if outcome is None:
+            ended.set()
+        elif outcome:
+            raise StorageFailed(outcome)
+
+    thread = PeriodicThread(work, period_s=0.001, name="to disk")
+    thread.start()
+    assert ended.wait(30.0)
+    thread.stop()
+    logged = [str(record.exc_info[1]) for record in caplog.records if record.exc_info]
+    assert logged == ["full", "torn", "torn"]
 
 
 def test_a_jump_of_odometry_holds_the_robot_and_its_map_until_it_jumps_back_or_is_accepted(
