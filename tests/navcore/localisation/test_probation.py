@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import cast
 
 import numpy as np
@@ -72,8 +73,10 @@ def test_strokes_to_and_fro_and_turns_on_the_spot_confirm_no_place_however_long(
     turns = [at(0.0, 0.5 * k) for k in range(200)]
     assert verdict_on(strokes, search_result(fit())) is None
     assert verdict_on(turns, search_result(fit())) is None
-    beside = [at(x_m, 0.0) for x_m in (0.5, 1.0, 1.5)]
-    assert verdict_on([*turns, *beside], search_result(fit())) is True
+    out = [at(0.5 * k, 0.0) for k in range(4)]
+    back = [at(1.5 - 0.5 * k, math.pi) for k in range(4)]
+    assert verdict_on([*out, *back], search_result(fit())) is None
+    assert verdict_on([*turns, at(0.5, 0.0), at(1.0, 0.0)], search_result(fit())) is True
 
 
 def test_nor_does_odometry_that_jumps() -> None:
