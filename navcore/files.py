@@ -54,7 +54,7 @@ def write_whole(path: Path, data: bytes) -> None:
     """Write a file atomically and durably; raises `StorageFailed`, and then an older file is
     intact."""
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        handle, name = tempfile.mkstemp(prefix=_draft(path), dir=path.parent)
     except (OSError, ValueError) as error:
         raise StorageFailed(f"{path} cannot be written: {_reason(error)}") from None
     draft = Path(name)
@@ -77,7 +77,7 @@ def write_whole(path: Path, data: bytes) -> None:
 def remove_drafts(path: Path) -> None:
     """Delete what `write_whole` has left of a file where its process was killed. For a process that
     alone writes the file; what fails is left to the next time."""
-    for draft in path.parent.glob(f".{glob.escape(path.name)}.{'?' * 8}"):
+    for draft in path.parent.glob(f"{glob.escape(_draft(path))}*"):
         with suppress(OSError):
             draft.unlink()
 
@@ -98,6 +98,11 @@ def sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _draft(path: Path) -> str:
+    """Return how the name of a file begins that is to replace another one: no user's does."""
+    return f".{path.name}.bewarenav-draft-"
 
 
 def _reason(error: Exception) -> str:

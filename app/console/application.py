@@ -11,7 +11,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +22,7 @@ import cv2
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.mission.path_settings import stored_unknown_price
 from app.console.operations import LiveOperations
-from app.console.site.site_map import begin_list, beware_of, map_of, put_in_force
+from app.console.site.site_map import keep_list, list_of_start, map_of
 from app.console.site.sites import SESSION_PERIOD_S, expected_place, mission_of
 from app.console.stop_latch import PERIOD_S as STOP_PERIOD_S
 from app.console.stop_latch import StopLatch, read_latch
@@ -199,22 +199,24 @@ def console(
         background = ThreadBackground()
         background.start()
         stack.callback(background.stop)
-        with store.starting(options.site, back_end.name) as site:
-            begin_list(site, back_end.beware)
-            if options.beware is not None:
-                put_in_force(site, options.beware)
-            controller = _controller_of(
-                site,
-                back_end,
-                options.robot,
-                perception,
-                config,
-                stages,
-                background,
-                stopped_by=read_latch(options.data / STOP_FILE),
-            )
-            point_map, names = controller.navigator.map, controller.intent.beware.names
-            keeper = _load_map(point_map, site, options, names)
+        site = store.sites.of_start(options.site, back_end.name)
+        beware = list_of_start(site, back_end.beware, options.beware)
+        controller = _controller_of(
+            site,
+            beware,
+            back_end,
+            options.robot,
+            perception,
+            config,
+            stages,
+            background,
+            stopped_by=read_latch(options.data / STOP_FILE),
+        )
+        point_map = controller.navigator.map
+        keeper = _load_map(point_map, site, options, beware)
+        # Not before all is loaded: a start that is refused stores nothing.
+        with store.using(site, back_end.name):
+            keep_list(site, back_end.beware, beware)
         expected = expected_place(site) if options.kept is None else None
         controller.navigator.adopt_map(expected)
         recorder = Recorder(
@@ -310,21 +312,22 @@ def _back_end(options: ConsoleOptions, config: NavigatorConfig, perception: Perc
 
 
 def _load_map(
-    point_map: PointMap, site: SiteStore, options: ConsoleOptions, names: Mapping[int, str]
+    point_map: PointMap, site: SiteStore, options: ConsoleOptions, beware: BewareList
 ) -> MapKeeper:
     """Load the map of the site, or of the file that was given, and return what keeps it."""
     if options.kept is not None:
-        load_map(point_map, beware_of(site), prior=options.prior, kept=options.kept)
+        load_map(point_map, beware, prior=options.prior, kept=options.kept)
         remove_drafts(options.kept)
-        return MapKeeper(options.kept, {**names_in(options.kept), **names})
+        return MapKeeper(options.kept, {**names_in(options.kept), **beware.names})
     stored = map_of(site, point_map.state())
     point_map.restore(stored.state)
-    load_map(point_map, beware_of(site), prior=options.prior, kept=None)
-    return MapKeeper(site.map_file, {**stored.class_names, **names})
+    load_map(point_map, beware, prior=options.prior, kept=None)
+    return MapKeeper(site.map_file, {**stored.class_names, **beware.names})
 
 
 def _controller_of(
     site: SiteStore,
+    beware: BewareList,
     back_end: BackEnd,
     robot: RobotProfile,
     perception: LivePerception,
@@ -348,7 +351,7 @@ def _controller_of(
         site=site.name,
         site_id=site.id,
         mission=mission_of(site),
-        beware=beware_of(site),
+        beware=beware,
         zones=site.zones(),
         stopped_by=stopped_by,
         unknown_price=stored_unknown_price(site),

@@ -235,10 +235,6 @@ class LiveOperations:
             with self.zones.retired():
                 yield
 
-    def copy_moved_zones(self) -> Callable[[], None]:
-        """Return what stores the zones that have moved with the map where they are now."""
-        return self.zones.copy_moved()
-
     def enter_site(self, site: SiteStore) -> None:
         """Edit the contents of another site from now on."""
         self._edits_before += self.zones.changes + 1
@@ -284,7 +280,7 @@ class LiveOperations:
         if decision.taken_back:
             # Their pose IDs are given to other poses, and a correction was of what is thrown away.
             self._anchored.forget()
-        elif decision.correction is not None and not navigator.map_is_on_trial:
+        elif decision.correction is not None:
             self.keeper.note_correction()
         moved = self._anchored.note_tick(decision.correction, pose_ids)
         self._recorder.note_decision(decision)

@@ -115,20 +115,37 @@ class SiteTable:
         names = (made, *(f"{made}-{number}" for number in range(2, MAX_SITES + 2)))
         return next(name for name in names if name.lower() not in known)
 
-    @contextmanager
-    def choosing(self, name: str, world: str) -> Iterator[SiteStore]:
-        """Note that a site is in use now, in `world`, which is taken back where the block fails;
-        raises `NotKnown`."""
-        site = self.open(name)
-        (before,) = self._database.rows("SELECT chosen, world FROM sites WHERE id = ?", (site.id,))
-        # Not the time: a robot has none before it is on a network, and may have had a wrong one.
-        self._database.write(
-            "UPDATE sites SET chosen = (SELECT max(chosen) + 1 FROM sites), "
-            "world = coalesce(world, ?) WHERE id = ?",
-            (world, site.id),
-        )
+    def of_start(self, name: str | None, world: str) -> SiteStore:
+        """Return the site of a start in a world: that of a name, else the one that was last used
+        there. One that there is not yet is empty, and stored by `choose`."""
+        name = name or self.last_of(world)
         try:
-            yield site
+            return self.open(name)
+        except NotKnown:
+            checked_name(name)
+            return self._new(name)
+
+    def choose(self, site: SiteStore, world: str) -> None:
+        """Note that a site is in use now, in `world`; raises `Refused` where it is not stored yet
+        and there are too many."""
+        with self._database.writing() as connection:
+            if site.id not in {row.id for row in self.all()}:
+                self._insert(connection.execute, site)
+            # Not the time: a robot has none before it is on a network, and may have had a wrong
+            # one.
+            connection.execute(
+                "UPDATE sites SET chosen = (SELECT max(chosen) + 1 FROM sites), "
+                "world = coalesce(world, ?) WHERE id = ?",
+                (world, site.id),
+            )
+
+    @contextmanager
+    def choosing(self, site: SiteStore, world: str) -> Iterator[None]:
+        """Note that a stored site is in use now, which is taken back where the block fails."""
+        (before,) = self._database.rows("SELECT chosen, world FROM sites WHERE id = ?", (site.id,))
+        self.choose(site, world)
+        try:
+            yield
         except BaseException:
             self._database.write(
                 "UPDATE sites SET chosen = ?, world = ? WHERE id = ?", (*before, site.id)
@@ -144,8 +161,7 @@ class SiteTable:
     def making(self, name: str, map_data: bytes | None = None) -> Iterator[SiteStore]:
         """Make a site with a map file, the rest of which the block stores: all or nothing."""
         checked_name(name)
-        site_id = uuid.uuid4().hex
-        site = SiteStore(self._database, site_id=site_id, name=name, folder=self._root / site_id)
+        site = self._new(name)
         with self._draft(site.folder, map_data) as draft, self._database.writing() as connection:
             self._insert(connection.execute, site)
             yield site
@@ -154,6 +170,11 @@ class SiteTable:
                     "DELETE FROM obsolete_folders WHERE folder = ?", (site.folder.name,)
                 )
                 _rename(draft, site.folder)
+
+    def _new(self, name: str) -> SiteStore:
+        """Return an empty site that is not stored yet."""
+        site_id = uuid.uuid4().hex
+        return SiteStore(self._database, site_id=site_id, name=name, folder=self._root / site_id)
 
     @contextmanager
     def _draft(self, folder: Path, map_data: bytes | None) -> Iterator[Path | None]:

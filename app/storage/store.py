@@ -62,16 +62,11 @@ class Store:
         """Event log: what the navigation decided, when and why."""
 
     @contextmanager
-    def starting(self, name: str | None, world: str) -> Iterator[SiteStore]:
-        """Use a site in `world` once the block has loaded what it holds; where that fails nothing
-        is stored, also of what the block stores. One of a new name is made; None for the site last
-        used in this world."""
+    def using(self, site: SiteStore, world: str) -> Iterator[None]:
+        """Use a site from now on, in `world`, with what the block stores there: all or nothing."""
         with self._database.writing():
-            name = name or self.sites.last_of(world)
-            if name.lower() not in {row.name.lower() for row in self.sites.all()}:
-                self.sites.make(name)
-            with self.sites.choosing(name, world) as site:
-                yield site
+            self.sites.choose(site, world)
+            yield
         self.site = site
 
     def close(self) -> None:

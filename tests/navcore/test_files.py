@@ -41,7 +41,7 @@ def test_drafts_of_a_killed_process_are_removed_and_nothing_else_is(
     def end(*_: object, **__: object) -> NoReturn:
         raise KilledError
 
-    others = {"map.npz", ".map.npz.bak", ".other.npz.abcdefgh"}
+    others = {"map.npz", ".map.npz.bak", ".map.npz.previous", ".other.npz.abcdefgh"}
     for name in others:
         (tmp_path / name).touch()
     with monkeypatch.context() as killed, pytest.raises(KilledError):

@@ -27,6 +27,10 @@ class ZoneMoves(Protocol):
     def stored(self) -> tuple[Zone, ...]:
         """All zones."""
 
+    @property
+    def has_unmoved_sets(self) -> bool:
+        """Whether sets of zones could not be stored where the map has them."""
+
     def move(self, placed: Callable[[Zone], Zone]) -> tuple[tuple[Zone, Zone], ...]:
         """Move zones because the map was corrected, and return each that moved, as it was and as it
         is; `placed` returns any zone of before where the correction has it."""
@@ -91,6 +95,9 @@ class AnchoredItems:
         for zone, there in self._zones().move(placed):
             distance_m = moved_m(zone, there)
             told.append(f"Zone “{zone.name}” moved {distance_m:.2f} m with the map.")
+        if self._zones().has_unmoved_sets:
+            for outline, held in anchors.items():
+                still_held.setdefault(outline, held)
         # The others belong to no zone, edit or set any more.
         self._zone_anchors = still_held
         return told

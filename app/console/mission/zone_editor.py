@@ -15,7 +15,7 @@ from app.console.mission.expiry_dates import ExpiryDates
 from app.console.mission.saved_missions import DocumentStore
 from app.runtime.control.operator_state import StateHolder
 from app.storage.records import zone_of, zone_record
-from navcore.errors import AlreadyThere, BadGeometry, NotKnown, Outdated, Refused
+from navcore.errors import AlreadyThere, BadGeometry, NotKnown, Outdated, Refused, StorageFailed
 from navcore.mission.zone import Zone, check_polygon, check_rules
 from navcore.mission.zone_shapes import still_drawn
 from web.interface.beware import OPERATOR
@@ -74,15 +74,10 @@ class ZoneEditor:
         self._holder, self._store, self._watcher = holder, store, watcher
         self._dates, self._new_id = dates or ExpiryDates(), new_id
         self._edits = EditStack[_Zones](number=number)
-        self._sets = {
-            name: tuple(map(zone_of, records)) for name, records in store.documents(SETS).items()
-        }
-        saved = (zone for zones in self._sets.values() for zone in zones)
+        saved = (zone for zones in self.sets().values() for zone in zones)
         self._versions = {zone.id: zone.version for zone in (*self.stored, *saved)}
-        # Ids of zones and names of sets that have moved and are not stored there yet, each with a
-        # mark that goes when an edit stores it.
-        self._moved: dict[str, object] = {}
-        self._moved_sets: dict[str, object] = {}
+        self._unmoved: Callable[[Zone], Zone] | None = None
+        self._unstored = frozenset[str]()  # ids of zones that moved while the store refused
         self._changes = 0
 
     def retired(self) -> AbstractContextManager[None]:
@@ -179,10 +174,11 @@ class ZoneEditor:
 
     def move(self, placed: Callable[[Zone], Zone]) -> tuple[tuple[Zone, Zone], ...]:
         """Move zones because the map was corrected, which is no step that can be undone; return
-        each that moved, as it was and as it is. `copy_moved` stores them there, with the map.
+        each that moved, as it was and as it is.
 
         `placed` returns any zone of before where the correction has it: undone and repeated edits
-        and zone sets bring zones back there.
+        and zone sets bring zones back there. The zones move even if the store refuses; `expire`
+        tries that again.
         """
 
         def step_placed(step: _Zones) -> _Zones:
@@ -193,39 +189,37 @@ class ZoneEditor:
                 (zone, there) for zone in self.stored if (there := placed(zone)) is not zone
             )
             if moved:
-                self._put_in_force(self._numbered({zone.id: there for zone, there in moved}))
-            for zone, _ in moved:
-                self._moved.setdefault(zone.id, object())
+                self._apply(
+                    {
+                        zone.id: dataclasses.replace(there, version=zone.version + 1)
+                        for zone, there in moved
+                    },
+                    even_unstored=True,
+                )
             self._edits.follow(step_placed)
-            for name, zones in self._sets.items():
-                if (there_now := tuple(map(placed, zones))) != zones:
-                    self._sets[name] = there_now
-                    self._moved_sets.setdefault(name, object())
+            self._unmoved = placed
+            try:
+                self._move_sets()
+            except StorageFailed:
+                log.exception("sets of zones could not be moved with the map yet")
         return moved
 
-    def copy_moved(self) -> Callable[[], None]:
-        """Return what stores the zones and sets that have moved where they are now, except those
-        that are edited, and so stored, until it is called."""
-        with self._edits.editing():
-            marks, marks_of_sets = dict(self._moved), dict(self._moved_sets)
-            zones = [zone for zone in self.stored if zone.id in marks]
-            sets = {name: self._sets[name] for name in marks_of_sets}
+    @property
+    def has_unmoved_sets(self) -> bool:
+        """Whether sets of zones could not be stored where the map has them."""
+        return self._unmoved is not None
 
-        def store() -> None:
-            with self._edits.editing():
-                moved = [zone for zone in zones if self._moved.get(zone.id) is marks[zone.id]]
-                if moved:
-                    self._store.change_zones(moved, [])
-                for zone in self.stored:
-                    if zone in moved:
-                        del self._moved[zone.id]
-                for name, there in sets.items():
-                    if self._moved_sets.get(name) is marks_of_sets[name]:
-                        self._store_set(name, there)
-                        if self._sets[name] is there:
-                            del self._moved_sets[name]
+    def _move_sets(self) -> None:
+        """Move the sets of zones by the newest correction of the map; raises `StorageFailed`."""
+        if self._unmoved is not None:
+            self._store_moved(self._unmoved)
+            self._unmoved = None
 
-        return store
+    def _store_moved(self, placed: Callable[[Zone], Zone]) -> None:
+        for name, zones in self.sets().items():
+            there = [placed(zone) for zone in zones]
+            if there != list(zones):
+                self._store.save_document(SETS, name, [zone_record(zone) for zone in there])
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Delete a zone."""
@@ -246,12 +240,14 @@ class ZoneEditor:
         return edit.step
 
     def expire(self) -> None:
-        """Switch off expired zones, and give the others their dates by the calendar clock, which
-        holds over a restart, where that was set. Raises `StorageFailed`, and then they stay in
-        force; the next call tries again."""
-        if all(self._aged(zone) is zone for zone in self.stored):
+        """Switch off expired zones, store those that moved while the store refused, and give the
+        others their dates by the calendar clock, which holds over a restart, where that was set.
+        Raises `StorageFailed` when the store refuses; the next call tries again."""
+        has_waiting = bool(self._unstored) or self.has_unmoved_sets
+        if not has_waiting and all(self._aged(zone) is zone for zone in self.stored):
             return
         with self._edits.editing():
+            self._move_sets()
             aged = [(zone, self._aged(zone)) for zone in self.stored]
             self._apply({zone.id: now for zone, now in aged if now is not zone})
         expired = [zone for zone, now in aged if zone.enabled and not now.enabled]
@@ -262,7 +258,8 @@ class ZoneEditor:
 
     def sets(self) -> dict[str, tuple[Zone, ...]]:
         """Return the zone sets by name."""
-        return dict(sorted(self._sets.items()))
+        documents = self._store.documents(SETS)
+        return {name: tuple(map(zone_of, records)) for name, records in documents.items()}
 
     def save_set(self, name: str, *, replace: bool = True) -> None:
         """Save the present zones under a name; `AlreadyThere` for the name of a set unless it is to
@@ -271,24 +268,23 @@ class ZoneEditor:
         A set stores the remaining time of a zone in `expires_at_s`, not the date of its expiry.
         """
         with self._edits.editing():
-            if name in self._sets and not replace:
-                zones = len(self._sets[name])
+            saved = self._store.documents(SETS)
+            if name in saved and not replace:
+                zones = len(saved[name])
                 raise AlreadyThere(
                     f"a set of zones is called “{name}” already, with {zones} "
                     f"{'zone' if zones == 1 else 'zones'}; replace it, or give another name",
                     (name,),
                 )
-            if name not in self._sets and len(self._sets) >= MAX_SETS:
+            if name not in saved and len(saved) >= MAX_SETS:
                 raise Refused(f"at most {MAX_SETS} sets are kept; delete one first")
-            lasting = tuple(
+            lasting = [
                 zone
                 if zone.expires_at_s is None
                 else dataclasses.replace(zone, expires_at_s=self._dates.left_s(zone.expires_at_s))
                 for zone in self.stored
-            )
-            self._store_set(name, lasting)
-            self._sets[name] = lasting
-            self._moved_sets.pop(name, None)
+            ]
+            self._store.save_document(SETS, name, [zone_record(zone) for zone in lasting])
 
     def use_set(self, name: str) -> None:
         """Replace the present zones by those of a set, as one step that can be undone."""
@@ -301,19 +297,14 @@ class ZoneEditor:
         with self._edits.editing():
             self._set(name)
             self._store.save_document(SETS, name, None)
-            del self._sets[name]
-            self._moved_sets.pop(name, None)
 
     def _set(self, name: str) -> tuple[Zone, ...]:
         try:
-            return self._sets[name]
+            return self.sets()[name]
         except KeyError:
             raise NotKnown(f"no set of zones is called {name!r}") from None
 
     # Inside
-
-    def _store_set(self, name: str, zones: tuple[Zone, ...]) -> None:
-        self._store.save_document(SETS, name, [zone_record(zone) for zone in zones])
 
     def _from_now(self, zone: Zone) -> Zone:
         """Return a zone of a set with its expiry counted from now."""
@@ -359,35 +350,36 @@ class ZoneEditor:
         self._apply(after)
         self._edits.add(text, _Zones(before, after))
 
-    def _apply(self, wanted: Mapping[str, Zone | None]) -> None:
-        """Store zones, then put them in force: a refusal has changed nothing."""
-        numbered = self._numbered(wanted)
-        saved = [zone for zone in numbered.values() if zone is not None]
-        self._store.change_zones(saved, [key for key, zone in numbered.items() if zone is None])
-        for zone_id in numbered:
-            self._moved.pop(zone_id, None)
-        self._put_in_force(numbered)
-
-    def _numbered(self, wanted: Mapping[str, Zone | None]) -> dict[str, Zone | None]:
-        """Return zones under their next versions.
+    def _apply(self, wanted: Mapping[str, Zone | None], *, even_unstored: bool = False) -> None:
+        """Store zones, then put them in force: a refusal has changed nothing, unless they are to
+        be in force `even_unstored`.
 
         No version number is used twice, so that an edit of an outdated version is recognised even
         when the zone was deleted and restored in between.
         """
-        return {
-            zone_id: None
-            if zone is None
-            else dataclasses.replace(
+        present = {zone.id: zone for zone in self.stored}
+        saved = {
+            zone_id: dataclasses.replace(
                 zone, version=max(zone.version, self._versions.get(zone_id, 0) + 1)
             )
             for zone_id, zone in wanted.items()
+            if zone is not None
         }
-
-    def _put_in_force(self, numbered: Mapping[str, Zone | None]) -> None:
-        """Put zones in force, and others, that are None, out of it."""
-        merged = {**{zone.id: zone for zone in self.stored}, **numbered}
-        zones = tuple(zone for zone in merged.values() if zone is not None)
-        self._versions |= {zone.id: zone.version for zone in zones}
+        deleted = [zone_id for zone_id, zone in wanted.items() if zone is None]
+        waiting = {
+            zone_id: present[zone_id] for zone_id in self._unstored - wanted.keys() & present.keys()
+        }
+        try:
+            self._store.change_zones([*waiting.values(), *saved.values()], deleted)
+            self._unstored = frozenset()
+        except StorageFailed:
+            if not even_unstored:
+                raise
+            log.exception("zones that moved with the map are in force, but not stored yet")
+            self._unstored |= saved.keys()
+        self._versions |= {zone_id: zone.version for zone_id, zone in saved.items()}
+        merged = {**present, **saved}
+        zones = tuple(zone for zone_id, zone in merged.items() if zone_id not in deleted)
         self._holder.change(lambda state: dataclasses.replace(state, zones=zones))
         self._changes += 1
         if self._watcher is not None:

@@ -43,15 +43,21 @@ def begin_list(site: SiteStore, of_world: BewareList) -> None:
         site.save_beware(of_world, unix_s=time.time(), what="list of a new site")
 
 
-def put_in_force(site: SiteStore, given: BewareList) -> None:
-    """Store a list from elsewhere as the newest one of a site, whose ids it takes over; nothing is
-    stored where it says the same as the present one."""
+def list_of_start(site: SiteStore, of_world: BewareList, given: BewareList | None) -> BewareList:
+    """Return the list in force after a start: that of the site, before its first use that of the
+    world, or a `given` one from elsewhere under the ids of that."""
+    present = site.beware() or of_world
+    adopted = present if given is None else present.adopted(given.classes)
+    return present if adopted.classes == present.classes else adopted
+
+
+def keep_list(site: SiteStore, of_world: BewareList, started: BewareList) -> None:
+    """Store the list of a start, `started`, where it is new to the site."""
+    begin_list(site, of_world)
     present = beware_of(site)
-    adopted = present.adopted(given.classes)
-    if adopted.classes == present.classes:
-        return
-    what = "; ".join(changes_between(present, adopted)[:3])
-    site.save_beware(adopted, unix_s=time.time(), by="command line", what=what)
+    if started.classes != present.classes:
+        what = "; ".join(changes_between(present, started)[:3])
+        site.save_beware(started, unix_s=time.time(), by="command line", what=what)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,7 +7,7 @@ import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Collection
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from typing import Any, Protocol
 
 from app.console.mission.path_settings import stored_unknown_price
@@ -28,7 +28,7 @@ from app.storage import Store
 from app.storage.records import goal_record
 from app.storage.site_store import SiteStore
 from navcore.config.mapping import MappingConfig
-from navcore.errors import Outdated, Refused
+from navcore.errors import Outdated, Refused, StorageFailed
 from navcore.formats.nav2_map import read as nav2_map_of
 from navcore.geometry.transform import Pose2, wrap_angle
 from navcore.grid.grid import GridSpec
@@ -73,9 +73,6 @@ class SiteUser(Protocol):
     def leaving_site(self, keep_map: Callable[[], None]) -> AbstractContextManager[None]:
         """Hold every edit of the present site, and call `keep_map` once none changes its map any
         more; after the block they are refused."""
-
-    def copy_moved_zones(self) -> Callable[[], None]:
-        """Return what stores the zones that have moved with the map where they are now."""
 
     def enter_site(self, site: SiteStore) -> None:
         """Edit the contents of another site from now on."""
@@ -132,7 +129,6 @@ class LiveSites:
         self._listed = 0
         self._tags = self._world_tags
         self._use_tags()
-        keeper.copy_rest = self._copy_session
 
     @property
     def chosen(self) -> str:
@@ -157,11 +153,7 @@ class LiveSites:
         with self._lock:
             site = self._store.sites.open(name)
             if not self._is_chosen(site):
-                try:
-                    self._enter(site)
-                except Exception:
-                    self._keeper.go_on()
-                    raise
+                self._enter(site)
             return self._site(site)
 
     def change(self, name: str, changes: SiteChanges) -> Site:
@@ -275,37 +267,16 @@ class LiveSites:
     # The session over a restart
 
     def keep_session(self) -> None:
-        """Store moved zones, the goals, the phase and the place of the robot if they have changed;
-        called periodically. What a correction moves with the map is stored with the map instead."""
+        """Store the goals, the phase and the place of the robot if they have changed; called
+        periodically."""
         with self._lock:
             mission, place = self._controller.intent.mission, self._known_place()
-            if self._keeper.is_behind:  # asked last: a correction is noted before it moves the rest
-                return
-            self._user.copy_moved_zones()()
             if mission is not self._saved:
                 self._store.site.save_document(*MISSION, _mission_record(mission))
                 self._saved = mission
             if place is not None and _has_moved(self._placed, place):
                 self._store.site.save_document(*LAST_PLACE, dataclasses.asdict(place))
                 self._placed = place
-
-    def _copy_session(self) -> Callable[[], None]:
-        """Return what stores zones, goals and the place of the robot as they lie on the present
-        map; called by the think thread."""
-        site, mission, place = (
-            self._store.site,
-            self._controller.intent.mission,
-            self._known_place(),
-        )
-        store_zones = self._user.copy_moved_zones()
-
-        def store() -> None:
-            store_zones()
-            site.save_document(*MISSION, _mission_record(mission))
-            if place is not None:
-                site.save_document(*LAST_PLACE, dataclasses.asdict(place))
-
-        return store
 
     def _known_place(self) -> Pose2 | None:
         """Return T_map_base of the robot on the map of the site in use; None where that is not
@@ -358,9 +329,8 @@ class LiveSites:
             self._has_entered, self._old_picture = True, self._view.picture
             self._controller.navigator.localisation.tags = self._tags
 
-        with self._user.leaving_site(lambda: self._write_map(is_last=True)):
-            with self._store.sites.choosing(site.name, self._world):
-                begin_list(site, self._new_beware)
+        with self._user.leaving_site(self._write_map):
+            with self._store.sites.choosing(site, self._world):
                 # Until the next tick the robot's place is that on the map of the site before.
                 self._has_entered, tags_before, self._tags = False, self._tags, tags
                 self._store.site = site
@@ -370,6 +340,9 @@ class LiveSites:
                     self._store.site = before  # that of the editors, which go on
                     self._has_entered, self._tags = True, tags_before
                     raise
+            self._keeper.left = before.map_file
+            with suppress(StorageFailed):  # it is stored before its first edit, then
+                begin_list(site, self._new_beware)
             self._user.enter_site(site)
         self._left.pop(site.id, None)
         if left.is_known:
@@ -413,11 +386,11 @@ class LiveSites:
         if self._has_own_map and self._is_chosen(self._store.sites.open(name)):
             self._write_map()
 
-    def _write_map(self, *, is_last: bool = False) -> None:
+    def _write_map(self) -> None:
         """Write the present map, with all that an operator was told is erased, unless it is still
-        that of the site before, which was written then. `is_last`: write nothing after it."""
+        that of the site before, which was written then."""
         if self._has_entered:
-            self._keeper.write_now(self._controller.edit_map, is_last=is_last)
+            self._keeper.write_now(self._controller.edit_map)
 
     def _present(self) -> CellMap:
         picture = self._view.picture

@@ -82,7 +82,7 @@ def test_only_a_new_site_makes_a_new_data_folder(tmp_path: Path) -> None:
 
 def test_a_running_console_alone_renames_and_deletes(tmp_path: Path) -> None:
     with closing(Store(tmp_path)) as console:
-        with console.starting("default", "office"):
+        with console.using(console.site, "office"):
             pass
         site(tmp_path, "new", "hall")
         assert site(tmp_path, "list").splitlines()[0].startswith("* default")

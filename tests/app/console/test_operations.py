@@ -10,14 +10,12 @@ from pathlib import Path
 import pytest
 
 from app.console.back_off import BACK
-from app.console.mission.anchored_items import AnchoredItems
 from app.console.operations import LiveOperations
 from app.storage import Store
 from navcore.errors import OtherSite, Refused
 from navcore.geometry.transform import IDENTITY, STANDSTILL, Pose2
 from navcore.localisation.map_correction import AppliedCorrection
 from navcore.mission.mission import Goal, Mission, Phase
-from navcore.navigator import Navigator
 from navcore.robot.driver import Command
 from navcore.safety.gate import Cause
 from tests.app.console.test_changing_site import operations_of
@@ -173,23 +171,3 @@ def test_zones_belong_to_no_pose_of_a_map_that_was_taken_back(operations: LiveOp
     pose_ids.extend([elsewhere] * len(before))
     operations.note_decision(dataclasses.replace(decision, correction=corrected()))
     assert operations.zones.stored[0].polygon == beside
-
-
-@pytest.mark.parametrize("is_on_trial", [False, True])
-def test_a_correction_is_noted_before_what_it_moves_unless_the_map_is_on_trial(
-    operations: LiveOperations, monkeypatch: pytest.MonkeyPatch, is_on_trial: bool
-) -> None:
-    controller, scene, behind = operations._controller, first_frame(), list[bool]()
-    decision = controller.think(scene, clock=lambda: scene.stamp_ns)
-    assert decision is not None
-
-    def note_tick(*_: object) -> tuple[str, ...]:
-        behind.append(operations.keeper.is_behind)
-        return ()
-
-    monkeypatch.setattr(AnchoredItems, "note_tick", note_tick)
-    monkeypatch.setattr(Navigator, "map_is_on_trial", is_on_trial)
-    poses = controller.navigator.map.poses
-    moved = AppliedCorrection(before=poses, after=poses, motion=IDENTITY, loops=1)
-    operations.note_decision(dataclasses.replace(decision, correction=moved))
-    assert behind == [not is_on_trial]

@@ -321,14 +321,14 @@ def test_the_next_start_deletes_what_a_kill_has_left_of_a_map_that_was_written(
     with closing(Store(tmp_path)) as store:
         folder = store.site.folder
     folder.mkdir(parents=True)
-    for name in ("map.npz", ".map.npz.x7_kq0ab"):
+    for name in ("map.npz", ".map.npz.bewarenav-draft-x7_kq0ab"):
         (folder / name).touch()
     with closing(Store(tmp_path)):
         assert [file.name for file in folder.iterdir()] == ["map.npz"]
 
 
 def use(store: Store, name: str | None, world: str = "office") -> None:
-    with store.starting(name, world):
+    with store.using(store.sites.of_start(name, world), world):
         pass
 
 
@@ -337,7 +337,8 @@ def test_a_start_that_is_refused_stores_nothing(store: Store) -> None:
     store.sites.make("wood")
     before = store.sites.all()
     for name, world in (("wood", "office"), ("new", "office"), (None, "forest")):
-        with pytest.raises(BadConfiguration), store.starting(name, world) as site:
+        site = store.sites.of_start(name, world)
+        with pytest.raises(BadConfiguration), store.using(site, world):
             site.save_zone(zone("wet"))
             raise BadConfiguration("the map does not fit")
         assert store.site.name == "default" and not site.zones()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from app.console.beware.beware_editor import BewareEditor
-from app.console.site.site_map import begin_list, beware_of, put_in_force
+from app.console.site.site_map import beware_of, keep_list, list_of_start
 from app.storage import Store, site_store
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.mission.beware_changes import changes_between
@@ -176,9 +176,8 @@ def test_an_exported_list_is_imported_with_the_ids_of_the_site(tmp_path: Path) -
 def test_a_file_from_the_command_line_is_a_version_of_the_site(tmp_path: Path) -> None:
     store = Store(tmp_path)
     given = BewareList(classes=(dataclasses.replace(SHIPPED.named("cup"), margin_m=0.7),))
-    begin_list(store.site, SHIPPED)
-    put_in_force(store.site, given)
-    put_in_force(store.site, given)  # says the same: no further version
+    for _ in range(2):  # the second time it says the same: no further version
+        keep_list(store.site, SHIPPED, list_of_start(store.site, SHIPPED, given))
     assert [one.by for one in store.site.beware_versions()] == ["command line", ""]
     assert beware_of(store.site).classes == given.classes
     editor = editor_of(store)

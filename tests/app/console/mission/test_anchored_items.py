@@ -26,6 +26,7 @@ class Held:
     def __init__(self) -> None:
         self.stored: tuple[Zone, ...] = (ZONE, FAR)
         self.mission = Mission(queue=(Goal(id=1, x_m=2.0, y_m=1.0, name="Dock"),))
+        self.has_unmoved_sets = False
 
     def move(self, placed: Callable[[Zone], Zone]) -> tuple[tuple[Zone, Zone], ...]:
         """Move zones."""
@@ -105,6 +106,19 @@ def test_a_goal_that_an_operator_edits_at_the_moment_of_a_correction_keeps_the_e
     items.note_tick(shifted(pose_ids, 0.4), pose_ids)
     (found,) = held.mission.queue
     assert {"x_m": pytest.approx(found.x_m), "name": found.name} == there
+
+
+@pytest.mark.parametrize(("unmoved", "x_m"), [(True, 2.6), (False, 2.0)])
+def test_sets_that_could_not_be_moved_keep_their_anchors(
+    pose_ids: PoseIds, unmoved: bool, x_m: float
+) -> None:
+    held = Held()
+    items = AnchoredItems(lambda: held, lambda: held.mission, held.change)
+    items.note_tick(None, pose_ids)
+    held.has_unmoved_sets = unmoved
+    items.note_tick(shifted(pose_ids, 0.4), pose_ids)
+    items.note_tick(shifted(pose_ids, 0.2), pose_ids)
+    assert held.placed(ZONE).polygon[0] == pytest.approx((x_m, 0.0))  # as a set holds it
 
 
 def test_corrections_that_are_too_small_by_themselves_add_up(pose_ids: PoseIds) -> None:

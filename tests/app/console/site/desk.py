@@ -69,10 +69,6 @@ class Desk:
             with self.zones.retired():
                 yield
 
-    def copy_moved_zones(self) -> Callable[[], None]:
-        """Copy the zones that have moved with the map."""
-        return self.zones.copy_moved()
-
     def enter_site(self, site: SiteStore) -> None:
         """Edit another site."""
         self.zones = ZoneEditor(self.controller, store=site)

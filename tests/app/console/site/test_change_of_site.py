@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextvars
 import dataclasses
-import functools
 import threading
 import time
 from collections.abc import Callable
@@ -16,16 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.console.site.sites import LiveSites, last_place_of, mission_of
+from app.console.site.sites import LiveSites, mission_of
 from app.runtime.record.map_keeper import MapKeeper
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration, OtherSite, Outdated, Refused, StorageFailed
-from navcore.geometry.transform import Pose2
 from navcore.grid.cell_mask import CellMask
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.erasing import Erasable
 from navcore.mapping.storage import map_file
-from navcore.mission.mission import Mission, Phase
+from navcore.mission.mission import Phase
 from tests.app.console.site.desk import SECOND, SQUARE, Desk, points_in
 from tests.navcore.scene import RED_LIST, SPEC
 from web.interface.meant_site import mean_site
@@ -336,36 +334,6 @@ def test_the_first_tick_at_a_site_is_told_of_its_tags(
     monkeypatch.setattr(desk.controller, "enter_site", enter_and_tick)
     desk.choose("hall")
     assert told == [[8]]
-
-
-def test_zones_goals_and_place_on_disk_lie_on_the_map_on_disk_whenever_the_console_is_killed(
-    desk: Desk,
-) -> None:
-    def on_disk() -> tuple[object, ...]:
-        site = desk.store.site
-        return site.zones(), mission_of(site).queue, last_place_of(site)
-
-    desk.zones.add(SQUARE)
-    desk.controller.change_mission(lambda mission: mission.add(0.0, 3.0, SPEC))
-    desk.tick()
-    desk.sites.keep_session()
-    before, navigator = on_disk(), desk.controller.navigator
-    for x_m in (1.5, 3.0):  # two corrections, the second while the map of the first is written
-        desk.keeper.note_correction()
-        polygon = tuple((x_m + x, y) for x, y in SQUARE.polygon)
-        desk.zones.move(functools.partial(dataclasses.replace, polygon=polygon))
-        desk.controller.change_mission(functools.partial(Mission.add, x_m=x_m, y_m=3.0, spec=SPEC))
-        there = Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0)
-        navigator.place = dataclasses.replace(navigator.place, T_map_base=there)
-        desk.keeper._copy(navigator.map, RED_LIST.names)
-        desk.sites.keep_session()
-        assert on_disk() == before
-        desk.keeper._write()
-        intent = desk.controller.intent
-        before = on_disk()
-        assert before == (intent.zones, intent.mission.queue, there)
-    desk.sites.keep_session()
-    assert on_disk() == before
 
 
 def test_the_folder_of_a_site_that_is_left_and_deleted_does_not_come_back(

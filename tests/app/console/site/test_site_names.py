@@ -43,13 +43,19 @@ def test_a_name_and_a_dock_are_stored_together_or_not_at_all(
     assert (changed.name, changed.dock) == ("Ward 3", changes.dock)
 
 
-def test_what_can_be_undone_and_what_is_not_stored_yet_survive_a_new_name(desk: Desk) -> None:
+def test_what_can_be_undone_and_what_is_not_stored_yet_survive_a_new_name(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise StorageFailed("the disk is full")
+
     desk.zones.add_all([SQUARE])
-    desk.zones.move(lambda zone: dataclasses.replace(zone, margin_m=0.5))
+    with monkeypatch.context() as broken:
+        broken.setattr(desk.store.site, "change_zones", fail)
+        desk.zones.move(lambda zone: dataclasses.replace(zone, margin_m=0.5))
     with desk.ticking():
         desk.sites.change("default", SiteChanges(name="Ward 3"))
     desk.zones.add(dataclasses.replace(SQUARE, name="dry"))
-    desk.sites.keep_session()
     stored = desk.store.sites.open("Ward 3").zones()
     assert [(one.name, one.margin_m) for one in stored] == [("wet", 0.5), ("dry", 0.0)]
     desk.zones.undo()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import pytest
 
 from app.runtime.record.map_keeper import MapKeeper
 from navcore.config.mapping import MappingConfig
-from navcore.errors import StorageFailed
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage import map_file
 from navcore.mapping.storage.map_file import load
@@ -72,47 +70,17 @@ def test_a_map_that_is_too_large_is_given_up_and_the_next_one_is_kept(
     assert len(load(kept).state.points.pose_ids)
 
 
-def test_what_a_correction_moves_is_stored_once_the_map_that_was_copied_with_it_is_written(
-    tmp_path: Path,
-) -> None:
+def test_a_map_that_a_correction_has_moved_is_copied_at_once(tmp_path: Path) -> None:
+    """What moves with it is stored at once, and has to lie on the map on disk."""
     kept, cloud = tmp_path / "kept.map", PointMap(SPEC, MappingConfig())
-    keeper, copies, stored = MapKeeper(kept, NO_NAMES), list[int](), list[int]()
-
-    def copy_rest() -> Callable[[], None]:
-        copies.append(len(copies))
-        number = copies[-1]
-        return lambda: stored.append(number)
-
-    keeper.copy_rest = copy_rest
+    keeper = MapKeeper(kept, NO_NAMES)
     keeper.note_tick(cloud, NO_NAMES, 0)
-    keeper.note_correction()
-    keeper.note_tick(cloud, NO_NAMES, 1)
-    assert keeper.is_behind and not copies, "the map of before is still to be written"
     keeper._write()
-    assert keeper.is_behind and not stored
-    keeper.note_tick(cloud, NO_NAMES, 2)  # long before the next look at a map that changes
-    keeper.note_correction()
-    keeper._write()
-    assert keeper.is_behind and stored == [0], "the newer correction is not on the disk"
-    keeper.note_tick(cloud, NO_NAMES, 3)
-    keeper._write()
-    assert not keeper.is_behind and stored == [0, 1]
-
-
-def test_a_map_is_written_again_with_what_could_not_be_stored_beside_it(tmp_path: Path) -> None:
-    kept, cloud = tmp_path / "kept.map", PointMap(SPEC, MappingConfig())
-    keeper, tries = MapKeeper(kept, NO_NAMES), list[bool]()
-
-    def store() -> None:
-        tries.append(True)
-        if len(tries) == 1:
-            raise StorageFailed("the disk is full")
-
-    keeper.copy_rest = lambda: store
-    keeper.note_correction()
-    keeper.note_tick(cloud, NO_NAMES, 0)
-    with pytest.raises(StorageFailed):
+    kept.unlink()
+    observe_scene(cloud, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
+    for is_corrected in (False, True):
+        if is_corrected:
+            keeper.note_correction()
+        keeper.note_tick(cloud, NO_NAMES, 1)
         keeper._write()
-    assert keeper.is_behind
-    keeper._write()
-    assert not keeper.is_behind and len(tries) == 2
+        assert kept.exists() is is_corrected
