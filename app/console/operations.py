@@ -144,7 +144,7 @@ class LiveOperations:
             world_tags=world_tags,
             new_beware=new_beware,
         )
-        self.place = PlaceEditor(controller)
+        self.place = PlaceEditor(controller, lambda text: self.insight.note_place([text]))
         self._anchored = AnchoredItems(
             lambda: self.zones, lambda: controller.intent.mission, controller.change_mission
         )

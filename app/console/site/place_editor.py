@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -28,12 +29,21 @@ SIGMAS = 2.0
 UNCHECKED = np.diag([0.5, 0.5, math.radians(10.0)]) ** 2
 """(3, 3) covariance of a pose that no scan has confirmed."""
 
+_SHOWN = "An operator has shown the robot its place."
+_FORCED = (
+    "An operator has put the robot where what it sees does not fit the map: the way from there has "
+    "to confirm the place."
+)
+
 
 class PlaceEditor:
     """Satisfies the console's port `PlaceEdits`. Safe from any thread."""
 
-    def __init__(self, controller: RobotController) -> None:
-        self._controller = controller
+    def __init__(
+        self, controller: RobotController, tell: Callable[[str], None] = lambda text: None
+    ) -> None:
+        """`tell` logs a sentence."""
+        self._controller, self._tell = controller, tell
         self._place_map: tuple[ScanMap, int, PlaceMap] | None = None
 
     def status(self) -> PlaceOut:
@@ -62,7 +72,8 @@ class PlaceEditor:
         return _answer(scan, self._checked(scan, pose))
 
     def place(self, pose: Pose2, *, force: bool) -> PlaceCheck:
-        """Set the robot's pose to where the newest scan fits best near a pose."""
+        """Set the robot's pose to where the newest scan fits best near a pose; with `force` to the
+        pose itself where it does not fit, which then has to prove itself."""
         self._controller.require_standing("show its place")
         site_id, scan = self._controller.intent.site_id, self._scan()
         require_meant_site()
@@ -77,7 +88,10 @@ class PlaceEditor:
         # It may have been driven by hand since the scan: the tables of a large map take seconds.
         self._controller.require_standing("show its place")
         moved = stood.inverse() @ self._controller.place.T_driven_base
-        self._controller.place_robot(answer.pose @ moved, covariance, site_id=site_id)
+        self._controller.place_robot(
+            answer.pose @ moved, covariance, on_trial=not found.is_accepted, site_id=site_id
+        )
+        self._tell(_SHOWN if found.is_accepted else _FORCED)
         return answer
 
     def search(self) -> None:

@@ -41,7 +41,8 @@ class Desk:
         )
         intent = OperatorState(mission=Mission(), beware=BewareList(classes=()))
         self.controller = RobotController(navigator=navigator, profile=HUSKY, intent=intent)
-        self.editor = PlaceEditor(self.controller)
+        self.told: list[str] = []
+        self.editor = PlaceEditor(self.controller, self.told.append)
         self._frames = 0
 
     def see(self, pose: Pose2 = HERE) -> Frame:
@@ -135,6 +136,30 @@ def test_a_place_in_a_saved_map_is_said_to_be_confirmed_by_the_first_metres(desk
     again.see()
     assert not again.editor.status().on_trial
     assert not desk.editor.status().on_trial
+
+
+def test_a_forced_place_has_to_prove_itself_in_a_saved_map_which_stays_as_it_was(
+    desk: Desk,
+) -> None:
+    again, navigator = Desk(), desk.controller.navigator
+    again.controller.navigator.map.restore(navigator.map.state())
+    again.controller.navigator.adopt_map()
+    for _ in range(15):
+        again.see()
+    again.editor.place(HERE, force=False)
+    again.see()
+    point_map = again.controller.navigator.map
+    saved = len(point_map.points.points_map)
+    again.editor.place(Pose2(x_m=-1.5, y_m=-1.0, yaw_rad=1.0), force=True)
+    for _ in range(3):
+        again.see()
+    assert again.editor.status().on_trial
+    assert len(point_map.points.points_map) > saved + 200, "the robot drives by what it sees there"
+    again.editor.place(HERE, force=False)
+    again.see()
+    assert not again.editor.status().on_trial
+    assert len(point_map.points.points_map) == pytest.approx(saved, abs=20)
+    assert "confirm the place" in again.told[-2] and "shown" in again.told[-1]
 
 
 def test_a_mission_is_refused_with_a_word_of_patience_while_the_first_looks_are_not_over() -> None:
