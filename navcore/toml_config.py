@@ -4,6 +4,7 @@ name."""
 from __future__ import annotations
 
 import dataclasses
+import io
 import math
 import tomllib
 import types
@@ -32,10 +33,11 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file of at most `MAX_BYTES`; raises `BadConfiguration` with the file if
-    it cannot be read."""
+    """Return the text of a file of at most `MAX_BYTES`, its line ends as newlines; raises
+    `BadConfiguration` with the file if it cannot be read."""
+    data = read_whole(path, at_most=MAX_BYTES)
     try:
-        return read_whole(path, at_most=MAX_BYTES).decode()
+        return io.TextIOWrapper(io.BytesIO(data), encoding="utf-8").read()
     except UnicodeDecodeError as error:
         raise BadConfiguration(f"{path}: not readable as TOML: {error}") from None
 
