@@ -76,7 +76,10 @@ def from_table(kind: type[T], table: object, where: str, base: T | None = None) 
             values[name] = getattr(base, name)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise BadConfiguration(f"{where}: key {name!r} is missing")
-    return kind(**values)
+    try:
+        return kind(**values)
+    except BadConfiguration as error:  # of values that do not go together
+        raise BadConfiguration(f"{where}: {error}") from None
 
 
 @cache

@@ -450,7 +450,12 @@ def parse_beware_list(text: str, where: str) -> BewareList:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise BadConfiguration(f"{where}: not readable as TOML: {error}") from None
+        # What the parser says has no translation.
+        at = re.search(r"line\s(\d+)", str(error))
+        line = at[1] if at else max(len(text.splitlines()), 1)
+        raise BadConfiguration(f"{where}: not readable as TOML, see line {line}") from None
+    if not isinstance(given := document.get("beware", []), list):
+        raise BadConfiguration(f"{where}: beware: expected a list, got {given!r}")
     try:
         classes = from_table(_Document, document, where).beware
         for number, entry in enumerate(classes):

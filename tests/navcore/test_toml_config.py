@@ -234,7 +234,7 @@ def test_what_is_no_file_of_a_usual_size_is_refused_without_being_read_whole(
         ("[points]\nobstacle_height_m = 0.9\nceiling_m = 0.3", "ceiling_m|obstacle_height_m"),
         (
             "[perception.people.detector]\nradius_m = 0.6",
-            r"people\.detector: radius_m 0\.6 must be below half of max_width_m 1\.2",
+            r"nav\.toml\..*people\.detector: radius_m 0\.6 must be below half",
         ),
         (
             "[perception.people.detector]\ncell_m = 0.05",
