@@ -50,6 +50,15 @@ def read_whole(path: Path, *, at_most: int) -> bytes:
     return data
 
 
+def is_there(path: Path) -> bool:
+    """Return whether a file or folder exists; raises `BadConfiguration` where that cannot be told,
+    as in a folder that may not be entered."""
+    try:
+        return path.exists()
+    except (OSError, ValueError) as error:
+        raise BadConfiguration(f"{path}: not readable: {_reason(error)}") from None
+
+
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file atomically and durably; raises `StorageFailed`, and then an older file is
     intact."""

@@ -4,6 +4,7 @@ name."""
 from __future__ import annotations
 
 import dataclasses
+import io
 import math
 import tomllib
 import types
@@ -32,10 +33,11 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file of at most `MAX_BYTES`; raises `BadConfiguration` with the file if
-    it cannot be read."""
+    """Return the text of a file of at most `MAX_BYTES`, its line ends as newlines; raises
+    `BadConfiguration` with the file if it cannot be read."""
+    data = read_whole(path, at_most=MAX_BYTES)
     try:
-        return read_whole(path, at_most=MAX_BYTES).decode()
+        return io.TextIOWrapper(io.BytesIO(data), encoding="utf-8").read()
     except UnicodeDecodeError as error:
         raise BadConfiguration(f"{path}: not readable as TOML: {error}") from None
 
@@ -74,7 +76,10 @@ def from_table(kind: type[T], table: object, where: str, base: T | None = None) 
             values[name] = getattr(base, name)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise BadConfiguration(f"{where}: key {name!r} is missing")
-    return kind(**values)
+    try:
+        return kind(**values)
+    except BadConfiguration as error:  # of values that do not go together
+        raise BadConfiguration(f"{where}: {error}") from None
 
 
 @cache

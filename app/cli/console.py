@@ -26,6 +26,7 @@ from app.cli.options import (
     robot_profile,
 )
 from navcore.errors import BadConfiguration
+from navcore.files import is_there
 from navcore.robot.camera_stream import CameraStream
 from sim.robot.odometry_grade import OdometryGrade
 
@@ -200,7 +201,7 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
         beware_list_of(settings.beware)
     if settings.kept is not None:
         prepare(settings.kept.parent)
-        if settings.kept.exists():
+        if is_there(settings.kept):
             map_file.load(settings.kept)
     if settings.prior is not None:
         nav2_map.load(settings.prior)
@@ -209,4 +210,6 @@ def _check(settings: ConsoleSettings) -> CameraStream | None:
         raise BadConfiguration(
             f"{option} is for the simulated robot; a recording has its own images"
         )
-    return None if settings.camera == "auto" else camera_stream(settings.camera, robot.stream)
+    camera = None if settings.camera == "auto" else camera_stream(settings.camera, robot.stream)
+    settings.segmentation.choice(camera=camera)
+    return camera

@@ -38,7 +38,7 @@ from app.cli.options import (
 )
 from app.episode.ablations import Ablation
 from navcore.errors import BadConfiguration
-from navcore.files import write_whole
+from navcore.files import is_there, write_whole
 from sim.robot.odometry_grade import OdometryGrade
 
 if TYPE_CHECKING:
@@ -113,9 +113,9 @@ def drive(settings: DriveSettings) -> None:
     if settings.prior is not None:
         nav2_map.load(settings.prior)
     for file in files:
-        if file.is_dir():
+        if is_there(file) and file.is_dir():
             raise BadConfiguration(f"{file} is a folder; give the name of a file")
-    if settings.kept is not None and settings.kept.exists():
+    if settings.kept is not None and is_there(settings.kept):
         map_file.load(settings.kept)
     writer = None if settings.record is None else RecordingWriter(settings.record)
     task = Task(

@@ -142,12 +142,15 @@ def dock(
 ) -> None:
     """Set or remove the dock of a site; a running console takes it at its next start."""
     from app.console.site.dock_and_tags import furnish, stored_tags
-    from navcore.geometry.transform import Pose2
+    from navcore.geometry.transform import Pose2, wrap_angle
+    from web.interface.sites import FAR_M
 
     pose = None
     if (numbers := _pose(at, remove, "X,Y,DEG")) is not None:
         x_m, y_m, degrees = numbers
-        pose = Pose2(x_m=x_m, y_m=y_m, yaw_rad=math.radians(degrees))
+        if max(abs(x_m), abs(y_m)) > FAR_M:
+            raise BadConfiguration(f"--at: expected X and Y within ±{FAR_M:.0f} m, got {at!r:.60}")
+        pose = Pose2(x_m=x_m, y_m=y_m, yaw_rad=wrap_angle(math.radians(degrees)))
     # As they are stored now: a running console changes them, too.
     with _sites(data) as sites, sites.renaming(name, None) as site:
         furnish(site, pose, stored_tags(site))
@@ -177,6 +180,7 @@ def tag(
         with_tag,
         without_tag,
     )
+    from navcore.geometry.transform import wrap_angle
     from navcore.toml_config import from_table
     from web.interface.sites import Tag
 
@@ -185,7 +189,7 @@ def tag(
         if (numbers := _pose(at, remove, "X,Y,Z,DEG")) is not None:
             x_m, y_m, z_m, degrees = numbers
             made = {"id": number, "x_m": x_m, "y_m": y_m, "z_m": z_m, "size_m": size}
-            made["yaw_rad"] = math.radians(degrees)
+            made["yaw_rad"] = wrap_angle(math.radians(degrees))
             changed = with_tag(tags, from_table(Tag, made, f"tag {number}"))
         elif (changed := without_tag(tags, number)) == tags:
             raise BadConfiguration(f"site {name} has no tag {number}")

@@ -38,7 +38,7 @@ class LocalPlannerConfig:
     def __post_init__(self) -> None:
         if self.turn_until_deg >= self.turn_from_deg:
             raise BadConfiguration(
-                f"local: turn_until_deg {self.turn_until_deg:g} must be below "
+                f"turn_until_deg {self.turn_until_deg:g} must be below "
                 f"turn_from_deg {self.turn_from_deg:g}"
             )
 
@@ -288,8 +288,7 @@ class DynamicWindowConfig:
     def __post_init__(self) -> None:
         if self.step_s > self.horizon_s:
             raise BadConfiguration(
-                f"control.dynamic_window: step_s {self.step_s:g} must be at most "
-                f"horizon_s {self.horizon_s:g}"
+                f"step_s {self.step_s:g} must be at most horizon_s {self.horizon_s:g}"
             )
 
 

@@ -233,6 +233,7 @@ class BewareList:
             if value is not None or key not in OPTIONAL
         }
         checked = from_table(BewareClass, table, f"beware list: {name}")
+        self.check_new_limits((checked,))
         return self.replaced(checked if other.name == name else other for other in self.classes)
 
     def replaced(self, classes: Iterable[BewareClass]) -> BewareList:
@@ -264,7 +265,9 @@ class BewareList:
             if entry.class_id == number:
                 raise _former_name(str(name), entry.name)
         table = {**table, "class_id": self._free_id() if number is None else number}
-        return self.replaced((*self.classes, from_table(BewareClass, table, "beware list")))
+        entry = from_table(BewareClass, table, "beware list")
+        self.check_new_limits((entry,))
+        return self.replaced((*self.classes, entry))
 
     def renamed(self, name: str, new: str) -> BewareList:
         """Return the next version with another name for an entry, which keeps its class id, so that
@@ -298,6 +301,7 @@ class BewareList:
         """Return the next version with the entries of another list: a known name keeps its class id
         here, a new one takes its own where that is free."""
         wanted, ids = tuple(classes), self.ids
+        self.check_new_limits(wanted)
         used, given = {*ids.values()}, dict[int, str]()
         adopted = []
         for entry in wanted:
@@ -311,6 +315,14 @@ class BewareList:
             used.add(number)
             adopted.append(dataclasses.replace(entry, class_id=number))
         return self.replaced(adopted)
+
+    def check_new_limits(self, classes: Iterable[BewareClass]) -> None:
+        """Raise `BadConfiguration` as `check_limits` for an entry whose limits or colour are not
+        those of its name in this list: what was stored before limits were compared stays."""
+        stored = {entry.name: _limits_of(entry) for entry in self.classes}
+        for entry in classes:
+            if _limits_of(entry) != stored.get(entry.name):
+                check_limits(entry, f"beware list: {entry.name}")
 
     def _free_id(self, used: Container[int] | None = None) -> int:
         taken = self.ids.values() if used is None else used
@@ -327,9 +339,6 @@ class BewareList:
         for entry in classes:
             if entry.name not in known:
                 check_name(entry.name, "beware list")
-            # What was stored before limits were compared stays until it is edited.
-            if entry not in self.classes:
-                check_limits(entry, f"beware list: {entry.name}")
         kept = {(entry.name, entry.class_id) for entry in classes}
         retired = tuple(pair for pair in self.ids.items() if pair not in kept)
         return BewareList(classes=classes, version=self.version + 1, retired=retired)
@@ -386,6 +395,12 @@ def check_limits(entry: BewareClass, where: str) -> None:
                 raise BadConfiguration(f"{place}.{low}: {least:g} is above {high} {greatest:g}")
 
 
+def _limits_of(entry: BewareClass) -> tuple[object, ...]:
+    """Return what `check_limits` compares."""
+    ends = (f"{end}_{what}" for what in LIMITED for end in ("min", "max"))
+    return (entry.colour, *(getattr(entry, end, None) for end in ends))
+
+
 def as_table(entry: BewareClass) -> dict[str, object]:
     """Return an entry as plain values, as in a TOML table or JSON object, without fields that are
     None."""
@@ -435,7 +450,12 @@ def parse_beware_list(text: str, where: str) -> BewareList:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise BadConfiguration(f"{where}: not readable as TOML: {error}") from None
+        # What the parser says has no translation.
+        at = re.search(r"line\s(\d+)", str(error))
+        line = at[1] if at else max(len(text.splitlines()), 1)
+        raise BadConfiguration(f"{where}: not readable as TOML, see line {line}") from None
+    if not isinstance(given := document.get("beware", []), list):
+        raise BadConfiguration(f"{where}: beware: expected a list, got {given!r}")
     try:
         classes = from_table(_Document, document, where).beware
         for number, entry in enumerate(classes):

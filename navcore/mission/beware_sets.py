@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 from navcore.errors import BadConfiguration
+from navcore.files import is_there
 from navcore.mission.beware_list import BewareList, default_beware_list, load_beware_list
 
 
@@ -23,7 +24,7 @@ def beware_list_of(name_or_file: Path) -> BewareList:
     lists, name = ready_made(), str(name_or_file)
     if name in lists:
         return lists[name]
-    if not name_or_file.exists():
+    if not is_there(name_or_file):
         known = ", ".join(lists)
         raise BadConfiguration(f"{name}: no such file, and no ready-made beware list: {known}")
     beware = load_beware_list(name_or_file)

@@ -50,12 +50,12 @@ class Prototype:
         lengths = {len(values) for values in (self.centre, self.spread, self.weights)}
         if len(lengths) > 1 or not COLOUR_CHANNELS < len(self.weights) <= MAX_CHANNELS:
             raise BadConfiguration(
-                "prototype: centre, spread and weights: expected one number a channel in each, for "
+                "centre, spread and weights: expected one number a channel in each, for "
                 f"{COLOUR_CHANNELS + 1} to {MAX_CHANNELS} channels"
             )
         if self.typical <= self.threshold:
             raise BadConfiguration(
-                f"prototype: typical {self.typical:g} has to be above threshold {self.threshold:g}"
+                f"typical {self.typical:g} has to be above threshold {self.threshold:g}"
             )
         if not self.network.isalnum() or len(self.network) > 64:
-            raise BadConfiguration("prototype: network: expected 1 to 64 letters and digits")
+            raise BadConfiguration("network: expected 1 to 64 letters and digits")

@@ -18,6 +18,7 @@ from pathlib import Path
 from babel.messages.catalog import Catalog
 
 from navcore.mission.beware_changes import FIELDS
+from web.gateway.sentences import LABELS
 from web.languages.catalog import ROBOT, page_texts
 
 REPOSITORY = Path(__file__).parents[2]
@@ -151,11 +152,14 @@ MORE = (
     "line {line}: {text}",
     "margin",
     "redo",
+    "size",
     "the robot is at another site now; nothing was changed",
     "the simulator has ended with exit code {code}; start the console again",
     "Loading the program",
     "Something",
     "undo",
+    "{where}.prototype: {error}",
+    *LABELS.values(),
 )
 """Sentences that the scan of those modules does not find."""
 PAST = (

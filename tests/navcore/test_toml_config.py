@@ -194,6 +194,13 @@ def test_files_are_read_and_errors_name_file_and_key(tmp_path: Path) -> None:
         load_beware_list(file)
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\r\r\n"])
+def test_the_line_ends_of_every_system_are_read(end: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_bytes(f"# one{end}a = 1{end}b = 2{end}".encode())
+    assert read_toml(file) == {"a": 1, "b": 2}
+
+
 def test_what_is_no_file_of_a_usual_size_is_refused_without_being_read_whole(
     tmp_path: Path,
 ) -> None:
@@ -227,7 +234,7 @@ def test_what_is_no_file_of_a_usual_size_is_refused_without_being_read_whole(
         ("[points]\nobstacle_height_m = 0.9\nceiling_m = 0.3", "ceiling_m|obstacle_height_m"),
         (
             "[perception.people.detector]\nradius_m = 0.6",
-            r"people\.detector: radius_m 0\.6 must be below half of max_width_m 1\.2",
+            r"nav\.toml\..*people\.detector: radius_m 0\.6 must be below half",
         ),
         (
             "[perception.people.detector]\ncell_m = 0.05",

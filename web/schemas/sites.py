@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, StrictBool, StrictStr
+from pydantic import BaseModel, Field, StrictBool, StrictStr, field_validator
 
+from navcore.config.localisation.tags import LARGEST_TAG
 from navcore.geometry.transform import Pose2
 from navcore.mission.beware_list import LARGEST_CLASS_ID, MAX_RETIRED
 from navcore.mission.mission import MAX_GOALS
@@ -141,3 +142,15 @@ class SiteDocument(Closed):
     unknown_price: UnknownPrice | None = None
     """Cost of a metre of unseen floor in metres of seen floor; null for that of the
     configuration."""
+
+    @field_validator("tags", mode="before")
+    @classmethod
+    def _without_unseen(cls, tags: Any) -> Any:
+        """Drop the tags whose number is beyond the family, which earlier versions stored: no camera
+        sees them."""
+        return [tag for tag in tags if not _is_unseen(tag)] if isinstance(tags, list) else tags
+
+
+def _is_unseen(tag: Any) -> bool:
+    number = tag.get("id") if isinstance(tag, dict) else None
+    return isinstance(number, int) and number > LARGEST_TAG

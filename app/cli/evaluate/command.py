@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from app.evaluation.campaign import Fleet
     from app.evaluation.perception.detection_counts import Walks
     from app.runtime.start.segmentation import Perception
+    from app.runtime.start.segmenter_choice import SegmenterChoice
     from navcore.config.navigator import NavigatorConfig
+    from navcore.mission.beware_list import BewareList
 
 ENOUGH_FOUND: Mapping[str, float] = {Suite.FINDING: 0.95, Suite.ONE_CLICK: 0.8}
 """Share of objects found in time at which a suite succeeds."""
@@ -98,13 +100,9 @@ def _fleet(settings: EvaluateSettings) -> Fleet:
 
 
 def _out(settings: EvaluateSettings, name: str) -> Path:
-    """Return the folder of the results; by default of its own for each share. Raises
-    `BadConfiguration` where a suite could not write there at its end, hours later."""
+    """Return the folder of the results; by default of its own for each share."""
     share = "" if settings.shard is None else f"-shard-{settings.shard.replace('/', '-of-')}"
-    out = settings.out or Path("runs") / f"{name}{share}"
-    if settings.suite in UNRECORDED:
-        prepare(out)
-    return out
+    return settings.out or Path("runs") / f"{name}{share}"
 
 
 def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
@@ -173,22 +171,28 @@ def _detection(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.detection import walks
     from app.runtime.start.preparation import prepared_perception
 
-    beware = beware_list(settings.beware)
-    perception = prepared_perception(
-        settings.segmentation.choice(camera=settings.stream),
-        sensor=settings.profile.depth_sensor,
-    )
+    beware, choice, out = _given(settings)
+    perception = prepared_perception(choice, sensor=settings.profile.depth_sensor)
     suite = walks(perception, beware, settings.stream.size)
-    return _walked(settings, suite, walks_by_default=40)
+    return _walked(settings, suite, out, walks_by_default=40)
 
 
-def _perception(settings: EvaluateSettings) -> Perception:
-    """Return what sees the images of a suite in which nothing drives. This takes seconds: all else
-    that is given is checked before."""
+def _given(settings: EvaluateSettings) -> tuple[BewareList, SegmenterChoice, Path]:
+    """Return the beware list, the segmenter and the folder of the results of a suite in which
+    nothing drives, checked before anything slow begins; the folder last, so that what is refused
+    leaves none."""
+    beware = beware_list(settings.beware)
+    choice = settings.segmentation.choice(camera=settings.stream)
+    out = _out(settings, settings.suite)
+    prepare(out)
+    return beware, choice, out
+
+
+def _perception(settings: EvaluateSettings, choice: SegmenterChoice) -> Perception:
+    """Return what sees the images of a suite in which nothing drives."""
     from app.runtime.start.engine_memory import EngineMemory
     from app.runtime.start.segmentation import compose
 
-    choice = settings.segmentation.choice(camera=settings.stream)
     return compose(choice, sensor=settings.profile.depth_sensor, memory=EngineMemory.of_user())
 
 
@@ -199,19 +203,20 @@ def _one_click(settings: EvaluateSettings) -> bool:
         raise BadConfiguration(
             "--beware names the classes that are known, and in the suite 'one-click' none are"
         )
-    suite = walks(_perception(settings), settings.stream.size)
-    return _walked(settings, suite, walks_by_default=20)
+    _, choice, out = _given(settings)
+    suite = walks(_perception(settings, choice), settings.stream.size)
+    return _walked(settings, suite, out, walks_by_default=20)
 
 
 def _light(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.light import evaluate_light
 
-    beware = beware_list(settings.beware)
+    beware, choice, out = _given(settings)
     told = evaluate_light(
-        _perception(settings),
+        _perception(settings, choice),
         beware,
         seeds=range(settings.seed, settings.seed + (settings.episodes or 12)),
-        out=_out(settings, settings.suite),
+        out=out,
         size=settings.stream.size,
     )
     needed = ENOUGH_FOUND[Suite.FINDING]
@@ -227,17 +232,17 @@ def _teaching(settings: EvaluateSettings) -> bool:
             "--beware names the classes that are known; the suite 'teaching' knows the network's"
         )
     seeds = range(settings.seed, settings.seed + (settings.episodes or 16))
-    out = _out(settings, Suite.TEACHING)
-    return evaluate_teaching(settings.segmentation.choice().weights or SHIPPED, seeds, out=out)
+    _, choice, out = _given(settings)
+    return evaluate_teaching(choice.weights or SHIPPED, seeds, out=out)
 
 
 def _table_tops(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.table_tops import evaluate_table_tops, splits_in
 
     assert settings.images is not None
-    out, beware = _out(settings, Suite.TABLE_TOPS), beware_list(settings.beware)
     splits = splits_in(settings.images)
-    told = evaluate_table_tops(_perception(settings), beware, splits, out=out)
+    beware, choice, out = _given(settings)
+    told = evaluate_table_tops(_perception(settings, choice), beware, splits, out=out)
     return all(
         found["labelled"] >= ENOUGH_LABELLED * found["things"]
         and found["table_share"] <= LITTLE_OF_TABLES
@@ -248,12 +253,12 @@ def _table_tops(settings: EvaluateSettings) -> bool:
 def _prints(settings: EvaluateSettings) -> bool:
     from app.evaluation.perception.prints import evaluate_prints
 
-    beware = beware_list(settings.beware)
+    beware, choice, out = _given(settings)
     told = evaluate_prints(
-        _perception(settings),
+        _perception(settings, choice),
         beware,
         seeds=range(settings.seed, settings.seed + (settings.episodes or 30)),
-        out=_out(settings, Suite.PRINTS),
+        out=out,
         size=settings.stream.size,
     )
     return all(
@@ -263,9 +268,9 @@ def _prints(settings: EvaluateSettings) -> bool:
     )
 
 
-def _walked(settings: EvaluateSettings, walks: Walks, *, walks_by_default: int) -> bool:
+def _walked(settings: EvaluateSettings, walks: Walks, out: Path, *, walks_by_default: int) -> bool:
     seeds = range(settings.seed, settings.seed + (settings.episodes or walks_by_default))
-    found = walks.run(seeds, out=_out(settings, settings.suite))
+    found = walks.run(seeds, out=out)
     return bool(
         found["found_in_time"] >= ENOUGH_FOUND[settings.suite]
         and found["false_items_per_10_m"] <= FEW_FALSE_PER_10_M
@@ -278,15 +283,18 @@ def _localisation(settings: EvaluateSettings, config: NavigatorConfig | None) ->
 
     world = settings.scenario or "office"
     scenario = load_scenario(world)
+    beware, engine = beware_list(settings.beware, scenario), settings.where.chosen()
+    out = _out(settings, f"localisation-{Path(world).stem}-{settings.odometry}")
+    prepare(out)  # what could not be written shows hours later else
     summary = evaluate_localisation(
         scenario,
         grade=settings.odometry,
         episodes=settings.episodes or 10,
         seed=settings.seed,
-        out=_out(settings, f"localisation-{Path(world).stem}-{settings.odometry}"),
-        beware=beware_list(settings.beware, scenario),
+        out=out,
+        beware=beware,
         config=config,
-        engine=settings.where.chosen(),
+        engine=engine,
     )
     searches = (
         summary["switched_on"],

@@ -188,8 +188,9 @@ class BewareEditor:
     ) -> BewareList:
         """Replace the list in force."""
         with self._edits.editing():
-            wanted = self._expected(expected_version).replaced(beware.classes)
-            return self._step(wanted, by, force=force)
+            present = self._expected(expected_version)
+            present.check_new_limits(beware.classes)
+            return self._step(present.replaced(beware.classes), by, force=force)
 
     def import_toml(
         self,

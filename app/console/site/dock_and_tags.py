@@ -5,18 +5,15 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from pydantic import ValidationError
 
 from app.console.site.site_archive import FURNISHINGS, furnishings_of
 from app.storage.site_store import SiteStore
-from navcore.errors import BadConfiguration, Refused
+from navcore.errors import Refused
 from navcore.geometry.transform import Pose2
 from navcore.localisation.fixes import MappedTag, TagMap, tag_map, tag_seen
 from navcore.navigator import TickResult
 from navcore.perception.tags import detect_tags
-from web.gateway.sentences import first_sentence
 from web.interface.sites import SeenTag, Tag
-from web.schemas.fields import PoseIn
 
 Dock = Pose2 | None
 """Pose of the robot in its dock, map frame; None without a dock."""
@@ -25,14 +22,10 @@ Tags = tuple[Tag, ...]
 
 
 def furnish(site: SiteStore, dock: Dock, tags: Tags) -> None:
-    """Set dock and tags of a site; raises `BadConfiguration` for a dock that its archive could not
-    hold."""
-    try:
-        pose = None if dock is None else PoseIn(**dataclasses.asdict(dock))
-    except ValidationError as error:
-        raise BadConfiguration(f"the dock: {first_sentence(error)}") from None
+    """Set dock and tags of a site, unchecked: what is stored already may be beyond the limits of
+    what is new."""
     record = {
-        "dock": None if pose is None else pose.model_dump(),
+        "dock": None if dock is None else dataclasses.asdict(dock),
         "tags": [dataclasses.asdict(tag) for tag in tags],
     }
     site.save_document(*FURNISHINGS, record)

@@ -27,6 +27,7 @@ from app.storage.records import zone_of, zone_record
 from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration
 from navcore.files import read_whole
+from navcore.geometry.transform import wrap_angle
 from navcore.mapping.changes import CellMap
 from navcore.mapping.storage import map_file
 from navcore.mission.beware_list import BewareList, as_table, default_beware_list
@@ -88,7 +89,10 @@ def pack(site: SiteStore) -> bytes:
 
 
 def _document(site: SiteStore) -> dict[str, Any]:
-    beware, accepted = site.beware(), accepted_map(site)
+    beware, accepted, furnished = site.beware(), accepted_map(site), furnishings_of(site)
+    if (dock := furnished["dock"]) is not None:
+        # Earlier versions stored any heading, and a document holds no more than some turns.
+        furnished["dock"] = {**dock, "yaw_rad": wrap_angle(dock["yaw_rad"])}
     sets = site.documents(SETS).items()
     return {
         "format": "bewarenav site",
@@ -97,7 +101,7 @@ def _document(site: SiteStore) -> dict[str, Any]:
         "zone_sets": {name: _features(map(zone_of, records)) for name, records in sets},
         "missions": site.documents(MISSIONS),
         "beware": None if beware is None else _beware_record(beware),
-        **furnishings_of(site),
+        **furnished,
         "accepted": None if accepted is None else cell_map_record(accepted),
         "unknown_price": stored_unknown_price(site),
     }

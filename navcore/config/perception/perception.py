@@ -39,7 +39,7 @@ class ObservationConfig:
     def __post_init__(self) -> None:
         if self.ceiling_m <= self.obstacle_height_m:
             raise BadConfiguration(
-                f"points: ceiling_m {self.ceiling_m:g} must be above obstacle_height_m "
+                f"ceiling_m {self.ceiling_m:g} must be above obstacle_height_m "
                 f"{self.obstacle_height_m:g}, or nothing would ever be an obstacle"
             )
 
@@ -269,13 +269,13 @@ class PersonDetectorConfig:
     def __post_init__(self) -> None:
         if self.radius_m >= self.max_width_m / 2:
             raise BadConfiguration(
-                f"people.detector: radius_m {self.radius_m:g} must be below half of max_width_m "
+                f"radius_m {self.radius_m:g} must be below half of max_width_m "
                 f"{self.max_width_m:g}, or no person would be wider than the least disc"
             )
         reach_m = PERSON_GRID_CELLS / 2 * self.cell_m
         if self.max_range_m > reach_m:
             raise BadConfiguration(
-                f"people.detector: max_range_m {self.max_range_m:g} must be at most {reach_m:g}, "
+                f"max_range_m {self.max_range_m:g} must be at most {reach_m:g}, "
                 f"to which a grid of cells of cell_m {self.cell_m:g} reaches; people beyond it "
                 "would not be seen"
             )

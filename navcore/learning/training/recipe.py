@@ -66,7 +66,7 @@ class Augmentation:
             low, high = getattr(self, name)
             if low > high:
                 raise BadConfiguration(
-                    f"augmentation.{name}: from {low:g} to {high:g}; expected the smaller one first"
+                    f"{name}: from {low:g} to {high:g}; expected the smaller one first"
                 )
 
 
@@ -130,7 +130,7 @@ class Recipe:
             check_size(self.crop, STRIDE)
             if self.crop.height > self.size.height or self.crop.width > self.size.width:
                 raise BadConfiguration(
-                    f"training: crop: {self.crop} is larger than the working size {self.size}"
+                    f"crop: {self.crop} is larger than the working size {self.size}"
                 )
 
     def identity(

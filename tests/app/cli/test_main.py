@@ -93,18 +93,6 @@ def bewarenav_process(*arguments: str) -> subprocess.CompletedProcess[str]:
             ("drive", "--scenario", "empty_room", "--report", "/proc/nowhere/r.json"),
             "cannot be written",
         ),
-        # Refused before what else is wrong, which shows after hours of work.
-        (
-            ("evaluate", "teaching", "--weights", "/no/such.safetensors", "--out", "/proc/nowhere"),
-            "cannot be written",
-        ),
-        (
-            (
-                *("evaluate", "table-tops", "--images", "/no/such", "--segmenter", "colour"),
-                *("--out", "/proc/nowhere"),
-            ),
-            "cannot be written",
-        ),
         (
             ("evaluate", "localisation", "--scenario", "empty_room", "--out", "/proc/nowhere"),
             "cannot be written",
@@ -189,7 +177,12 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(
         (("drive", "--segmenter", "colour", "--weights", "/no/such.onnx"), "have no weights"),
         (("drive", "--map", "TMP/torn.map"), "torn.map"),
         (("evaluate", "table-tops", "--images", "TMP", "--out", "TMP/out"), "holds no folder"),
-        (("evaluate", "light", "--beware", "/no/such.toml"), "no such file"),
+        (("evaluate", "light", "--beware", "/no/such.toml", "--out", "TMP/out"), "no such file"),
+        (("evaluate", "teaching", "--weights", "/no/such.onnx", "--out", "TMP/out"), "no such"),
+        *(
+            (("evaluate", suite, "--out", "TMP/torn.map"), "torn.map cannot be written")
+            for suite in ("finding", "light", "one-click", "prints", "teaching")
+        ),
         ((*CONSOLE, "--recording", "/no/such"), "no such file"),
         ((*CONSOLE, "--weights", "/no/such.onnx"), "/no/such.onnx: no such file"),
     ],
@@ -203,11 +196,13 @@ def test_a_file_that_cannot_be_read_is_refused_before_anything_slow_begins(
     for slow in (
         "app.runtime.start.preparation.prepared_perception",
         "app.runtime.start.segmentation.compose",
-        "app.console.application.run_console",
+        "app.evaluation.perception.teaching.evaluate_teaching",
     ):
         monkeypatch.setattr(slow, begun)
+    monkeypatch.setitem(sys.modules, "app.console.application", None)
     (tmp_path / "torn.map").write_bytes(b"PK")
     check_refusal(bewarenav(*(part.replace("TMP", str(tmp_path)) for part in arguments)), words)
+    assert [file.name for file in tmp_path.iterdir()] == ["torn.map"]  # no folder of results
 
 
 @pytest.mark.parametrize(

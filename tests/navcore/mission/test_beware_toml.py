@@ -34,6 +34,16 @@ colour = { hue_deg = [345, 15], min_saturation = 0.5 }
         ('"tape"', '""', "line 8: name ''"),
         ('"tape"', '".."', "line 8: .* are no names"),
         ('[[beware]]\nname = "tape"', "[[beware]\nname = 1", "not readable as TOML.*line 7"),
+        ("class_id = 4", "class_id = ", "f.toml: not readable as TOML, see line 9$"),
+        ("[345, 15]", "[345, 15", "f.toml: not readable as TOML, see line 10$"),
+        (GOOD, "beware = 3", "f.toml: beware: expected a list, got 3"),
+        (
+            "margin_m = 0.1",
+            "prototype = { network = 'a', centre = [1], spread = [1], weights = [1], radius = 1, "
+            "threshold = 1, typical = 2, max_size_m = 1, min_height_m = 0, max_height_m = 1, "
+            "clicks = 1 }",
+            r"line 5: beware\[0\].prototype: centre, spread and weights: expected one number a",
+        ),
         ("# a comment", "x = 1", "unknown key 'x'"),
         (
             "margin_m = 0.1",

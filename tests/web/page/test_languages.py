@@ -177,6 +177,14 @@ def test_the_refusal_of_a_file_is_translated_whole(
         "map.npz: no map of this program; expected the parts head, rgb": "map.npz: keine Karte "
         "dieses Programms; erwartet werden die Teile head, rgb",
         "site.json: at dock.x_m: X: at most 5 m.": "site.json: bei dock.x_m: X: höchstens 5 m.",
+        "the file: not readable as TOML, see line 4": "die Datei: nicht als TOML lesbar, siehe "
+        "Zeile 4",
+        "the file: beware: expected a list, got 3": "die Datei: beware: eine Liste erwartet, nicht "
+        "3",
+        "the file: line 4: beware[0].prototype: typical 1 has to be above threshold 2": "die "
+        "Datei: Zeile 4: beware[0].prototype: typical 1 muss über threshold 2 liegen",
+        "site.json: at zones.0.geometry: Outline of entry 1 is missing.": "site.json: bei "
+        "zones.0.geometry: Umriss von Eintrag 1 fehlt.",
     }
     assert page.evaluate(TRANSLATE, ["de", list(said)]) == list(said.values())
 

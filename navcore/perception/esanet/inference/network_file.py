@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from navcore.config.perception.inference import InferenceConfig
 from navcore.errors import BadConfiguration
+from navcore.files import is_there
 from navcore.perception.esanet.inference import onnx_file
 from navcore.perception.esanet.inference.onnx_file import OnnxCard
 from navcore.perception.esanet.network.limits import STRIDE
@@ -114,7 +115,7 @@ def check_name(path: Path) -> None:
     file; loads nothing slow."""
     if path.suffix not in SUFFIXES:
         raise BadConfiguration(f"{path}: expected a name ending in {' or '.join(SUFFIXES)}")
-    if not path.is_file():
+    if not is_there(path) or not path.is_file():
         raise BadConfiguration(f"{path}: no such file")
 
 

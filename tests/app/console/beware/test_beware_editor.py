@@ -186,20 +186,52 @@ def test_a_file_from_the_command_line_is_a_version_of_the_site(tmp_path: Path) -
     store.close()
 
 
-def test_an_edit_whose_limits_contradict_each_other_is_refused_and_a_stored_one_loads(
-    tmp_path: Path,
-) -> None:
-    store = Store(tmp_path)
-    with pytest.raises(BadConfiguration, match=r"cup.min_height_m: 0.5 is above max_height_m 0.1"):
-        editor_of(store).edit("cup", {"min_height_m": 0.5, "max_height_m": 0.1})
-    swapped = dataclasses.replace(SHIPPED.named("cup"), min_height_m=0.5, max_height_m=0.1)
-    store.site.save_beware(
-        dataclasses.replace(SHIPPED, classes=(swapped, SHIPPED.named("book")), version=4)
-    )
+SWAPPED = dataclasses.replace(SHIPPED.named("cup"), min_height_m=0.5, max_height_m=0.1)
+"""A class as it could be stored before limits were compared."""
+
+
+def store_with_swapped(folder: Path) -> Store:
+    """A store with a list of that class and another one."""
+    store = Store(folder)
+    classes = (SWAPPED, SHIPPED.named("book"))
+    store.site.save_beware(dataclasses.replace(SHIPPED, classes=classes, version=4))
+    return store
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda editor: editor.edit("cup", {"min_height_m": 0.6}),
+        lambda editor: editor.add({"name": "x", "min_size_m": 1.0, "max_size_m": 0.5}),
+        lambda editor: editor.replace(
+            BewareList(classes=(dataclasses.replace(SWAPPED, min_height_m=0.6),))
+        ),
+    ],
+)
+def test_new_limits_that_contradict_each_other_are_refused(edit: object, tmp_path: Path) -> None:
+    store = store_with_swapped(tmp_path)
     editor = editor_of(store)
-    assert beware_of(store.site).named("cup") == swapped
-    editor.edit("book", {"margin_m": 0.2})
-    assert editor.edit("cup", {"min_height_m": 0.05}).named("cup").min_height_m == 0.05
+    assert callable(edit)
+    with pytest.raises(BadConfiguration, match=r"min_\w+: .* is above max_"):
+        edit(editor)
+    assert editor.list.version == 4
+    store.close()
+
+
+def test_stored_limits_that_contradict_each_other_hold_up_no_other_edit(tmp_path: Path) -> None:
+    store = store_with_swapped(tmp_path)
+    editor = editor_of(store)
+    assert beware_of(store.site).named("cup") == SWAPPED
+    editor.edit("cup", {"enabled": False, "margin_m": 1.0, "label": "Tasse"})
+    editor.edit("cup", {"name": "mug"})
+    editor.replace(dataclasses.replace(editor.list, classes=editor.list.classes[:1]))
+    editor.edit("mug", {"min_height_m": 0.05})
+    editor.remove("mug", force=True)
+    for _ in range(5):
+        editor.undo()
+    assert editor.list.classes == (SWAPPED, SHIPPED.named("book"))
+    editor.redo()
+    assert editor.restore(4).named("cup") == SWAPPED
     store.close()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import math
 import pickle
 import zipfile
 from collections.abc import Callable, Iterator
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 
 from app.console.site import site_archive
-from app.console.site.dock_and_tags import furnish
+from app.console.site.dock_and_tags import furnish, stored_tags
 from app.console.site.site_archive import DOCUMENT, MAX_DOCUMENT_BYTES, pack
 from app.console.site.site_files import add, add_nav2, export_nav2, listed
 from app.console.site.site_map import accepted_map, map_of, save_accepted
@@ -34,7 +35,8 @@ from navcore.mapping.storage import map_file
 from navcore.mission.beware_list import MAX_RETIRED, BewareList, default_beware_list
 from navcore.mission.zone import Zone
 from navcore.mission.zone_shapes import Circle
-from web.interface.sites import Tag
+from tests.app.console.site.desk import Desk
+from web.interface.sites import SiteChanges, Tag
 
 SPEC = GridSpec.centred(size_m=(6.0, 4.0), resolution_m=0.1)
 CIRCLE = Circle(centre=(1.0, 1.0), radius_m=0.5)
@@ -183,6 +185,27 @@ def test_a_bad_value_in_an_archive_is_told_in_a_sentence(
     archive = edited(lambda site: site.update(change))(parts_of(pack(store.site)))
     with pytest.raises(BadConfiguration, match=said):
         add(store.sites, "evil", archive)
+
+
+def test_a_dock_and_a_tag_of_before_their_limits_hold_up_neither_edits_nor_the_archive(
+    tmp_path: Path,
+) -> None:
+    desk = Desk(tmp_path / "data")
+    with closing(desk.store):
+        site = desk.store.site
+        furnish(
+            site,
+            dataclasses.replace(DOCK, yaw_rad=DOCK.yaw_rad + 500 * math.pi),
+            (TAG, dataclasses.replace(TAG, id=700)),
+        )
+        desk.sites.put_tag("default", dataclasses.replace(TAG, id=5))
+        desk.sites.remove_tag("default", TAG.id)
+        copy = desk.sites.add("copy", pack(site))
+        assert [tag.id for tag in stored_tags(site)] == [5, 700]
+        assert [tag.id for tag in copy.tags] == [5]
+        assert copy.dock is not None and copy.dock.yaw_rad == pytest.approx(DOCK.yaw_rad)
+        changed = desk.sites.change("default", SiteChanges(tags=(TAG,)))
+        assert [tag.id for tag in changed.tags] == [TAG.id]
 
 
 def test_a_site_that_is_renamed_or_deleted_meanwhile_is_exported_whole_or_not_at_all(
