@@ -447,17 +447,13 @@ class Navigator:
             self._costmap.space, self.map.explored, self._profile, self._config
         )
 
-    def place_robot(
-        self, T_map_base: Pose2, covariance: Matrix, frame: Frame, *, on_trial: bool = False
-    ) -> None:
+    def place_robot(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
         """Set the pose of the robot at a frame, which is odometry's, with its (3, 3) covariance.
-        What it saw from a place that was on trial is taken back. `on_trial`: the place has to prove
-        itself in a saved map, from which what is seen there can be taken back until then."""
+        What it saw from a place that was on trial is taken back."""
         if self._trial.take_back():
             self._plan_anew()
             self._taken_back = True
-        self.localisation.place(T_map_base, covariance, frame, on_trial=on_trial)
-        self._trial.begin()
+        self.localisation.place(T_map_base, covariance, frame)
         self.reset_pose()
 
     def accept_jump(self, frame: Frame) -> None:

@@ -364,16 +364,11 @@ class Localisation:
         """The saved map or, without one, the map of this session."""
         return self.tracker.saved_map if len(self.tracker.saved_map) else self.tracker.own_map
 
-    def place(
-        self, T_map_base: Pose2, covariance: Matrix, frame: Frame, *, on_trial: bool = False
-    ) -> None:
-        """Set the pose of the robot at a frame, with its (3, 3) covariance. In a saved map one
-        `on_trial` has to prove itself by what is seen on the way from there."""
+    def place(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
+        """Set the pose of the robot at a frame, with its (3, 3) covariance."""
         self.tracker.place(T_map_base, covariance, frame)
         self._is_lost, self._start, self._last = False, None, None
         self._kept = self._probation = self._beside = None
-        if on_trial and len(self.tracker.saved_map):
-            self._probation = Probation(self._config.start, self._config.relocalisation)
         self._search.restart()
         self._restart_chain()
 

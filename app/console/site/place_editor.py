@@ -30,10 +30,6 @@ UNCHECKED = np.diag([0.5, 0.5, math.radians(10.0)]) ** 2
 """(3, 3) covariance of a pose that no scan has confirmed."""
 
 _SHOWN = "An operator has shown the robot its place."
-_FORCED = (
-    "An operator has put the robot where what it sees does not fit the map: the way from there has "
-    "to confirm the place."
-)
 
 
 class PlaceEditor:
@@ -73,7 +69,7 @@ class PlaceEditor:
 
     def place(self, pose: Pose2, *, force: bool) -> PlaceCheck:
         """Set the robot's pose to where the newest scan fits best near a pose; with `force` to the
-        pose itself where it does not fit, which then has to prove itself."""
+        pose itself where it does not fit."""
         self._controller.require_standing("show its place")
         site_id, scan = self._controller.intent.site_id, self._scan()
         require_meant_site()
@@ -88,10 +84,9 @@ class PlaceEditor:
         # It may have been driven by hand since the scan: the tables of a large map take seconds.
         self._controller.require_standing("show its place")
         moved = stood.inverse() @ self._controller.place.T_driven_base
-        self._controller.place_robot(
-            answer.pose @ moved, covariance, on_trial=not found.is_accepted, site_id=site_id
-        )
-        self._tell(_SHOWN if found.is_accepted else _FORCED)
+        self._controller.place_robot(answer.pose @ moved, covariance, site_id=site_id)
+        against = f"An operator has put the robot where the check spoke against it: {answer.text}"
+        self._tell(_SHOWN if found.is_accepted else against)
         return answer
 
     def search(self) -> None:

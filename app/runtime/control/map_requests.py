@@ -32,9 +32,8 @@ class MapRequests:
     """Whether the pose of the next frame counts, whatever came before."""
     search: bool = False
     """Whether to forget the place and look for it in the whole map."""
-    place: tuple[Pose2, Matrix, bool] | None = None
-    """T_map_base at the next frame with its (3, 3) covariance, and whether it has to prove itself;
-    None to keep the estimate."""
+    place: tuple[Pose2, Matrix] | None = None
+    """T_map_base at the next frame with its (3, 3) covariance; None to keep the estimate."""
 
     def before(self, newer: MapRequests) -> MapRequests:
         """Return newer requests after these: of two places the newer one counts, and of what is
@@ -76,10 +75,7 @@ class MapRequests:
         if self.search:
             attempt(lambda: navigator.localisation.search(frame.stamp_ns))
         if self.place is not None:
-            T_map_base, covariance, on_trial = self.place
-            attempt(
-                partial(navigator.place_robot, T_map_base, covariance, frame, on_trial=on_trial)
-            )
+            attempt(partial(navigator.place_robot, *self.place, frame))
         return MapRequests()
 
 

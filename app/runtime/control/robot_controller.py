@@ -179,19 +179,14 @@ class RobotController:
         requests.apply(self.navigator, None)
 
     def place_robot(
-        self,
-        T_map_base: Pose2,
-        covariance: Matrix,
-        *,
-        on_trial: bool = False,
-        site_id: str | None = None,
+        self, T_map_base: Pose2, covariance: Matrix, *, site_id: str | None = None
     ) -> None:
-        """Set the pose of the robot, with its (3, 3) covariance, before the next tick. `on_trial`:
-        as for `Navigator.place_robot`. `site_id`: that of the site for whose map it is meant, if it
-        may have changed; then raises `OtherSite`."""
+        """Set the pose of the robot, with its (3, 3) covariance, before the next tick. `site_id`:
+        that of the site for whose map it is meant, if it may have changed; then raises
+        `OtherSite`."""
         with self._lock:
             self._require_site(site_id)
-            self._ask(place=(T_map_base, covariance, on_trial), search=False)
+            self._ask(place=(T_map_base, covariance), search=False)
 
     def enter_site(
         self, edit: Callable[[OperatorState], OperatorState], replace_map: Callable[[], None]

@@ -64,7 +64,8 @@ def frames_until_closed(
 
 @pytest.mark.parametrize("step_m", [0.02, 0.3, 0.45])
 def test_the_metres_before_a_correction_prove_nothing(step_m: float) -> None:
-    for corrected_at, before_m in ((None, 0.0), (30, 30 * step_m)):
+    for before_m in (0.0, 9.0):
+        corrected_at = round(before_m / step_m) or None
         frames = frames_until_closed(corrected_at=corrected_at, step_m=step_m)
         assert frames is not None
         # Floor is new in steps of up to two frames.
