@@ -144,7 +144,7 @@ function readFields() {
 }
 
 function change(next) {
-  rule = next;
+  rule = setByHand(next);
   onChange();
   look();
 }
@@ -209,8 +209,11 @@ field("unrule").onclick = () => pick(null);
 field("unpattern").onclick = () => pick({ ...rule, pattern: null });
 for (const name of ["height", "alone", "gap"]) field(name).oninput = readFields;
 
+// A rule that the operator sets counts also where the network knows the class.
+const setByHand = (next) => next && { ...next, fallback: false };
+
 function pick(next) {
-  showRule(next);
+  showRule(setByHand(next));
   onChange();
 }
 

@@ -104,14 +104,15 @@ const isForeign = () =>
   Boolean(exampleOf()) && stored?.prototype === exampleOf() && stored.found_by === "nothing";
 
 function withNetwork(rule) {
-  if (!rule || rule.fallback) return "network";
-  return rule.alone ? "network and colour rule" : "network, weighed with colour rule";
+  if (!rule) return sentence("network");
+  if (rule.fallback) return t("network; its colour rule counts only without one");
+  return sentence(rule.alone ? "network and colour rule" : "network, weighed with colour rule");
 }
 
 // What the draft would be detected by; what runs now is only known for the stored entry.
 function eyes() {
   // The network goes on to know a class that is renamed.
-  if (isKnown()) return sentence(withNetwork(ruleOf()));
+  if (isKnown()) return withNetwork(ruleOf());
   if (!ruleOf()) return !isForeign() && exampleOf() && t("example");
   return kindOf(ruleOf());
 }
