@@ -4,6 +4,7 @@
 import { post, request } from "../core/link/api.js";
 import { element, set, setText } from "../core/dom.js";
 import { sentence, t } from "../core/text/language.js";
+import { isNarrow } from "../core/page_tabs.js";
 import { attempt } from "../core/toasts.js";
 import { isDrawing, onDraft, setMode } from "../zones/draft.js";
 import { classTitle } from "./class_title.js";
@@ -59,6 +60,8 @@ export function open(entry, listVersion, limits) {
   showExample(entry?.prototype ?? null);
   if (isForeign()) point();
   describe();
+  // On a phone it opens above the list, which is scrolled to the class.
+  if (isNarrow()) form.scrollIntoView({ block: "start" });
   if (!entry) field("name").focus();
 }
 
