@@ -51,7 +51,7 @@ def status_message(
         return f"Driving to {goal.title}: {what}."
     if mission.queue:
         goals = "goals wait" if len(mission.queue) > 1 else "goal waits"
-        before = ", from the last session" if mission.restored else ""
+        before = ", kept from before" if mission.restored else ""
         return f"Standing; {len(mission.queue)} {goals} for start{before}."
     if mission.cancelled:
         return "Standing; the mission was cancelled."

@@ -53,7 +53,7 @@ def checked_name(name: str) -> str:
     """Return the name of a site; raises `BadConfiguration` for one that is not allowed."""
     if re.fullmatch(SITE_NAME[1:-1], name, re.ASCII) is None:
         raise BadConfiguration(
-            f"site name {name!r:.90}: expected 1 to 40 letters, digits, blanks, - and _, "
+            f"site name {name!r:.90}: expected 1 to 40 letters A to Z, digits, blanks, - and _, "
             "beginning with a letter or digit"
         )
     return name

@@ -77,8 +77,8 @@ class Mission:
     loop: bool = False
     """Whether a reached goal is queued again behind the others."""
     restored: bool = False
-    """Whether the goals are those of an earlier session, and the operator has not started them
-    since."""
+    """Whether the goals are those that were stored when the console ended or another site was
+    chosen, and the operator has not started them since, nor added one to those that wait."""
     goes_on: bool = False
     """Whether a paused mission goes on by itself, once the robot has backed off."""
     runs: int = 0
@@ -104,7 +104,13 @@ class Mission:
             raise Refused(_FULL)
         goal = Goal(id=self.next_id, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, name=name)
         goal = checked(goal, spec, beside=self.queue)
-        return dataclasses.replace(self, queue=(*self.queue, goal), next_id=self.next_id + 1)
+        return dataclasses.replace(
+            self,
+            queue=(*self.queue, goal),
+            next_id=self.next_id + 1,
+            # A paused mission has begun: where the robot is has to be checked before it resumes.
+            restored=self.restored and self.phase is not Phase.IDLE,
+        )
 
     def change(self, goal: Goal, spec: GridSpec) -> Mission:
         """Replace the queued goal with the same id; raises `NotKnown` without one and `BadGeometry`
@@ -216,7 +222,7 @@ class Mission:
         return dataclasses.replace(self, phase=Phase.LEAVING, goes_on=False)
 
     def stored(self) -> Mission:
-        """Return the mission as it begins in the next session: it stands, and what was driving is
+        """Return the mission as it begins when it is loaded: it stands, and what was driving is
         paused."""
         has_begun = self.phase is not Phase.IDLE and bool(self.queue)
         return dataclasses.replace(

@@ -413,7 +413,7 @@ def _furnishings(site: SiteStore, changes: SiteChanges) -> tuple[Dock, Tags]:
 
 
 def mission_of(site: SiteStore) -> Mission:
-    """Return the mission of the last session at a site, paused; an empty one before the first."""
+    """Return the mission that was last stored at a site, paused; an empty one before the first."""
     kind, name = MISSION
     record = site.documents(kind).get(name)
     if record is None:

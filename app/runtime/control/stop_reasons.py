@@ -87,8 +87,8 @@ def planner_stops(
         text = "The mission is paused; resume it to drive on."
         if mission.restored:
             text = (
-                "The mission of the last session is back, paused; check that the robot is where "
-                "the map shows it, then resume."
+                "The mission from before is back, paused; check that the robot is where the map "
+                "shows it, then resume."
             )
         found.append(StopReason(cause=Cause.PAUSED, text=text))
     is_known = decision is not None and decision.place.is_known

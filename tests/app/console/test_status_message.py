@@ -57,3 +57,11 @@ def test_only_a_robot_that_a_hand_drives_is_driven_by_hand() -> None:
     assert "hand" not in status_message(reached, FOLLOWING, (), moving=True)
     searching = dataclasses.replace(reached, search=PlaceSearch.TURNING)
     assert status_message(searching, FOLLOWING, (), moving=True).startswith("Turning round")
+
+
+def test_goals_that_were_stored_are_said_to_be_of_no_session() -> None:
+    # They are also those of a site that the robot comes back to, or of its copy.
+    intent = operator(Goal(id=1, x_m=3.0, y_m=0.0), phase=Phase.IDLE)
+    intent = dataclasses.replace(intent, mission=intent.mission.stored())
+    text = status_message(intent, FOLLOWING, (), moving=False)
+    assert text == "Standing; 1 goal waits for start, kept from before."

@@ -97,6 +97,13 @@ def test_a_mission_that_has_begun_is_cancelled_by_removing_its_last_goal() -> No
     assert not DRIVING.stored().remove(1).remove(2).restored
 
 
+def test_goals_from_before_are_no_longer_those_once_another_waits_with_them() -> None:
+    kept = EMPTY.add(1.0, 0.0, SPEC).stored()
+    assert kept.restored and not kept.add(2.0, 0.0, SPEC).restored
+    # Control: that the robot is where the map shows it is still to be checked.
+    assert DRIVING.stored().add(2.0, 0.0, SPEC).restored
+
+
 def test_a_patrol_keeps_the_last_goals_and_counts_all() -> None:
     patrol = dataclasses.replace(TWO, loop=True).start()
     for _ in range(50):

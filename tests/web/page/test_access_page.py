@@ -89,6 +89,8 @@ def test_control_is_asked_for_and_taken_over_and_both_pages_say_so(
     second.get_by_test_id("control-take").click()
     expect(first.get_by_test_id("toasts")).to_contain_text("has taken over control")
     expect(second.get_by_test_id("control-text")).to_have_text("● You have control")
+    # A newer message about control takes the place of the one before.
+    assert "asks for control" not in first.get_by_test_id("toasts").inner_text()
     second.get_by_test_id("start").click()
     expect(first.get_by_test_id("state-badge")).to_contain_text("DRIVING")
 

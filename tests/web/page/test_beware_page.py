@@ -109,8 +109,15 @@ def test_the_inspector_says_whether_the_colour_of_a_class_that_the_network_knows
     await_map(page)
     row(page, "cup").get_by_test_id("beware-edit").click()
     eyes, alone = page.get_by_test_id("entry-eyes"), page.get_by_test_id("entry-alone")
-    expect(eyes).to_have_text("Detected by: network")
-    page.get_by_test_id("entry-cancel").click()
+    only = "Detected by: network; its colour rule counts only without one"
+    expect(eyes).to_have_text(only)
+    alone.check()
+    expect(eyes).to_have_text("Detected by: network and colour rule")
+    with page.expect_request(lambda request: request.method == "PATCH") as sent:
+        page.get_by_test_id("entry-apply").click()
+    changes = sent.value.post_data_json
+    assert changes is not None and changes["colour"]["alone"] is True
+    assert changes["colour"]["fallback"] is False
     row(page, "red floor").get_by_test_id("beware-edit").click()
     expect(eyes).to_have_text("Detected by: network, weighed with colour rule")
     alone.check()

@@ -48,6 +48,17 @@ def test_letters_typed_on_a_focused_button_are_no_shortcuts(
     assert operations.stops == []
 
 
+def test_a_robot_in_a_beware_area_without_any_zone_can_leave_the_area(
+    page: Page, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = operations.state
+    monkeypatch.setattr(operations, "state", lambda: dataclasses.replace(state(), in_zone=True))
+    leave = page.get_by_test_id("leave")
+    expect(leave).to_be_enabled()
+    expect(leave).to_have_text("⇥ Leave area")
+    expect(leave).to_have_attribute("title", "Drive out of the area by the shortest path")
+
+
 def test_a_saved_mission_is_replaced_only_after_a_question(
     page: Page, operations: FakeOperations
 ) -> None:

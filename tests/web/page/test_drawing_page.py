@@ -32,6 +32,26 @@ LISTS = """() => ["goals", "zones"].map((id) => {
 """JavaScript: height of the cards of goals and zones, width of their lists and what of it shows."""
 
 
+FRONT = """async () => {
+  const names = ["drawing/draw_robot", "drawing/strokes", "view", "world"];
+  const [{ drawRobot }, { drawOn }, { size, toPage, view }, { world }] =
+    await Promise.all(names.map((name) => import(`/page/map/${name}.js`)));
+  const { x_m, y_m, yaw_rad } = world.state.pose;
+  view.scale = 100;
+  const pen = new OffscreenCanvas(size.width, size.height).getContext("2d");
+  [view.x, view.y] = [x_m, y_m];
+  drawOn(pen, drawRobot);
+  const isDark = (ahead, left) => {
+    const [forward, aside] = [ahead * world.map.robot_length_m, left * world.map.robot_width_m];
+    const at = toPage([x_m + forward * Math.cos(yaw_rad) - aside * Math.sin(yaw_rad),
+      y_m + forward * Math.sin(yaw_rad) + aside * Math.cos(yaw_rad)]);
+    return pen.getImageData(...at.map(Math.round), 1, 1).data[0] < 60;
+  };
+  return [isDark(0.38, 0), isDark(-0.2, 0), isDark(0.1, 0.2), isDark(0.1, -0.2), isDark(-0.38, 0)];
+}"""
+"""JavaScript: whether the robot's arrow is at its tip, at its base, at both sides and behind it."""
+
+
 def drag(page: Page, *points: tuple[float, float]) -> None:
     """Drag along points of the map in metres."""
     page.mouse.move(*on_page(page, *points[0]))
@@ -428,3 +448,29 @@ def test_the_legend_has_the_colours_of_the_map_in_either_theme(page: Page) -> No
         eventually(page, is_on_the_map)
         colours.add(shown)
     assert len(colours) == 2
+
+
+def test_the_arrow_of_the_robot_is_narrow_and_points_ahead(page: Page) -> None:
+    await_map(page)
+    assert page.evaluate(FRONT) == [True, True, False, False, False]
+
+
+def test_the_hint_of_a_tool_leaves_the_scale_bar_free_and_the_points_are_below_their_name(
+    page: Page, operations: FakeOperations
+) -> None:
+    operations.zones.add(ZoneDraft(name="Gap", polygon=((-1.0, -3.0), (1.0, -3.0), (1.0, -2.0))))
+    await_map(page)
+    page.get_by_test_id("zone-edit").click()
+    hint = page.get_by_test_id("hint")
+    expect(hint).to_contain_text("Enter saves")
+    stage = page.locator(".stage").bounding_box()
+    box = hint.bounding_box()
+    assert stage is not None and box is not None
+    widest = 2.5 * 60 + 5 + 14  # of the scale bar, with what is around it
+    assert box["x"] + box["width"] <= stage["x"] + stage["width"] - widest
+    field, points = (
+        page.locator(part).bounding_box()
+        for part in (".draft .field:has(textarea)", "#draft-corners")
+    )
+    assert field is not None and points is not None
+    assert points["y"] - field["y"] < 24

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Sequence
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
+from navcore.errors import Refused
+from navcore.mission.prototype import Prototype
 from tests.navcore.perception.colour_network import ColourNetwork
 from tests.web.fake_operations import FakeOperations
 from tests.web.page.chromium import await_map
@@ -80,6 +83,47 @@ class TestWithNetwork:
         expect(row(page, "crate").get_by_test_id("found-by")).to_have_text("example")
         made = operations.beware.list.named("crate").prototype
         assert made is not None and made.clicks == 3
+
+    def test_a_refused_click_leaves_no_mask_and_makes_room_for_the_next_one(
+        self, page: Page, operations: FakeOperations, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        examples, refusal = operations.examples, Refused("it looks too much like what is around it")
+        made, sent = examples.made, []
+
+        def second_is_refused(taken: Sequence[str], away: Sequence[str] = ()) -> Prototype:
+            sent.append(taken)
+            if len(sent) == 2:
+                raise refusal
+            return made(taken, away)
+
+        monkeypatch.setattr(examples, "made", second_is_refused)
+        await_map(page)
+        page.get_by_test_id("beware-this").click()
+        note, mask = page.get_by_test_id("entry-example-note"), page.get_by_test_id("camera-mask")
+        click_camera(page, *BOX)
+        expect(note).to_contain_text("1 click; it takes")
+        click_camera(page, *BOX)
+        expect(note).to_have_text("It looks too much like what is around it")
+        expect(mask).to_be_hidden()
+        expect(page.get_by_test_id("entry-eyes")).to_have_text("Detected by: example")
+        click_camera(page, *BOX)
+        expect(note).to_contain_text("2 clicks; it takes")
+        assert sent[2][0] == sent[0][0] and sent[1][1] not in sent[2]
+
+    def test_the_mask_of_a_click_is_not_shown_over_a_later_image(
+        self, page: Page, operations: FakeOperations
+    ) -> None:
+        await_map(page)
+        page.get_by_test_id("beware-this").click()
+        held: list[Route] = []
+        page.route("**/beware/example", lambda route: held.append(route))
+        click_camera(page, *BOX)
+        mask = page.get_by_test_id("camera-mask")
+        expect(mask).to_be_visible()
+        operations.step()
+        expect(mask).to_be_hidden()
+        held.pop().continue_()
+        expect(mask).to_be_visible()
 
     def test_a_click_into_an_image_that_is_gone_says_that_the_picture_has_moved_on(
         self, page: Page

@@ -107,6 +107,22 @@ def test_the_form_of_a_zone_is_scrolled_to_its_end_on_a_tablet(
     expect(page.get_by_test_id("zone")).to_have_count(3)
 
 
+def test_the_form_of_a_class_far_down_the_list_and_the_next_tab_begin_at_their_top(
+    open_phone: Opener,
+) -> None:
+    page = open_phone(*PHONE)
+    page.get_by_test_id("page-tab-more").tap()
+    last = page.get_by_test_id("beware-class").last
+    last.get_by_test_id("beware-edit").tap()
+    expect(page.locator("#entry-title")).to_be_in_viewport(ratio=1.0)
+    page.get_by_test_id("entry-cancel").tap()
+    last.scroll_into_view_if_needed()
+    scrolled = "document.querySelector('main').scrollTop"
+    assert page.evaluate(scrolled) > 0
+    page.get_by_test_id("page-tab-goals").tap()
+    assert page.evaluate(scrolled) == 0
+
+
 def test_hints_leave_out_the_keys_and_the_list_of_keys_begins_at_its_top(
     open_phone: Opener,
 ) -> None:

@@ -4,7 +4,7 @@
 import { post } from "../core/link/api.js";
 import { element, make, set, setText } from "../core/dom.js";
 import { formatAge } from "../core/text/format.js";
-import { number, t } from "../core/text/language.js";
+import { capitalised, number, t } from "../core/text/language.js";
 import { isNarrow, selectTab } from "../core/page_tabs.js";
 import { attempt } from "../core/toasts.js";
 import { clickIn } from "../insight/camera.js";
@@ -144,7 +144,7 @@ function readFields() {
 }
 
 function change(next) {
-  rule = next;
+  rule = setByHand(next);
   onChange();
   look();
 }
@@ -167,7 +167,7 @@ function look() {
         if (asked === newest) show(looks);
       }
     } catch (error) {
-      if (asked === newest) setText(share, error.message);
+      if (asked === newest) setText(share, capitalised(error.message));
     }
     if (asked === newest) timer = setTimeout(look, PERIOD_MS);
   }, DELAY_MS);
@@ -209,8 +209,11 @@ field("unrule").onclick = () => pick(null);
 field("unpattern").onclick = () => pick({ ...rule, pattern: null });
 for (const name of ["height", "alone", "gap"]) field(name).oninput = readFields;
 
+// A rule that the operator sets counts also where the network knows the class.
+const setByHand = (next) => next && { ...next, fallback: false };
+
 function pick(next) {
-  showRule(next);
+  showRule(setByHand(next));
   onChange();
 }
 

@@ -4,6 +4,7 @@
 import { post, request } from "../core/link/api.js";
 import { element, set, setText } from "../core/dom.js";
 import { sentence, t } from "../core/text/language.js";
+import { isNarrow } from "../core/page_tabs.js";
 import { attempt } from "../core/toasts.js";
 import { isDrawing, onDraft, setMode } from "../zones/draft.js";
 import { classTitle } from "./class_title.js";
@@ -59,6 +60,8 @@ export function open(entry, listVersion, limits) {
   showExample(entry?.prototype ?? null);
   if (isForeign()) point();
   describe();
+  // On a phone it opens above the list, which is scrolled to the class.
+  if (isNarrow()) form.scrollIntoView({ block: "start" });
   if (!entry) field("name").focus();
 }
 
@@ -104,14 +107,15 @@ const isForeign = () =>
   Boolean(exampleOf()) && stored?.prototype === exampleOf() && stored.found_by === "nothing";
 
 function withNetwork(rule) {
-  if (!rule || rule.fallback) return "network";
-  return rule.alone ? "network and colour rule" : "network, weighed with colour rule";
+  if (!rule) return sentence("network");
+  if (rule.fallback) return t("network; its colour rule counts only without one");
+  return sentence(rule.alone ? "network and colour rule" : "network, weighed with colour rule");
 }
 
 // What the draft would be detected by; what runs now is only known for the stored entry.
 function eyes() {
   // The network goes on to know a class that is renamed.
-  if (isKnown()) return sentence(withNetwork(ruleOf()));
+  if (isKnown()) return withNetwork(ruleOf());
   if (!ruleOf()) return !isForeign() && exampleOf() && t("example");
   return kindOf(ruleOf());
 }

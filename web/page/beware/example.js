@@ -4,10 +4,10 @@
 import { post } from "../core/link/api.js";
 import { element, make, set, setText } from "../core/dom.js";
 import { formatAge } from "../core/text/format.js";
-import { number, t, tn } from "../core/text/language.js";
+import { capitalised, number, t, tn } from "../core/text/language.js";
 import { isNarrow, selectTab } from "../core/page_tabs.js";
 import { attempt } from "../core/toasts.js";
-import { clickIn, positionIn } from "../insight/camera.js";
+import { clickIn, onImage, positionIn } from "../insight/camera.js";
 
 const PERIOD_MS = 2000;
 const MAX_CLICKS = 16;
@@ -20,6 +20,9 @@ const takesAway = element("entry-away");
 
 let clicks = [];
 let away = [];
+let made = [[], []]; // the clicks of which the prototype was made, and what they take away
+let isRefused = false; // whether nothing could be made of those since
+let marked = false; // whether the mask is that of a click
 let prototype = null;
 let pointing = false;
 let newest = 0;
@@ -35,13 +38,13 @@ export const onExample = (listener) => {
 export function showExample(stored) {
   clearTimeout(timer);
   newest += 1;
-  [clicks, away, prototype] = [[], [], stored];
+  [clicks, away, made, isRefused, prototype] = [[], [], [[], []], false, stored];
   takesAway.checked = false;
   setPointing(false);
   strip.replaceChildren();
   set(part, { hidden: !stored });
-  const made = stored?.clicks ?? 0;
-  setText(note, made ? tn("Made of {n} click on a thing.", "Made of {n} clicks on a thing.", made) : "");
+  const count = stored?.clicks ?? 0;
+  setText(note, count ? tn("Made of {n} click on a thing.", "Made of {n} clicks on a thing.", count) : "");
 }
 
 // Take clicks into the image from now on.
@@ -63,17 +66,26 @@ async function take(event, click, isLive) {
   // What is typed next is its name, also while the console has not answered: letters and the space
   // bar are keys of the page elsewhere.
   element("entry-name").focus();
-  const made = await post("/beware/example/click", click);
+  const { key, mask: region } = await post("/beware/example/click", click);
   if (!pointing) return;
-  const taken = takesAway.checked || event.shiftKey ? away : clicks;
-  taken.push(made.key);
+  const isAway = takesAway.checked || event.shiftKey;
+  // Refused clicks make room for the next one, unless that takes away what they have too much of.
+  if (isRefused && !isAway) [clicks, away] = made.map((keys) => [...keys]);
+  const taken = isAway ? away : clicks;
+  taken.push(key);
   if (taken.length > MAX_CLICKS) taken.shift();
-  if (isLive) {
-    mask.src = made.mask;
+  // A newer image has the thing elsewhere.
+  marked = isLive && click.frame === image.dataset.frame;
+  if (marked) {
+    mask.src = region;
     mask.hidden = false;
   }
   await learn();
 }
+
+onImage(() => {
+  if (marked) mask.hidden = true;
+});
 
 // Make a prototype of the clicks; only the newest answer counts.
 async function learn() {
@@ -82,15 +94,17 @@ async function learn() {
   newest += 1;
   const asked = newest;
   try {
-    const made = await post("/beware/example", { clicks, away });
+    const sent = [[...clicks], [...away]];
+    const answer = await post("/beware/example", { clicks, away });
     if (asked !== newest) return;
-    prototype = made.prototype;
-    show(made.looks);
+    [made, isRefused, prototype] = [sent, false, answer.prototype];
+    show(answer.looks);
     timer = setTimeout(look, PERIOD_MS, asked);
   } catch (error) {
     if (asked !== newest) return;
-    prototype = null;
-    setText(note, error.message);
+    isRefused = error.status === 409;
+    mask.hidden = true;
+    setText(note, capitalised(error.message));
   }
   onChange();
 }
@@ -103,12 +117,13 @@ async function look(asked) {
       if (asked === newest) show(looks);
     }
   } catch (error) {
-    if (asked === newest) setText(note, error.message);
+    if (asked === newest) setText(note, capitalised(error.message));
   }
   if (asked === newest) timer = setTimeout(look, PERIOD_MS, asked);
 }
 
 function show([live, ...older]) {
+  marked = false;
   mask.src = live.mask;
   mask.hidden = false;
   const percent = number(100 * live.share, 1);

@@ -14,6 +14,7 @@ export function selectTab(name) {
   for (const tab of tabs) tab.setAttribute("aria-selected", String(tab.dataset.tab === name));
   for (const part of parts)
     part.classList.toggle("elsewhere", !part.dataset.on.split(" ").includes(name));
+  document.querySelector("main").scrollTop = 0; // the tabs share one scrolled column
 }
 
 // Show the map, whatever part and whatever view is shown now.

@@ -12,6 +12,12 @@ const image = element("camera");
 const screen = image.getContext("bitmaprenderer");
 const names = element("camera-labels");
 let serial = null;
+let afterImage = () => {};
+
+// Called when a newer image is shown.
+export const onImage = (listener) => {
+  afterImage = listener;
+};
 
 const load = oneAtATime(async () => {
   const isNamed = element("overlay").checked;
@@ -22,6 +28,7 @@ const load = oneAtATime(async () => {
     isNamed ? get("/camera/labels") : { labels: [] },
   ]);
   draw(bitmap);
+  if (frame !== image.dataset.frame) afterImage();
   Object.assign(image.dataset, { serial: shown, frame });
   showNames(labels);
   await pause(IMAGE_MS);

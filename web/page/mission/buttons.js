@@ -6,7 +6,7 @@ import { element, set } from "../core/dom.js";
 import { sentence, t } from "../core/text/language.js";
 import { attempt, notify } from "../core/toasts.js";
 
-const TITLES = { leave: t("Drive out of the zone by the shortest path") };
+const TITLES = { leave: t("Drive out of the area by the shortest path") };
 
 // Why no mission drives while the robot does not know its place, by the state of that.
 const UNKNOWN = {
@@ -30,7 +30,7 @@ function refusalsOf(state) {
     pause: moves ? "" : t("Nothing drives"),
     resume: phase === "paused" ? held : t("The mission is not paused"),
     cancel: queue.length > 0 || phase !== "idle" ? "" : t("There is no mission"),
-    leave: stopped || (state.in_zone ? "" : t("The robot is in no zone")),
+    leave: stopped || (state.in_zone ? "" : t("The robot is in no area")),
   };
 }
 

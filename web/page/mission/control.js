@@ -15,6 +15,7 @@ const EDITORS =
 const REST_S = 3; // the console asks twice a second, also a hidden page
 const ACTIONS = ["take", "ask", "give"];
 let previous = null;
+let told = null; // the newest message about control, which takes the place of the one before
 let releaseKeys = () => {};
 
 // Called when this page can no longer drive.
@@ -117,13 +118,17 @@ function announce(now) {
     const change = now.taken
       ? t("{name} has taken over control. Take over to drive again.", now.holder)
       : t("{name} is in control now. Take over to drive again.", now.holder ?? {});
-    if (now.holder) notify(change);
-    else notify(t("You are no longer in control. Take over to drive again."));
+    tell(now.holder ? change : t("You are no longer in control. Take over to drive again."));
   } else if (now.yours && !previous.yours) {
-    notify(t("You are in control."), { good: true });
+    tell(t("You are in control."), { good: true });
   } else if (now.yours && now.asking && !previous.asking) {
-    notify(t("{name} asks for control: press “Hand over”, or just drive on.", now.asking));
+    tell(t("{name} asks for control: press “Hand over”, or just drive on.", now.asking));
   }
+}
+
+function tell(text, options) {
+  told?.remove();
+  told = notify(text, options);
 }
 
 for (const action of ACTIONS) {

@@ -75,8 +75,10 @@ export function showGoals(state) {
     if (up) set(up, { hidden: goal.number === 1 });
   });
   set(element("no-goals"), { hidden: waiting.length + reached.length > 0 });
-  const counts = { waiting: waiting.length, reached: state.reached_count };
-  setText(element("goal-count"), t("{waiting} waiting · {reached} reached", counts));
+  const counts = tn("{n} waiting · {reached} reached", "{n} waiting · {reached} reached", waiting.length, {
+    reached: state.reached_count,
+  });
+  setText(element("goal-count"), counts);
   if (!isLoopPending) element("loop").checked = state.loop;
 }
 

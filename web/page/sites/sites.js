@@ -34,7 +34,7 @@ function nameField(label, testId) {
     required: "",
     maxlength: 40,
     pattern: NAME_RULE,
-    title: t("1 to 40 letters, digits, blanks, - and _"),
+    title: t("1 to 40 letters A to Z, digits, blanks, - and _"),
     "data-testid": testId,
   });
 }

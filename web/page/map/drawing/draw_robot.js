@@ -102,9 +102,10 @@ export function drawRobot() {
   pen.strokeRect(-length / 2, -width / 2, length, width);
   pen.fillStyle = COLOURS.outline;
   pen.beginPath();
-  pen.moveTo(length * 0.42, 0);
-  pen.lineTo(length * 0.05, -width * 0.3);
-  pen.lineTo(length * 0.05, width * 0.3);
+  // Longer than wide, or it would not show which end is the front.
+  pen.moveTo(length * 0.45, 0);
+  pen.lineTo(-length * 0.25, -width * 0.22);
+  pen.lineTo(-length * 0.25, width * 0.22);
   pen.closePath();
   pen.fill();
   pen.restore();
