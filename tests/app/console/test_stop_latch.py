@@ -34,7 +34,7 @@ def test_a_stop_is_latched_until_it_is_reset_over_any_restart(
     stopped_by(holder, "Zoë at the door")
     latch.keep()
     assert read_latch(file) == "Zoë at the door"
-    (tmp_path / ".stopped.x7_kq0ab").touch()  # as a kill leaves it
+    (tmp_path / ".stopped.bewarenav-draft-x7_kq0ab").touch()  # as a kill leaves it
     again = StopLatch(file, holder)  # the next session, in which it is reset
     assert list(tmp_path.iterdir()) == [file]
     again.keep()
