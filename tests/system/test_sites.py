@@ -87,7 +87,7 @@ def test_another_site_has_its_own_map_zones_goals_and_list_and_the_first_comes_b
         program.post("sites/default/choose").raise_for_status()
         back = _when(program, lambda state: state["explored_m2"] >= before["explored_m2"] - 0.5)
         assert zone_names(program) == ["wet floor"] and back["phase"] == "paused"
-        assert len(back["queue"]) == 2 and "last session" in back["summary"]
+        assert len(back["queue"]) == 2 and "from before" in back["summary"]
         classes = program.get("beware").json()["classes"]
         assert {entry["name"]: entry["margin_m"] for entry in classes}["cup"] == 0.4
         # Its odometry has gone on meanwhile: it knows its place though it stands in mid-turn.
@@ -213,7 +213,7 @@ def test_after_a_kill_the_map_lacks_ten_seconds_at_most_and_goals_come_back_paus
         lately = [queue for stamp_s, queue in queues if stamp_s > last["stamp_s"] - PROMISED_S]
         assert [goal["x_m"] for goal in state["queue"]] in lately
         told = _when(program, lambda state: state["reasons"])
-        assert "last session" in told["reasons"][-1]["text"]
+        assert "from before" in told["reasons"][-1]["text"]
         assert _when(program, lambda state: state["explored_m2"] >= promised_m2)
 
 

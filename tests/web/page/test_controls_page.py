@@ -77,6 +77,8 @@ def test_a_saved_mission_is_replaced_only_after_a_question(
     expect(page.get_by_test_id("toasts")).to_contain_text("“round” is saved")
     assert len(operations.goals.missions()["round"].goals) == 3
     page.get_by_test_id("missions").click()
+    # The list as it is after the saving: its buttons take the place of those before.
+    expect(page.get_by_test_id("missions-entry")).to_contain_text("3 goals")
     delete = page.get_by_test_id("missions-entry").get_by_role("button").last
     delete.click()
     expect(delete).to_have_text("Delete?")
