@@ -34,8 +34,9 @@ class NavigatorConfig:
     cells after which the shortest path is followed instead. A count and not a clock, so that a run
     can be repeated exactly."""
     start_clear_m: float = ranged(0.0, 5.0, default=1.2)
-    """Radius in metres of the floor that is taken for free around the start pose, where the camera
-    cannot look. A robot that is put down in a narrow place needs a smaller one."""
+    """Radius in metres of the floor that is clear around the start pose, where the camera cannot
+    look; but for a rim of half a cell it is taken for free. A robot that is put down in a narrow
+    place needs a smaller one."""
     start_ahead_m: float = ranged(0.0, 5.0, default=1.2)
     """Distance in metres ahead of the start pose up to which the floor is taken for free, as wide
     as the body: from there on the camera sees it."""

@@ -129,7 +129,11 @@ class Mapper:
 
     def _start_area(self) -> list[Points]:
         """Return convex outlines, (N, 2) metres of the base frame, of the floor that is clear where
-        the robot is put down: the camera cannot see it."""
+        the robot is put down: the camera cannot see it.
+
+        What stands at the edge of the clear circle is on no map, and a cell is marked of which half
+        lies in an outline: of the circle a rim is left that keeps the middles of cells inside.
+        """
         angles = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
         circle = np.column_stack([np.cos(angles), np.sin(angles)])
         ahead_m = self._config.start_ahead_m
@@ -137,4 +141,5 @@ class Mapper:
         ahead = np.array(
             [(0.0, -beside_m), (ahead_m, -beside_m), (ahead_m, beside_m), (0.0, beside_m)]
         )
-        return [self._config.start_clear_m * circle, ahead]
+        rim_m = self.map.spec.resolution_m * math.sqrt(0.5)
+        return [max(self._config.start_clear_m - rim_m, 0.0) * circle, ahead]
