@@ -447,13 +447,18 @@ class Navigator:
             self._costmap.space, self.map.explored, self._profile, self._config
         )
 
-    def place_robot(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
+    def place_robot(
+        self, T_map_base: Pose2, covariance: Matrix, frame: Frame, *, is_sure: bool = True
+    ) -> None:
         """Set the pose of the robot at a frame, which is odometry's, with its (3, 3) covariance.
-        What it saw from a place that was on trial is taken back."""
+        What it saw from a place that was on trial is taken back, and so is what it sees from this
+        one if that turns out to be wrong, unless it `is_sure`."""
         if self._trial.take_back():
             self._plan_anew()
             self._taken_back = True
-        self.localisation.place(T_map_base, covariance, frame)
+        if not is_sure:
+            self._trial.hold(is_vouched=True)
+        self.localisation.place(T_map_base, covariance, frame, is_sure=is_sure)
         self.reset_pose()
 
     def accept_jump(self, frame: Frame) -> None:

@@ -137,7 +137,7 @@ class Localisation:
         was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
         self._T_map_driven = estimate.T_map_base @ self._driven.pose.inverse()
         if self._is_lost and not was_lost:
-            self._begin_search(may_be_there=is_believed and not len(self.tracker.saved_map))
+            self._begin_search(may_be_there=is_believed and not self.has_saved_map)
         if not self._is_searching:
             self._search.forget_scans()
             return estimate
@@ -153,7 +153,7 @@ class Localisation:
         self._beside = None
         self._search.retry()
         self._search.reconsider()  # what it has found is what led here
-        if not len(self.tracker.saved_map):
+        if not self.has_saved_map:
             self._search.forget_map()  # it has grown since it was searched last
 
     @property
@@ -167,6 +167,11 @@ class Localisation:
         """Whether the place in a saved map is not believed for good: that of a start, or one that a
         search has found."""
         return self._start is not None or self._probation is not None
+
+    @property
+    def has_saved_map(self) -> bool:
+        """Whether there is a saved map to compare scans with."""
+        return len(self.tracker.saved_map) > 0
 
     @property
     def is_in_new(self) -> bool:
@@ -304,7 +309,7 @@ class Localisation:
     def next_task(self) -> Task | None:
         """Return what to compute now beside the tick; None for nothing."""
         if not self._is_searching:
-            if self.closures is not None or len(self.tracker.saved_map):
+            if self.closures is not None or self.has_saved_map:
                 return None
             return self._loops.next_task(
                 self.tracker.own_map.keyframe, self.tracker.constant_errors
@@ -362,15 +367,20 @@ class Localisation:
     @property
     def searched_map(self) -> ScanMap:
         """The saved map or, without one, the map of this session."""
-        return self.tracker.saved_map if len(self.tracker.saved_map) else self.tracker.own_map
+        return self.tracker.saved_map if self.has_saved_map else self.tracker.own_map
 
-    def place(self, T_map_base: Pose2, covariance: Matrix, frame: Frame) -> None:
-        """Set the pose of the robot at a frame, with its (3, 3) covariance."""
+    def place(
+        self, T_map_base: Pose2, covariance: Matrix, frame: Frame, *, is_sure: bool = True
+    ) -> None:
+        """Set the pose of the robot at a frame, with its (3, 3) covariance. Unless it `is_sure`, it
+        has to prove itself in the saved map."""
         self.tracker.place(T_map_base, covariance, frame)
         self._is_lost, self._start, self._last = False, None, None
         self._kept = self._probation = self._beside = None
         self._search.restart()
         self._restart_chain()
+        if not is_sure and self.has_saved_map:
+            self._probation = Probation(self._config.start, self._config.relocalisation)
 
     def accept_jump(self, before: LocalisationEstimate, frame: Frame) -> None:
         """Follow odometry that has jumped since an estimate: the robot may be where it was then, or
@@ -422,6 +432,14 @@ class Localisation:
         at_start = StartCheck(self._config.start, self._config.relocalisation).covariance
         return bool((np.diag(covariance) <= np.diag(at_start)).all())
 
+    def settle_session(self) -> None:
+        """Make the keyframes of this session part of the saved map, whose poses are constants: what
+        is seen from now on is compared with them."""
+        if len(self.tracker.own_map):
+            self.tracker.settle_own_map()
+            self._search.forget_map()
+        self._restart_chain()
+
     def forget_session(self) -> None:
         """Forget the keyframes of this session, which were made at a wrong place."""
         self.tracker.forget_own_map()
@@ -468,7 +486,7 @@ class Localisation:
         self._search.begin_map()
         self._is_lost = False
         self._restart_chain()
-        has_map = len(self.tracker.saved_map) > 0
+        has_map = self.has_saved_map
         self._kept, self._probation, self._beside = kept, None, None
         self._start = self._start_check() if has_map and kept is None else None
         self._fixes, self._fixed_ns = FreshFixes(), -FIX_LIFE_NS

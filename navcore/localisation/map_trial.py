@@ -1,9 +1,10 @@
-"""A saved map while the place in it is on trial: what the robot has seen from a place that turns
-out to be wrong is taken back.
+"""The map while the place in it is on trial: what the robot has seen from a place that turns out to
+be wrong is taken back.
 
-A robot that is switched on believes a place before it is sure of it, because it has to drive to
-tell. Until then walls that it sees stand wherever it takes itself to be, and what the map holds
-there is cleared.
+A robot believes a place before it is sure of it, because it has to drive to tell: where it is
+switched on, where a search has found it, where an operator has put it against what it sees. Until
+then walls that it sees stand wherever it takes itself to be, and what the map holds there is
+cleared.
 """
 
 from __future__ import annotations
@@ -12,33 +13,48 @@ from navcore.config.localisation.localisation import StartConfig
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.new_way import NewWay
-from navcore.mapping.point_map import PointMap
-from navcore.mapping.storage.map_state import MapState
+from navcore.mapping.point_map import Checkpoint, PointMap
 
 
 class MapTrial:
-    """Holds a copy of the saved map until the place in it is believed for good, for at most some
+    """Holds a copy of the map until the place in it is believed for good, for at most some
     metres."""
 
     def __init__(
         self, point_map: PointMap, localisation: Localisation, config: StartConfig
     ) -> None:
         self._map, self._localisation, self._config = point_map, localisation, config
-        self._saved: MapState | None = None
+        self._held: Checkpoint | None = None
         self._is_clean, self._edits = True, 0
         self._is_corrected, self._proof = False, NewWay(config.trial_m)
+        self._is_vouched = self._was_lost = False
 
     @property
     def is_open(self) -> bool:
         """Whether what is seen now may be taken back."""
-        return self._saved is not None
+        return self._held is not None
 
     def begin(self) -> None:
         """Hold the map that was loaded, if the place in it is on trial."""
-        is_open = self._localisation.is_on_trial
-        self._saved = self._map.state() if is_open else None
+        self._held = None
+        self._was_lost = False
+        if self._localisation.is_on_trial:
+            self.hold()
+
+    def hold(self, *, is_vouched: bool = False) -> None:
+        """Hold the map as it is now, with what this session has seen, before the robot goes on from
+        a place that may be wrong; a map that is held already is held on.
+
+        `is_vouched`: an operator says that it is right, so that metres count as well where the map
+        shows little of what is seen.
+        """
+        self._is_vouched, self._proof = is_vouched, NewWay(self._config.trial_m)
+        if self._held is not None:
+            return
+        self._localisation.settle_session()
+        self._held = self._map.checkpoint()
         self._is_clean, self._edits = True, self._map.edits.count
-        self._is_corrected, self._proof = False, NewWay(self._config.trial_m)
+        self._is_corrected = False
 
     def follow(self, place: LocalisationEstimate) -> bool:
         """Note the estimate of one more frame, before it enters the map: end the trial, or take
@@ -47,9 +63,12 @@ class MapTrial:
 
         An edit by hand ends the trial, too: the operator has looked at the map and found it right.
         """
+        was_lost, self._was_lost = self._was_lost, not place.is_known
         if not place.is_known:
-            self._proof = NewWay(self._config.trial_m)
+            self._proof, self._is_vouched = NewWay(self._config.trial_m), False
             return self.take_back()
+        if was_lost and self._localisation.is_on_trial and self._localisation.has_saved_map:
+            self.hold(is_vouched=self._is_vouched)
         # The pose follows a correction from the next frame on, or when the robot stands.
         is_applied = self._is_corrected and not self._localisation.waits_for_standstill
         is_changed = is_applied and self.take_back()
@@ -59,10 +78,10 @@ class MapTrial:
         if place.place_correction is not None and place.place_correction.source is None:
             # By scans: the place that they have found has to prove itself.
             self._proof = NewWay(self._config.trial_m)
-        if not self._localisation.is_in_new:
+        if self._is_vouched or not self._localisation.is_in_new:
             self._proof.follow(place.T_driven_base)
         if self._is_edited or not self._localisation.is_on_trial or self._proof.is_enough:
-            self._saved = None
+            self._held = None
         self._is_clean = False
         return is_changed
 
@@ -72,14 +91,12 @@ class MapTrial:
         return self._map.edits.count != self._edits
 
     def take_back(self) -> bool:
-        """Restore the saved map while the trial is open; returns whether it has changed."""
+        """Return to the map that is held, if the trial is open; returns whether it has changed."""
         if self._is_edited:
-            self._saved = None
-        if self._saved is None or self._is_clean:
+            self._held = None
+        if self._held is None or self._is_clean:
             return False
-        scans = self._map.scans
-        self._map.restore(self._saved)
-        self._map.scans = scans
+        self._map.return_to(self._held)
         self._localisation.forget_session()
         self._is_clean, self._is_corrected = True, False
         return True

@@ -15,6 +15,7 @@ The occupied cells (`navcore.mapping.layers`) follow every insertion and removal
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -56,12 +57,22 @@ from navcore.mapping.points.pose_ids import PoseIds, check_movable
 from navcore.mapping.points.rejections import Rejections
 from navcore.mapping.storage.map_state import MapState
 from navcore.mapping.storage.stored_scans import NO_SCANS, StoredScans
-from navcore.mapping.terrain.terrain_map import TerrainMap
+from navcore.mapping.terrain.terrain_map import TerrainMap, TerrainRecords
 from navcore.mapping.views.observation import Observation
 from navcore.mission.beware_list import NOTHING, BewareList
 from navcore.perception.labels import Labels
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Checkpoint:
+    """What a map holds at one moment."""
+
+    state: MapState
+    """What is stored."""
+    terrain: TerrainRecords
+    """Ground as it was seen, which is not."""
 
 
 class PointMap:
@@ -343,6 +354,20 @@ class PointMap:
         self.edits.forget_areas()
         self._placed.snapshot += 1
         self._placed.version += 1
+
+    def checkpoint(self) -> Checkpoint:
+        """Return what the map holds; its present poses are constants from now on, and a correction
+        that is prepared cannot be applied."""
+        self.pose_ids.freeze()
+        self._placed.snapshot += 1
+        return Checkpoint(state=self.state(), terrain=self.terrain.records())
+
+    def return_to(self, checkpoint: Checkpoint) -> None:
+        """Take back all that has come since a checkpoint, and the growth of the grid."""
+        scans = self.scans
+        self.restore(checkpoint.state)
+        self.scans = scans
+        self.terrain.restore(checkpoint.terrain)
 
     def use(self, beware: BewareList) -> None:
         """Count only points with the confidence that the list asks for, past ones included, and let

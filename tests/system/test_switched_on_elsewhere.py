@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.console.site.place_editor import UNCHECKED
 from app.episode.episode import Episode, EpisodeSettings
 from app.runtime.record.map_persistence import load_map, save_map
 from navcore.config.navigator import NavigatorConfig
-from navcore.geometry.transform import Pose2
+from navcore.geometry.transform import Pose2, Twist
 from navcore.localisation.scans.keyframe_store import stored
 from navcore.localisation.start_check import Probation, StartCheck
 from navcore.mapping.storage import map_file
@@ -24,6 +25,7 @@ from sim.scenario.load import load_scenario
 BEWARE = default_beware_list()
 DEFAULT = NavigatorConfig()
 OFFICE = load_scenario("office")
+CONFIRMED = np.diag([0.01, 0.01, 0.001])
 
 
 @pytest.fixture(scope="module")
@@ -231,5 +233,41 @@ def test_an_edit_by_hand_ends_the_trial(
         assert not navigator.map_is_on_trial
         found = contents(episode)
         np.testing.assert_array_equal(found.points.points_map, wrong.points.points_map)
+    finally:
+        episode.close()
+
+
+def test_what_is_seen_from_a_forced_place_that_contradicts_is_taken_back_and_nothing_more(
+    kept: tuple[Path, Pose2],
+) -> None:
+    """The robot has seen much in this session before it is put elsewhere."""
+    path, _ = kept
+    episode = seen_from(OFFICE.start_pose, path)
+    try:
+        navigator, told = episode.controller.navigator, list[TickResult]()
+        episode.on_decision = lambda _, decision: told.append(decision)
+        episode.observe(episode.now_s + 0.3)
+        navigator.place_robot(episode.simulator.true_pose(), CONFIRMED, told[-1].frame)
+        episode.drive_by_hand(Twist(v_mps=0.0, w_radps=0.5), episode.now_s + 3.0)
+        episode.observe(episode.now_s + 0.5)
+        before, here = contents(episode), episode.simulator.true_pose()
+        assert not navigator.map_is_on_trial
+        assert len(before.scans.pose_ids) > len(map_file.load(path).state.scans.pose_ids)
+        wrong = here @ Pose2(x_m=0.5, y_m=1.0, yaw_rad=2.0)
+        navigator.place_robot(wrong, UNCHECKED, told[-1].frame, is_sure=False)
+        episode.observe(episode.now_s + 0.3)
+        assert navigator.map_is_on_trial
+        assert len(contents(episode).poses) > len(before.poses)
+        while navigator.place.is_known and len(told) < 400:
+            episode.drive_by_hand(Twist(v_mps=0.0, w_radps=0.5), episode.now_s + 0.5)
+        assert not navigator.place.is_known, "what it sees contradicts the place"
+        found = contents(episode)
+        np.testing.assert_array_equal(found.poses, before.poses)
+        np.testing.assert_array_equal(found.points.points_map, before.points.points_map)
+        np.testing.assert_array_equal(found.visible.bools, before.visible.bools)
+        np.testing.assert_array_equal(found.scans.pose_ids, before.scans.pose_ids)
+        navigator.place_robot(here, CONFIRMED, told[-1].frame)
+        episode.observe(episode.now_s + 1.0)
+        assert navigator.place.is_known and not navigator.map_is_on_trial
     finally:
         episode.close()

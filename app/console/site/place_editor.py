@@ -84,7 +84,9 @@ class PlaceEditor:
         # It may have been driven by hand since the scan: the tables of a large map take seconds.
         self._controller.require_standing("show its place")
         moved = stood.inverse() @ self._controller.place.T_driven_base
-        self._controller.place_robot(answer.pose @ moved, covariance, site_id=site_id)
+        self._controller.place_robot(
+            answer.pose @ moved, covariance, is_sure=found.is_accepted, site_id=site_id
+        )
         against = f"An operator has put the robot where the check spoke against it: {answer.text}"
         self._tell(_SHOWN if found.is_accepted else against)
         return answer

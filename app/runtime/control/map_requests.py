@@ -18,6 +18,18 @@ from navcore.robot.frame import Frame, check_frame
 log = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShownPlace:
+    """Where an operator has put the robot."""
+
+    T_map_base: Pose2
+    """The place."""
+    covariance: Matrix
+    """Its (3, 3) covariance."""
+    is_sure: bool = True
+    """Whether the scans confirm it: else it has to prove itself."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapRequests:
     """Requests since the last tick."""
@@ -32,8 +44,8 @@ class MapRequests:
     """Whether the pose of the next frame counts, whatever came before."""
     search: bool = False
     """Whether to forget the place and look for it in the whole map."""
-    place: tuple[Pose2, Matrix] | None = None
-    """T_map_base at the next frame with its (3, 3) covariance; None to keep the estimate."""
+    place: ShownPlace | None = None
+    """Place at the next frame; None to keep the estimate."""
 
     def before(self, newer: MapRequests) -> MapRequests:
         """Return newer requests after these: of two places the newer one counts, and of what is
@@ -75,7 +87,12 @@ class MapRequests:
         if self.search:
             attempt(lambda: navigator.localisation.search(frame.stamp_ns))
         if self.place is not None:
-            attempt(partial(navigator.place_robot, *self.place, frame))
+            shown = self.place
+            attempt(
+                lambda: navigator.place_robot(
+                    shown.T_map_base, shown.covariance, frame, is_sure=shown.is_sure
+                )
+            )
         return MapRequests()
 
 

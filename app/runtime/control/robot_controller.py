@@ -15,7 +15,7 @@ from typing import Any
 
 from app.runtime.control.background import Background, InlineBackground
 from app.runtime.control.held_timer import HeldTimer
-from app.runtime.control.map_requests import MapRequests
+from app.runtime.control.map_requests import MapRequests, ShownPlace
 from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.segmentation_ahead import SegmentedFrame
 from app.runtime.control.stage_timer import TICK, StageTimer
@@ -179,14 +179,20 @@ class RobotController:
         requests.apply(self.navigator, None)
 
     def place_robot(
-        self, T_map_base: Pose2, covariance: Matrix, *, site_id: str | None = None
+        self,
+        T_map_base: Pose2,
+        covariance: Matrix,
+        *,
+        is_sure: bool = True,
+        site_id: str | None = None,
     ) -> None:
-        """Set the pose of the robot, with its (3, 3) covariance, before the next tick. `site_id`:
-        that of the site for whose map it is meant, if it may have changed; then raises
-        `OtherSite`."""
+        """Set the pose of the robot, with its (3, 3) covariance, before the next tick; unless it
+        `is_sure`, it has to prove itself. `site_id`: that of the site for whose map it is meant, if
+        it may have changed; then raises `OtherSite`."""
+        shown = ShownPlace(T_map_base=T_map_base, covariance=covariance, is_sure=is_sure)
         with self._lock:
             self._require_site(site_id)
-            self._ask(place=(T_map_base, covariance), search=False)
+            self._ask(place=shown, search=False)
 
     def enter_site(
         self, edit: Callable[[OperatorState], OperatorState], replace_map: Callable[[], None]

@@ -159,6 +159,11 @@ class Localiser:
         """Take the keyframes of a saved map, whose poses are constants from now on."""
         self._saved.replace(keyframes)
 
+    def settle_own_map(self) -> None:
+        """Make the keyframes of this session part of the saved map, whose poses are constants."""
+        self._saved.replace(self.keyframes)
+        self.forget_own_map()
+
     def forget_own_map(self) -> None:
         """Forget the keyframes of this session."""
         self._chain, self._relative = KeyframeChain(self._pose_ids, self._config), {}

@@ -106,9 +106,11 @@ class Rejections:
         return removed
 
     def load(self, stored: tuple[Rejection, ...], rows: Floats, spec: GridSpec) -> None:
-        """Replace all rejections."""
-        self.all = tuple(dataclasses.replace(one, id=i) for i, one in enumerate(stored, 1))
-        self._next_id = len(stored) + 1
+        """Replace all rejections; those without a number get one."""
+        self.all = tuple(
+            dataclasses.replace(one, id=one.id or i) for i, one in enumerate(stored, 1)
+        )
+        self._next_id = max((one.id for one in self.all), default=0) + 1
         self.place(rows, spec)
 
     def place(self, rows: Floats, spec: GridSpec) -> None:

@@ -35,6 +35,9 @@ from navcore.mapping.terrain.looks import VALUES, TerrainLooks, terrain_looks
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
 
+TerrainRecords = npt.NDArray[np.void]
+"""(N,) rows of `RECORD`."""
+
 
 class _Tile:
     """Sums of the looks in the map frame, and the record to which further looks are added."""
@@ -144,6 +147,17 @@ class TerrainMap:
         slopes[known] = in_base[:, 1:3] / in_base[:, :1] - tilt
         uneven = np.hypot(*slopes[known].T) > rules.uneven_slope
         return slopes if uneven.any() else None
+
+    def records(self) -> TerrainRecords:
+        """Return a copy of all records, from which `restore` continues."""
+        return self._records[: self._count].copy()
+
+    def restore(self, records: TerrainRecords) -> None:
+        """Replace what was seen by former records, at the present poses."""
+        self._count, self._last = 0, None
+        self._reserve(len(records))
+        self._records[: len(records)], self._count = records, len(records)
+        self.place()
 
     def place(self) -> None:
         """Compute all cells from the records at the present poses, after these were corrected."""

@@ -20,6 +20,7 @@ from navcore.mapping.point_map import PointMap
 
 RULES = StartConfig()
 LOCATED = LocalisationEstimate(state=LocalisationState.LOCATED)
+LOST = LocalisationEstimate(state=LocalisationState.LOST)
 CORRECTED = dataclasses.replace(LOCATED, place_correction=PlaceCorrection(source=None, shift_m=1.2))
 
 
@@ -30,18 +31,32 @@ class Driving:
     is_on_trial: bool = True
     is_in_new: bool = False
     waits_for_standstill: bool = False
+    has_saved_map: bool = True
     forgotten: int = 0
+
+    def settle_session(self) -> None:
+        """Of this session there is nothing."""
 
     def forget_session(self) -> None:
         self.forgotten += 1
 
 
-def trial() -> tuple[MapTrial, PointMap, Driving]:
+def trial(driving: Driving | None = None) -> tuple[MapTrial, PointMap, Driving]:
     spec = GridSpec.centred(size_m=(8.0, 8.0), resolution_m=0.1)
-    point_map, driving = PointMap(spec, NavigatorConfig().map), Driving()
+    point_map, driving = PointMap(spec, NavigatorConfig().map), driving or Driving()
     begun = MapTrial(point_map, cast(Localisation, driving), RULES)
     begun.begin()
     return begun, point_map, driving
+
+
+def metres_until_closed(begun: MapTrial, most_m: float = 10 * RULES.trial_m) -> float | None:
+    """Metres straight on that end a trial; None if that many do not."""
+    for count in range(round(most_m / 0.3)):
+        at = Pose2(x_m=0.3 * count, y_m=0.0, yaw_rad=0.0)
+        begun.follow(dataclasses.replace(LOCATED, T_driven_base=at))
+        if not begun.is_open:
+            return 0.3 * count
+    return None
 
 
 def frames_until_closed(
@@ -98,3 +113,27 @@ def test_what_was_seen_before_a_correction_is_taken_back_once_it_is_applied() ->
     assert begun.follow(LOCATED)
     assert driving.forgotten == 1
     assert not point_map.layers.bools(0).any()
+
+
+def test_what_an_operator_vouches_for_is_proved_also_where_the_map_shows_nothing() -> None:
+    begun, _, _ = trial(Driving(is_in_new=True))
+    assert metres_until_closed(begun) is None
+    begun.hold(is_vouched=True)
+    assert metres_until_closed(begun) == pytest.approx(RULES.trial_m, abs=1.3)
+
+
+@pytest.mark.parametrize("has_saved_map", [True, False])
+def test_a_place_that_a_search_has_found_later_is_on_trial_in_a_saved_map(
+    has_saved_map: bool,
+) -> None:
+    begun, point_map, driving = trial(Driving(is_on_trial=False, has_saved_map=has_saved_map))
+    begun.follow(LOCATED)
+    assert not begun.is_open
+    begun.follow(LOST)
+    driving.is_on_trial = True
+    assert not begun.follow(LOCATED)
+    assert begun.is_open is has_saved_map
+    occupied = np.ones((point_map.spec.rows, point_map.spec.cols), dtype=np.bool_)
+    point_map.load_prior(occupied)
+    assert begun.follow(LOST) is has_saved_map
+    assert bool(point_map.layers.bools(0).all()) is not has_saved_map

@@ -101,6 +101,29 @@ def test_a_place_that_contradicts_the_map_is_refused_unless_forced(desk: Desk) -
     assert desk.controller.place.T_map_base.distance_to(0.0, 0.0) < 0.1
 
 
+def test_what_is_seen_from_a_forced_place_is_taken_back_if_it_was_wrong() -> None:
+    desk = Desk()
+    desk.see()
+    desk.see()
+    navigator = desk.controller.navigator
+    before = navigator.map.state()
+    desk.editor.place(Pose2(x_m=-3.0, y_m=4.0, yaw_rad=2.0), force=True)
+    desk.see()
+    assert desk.editor.status().on_trial
+    wrong = navigator.map.state()
+    assert len(wrong.poses) > len(before.poses)
+    assert (wrong.visible.bools & ~before.visible.bools).sum() > 300
+    desk.editor.place(HERE, force=False)
+    desk.see()
+    after = navigator.map.state()
+    assert not desk.editor.status().on_trial
+    np.testing.assert_array_equal(after.poses, before.poses)
+    assert (after.visible.bools & ~before.visible.bools).sum() < 100
+    # What the robot has seen in this session before is still what its place is found by.
+    np.testing.assert_array_equal(after.scans.pose_ids, before.scans.pose_ids)
+    assert len(before.scans.pose_ids)
+
+
 def test_a_place_to_which_the_map_cannot_grow_is_refused(desk: Desk) -> None:
     with pytest.raises(BadGeometry):
         desk.editor.place(Pose2(x_m=5e5, y_m=0.0, yaw_rad=0.0), force=True)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.runtime.control.background import InlineBackground
-from app.runtime.control.map_requests import MapRequests
+from app.runtime.control.map_requests import MapRequests, ShownPlace
 from app.runtime.control.operator_state import OperatorState, PlaceSearch
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.control.stop_reasons import SEARCH_FAILED
@@ -224,7 +224,7 @@ def test_a_robot_that_stands_for_a_correction_of_its_place_says_so() -> None:
 
 
 def test_of_a_place_and_a_search_that_wait_the_newer_counts() -> None:
-    shown = (Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0), np.eye(3))
+    shown = ShownPlace(T_map_base=Pose2(x_m=1.0, y_m=0.0, yaw_rad=0.0), covariance=np.eye(3))
     placed, searched = MapRequests(place=shown), MapRequests(search=True)
     assert placed.before(searched) == searched
     after = searched.before(placed)
@@ -287,7 +287,7 @@ def test_what_was_computed_or_shown_on_a_map_is_not_taken_for_the_next_one(
     )
     think(driver)
     monkeypatch.setattr(driver.navigator, "take", taken.append)
-    monkeypatch.setattr(driver.navigator, "place_robot", lambda *place: taken.append(place[0]))
+    monkeypatch.setattr(driver.navigator, "place_robot", lambda *place, **_: taken.append(place[0]))
     background.submit(Computed())
     driver.place_robot(shown, np.eye(3))
     if enters:
