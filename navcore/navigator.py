@@ -37,6 +37,7 @@ from navcore.localisation.zone_margins import ZoneMargins
 from navcore.mapping.correction import PreparedCorrection
 from navcore.mapping.mapper import Mapper
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.storage.map_state import MapState
 from navcore.mapping.views.extent import needed_part, permitted_part
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
@@ -416,6 +417,11 @@ class Navigator:
         wrong."""
         return self._trial.is_open
 
+    @property
+    def held_map(self) -> MapState | None:
+        """The map without what may be taken back, to be stored; None where nothing may."""
+        return self._trial.held
+
     def take(self, outcome: Outcome | PreparedCorrection | TaskFailed) -> None:
         """Receive the outcome of a task before the next tick."""
         self._correction.take(outcome)
@@ -453,10 +459,17 @@ class Navigator:
         """Set the pose of the robot at a frame, which is odometry's, with its (3, 3) covariance.
         What it saw from a place that was on trial is taken back, and so is what it sees from this
         one if that turns out to be wrong, unless it `is_sure`."""
+        here = self.place.T_map_odom @ frame.pose
+        if (
+            is_sure
+            and self.place.is_known
+            and not is_large(here, T_map_base @ here.inverse(), self._config.localisation.tracking)
+        ):
+            self._trial.end()  # it was right
         if self._trial.take_back():
             self._plan_anew()
             self._taken_back = True
-        if not is_sure:
+        if not is_sure and self.localisation.has_saved_map:
             self._trial.hold(is_vouched=True)
         self.localisation.place(T_map_base, covariance, frame, is_sure=is_sure)
         self.reset_pose()

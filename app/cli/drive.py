@@ -151,13 +151,14 @@ def drive(settings: DriveSettings) -> None:
         result = _run(episode)
         if settings.report is not None:
             write_whole(settings.report, json.dumps(result, indent=1).encode())
-        if settings.kept is not None and episode.controller.navigator.map_is_on_trial:
+        held = episode.controller.navigator.held_map
+        save_map(world, beware, settings.kept, held)
+        if settings.kept is not None and held is not None:
             typer.echo(
-                f"{settings.kept} stays as it was: the robot was not sure of its place in this map",
+                f"{settings.kept} is without what was seen last: the robot was not sure of its "
+                "place in this map",
                 err=True,
             )
-        else:
-            save_map(world, beware, settings.kept)
         if settings.plots is not None:
             plot_episode(result, episode, keyframes, settings.plots)
     finally:

@@ -244,7 +244,11 @@ def console(
         )
         # The last one is called first: what is to be stored waits for no network that is prepared.
         stack.callback(operations.close)
-        stack.callback(lambda: keeper.finish(point_map, controller.intent.beware.names))
+        stack.callback(
+            lambda: keeper.finish(
+                point_map, controller.intent.beware.names, controller.navigator.held_map
+            )
+        )
         stack.callback(recorder.close)
         stack.callback(operations.sites.keep_session)
         stack.callback(latch.keep)

@@ -293,9 +293,7 @@ class LiveOperations:
         self.insight.note_place(moved)
         request = self._controller.tick_state.request
         names = {} if request is None else request.beware.names
-        self.keeper.note_tick(
-            point_map, names, decision.frame.stamp_ns, on_trial=navigator.map_is_on_trial
-        )
+        self.keeper.note_tick(point_map, names, decision.frame.stamp_ns, held=navigator.held_map)
 
     # Snapshots
 

@@ -14,6 +14,7 @@ from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.new_way import NewWay
 from navcore.mapping.point_map import Checkpoint, PointMap
+from navcore.mapping.storage.map_state import MapState
 
 
 class MapTrial:
@@ -33,6 +34,15 @@ class MapTrial:
     def is_open(self) -> bool:
         """Whether what is seen now may be taken back."""
         return self._held is not None
+
+    @property
+    def held(self) -> MapState | None:
+        """The map without what may be taken back; None where nothing may."""
+        return None if self._held is None else self._held.state
+
+    def end(self) -> None:
+        """Take the place for right."""
+        self._held = None
 
     def begin(self) -> None:
         """Hold the map that was loaded, if the place in it is on trial."""

@@ -80,7 +80,8 @@ class MapLayers:
         self._least = np.zeros(64, dtype=np.float32)
         self._changes: list[Changes] | None = None
         self._prior: npt.NDArray[np.bool_] = np.zeros(spec.rows * spec.cols, dtype=np.bool_)
-        self._loaded_prior: CellMask | None = None
+        self.loaded_prior: CellMask | None = None
+        """Cells of the prior map that was loaded, seen free since or not; None without one."""
         self._prior_mask: CellMask | None = None
 
     def add_classes(self, class_ids: npt.NDArray[np.uint8]) -> None:
@@ -115,7 +116,7 @@ class MapLayers:
         """Continue on a larger grid; all cells then count as changed."""
         self._spec = growth.new
         self._planes = np.stack([growth.plane(plane) for plane in self._planes])
-        loaded, prior = self._loaded_prior, np.zeros(growth.new.rows * growth.new.cols, np.bool_)
+        loaded, prior = self.loaded_prior, np.zeros(growth.new.rows * growth.new.cols, np.bool_)
         if loaded is not None:
             prior[growth.flat(np.flatnonzero(self._prior))] = True
         self._set_prior(prior, None if loaded is None else growth.mask(loaded))
@@ -133,7 +134,7 @@ class MapLayers:
     def rules(self) -> LayerRules:
         """Return what decides which cells the points occupy."""
         return LayerRules(
-            class_ids=self._class_ids, least=self._least, loaded_prior=self._loaded_prior
+            class_ids=self._class_ids, least=self._least, loaded_prior=self.loaded_prior
         )
 
     def replace(
@@ -184,7 +185,7 @@ class MapLayers:
     @property
     def prior(self) -> CellMask | None:
         """Occupied cells of the prior map that were not seen free; None without a prior map."""
-        if self._loaded_prior is not None and self._prior_mask is None:
+        if self.loaded_prior is not None and self._prior_mask is None:
             self._prior_mask = CellMask.of(self._prior.reshape(self._spec.rows, self._spec.cols))
         return self._prior_mask
 
@@ -203,7 +204,7 @@ class MapLayers:
     @property
     def floor_bins(self) -> np.uint64:
         """Height bins in which a measurement disproves the prior map; 0 without a prior map."""
-        return np.uint64(0) if self._loaded_prior is None else self._floor_bins
+        return np.uint64(0) if self.loaded_prior is None else self._floor_bins
 
     def clear_prior(self, floor: Indices) -> Indices:
         """Remove and return the cells of the prior map among (N,) cells, row · cols + col, whose
@@ -217,9 +218,9 @@ class MapLayers:
     def erase_prior(self, cells: Indices) -> Indices:
         """Take (N,) cells, row · cols + col, out of the prior map for good; return those that were
         in it. `refresh` has to follow."""
-        if self._loaded_prior is None:
+        if self.loaded_prior is None:
             return cells[:0]
-        loaded = self._loaded_prior.bools.reshape(-1).copy()
+        loaded = self.loaded_prior.bools.reshape(-1).copy()
         erased: Indices = cells[loaded[cells]]
         loaded[erased] = self._prior[erased] = False
         self._set_prior(self._prior, CellMask.of(loaded.reshape(self._spec.rows, -1)))
@@ -228,14 +229,14 @@ class MapLayers:
     def put_back_prior(self, cells: Indices, disproved: Bools) -> None:
         """Put (N,) erased cells back into the prior map; `disproved`: (N,) whether their floor was
         measured. `refresh` has to follow."""
-        if self._loaded_prior is None or not len(cells):
+        if self.loaded_prior is None or not len(cells):
             return
-        loaded = self._loaded_prior.bools.reshape(-1).copy()
+        loaded = self.loaded_prior.bools.reshape(-1).copy()
         loaded[cells], self._prior[cells] = True, ~disproved
         self._set_prior(self._prior, CellMask.of(loaded.reshape(self._spec.rows, -1)))
 
     def _set_prior(self, prior: Bools, loaded: CellMask | None) -> None:
-        self._prior, self._prior_mask, self._loaded_prior = prior, None, loaded
+        self._prior, self._prior_mask, self.loaded_prior = prior, None, loaded
 
     def _refresh_classes(self, points: PointTable, class_ids: Indices) -> None:
         """Recompute the cells that hold points of some classes."""

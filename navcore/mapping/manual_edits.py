@@ -44,7 +44,8 @@ class ManualEdits:
     ) -> None:
         self._placed, self._explored, self._terrain = placed, explored, terrain
         self._rejections, self._rules = rejections, rules
-        self._erased_areas: tuple[ErasedArea, ...] = ()
+        self.erased_areas: tuple[ErasedArea, ...] = ()
+        """What was erased, so that images of before do not bring it back."""
         self.erasures = 0
         """Number of the newest erasure of points of the beware list."""
         self.count = 0
@@ -64,7 +65,7 @@ class ManualEdits:
         if is_area:
             self.erasures += 1
             area = ErasedArea(number=self.erasures, cells=cells, kinds=kinds)
-            self._erased_areas = (*self._erased_areas, area)[-MOST_ERASED_AREAS:]
+            self.erased_areas = (*self.erased_areas, area)[-MOST_ERASED_AREAS:]
         prior, beyond, ground = cells[:0], cells[:0], None
         if kinds[NOTHING]:
             prior, beyond = self._placed.layers.erase_prior(cells), self._beyond_limits(cells)
@@ -94,8 +95,8 @@ class ManualEdits:
         taken, spec = erased.records.copy(), self._placed.spec
         place(taken, taken["pose_id"], self._placed.rows, spec)
         if erased.is_area:
-            areas = (area for area in self._erased_areas if area.number != erased.number)
-            self._erased_areas = tuple(areas)
+            areas = (area for area in self.erased_areas if area.number != erased.number)
+            self.erased_areas = tuple(areas)
         taken = self._not_erased_since(erased.number, taken)
         put_back(self._placed.table, taken)
         at = (spec.cell(x, y) for x, y in erased.prior_xy)
@@ -190,7 +191,7 @@ class ManualEdits:
 
     def _not_erased_since(self, number: int, points: Records) -> Records:
         """Return points without those in areas that were erased after the erasure of a number."""
-        for area in self._erased_areas:
+        for area in self.erased_areas:
             if area.number > number:
                 points = points[~area.holds(points)]
         return points
@@ -213,10 +214,10 @@ class ManualEdits:
 
     def grow(self, growth: Growth) -> None:
         """Keep the erased areas in their place on a larger grid."""
-        self._erased_areas = tuple(
-            dataclasses.replace(area, cells=growth.flat(area.cells)) for area in self._erased_areas
+        self.erased_areas = tuple(
+            dataclasses.replace(area, cells=growth.flat(area.cells)) for area in self.erased_areas
         )
 
     def forget_areas(self) -> None:
         """Forget what was erased: another map is loaded."""
-        self._erased_areas = ()
+        self.erased_areas = ()

@@ -23,7 +23,7 @@ from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration
 from navcore.geometry.arrays import Bools, FloatImage, Indices, Points
 from navcore.geometry.transform import Pose2
-from navcore.grid.bitplane import MOST_CELLS
+from navcore.grid.bitplane import MOST_CELLS, BitPlane
 from navcore.grid.cell_mask import CellMask
 from navcore.grid.grid import BoolGrid, Box, GridSpec
 from navcore.grid.growth import Growth
@@ -43,6 +43,7 @@ from navcore.mapping.points.confidence import (
     ALL_RECOGNISED,
     initial_confidence,
 )
+from navcore.mapping.points.erasing import ErasedArea
 from navcore.mapping.points.people_points import (
     body_cells,
     class_set,
@@ -67,12 +68,18 @@ from navcore.robot.profile import HUSKY, RobotProfile
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Checkpoint:
-    """What a map holds at one moment."""
+    """What a map holds at one moment, stored or not."""
 
     state: MapState
     """What is stored."""
     terrain: TerrainRecords
-    """Ground as it was seen, which is not."""
+    """Ground as it was seen."""
+    floor: BitPlane
+    """Cells whose floor was measured."""
+    loaded_prior: CellMask | None
+    """Cells of the prior map as it was loaded."""
+    erased_areas: tuple[ErasedArea, ...]
+    """What operators have erased."""
 
 
 class PointMap:
@@ -360,7 +367,13 @@ class PointMap:
         that is prepared cannot be applied."""
         self.pose_ids.freeze()
         self._placed.snapshot += 1
-        return Checkpoint(state=self.state(), terrain=self.terrain.records())
+        return Checkpoint(
+            state=self.state(),
+            terrain=self.terrain.records(),
+            floor=self.explored.live.planes[FLOOR].copy(),
+            loaded_prior=self.layers.loaded_prior,
+            erased_areas=self.edits.erased_areas,
+        )
 
     def return_to(self, checkpoint: Checkpoint) -> None:
         """Take back all that has come since a checkpoint, and the growth of the grid."""
@@ -368,6 +381,9 @@ class PointMap:
         self.restore(checkpoint.state)
         self.scans = scans
         self.terrain.restore(checkpoint.terrain)
+        self.explored.restore_floor(checkpoint.floor)
+        self.layers.loaded_prior = checkpoint.loaded_prior
+        self.edits.erased_areas = checkpoint.erased_areas
 
     def use(self, beware: BewareList) -> None:
         """Count only points with the confidence that the list asks for, past ones included, and let

@@ -297,6 +297,7 @@ class LiveSites:
         self._controller.require_standing()
         before, spec = self._store.site, self._controller.navigator.first_grid
         left = self._controller.place
+        is_believed = left.is_known and not self._controller.navigator.map_is_on_trial
         expected, kept = self._expected_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), site.beware() or self._new_beware
@@ -345,7 +346,7 @@ class LiveSites:
                 begin_list(site, self._new_beware)
             self._user.enter_site(site)
         self._left.pop(site.id, None)
-        if left.is_known:
+        if is_believed:
             self._left[before.id] = left
         self._placed = None
         self._listings.clear()

@@ -42,9 +42,9 @@ class MapKeeper:
         """`class_names`: class id → name in the map so far, removed classes included."""
         self._path, self._names = path, dict(class_names)
         self._waiting: _Snapshot | None = None
-        self._copied: tuple[int, float, int] | None = None
+        self._copied: tuple[int, float, int] | MapState | None = None
+        """The map that was copied last, or what tells it from others."""
         self._looked_ns: int | None = None
-        self._on_trial = False
         self.left: Path | None = None
         """File of the map before, which is written no more once its folder is deleted."""
         self._asked, self._answered = threading.Event(), threading.Event()
@@ -66,7 +66,6 @@ class MapKeeper:
         """Keep another map in another file from the next snapshot on; called by the thread that
         changes the map."""
         self._path, self._names, self._copied = path, dict(class_names), None
-        self._on_trial = False
 
     def note_correction(self) -> None:
         """Copy the map after this tick; called by the think thread when a correction has moved it,
@@ -79,17 +78,16 @@ class MapKeeper:
         names: Mapping[int, str],
         now_ns: int,
         *,
-        on_trial: bool = False,
+        held: MapState | None = None,
     ) -> None:
         """Copy the map when it is due; called by the think thread after each tick.
 
-        `names`: class id → name in the beware list of the tick. As long as the map is `on_trial`,
-        what it holds may be wrong, and the file stays as it is.
+        `names`: class id → name in the beware list of the tick. `held`: the map to keep instead, as
+        long as what the present one holds besides may be wrong.
         """
-        self._on_trial = on_trial
         if self._asked.is_set():
             self._asked.clear()
-            self._copy(point_map, names)
+            self._copy(point_map, names, held)
             self._answered.set()
             return
         since_ns = self._looked_ns
@@ -97,8 +95,8 @@ class MapKeeper:
         is_due = since_ns is None or not 0 <= now_ns - since_ns < SNAPSHOT_PERIOD_S * 1e9
         if is_due and self._waiting is None:
             self._looked_ns = now_ns
-            if _key(point_map) != self._copied:
-                self._copy(point_map, names)
+            if (held or _key(point_map)) != self._copied:
+                self._copy(point_map, names, held)
 
     def write_now(self, edit_map: Callable[[Callable[[PointMap], None]], None]) -> None:
         """Write the present map before returning; raises `StorageFailed`, and `Refused` when no
@@ -111,16 +109,19 @@ class MapKeeper:
             raise Refused("the map cannot be kept now, as the camera delivers no image; try again")
         self._write()
 
-    def finish(self, point_map: PointMap, names: Mapping[int, str]) -> None:
-        """Write the map at the end, when no thread changes it any more."""
-        self._copy(point_map, names)
+    def finish(
+        self, point_map: PointMap, names: Mapping[int, str], held: MapState | None = None
+    ) -> None:
+        """Write the map at the end, when no thread changes it any more; `held` as for
+        `note_tick`."""
+        self._copy(point_map, names, held)
         self._write()
 
-    def _copy(self, point_map: PointMap, names: Mapping[int, str]) -> None:
-        if self._on_trial:
-            return
+    def _copy(
+        self, point_map: PointMap, names: Mapping[int, str], held: MapState | None = None
+    ) -> None:
         self._names |= names
-        self._copied, state = _key(point_map), point_map.state()
+        self._copied, state = held or _key(point_map), held or point_map.state()
         with self._handing:
             self._waiting = _Snapshot(path=self._path, state=state, class_names=dict(self._names))
 

@@ -14,6 +14,7 @@ from navcore.grid.grid import GridSpec
 from navcore.grid.growth import growth_into, growth_over
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage import map_file
+from navcore.mapping.storage.map_state import MapState
 from navcore.mapping.storage.prior_map import prior_layer
 from navcore.mission.beware_list import BewareList
 
@@ -54,10 +55,12 @@ def check_grid(spec: GridSpec, first: GridSpec, where: str) -> None:
         )
 
 
-def save_map(cloud: PointMap, beware: BewareList, kept: Path | None) -> None:
-    """Write the map to its file, atomically."""
+def save_map(
+    cloud: PointMap, beware: BewareList, kept: Path | None, held: MapState | None = None
+) -> None:
+    """Write the map, or one that is `held` instead, to its file, atomically."""
     if kept is not None:
-        map_file.save(kept, cloud.state(), {**names_in(kept), **beware.names})
+        map_file.save(kept, held or cloud.state(), {**names_in(kept), **beware.names})
 
 
 def names_in(kept: Path) -> Mapping[int, str]:

@@ -161,7 +161,8 @@ class Localiser:
 
     def settle_own_map(self) -> None:
         """Make the keyframes of this session part of the saved map, whose poses are constants."""
-        self._saved.replace(self.keyframes)
+        for keyframe in self._chain.map.keyframes:
+            self._saved.put(keyframe)
         self.forget_own_map()
 
     def forget_own_map(self) -> None:

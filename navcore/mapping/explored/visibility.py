@@ -218,6 +218,10 @@ class VisibilityMap:
         self.live.planes[FLOOR] = self.base.planes[FLOOR] = 0
         self.submaps.forget_floor()
 
+    def restore_floor(self, floor: BitPlane) -> None:
+        """Take the cells of a plane, whose poses are frozen, for those whose floor was measured."""
+        self.live.planes[FLOOR] = self.base.planes[FLOOR] = floor
+
     def replace(self, live: Explored) -> Indices:
         """Set the known space to one computed from the newest snapshot and what was explored since;
         return the (N,) cells, row · cols + col, of floor measured since, and maybe before."""

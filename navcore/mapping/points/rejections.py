@@ -36,7 +36,7 @@ class Rejection:
     """One detection that was rejected."""
 
     id: int
-    """Number of the rejection on this map since it was loaded; 0 for one that has none yet."""
+    """Number of the rejection since the start of the program; 0 for one that has none yet."""
     class_id: int
     """Class that is not there."""
     confidence: float
@@ -110,7 +110,7 @@ class Rejections:
         self.all = tuple(
             dataclasses.replace(one, id=one.id or i) for i, one in enumerate(stored, 1)
         )
-        self._next_id = max((one.id for one in self.all), default=0) + 1
+        self._next_id = max([self._next_id, *(one.id + 1 for one in self.all)])
         self.place(rows, spec)
 
     def place(self, rows: Floats, spec: GridSpec) -> None:

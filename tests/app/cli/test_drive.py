@@ -31,17 +31,17 @@ def driven(kept: Path) -> bytes:
     return kept.read_bytes()
 
 
-def test_a_map_in_which_the_robot_is_not_sure_of_its_place_stays_as_it_was(
+def test_a_map_is_kept_without_what_was_seen_where_the_robot_is_not_sure_of_its_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     kept = tmp_path / "room.npz"
     first = driven(kept)
     assert "not sure" not in capsys.readouterr().err  # a new map is no one else's
     assert driven(kept) == first
-    assert "room.npz stays as it was: the robot was not sure of its place" in " ".join(
+    assert "room.npz is without what was seen last: the robot was not sure" in " ".join(
         capsys.readouterr().err.split()
     )
-    monkeypatch.setattr(Navigator, "map_is_on_trial", False)  # control
+    monkeypatch.setattr(Navigator, "held_map", None)  # control
     assert driven(kept) != first
 
 

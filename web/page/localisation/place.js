@@ -57,7 +57,7 @@ function show(asked, checked) {
     const [text, id] = checked.fits ? [t("Accept"), "place-accept"] : [t("Accept anyway"), "place-force"];
     panel.replaceChildren(
       make("p", { "data-testid": "place-fit" }, sentence(checked.text)),
-      ...(checked.fits ? [] : [make("p", {}, t("The map is written again once the robot's way has confirmed this place. If you are not sure, look round instead."))]),
+      ...(checked.fits ? [] : [make("p", {}, t("In a saved map, what the robot sees from here is taken back if its way does not fit. If you are not sure, look round instead."))]),
       make("button", { "data-testid": id, onclick: () => accept(!checked.fits) }, text),
       make("button", { "data-testid": "place-cancel", onclick: withdraw }, t("Cancel")),
     );

@@ -25,7 +25,8 @@ from navcore.mapping.points.erasing import Erasable
 from navcore.mapping.storage import map_file
 from navcore.mission.mission import Phase
 from tests.app.console.site.desk import SECOND, SQUARE, Desk, points_in
-from tests.navcore.scene import RED_LIST, SPEC
+from tests.app.runtime.record.test_map_persistence import observe_scene
+from tests.navcore.scene import RED_LIST, SPEC, Paint
 from web.interface.meant_site import mean_site
 from web.interface.sites import SiteChanges, Tag
 
@@ -290,15 +291,27 @@ def test_a_map_is_copied_when_it_has_changed_and_written_in_the_other_thread(
     assert stored.class_names == {9: "spill", **RED_LIST.names}
 
 
-def test_a_map_whose_place_is_on_trial_is_not_written(tmp_path: Path) -> None:
+def test_a_map_on_trial_is_written_without_what_may_be_taken_back(tmp_path: Path) -> None:
     point_map, path = PointMap(SPEC, MappingConfig()), tmp_path / "map.npz"
-    keeper = MapKeeper(path, {})
-    keeper.note_tick(point_map, RED_LIST.names, SECOND, on_trial=True)
-    keeper.finish(point_map, RED_LIST.names)
-    assert not path.exists()
-    keeper.note_tick(point_map, RED_LIST.names, 2 * SECOND)
-    keeper.finish(point_map, RED_LIST.names)
-    assert path.exists()
+    keeper, held = MapKeeper(path, {}), point_map.state()
+    observe_scene(point_map, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
+
+    def stored() -> int:
+        keeper._write()
+        return len(map_file.load(path).state.points.pose_ids)
+
+    keeper.note_tick(point_map, RED_LIST.names, SECOND, held=held)
+    assert stored() == 0
+    path.unlink()
+    keeper.note_tick(point_map, RED_LIST.names, 10 * SECOND, held=held)
+    keeper._write()
+    assert not path.exists(), "the same map is not written again"
+    keeper.finish(point_map, RED_LIST.names, held)
+    assert stored() == 0
+    keeper.note_tick(point_map, RED_LIST.names, 20 * SECOND)
+    assert stored() == len(point_map.points.pose_ids) > 0
+    keeper.note_tick(point_map, RED_LIST.names, 30 * SECOND, held=point_map.checkpoint().state)
+    assert stored() > 0
 
 
 def test_the_robot_is_told_of_the_tags_of_the_site_it_is_at(desk: Desk) -> None:

@@ -180,3 +180,14 @@ def test_the_place_at_a_site_is_not_taken_for_that_at_another_one_of_its_name(
     if again == "renamed":
         desk.choose("ward")
         assert kept[3] is not None, "it goes on under its new name"
+
+
+@pytest.mark.parametrize("on_trial", [True, False])
+def test_the_place_at_which_a_robot_has_left_a_site_on_trial_does_not_hold_when_it_comes_back(
+    desk: Desk, on_trial: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as leaving:
+        leaving.setattr(Navigator, "map_is_on_trial", on_trial)
+        desk.choose("hall")
+    _, kept = desk.sites._expected_place(desk.store.sites.open("default"))
+    assert (kept is None) is on_trial

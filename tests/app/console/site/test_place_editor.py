@@ -101,27 +101,56 @@ def test_a_place_that_contradicts_the_map_is_refused_unless_forced(desk: Desk) -
     assert desk.controller.place.T_map_base.distance_to(0.0, 0.0) < 0.1
 
 
-def test_what_is_seen_from_a_forced_place_is_taken_back_if_it_was_wrong() -> None:
-    desk = Desk()
-    desk.see()
-    desk.see()
-    navigator = desk.controller.navigator
+@pytest.mark.parametrize("is_saved", [True, False])
+def test_what_is_seen_from_a_forced_place_in_a_saved_map_is_taken_back_if_it_was_wrong(
+    is_saved: bool,
+) -> None:
+    """In a new map loops could be closed no more."""
+    used = Desk()
+    used.see()
+    if is_saved:
+        saved, used = used.controller.navigator.map.state(), Desk()
+        used.controller.navigator.map.restore(saved)
+        used.controller.navigator.adopt_map()
+        used.see()
+        used.editor.place(HERE, force=False)
+    used.see()
+    navigator = used.controller.navigator
     before = navigator.map.state()
-    desk.editor.place(Pose2(x_m=-3.0, y_m=4.0, yaw_rad=2.0), force=True)
-    desk.see()
-    assert desk.editor.status().on_trial
+    used.editor.place(Pose2(x_m=-3.0, y_m=4.0, yaw_rad=2.0), force=True)
+    used.see()
+    assert used.editor.status().on_trial is is_saved
     wrong = navigator.map.state()
     assert len(wrong.poses) > len(before.poses)
     assert (wrong.visible.bools & ~before.visible.bools).sum() > 300
-    desk.editor.place(HERE, force=False)
-    desk.see()
+    used.editor.place(HERE, force=False)
+    used.see()
     after = navigator.map.state()
-    assert not desk.editor.status().on_trial
-    np.testing.assert_array_equal(after.poses, before.poses)
-    assert (after.visible.bools & ~before.visible.bools).sum() < 100
-    # What the robot has seen in this session before is still what its place is found by.
-    np.testing.assert_array_equal(after.scans.pose_ids, before.scans.pose_ids)
-    assert len(before.scans.pose_ids)
+    assert not used.editor.status().on_trial
+    assert bool((after.visible.bools & ~before.visible.bools).sum() < 100) is is_saved
+    assert navigator.localisation.has_saved_map is is_saved
+    if is_saved:
+        np.testing.assert_array_equal(after.poses, before.poses)
+        # What the robot has seen in this session before is still what its place is found by.
+        np.testing.assert_array_equal(after.scans.pose_ids, before.scans.pose_ids)
+        assert len(before.scans.pose_ids)
+
+
+def test_what_was_seen_from_a_place_on_trial_that_is_confirmed_by_the_operator_is_kept(
+    desk: Desk,
+) -> None:
+    again = Desk()
+    navigator = again.controller.navigator
+    navigator.map.restore(desk.controller.navigator.map.state())
+    navigator.adopt_map()
+    for _ in range(16):
+        again.see()
+    assert again.editor.status().on_trial
+    version = navigator.map.version
+    again.editor.place(HERE, force=False)
+    again.see()
+    assert not again.editor.status().on_trial
+    assert navigator.map.version < version + 10, "nothing was replaced"
 
 
 def test_a_place_to_which_the_map_cannot_grow_is_refused(desk: Desk) -> None:
