@@ -414,8 +414,9 @@ class FakeOperations:
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Return a past mission, and one that was cut off."""
         cut_off = {"id": "run-0", "unfinished": True, "goals": [[1.0, 0.0]], "goal_count": 5003}
+        begun = {"begun_unix_s": 1_700_000_000, "site": "ward", "cancelled": True}
         return (
-            {"id": "run-1", "scenario": "fake hall", "success": True, "spl": math.nan},
+            {"id": "run-1", "scenario": "fake hall", "success": True, "spl": math.nan, **begun},
             {**cut_off, "goals_reached": 5000},
         )
 
