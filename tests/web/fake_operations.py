@@ -163,6 +163,7 @@ class FakeOperations:
         self.hands: list[Twist | None] = []
         self.segmenter_warning: str | None = None
         self.stop_warning: str | None = None
+        self.storage_warning: str | None = None
         self.closed: tuple[Zone, ...] = ()
         self._world = {0: walls(), RED_FLOOR: box(-1.5, 0.5, -1.0, 1.0)}
         self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
@@ -241,6 +242,7 @@ class FakeOperations:
                 segmenter="colour rules",
                 segmenter_warning=self.segmenter_warning,
                 stop_warning=self.stop_warning,
+                storage_warning=self.storage_warning,
                 loop=self._intent.mission.loop,
                 picture_serial=picture.serial if picture else None,
                 grid_version=picture.grid_version if picture else None,
