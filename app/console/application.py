@@ -24,6 +24,7 @@ from app.console.mission.path_settings import stored_unknown_price
 from app.console.operations import LiveOperations
 from app.console.site.site_map import keep_list, list_of_start, map_of
 from app.console.site.sites import SESSION_PERIOD_S, expected_place, mission_of
+from app.console.status_message import storage_warning
 from app.console.stop_latch import PERIOD_S as STOP_PERIOD_S
 from app.console.stop_latch import StopLatch, read_latch
 from app.replay.carried_camera import for_recordings
@@ -241,6 +242,9 @@ def console(
             network=composed.used,
             compose=composing,
             stop_warning=lambda: latch.warning,
+            storage_warning=lambda: storage_warning(
+                keeper.failure, zones_thread.failure, session_thread.failure
+            ),
         )
         # The last one is called first: what is to be stored waits for no network that is prepared.
         stack.callback(operations.close)
@@ -252,13 +256,20 @@ def console(
         stack.callback(recorder.close)
         stack.callback(operations.sites.keep_session)
         stack.callback(latch.keep)
-        for work, period_s, name in (
-            (latch.keep, STOP_PERIOD_S, "stop to disk"),
-            (operations.keep_run, RUN_PERIOD_S, "report of the run to disk"),
-            (lambda: operations.zones.expire(), EXPIRY_S, "expiry of zones"),
-            (operations.sites.keep_session, SESSION_PERIOD_S, "session to disk"),
+        zones_thread = PeriodicThread(
+            lambda: operations.zones.expire(), period_s=EXPIRY_S, name="expiry of zones"
+        )
+        session_thread = PeriodicThread(
+            operations.sites.keep_session, period_s=SESSION_PERIOD_S, name="session to disk"
+        )
+        for thread in (
+            PeriodicThread(latch.keep, period_s=STOP_PERIOD_S, name="stop to disk"),
+            PeriodicThread(
+                operations.keep_run, period_s=RUN_PERIOD_S, name="report of the run to disk"
+            ),
+            zones_thread,
+            session_thread,
         ):
-            thread = PeriodicThread(work, period_s=period_s, name=name)
             thread.start()
             stack.callback(thread.stop)
         keeper.start()

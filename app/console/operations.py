@@ -94,13 +94,15 @@ class LiveOperations:
         choice: SegmenterChoice = DEFAULT_CHOICE,
         network: str = START,
         stop_warning: Callable[[], str | None] = lambda: None,
+        storage_warning: Callable[[], str | None] = lambda: None,
     ) -> None:
         """`data`: folder of what operators correct and teach.
 
         `keeper` keeps the map on disk, in the folder of the site if the site `has_own_map`.
         `new_beware`: beware list of a new site, by default the shipped one.
         `choice`: options of the segmenter; `network`: version of it that is in use; `compose` makes
-        another perception. `stop_warning`: why the stop would not hold over a restart."""
+        another perception. `stop_warning`: why the stop would not hold over a restart;
+        `storage_warning`: what else would be lost by one."""
         self._robot, self._controller, self._store, self._recorder = (
             robot,
             controller,
@@ -108,7 +110,7 @@ class LiveOperations:
             recorder,
         )
         self._urdf, self._perception = robot_urdf, perception
-        self._stop_warning = stop_warning
+        self._stop_warning, self._storage_warning = stop_warning, storage_warning
         self._verdict = GateDecision(twist=STANDSTILL, reasons=())
         self.keeper = keeper or MapKeeper(store.site.map_file, {})
         """Keeps the map on disk."""
@@ -323,6 +325,7 @@ class LiveOperations:
             stop_pressed=intent.stopped_by is not None,
             stops=intent.stops,
             stop_warning=self._stop_warning(),
+            storage_warning=self._storage_warning(),
             reasons=reasons,
             pose=self._recorder.pose,
             place=self.place.status(),

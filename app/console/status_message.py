@@ -56,3 +56,17 @@ def status_message(
     if mission.cancelled:
         return "Standing; the mission was cancelled."
     return "Standing; all goals reached." if mission.reached else "Standing; pick a goal to begin."
+
+
+def storage_warning(
+    map_error: str | None, zones_error: str | None, session_error: str | None
+) -> str | None:
+    """Return what cannot be stored of that which is not stored at an operator's request; None where
+    all is."""
+    if map_error is not None:
+        return f"the map cannot be stored, it would be lost with the console: {map_error}"
+    if zones_error is not None:
+        return f"zones that have changed by themselves cannot be stored: {zones_error}"
+    if session_error is not None:
+        return f"goals and place of the robot cannot be stored: {session_error}"
+    return None

@@ -251,7 +251,7 @@ def _command_objections(command: Command, now_ns: int, config: GateConfig) -> li
     if not 0 <= now_ns - command.stamp_ns <= config.command_life_ns:
         age_s = (now_ns - command.stamp_ns) / 1e9
         text = (
-            f"The newest command is {age_s:.2f} s old, "
+            f"The navigation is late: its newest decision is {age_s:.2f} s old, "
             f"at most {config.command_life_s:g} s are allowed."
         )
         found.append(StopReason(cause=Cause.STALE_COMMAND, text=text))

@@ -166,6 +166,7 @@ PAST = (
     "The camera sees an obstacle {where}, {contact_s:.2f} s before contact: too near to drive on.",
     "The camera's clock does not advance: an image is dated {back_s:.3f} s before the one that "
     "preceded it, or the same.",
+    "The newest command is {age_s:.2f} s old, at most {command_life_s:g} s are allowed.",
     "There is no path to the goal: {why}.",
     "“{name}” is to be kept away from.",
     "“{name}” joins the beware list.",

@@ -14,6 +14,8 @@ from app.console.application import console
 from app.console.site.sites import SESSION_PERIOD_S
 from app.runtime.control.loop import ControlLoop
 from app.runtime.record.map_keeper import MapKeeper
+from navcore.errors import StorageFailed
+from navcore.mapping.storage import map_file
 from tests.system.test_sites import _when, client, options
 
 
@@ -36,6 +38,22 @@ def test_an_edit_of_the_map_after_the_last_tick_is_kept(
     with console(options(tmp_path / "data")):
         pass
     assert set(steps[:-1]) == {"edited"} and steps[-1] == "kept"
+
+
+def test_a_map_that_cannot_be_written_is_told_until_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise StorageFailed("No space left on device")
+
+    with monkeypatch.context() as disk:
+        disk.setattr(map_file, "save", full)
+        with console(options(tmp_path / "data")) as running, client(running.url) as program:
+            told = _when(program, lambda state: state["storage_warning"] is not None)
+            assert "the map cannot be stored" in told["storage_warning"]
+            assert "No space left" in told["storage_warning"]
+            disk.undo()
+            _when(program, lambda state: state["storage_warning"] is None)
 
 
 def test_a_stop_holds_over_a_restart_and_the_run_that_it_interrupts_is_kept(

@@ -163,6 +163,7 @@ class FakeOperations:
         self.hands: list[Twist | None] = []
         self.segmenter_warning: str | None = None
         self.stop_warning: str | None = None
+        self.storage_warning: str | None = None
         self.closed: tuple[Zone, ...] = ()
         self._world = {0: walls(), RED_FLOOR: box(-1.5, 0.5, -1.0, 1.0)}
         self._seen = np.ones((SPEC.rows, SPEC.cols), dtype=np.bool_)
@@ -241,6 +242,7 @@ class FakeOperations:
                 segmenter="colour rules",
                 segmenter_warning=self.segmenter_warning,
                 stop_warning=self.stop_warning,
+                storage_warning=self.storage_warning,
                 loop=self._intent.mission.loop,
                 picture_serial=picture.serial if picture else None,
                 grid_version=picture.grid_version if picture else None,
@@ -414,8 +416,9 @@ class FakeOperations:
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Return a past mission, and one that was cut off."""
         cut_off = {"id": "run-0", "unfinished": True, "goals": [[1.0, 0.0]], "goal_count": 5003}
+        begun = {"begun_unix_s": 1_700_000_000, "site": "ward", "cancelled": True}
         return (
-            {"id": "run-1", "scenario": "fake hall", "success": True, "spl": math.nan},
+            {"id": "run-1", "scenario": "fake hall", "success": True, "spl": math.nan, **begun},
             {**cut_off, "goals_reached": 5000},
         )
 

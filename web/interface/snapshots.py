@@ -74,6 +74,8 @@ class State:
     """Number of emergency stops since the start of the console, also of those while one held."""
     stop_warning: str | None = None
     """Why the stop, or its reset, would not hold over a restart; null while it would."""
+    storage_warning: str | None = None
+    """What else cannot be stored, and why; null while all is."""
     reasons: tuple[Annotated[StopReason, PlainSerializer(_reason_out, return_type=ReasonOut)], ...]
     """Reasons why the robot stands during a mission, the worst first; empty when nothing holds
     it."""

@@ -167,6 +167,8 @@ class PeriodicThread:
         self._act, self._period_s = act, period_s
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self.failure: str | None = None
+        """Why the newest call has failed; None where it has not."""
 
     def start(self) -> None:
         """Start the thread; the first call is immediate."""
@@ -178,13 +180,13 @@ class PeriodicThread:
         self._thread.join(timeout=JOIN_S)
 
     def _run(self) -> None:
-        failure = None
         while not self._ended.is_set():
             try:
                 self._act()
-                failure = None
+                self.failure = None
             except Exception as error:
-                if str(error) != failure:  # what goes on failing, such as a full disk, once
+                # What goes on failing, such as a full disk, once.
+                if str(error) != self.failure:
                     log.exception("the thread %r continues", self._thread.name)
-                failure = str(error)
+                self.failure = str(error)
             self._ended.wait(self._period_s)

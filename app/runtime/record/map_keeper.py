@@ -49,7 +49,8 @@ class MapKeeper:
         """File of the map before, which is written no more once its folder is deleted."""
         self._asked, self._answered = threading.Event(), threading.Event()
         self._writing, self._handing = threading.Lock(), threading.Lock()
-        self._fails = False
+        self.failure: str | None = None
+        """Why the map could not be written last; None where it was, or is about to be."""
         self._thread = PeriodicThread(
             self._write_logged, period_s=WRITE_PERIOD_S, name="map to disk"
         )
@@ -133,6 +134,7 @@ class MapKeeper:
                 return False
             if snapshot.path == self.left and not snapshot.path.parent.exists():
                 self._drop(snapshot)  # of a site that is deleted
+                self.failure = None
                 return False
             try:
                 snapshot.path.parent.mkdir(parents=True, exist_ok=True)
@@ -154,12 +156,12 @@ class MapKeeper:
     def _write_logged(self) -> None:
         try:
             if self._write():
-                self._fails = False
-        except StorageFailed:
+                self.failure = None
+        except StorageFailed as error:
             # The snapshot waits for the next try; a full disk is told once.
-            if not self._fails:
+            if self.failure is None:
                 log.exception("the map is not kept; it is tried again")
-            self._fails = True
+            self.failure = str(error)
 
 
 def _key(point_map: PointMap) -> tuple[int, float, int]:

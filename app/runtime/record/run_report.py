@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 import uuid
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
@@ -42,8 +43,18 @@ class RunReporter:
     is idle again, or another mission is loaded. What happens until then is stored now and then
     (`keep`), so that a run that ends with the power is in the history, too."""
 
-    def __init__(self, *, store: Store, referee: Referee | None, scenario: str, robot: str) -> None:
+    def __init__(
+        self,
+        *,
+        store: Store,
+        referee: Referee | None,
+        scenario: str,
+        robot: str,
+        now_s: Callable[[], float] = time.time,
+    ) -> None:
+        """`now_s` gives the time in seconds since 1970."""
         self._store, self._referee, self._scenario, self._robot = store, referee, scenario, robot
+        self._now_s = now_s
         self._stop_noted: str | None = None
         self._run: _Run | None = None
         self._kept: tuple[object, ...] = ()
@@ -75,9 +86,12 @@ class RunReporter:
         if self._run is not None and (
             mission.runs != self._run.number or mission.phase is Phase.IDLE
         ):
-            self._end()
+            # Of a mission that another one has taken the place of, no goal is driven to any more.
+            is_other = mission.runs != self._run.number
+            self._end(cancelled=is_other or mission.cancelled)
         if self._run is None and mission.phase is Phase.DRIVING:
-            self._begin(_Run(stamp_ns, mission, travelled_m))
+            where = {"begun_unix_s": round(self._now_s()), "site": self._store.site.name}
+            self._begin(_Run(stamp_ns, mission, travelled_m, where))
 
     def keep(self) -> None:
         """Store what the present run has come to; any thread may call it."""
@@ -100,18 +114,20 @@ class RunReporter:
             self._stop_noted = None  # a new judgement has to be told again
         self._run = run
 
-    def _end(self, *, unfinished: bool = False) -> None:
+    def _end(self, *, unfinished: bool = False, cancelled: bool = False) -> None:
         assert self._run is not None
         judged = self._referee.referee_report() if self._referee is not None else {}
         with self._saving:
             run, self._run = self._run, None
-            self._save({**self._report_of(run, unfinished=unfinished), **judged})
+            report = self._report_of(run, unfinished=unfinished, cancelled=cancelled)
+            self._save({**report, **judged})
 
-    def _report_of(self, run: _Run, *, unfinished: bool) -> dict[str, Any]:
+    def _report_of(self, run: _Run, *, unfinished: bool, cancelled: bool = False) -> dict[str, Any]:
         return {
             "scenario": self._scenario,
             "robot": self._robot,
             "unfinished": unfinished,
+            "cancelled": cancelled,
             **run.report(),
         }
 
@@ -125,7 +141,11 @@ class RunReporter:
 class _Run:
     """The present run."""
 
-    def __init__(self, stamp_ns: int, mission: Mission, travelled_m: float) -> None:
+    def __init__(
+        self, stamp_ns: int, mission: Mission, travelled_m: float, where: Mapping[str, object]
+    ) -> None:
+        """`where`: when and where the run has begun, as the report says it."""
+        self._where = where
         self._started_ns = self._last_ns = stamp_ns
         self._started_m = self._last_m = travelled_m
         self._series = TimeSeries(max_rows=MAX_ROWS, thinning=True)
@@ -175,6 +195,7 @@ class _Run:
         """Return the run's own part of the report."""
         return {
             "id": self._id,
+            **self._where,
             "goals": [[goal.x_m, goal.y_m] for goal in tuple(self._goals.values())],
             "goal_count": self._goal_count,
             "goals_reached": self._reached_count - self._reached_before,

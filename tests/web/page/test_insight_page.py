@@ -54,7 +54,11 @@ def test_repeats_are_one_row_with_a_count_and_the_log_is_searched(
 ) -> None:
     log = operations.insight.event_log
     for tenth in range(14):
-        log.note(tenth / 10, "stopped", f"The newest command is 0.{20 + tenth} s old.")
+        log.note(
+            tenth / 10,
+            "stopped",
+            f"The navigation is late: its newest decision is 0.{20 + tenth} s old.",
+        )
         log.note(tenth / 10, "released", f"After 0.{tenth} s the robot drives on.")
     log.note(2.0, "goal", "Nurse station is reached.", (-3.0, 1.0))
     # Late commands are in the status line; the badge counts what is nowhere else.
@@ -322,6 +326,10 @@ def test_curves_ages_and_the_page_of_runs_are_shown(
     page.goto(f"{server.url}/runs")
     expect(page.get_by_test_id("run")).to_have_count(2)
     expect(page.get_by_test_id("report")).to_contain_text("fake hall")
+    newest = page.get_by_test_id("run").filter(has_text="run-1")
+    expect(newest).to_contain_text(re.compile("Nov 1[45], 2023"))
+    expect(newest).to_contain_text("ward")
+    expect(newest).to_contain_text("cancelled")
     cut_off = page.get_by_test_id("run").filter(has_text="run-0")
     expect(cut_off).to_contain_text("5000 of 5003, not ended")
 

@@ -260,7 +260,7 @@ def test_a_network_that_does_not_run_is_reported_on_the_page(
     expect(page.get_by_test_id("segmenter")).to_contain_text("weights are damaged")
 
 
-def test_a_stop_that_cannot_be_stored_is_told_until_it_is(
+def test_a_stop_and_a_map_that_cannot_be_stored_are_told_until_they_are(
     page: Page, operations: FakeOperations
 ) -> None:
     toasts = page.locator("#toasts")
@@ -270,6 +270,11 @@ def test_a_stop_that_cannot_be_stored_is_told_until_it_is(
     expect(toasts.locator(".toast")).to_have_count(1)
     expect(toasts).to_contain_text("The emergency stop cannot be stored: No space left on device")
     operations.stop_warning = None
+    operations.storage_warning = "the map cannot be stored: No space left on device"
+    operations.step()
+    expect(toasts.locator(".toast")).to_have_count(1)
+    expect(toasts).to_contain_text("The map cannot be stored: No space left on device")
+    operations.storage_warning = None
     operations.step()
     expect(toasts.locator(".toast")).to_have_count(0)
 

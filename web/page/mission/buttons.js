@@ -34,13 +34,14 @@ function refusalsOf(state) {
   };
 }
 
-// The message that a stop would not hold over a restart; it stays until it would, or is dismissed.
-let unstored = { text: null, toast: null };
+// Messages of what would not hold over a restart; each stays until it would, or is dismissed.
+const unstored = {};
 
-function warnOfStop(text) {
-  if (text === unstored.text) return;
-  unstored.toast?.remove();
-  unstored = { text, toast: text && notify(sentence(text), { stays: true }) };
+function warnOf(name, text) {
+  const told = unstored[name];
+  if (text === told?.text) return;
+  told?.toast?.remove();
+  unstored[name] = { text, toast: text && notify(sentence(text), { stays: true }) };
 }
 
 // The number of stops that the operator can know of: a reset releases no newer one.
@@ -48,7 +49,7 @@ let seenStops = 0;
 
 export function enableButtons(state) {
   seenStops = state.stops;
-  warnOfStop(state.stop_warning);
+  for (const name of ["stop_warning", "storage_warning"]) warnOf(name, state[name]);
   const isViewer = document.body.dataset.role === "viewer";
   const refusals = refusalsOf(state);
   for (const button of document.querySelectorAll("[data-mission]")) {

@@ -84,3 +84,17 @@ def test_a_map_that_a_correction_has_moved_is_copied_at_once(tmp_path: Path) -> 
         keeper.note_tick(cloud, NO_NAMES, 1)
         keeper._write()
         assert kept.exists() is is_corrected
+
+
+def test_why_the_map_is_not_kept_is_told_until_it_is(tmp_path: Path) -> None:
+    blocked, cloud = tmp_path / "file", PointMap(SPEC, MappingConfig())
+    blocked.write_text("no folder")
+    keeper = MapKeeper(blocked / "kept.map", NO_NAMES)
+    assert keeper.failure is None
+    keeper.note_tick(cloud, NO_NAMES, 0)
+    for _ in range(2):
+        keeper._write_logged()
+        assert keeper.failure is not None and "kept.map" in keeper.failure
+    blocked.unlink()
+    keeper._write_logged()
+    assert keeper.failure is None and (blocked / "kept.map").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -26,7 +27,9 @@ class Runs:
             referee=None,
             scenario="hall",
             robot="husky",
+            now_s=lambda: 1_700_000_000.4,
         )
+        self.site = SimpleNamespace(name="ward")
         self.ticks = 0
 
     def save_run(self, report: dict[str, Any]) -> None:
@@ -124,3 +127,22 @@ def test_a_long_patrol_reports_its_newest_goals_and_the_number_of_all(
     (report,) = runs.stored.values()
     assert report["goals"] == [[1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [1.0, 0.0]]
     assert (report["goal_count"], report["goals_reached"]) == (10, 7)
+
+
+def test_a_report_says_when_and_at_which_site_the_run_has_begun(runs: Runs) -> None:
+    mission = runs.tick(to(1.0).start())
+    runs.site.name = "another"  # entered meanwhile
+    runs.tick(mission.arrive())
+    (report,) = runs.stored.values()
+    assert (report["begun_unix_s"], report["site"]) == (1_700_000_000, "ward")
+
+
+def test_a_report_says_whether_the_mission_was_cancelled(runs: Runs) -> None:
+    mission = runs.tick(to(1.0, 2.0).start())
+    mission = runs.tick(mission.arrive().cancel())
+    mission = runs.tick(mission.add(5.0, 0.0, SPEC).start())
+    mission = runs.tick(mission.arrive())
+    mission = runs.tick(mission.add(5.0, 0.0, SPEC).start())
+    mission = runs.tick(mission.pause())
+    runs.tick(mission.refill(to(8.0).queue, loop=False))
+    assert [report["cancelled"] for report in runs.stored.values()] == [True, False, True]

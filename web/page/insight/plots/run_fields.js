@@ -4,11 +4,14 @@ import { t } from "../../core/text/language.js";
 
 const NAMES = {
   id: t("run"),
+  begun_unix_s: t("begun"),
+  site: t("site"),
   scenario: t("scenario"),
   robot: t("robot"),
   goals: t("goals"),
   goal_count: t("number of goals"),
   unfinished: t("not ended"),
+  cancelled: t("cancelled"),
   goals_reached: t("goals reached"),
   success: t("success"),
   sim_time_s: t("time, s"),

@@ -4,6 +4,7 @@ import { get } from "../../core/link/api.js";
 import { element, make } from "../../core/dom.js";
 import { takeOver } from "../../core/stop.js";
 import { tellStopped } from "../../core/stop_beside.js";
+import { formatDateTime } from "../../core/text/format.js";
 import { language, number, sentence, t, tn } from "../../core/text/language.js";
 import "../../core/theme.js";
 import { attempt } from "../../core/toasts.js";
@@ -14,10 +15,13 @@ takeOver(tellStopped);
 const fixed = (value, digits) => (typeof value === "number" ? number(value, digits) : "–");
 // Field → text of a run.
 const LIST = {
+  begun_unix_s: (run) => begunText(run.begun_unix_s),
+  site: (run) => run.site ?? "–",
   scenario: (run) => run.scenario ?? "–",
   goals: (run) => {
     const numbers = { reached: run.goals_reached ?? "–", all: run.goal_count ?? run.goals?.length ?? "–" };
-    return run.unfinished ? t("{reached} of {all}, not ended", numbers) : t("{reached} of {all}", numbers);
+    if (run.unfinished) return t("{reached} of {all}, not ended", numbers);
+    return run.cancelled ? t("{reached} of {all}, cancelled", numbers) : t("{reached} of {all}", numbers);
   },
   sim_time_s: (run) => fixed(run.sim_time_s, 1),
   distance_m: (run) => fixed(run.distance_m, 1),
@@ -26,6 +30,7 @@ const LIST = {
   beware_intrusions: (run) => fixed(run.beware_intrusions, 0),
   zone_intrusions: (run) => fixed(run.zone_intrusions, 0),
 };
+const begunText = (unixS) => (typeof unixS === "number" ? formatDateTime(new Date(1000 * unixS)) : "–");
 let chosen = [];
 
 async function showList() {
@@ -122,6 +127,7 @@ const rounded = (value, digits) =>
 function textOf(name, value) {
   if (value === null || value === undefined) return "–";
   if (typeof value === "boolean") return value ? t("✓ yes") : t("✕ no");
+  if (name === "begun_unix_s") return begunText(value);
   if (name === "goals") return value.map(([x, y]) => `(${x}, ${y})`).join(" → ");
   if (name === "stops") return value.length ? value.map(stopText).join("; ") : t("none");
   if (typeof value === "object")
