@@ -457,16 +457,15 @@ class Navigator:
         self, T_map_base: Pose2, covariance: Matrix, frame: Frame, *, is_sure: bool = True
     ) -> None:
         """Set the pose of the robot at a frame, which is odometry's, with its (3, 3) covariance.
-        What it saw from a place that was on trial is taken back, and so is what it sees from this
-        one if that turns out to be wrong, unless it `is_sure`."""
+        What it saw from a place on trial that is another one is taken back, and so is what it sees
+        from this one if that turns out to be wrong, unless it `is_sure`."""
         here = self.place.T_map_odom @ frame.pose
-        if (
-            is_sure
-            and self.place.is_known
-            and not is_large(here, T_map_base @ here.inverse(), self._config.localisation.tracking)
-        ):
-            self._trial.end()  # it was right
-        if self._trial.take_back():
+        agrees = self.place.is_known and not is_large(
+            here, T_map_base @ here.inverse(), self._config.localisation.tracking
+        )
+        if agrees and is_sure:
+            self._trial.end()
+        if not agrees and self._trial.take_back():
             self._plan_anew()
             self._taken_back = True
         if not is_sure and self.localisation.has_saved_map:

@@ -38,7 +38,7 @@ class MapTrial:
     @property
     def held(self) -> MapState | None:
         """The map without what may be taken back; None where nothing may."""
-        return None if self._held is None else self._held.state
+        return None if self._held is None or self._is_edited else self._held.state
 
     def end(self) -> None:
         """Take the place for right."""
@@ -59,11 +59,11 @@ class MapTrial:
         shows little of what is seen.
         """
         self._is_vouched, self._proof = is_vouched, NewWay(self._config.trial_m)
-        if self._held is not None:
+        if self._held is not None and not self._is_edited:
             return
         self._localisation.settle_session()
         self._held = self._map.checkpoint()
-        self._is_clean, self._edits = True, self._map.edits.count
+        self._is_clean, self._edits = True, self._map.edits.by_operator
         self._is_corrected = False
 
     def follow(self, place: LocalisationEstimate) -> bool:
@@ -97,8 +97,8 @@ class MapTrial:
 
     @property
     def _is_edited(self) -> bool:
-        """Whether the operator has edited the map by hand since it was loaded."""
-        return self._map.edits.count != self._edits
+        """Whether the operator has edited the map by hand since it is held."""
+        return self._map.edits.by_operator != self._edits
 
     def take_back(self) -> bool:
         """Return to the map that is held, if the trial is open; returns whether it has changed."""

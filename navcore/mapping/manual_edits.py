@@ -50,6 +50,9 @@ class ManualEdits:
         """Number of the newest erasure of points of the beware list."""
         self.count = 0
         """Number of changes."""
+        self.by_operator = 0
+        """Number of those that an operator has made looking at the map: erasures, rejections, and
+        such as were taken back. Another colour rule is none."""
 
     def erase(self, cells: Indices, class_ids: Iterable[int]) -> Erased:
         """Remove the points of some classes in (N,) cells, row · cols + col, and with `NOTHING` the
@@ -60,6 +63,7 @@ class ManualEdits:
         if len(cells) and not 0 <= cells[0] <= cells[-1] < spec.rows * spec.cols:
             raise ValueError(f"cells {cells[0]} to {cells[-1]} are not all on the grid of the map")
         kinds = class_set(class_ids)
+        self.by_operator += 1
         taken = take(table, points_in(table.first, table.records, cells, kinds))
         is_area = bool(kinds[NOTHING + 1 :].any())
         if is_area:
@@ -94,6 +98,7 @@ class ManualEdits:
         since stays away."""
         taken, spec = erased.records.copy(), self._placed.spec
         place(taken, taken["pose_id"], self._placed.rows, spec)
+        self.by_operator += erased.is_area or erased.ground is not None
         if erased.is_area:
             areas = (area for area in self.erased_areas if area.number != erased.number)
             self.erased_areas = tuple(areas)
@@ -136,12 +141,14 @@ class ManualEdits:
         """Remember a rejection again that was taken back."""
         self._placed.version += 1
         self.count += 1
+        self.by_operator += 1
         self._rejections.add(rejection, self._placed.rows, self._placed.spec)
 
     def take_back(self, rejection_id: int) -> Rejection | None:
         """Forget a rejection and return it; None for an unknown number."""
         self._placed.version += 1
         self.count += 1
+        self.by_operator += 1
         return self._rejections.remove(rejection_id, self._placed.rows, self._placed.spec)
 
     @property

@@ -124,7 +124,8 @@ class LiveSites:
         self._saved: Mission | None = None
         self._placed: Pose2 | None = None
         self._has_entered, self._old_picture = True, view.picture
-        self._left: dict[str, LocalisationEstimate] = {}  # by the id of the site
+        self._left: dict[str, tuple[LocalisationEstimate, bool]] = {}
+        """Place at which each site was left, by its id, and whether it was believed for good."""
         self._listings: OrderedDict[int, _Listing] = OrderedDict()
         self._listed = 0
         self._tags = self._world_tags
@@ -297,7 +298,7 @@ class LiveSites:
         self._controller.require_standing()
         before, spec = self._store.site, self._controller.navigator.first_grid
         left = self._controller.place
-        is_believed = left.is_known and not self._controller.navigator.map_is_on_trial
+        is_believed = not self._controller.navigator.map_is_on_trial
         expected, kept = self._expected_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), site.beware() or self._new_beware
@@ -346,8 +347,8 @@ class LiveSites:
                 begin_list(site, self._new_beware)
             self._user.enter_site(site)
         self._left.pop(site.id, None)
-        if is_believed:
-            self._left[before.id] = left
+        if left.is_known:
+            self._left[before.id] = left, is_believed
         self._placed = None
         self._listings.clear()
         if replaced is not None and replaced is not self._saved:  # by a goal of the last moment
@@ -356,14 +357,14 @@ class LiveSites:
     def _expected_place(self, site: SiteStore) -> tuple[Pose2 | None, LocalisationEstimate | None]:
         """Return T_map_base at which to look for the robot, and the estimate of its place that
         still holds. A robot that has left the site in this session is where odometry, which has
-        gone on since, has it, and if it has hardly moved it knows its place still. Odometry's turn
-        while it stood, an hour perhaps, is its gyro's drift."""
-        left = self._left.get(site.id)
-        if left is None:
+        gone on since, has it, and if it has hardly moved it knows its place still, unless that was
+        on trial. Odometry's turn while it stood, an hour perhaps, is its gyro's drift."""
+        if site.id not in self._left:
             return expected_place(site), None
+        left, is_believed = self._left[site.id]
         moved = left.T_driven_base.inverse() @ self._controller.place.T_driven_base
         is_there = math.hypot(moved.x_m, moved.y_m) < STAYED_M and abs(moved.yaw_rad) < STAYED_RAD
-        return left.T_map_base @ moved, left if is_there else None
+        return left.T_map_base @ moved, left if is_there and is_believed else None
 
     def _use_tags(self) -> None:
         """Tell the robot of the tags of the present site, of another one with its map."""

@@ -132,21 +132,27 @@ class MapKeeper:
             snapshot = self._waiting
             if snapshot is None:
                 return False
-            if snapshot.path == self.left and not snapshot.path.parent.exists():
-                self._drop(snapshot)  # of a site that is deleted
-                self.failure = None
-                return False
             try:
-                snapshot.path.parent.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise StorageFailed(f"{snapshot.path}: {error.strerror}") from None
-            try:
-                map_file.save(snapshot.path, snapshot.state, snapshot.class_names)
-            except map_file.MapTooLarge:
-                self._drop(snapshot)  # no further try helps, but a smaller map may follow
+                # That of a site that was left and is deleted is not written.
+                if snapshot.path != self.left or snapshot.path.parent.exists():
+                    self._store(snapshot)
+            except Exception as error:
+                self.failure = str(error)
                 raise
             self._drop(snapshot)
+            self.failure = None
             return True
+
+    def _store(self, snapshot: _Snapshot) -> None:
+        try:
+            snapshot.path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StorageFailed(f"{snapshot.path}: {error.strerror}") from None
+        try:
+            map_file.save(snapshot.path, snapshot.state, snapshot.class_names)
+        except map_file.MapTooLarge:
+            self._drop(snapshot)  # no further try helps, but a smaller map may follow
+            raise
 
     def _drop(self, snapshot: _Snapshot) -> None:
         with self._handing:  # the think thread may hand over the next one
@@ -154,14 +160,13 @@ class MapKeeper:
                 self._waiting = None
 
     def _write_logged(self) -> None:
+        failed = self.failure is not None
         try:
-            if self._write():
-                self.failure = None
-        except StorageFailed as error:
+            self._write()
+        except StorageFailed:
             # The snapshot waits for the next try; a full disk is told once.
-            if self.failure is None:
+            if not failed:
                 log.exception("the map is not kept; it is tried again")
-            self.failure = str(error)
 
 
 def _key(point_map: PointMap) -> tuple[int, float, int]:

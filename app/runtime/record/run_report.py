@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 from app.runtime.record.time_series import TimeSeries
 from app.storage import Store
+from app.storage.site_store import SiteStore
 from navcore.errors import StorageFailed
 from navcore.mission.mission import MAX_GOALS, Goal, Mission, Phase
 from navcore.mission.zone import Zone
@@ -86,12 +87,14 @@ class RunReporter:
         if self._run is not None and (
             mission.runs != self._run.number or mission.phase is Phase.IDLE
         ):
-            # Of a mission that another one has taken the place of, no goal is driven to any more.
+            # The mission of a site that is left waits there; any other one that another has taken
+            # the place of is driven no more.
+            is_left = self._store.site.id != self._run.site_id
             is_other = mission.runs != self._run.number
-            self._end(cancelled=is_other or mission.cancelled)
+            self._end(unfinished=is_left, cancelled=not is_left and (is_other or mission.cancelled))
         if self._run is None and mission.phase is Phase.DRIVING:
-            where = {"begun_unix_s": round(self._now_s()), "site": self._store.site.name}
-            self._begin(_Run(stamp_ns, mission, travelled_m, where))
+            begun_s = round(self._now_s())
+            self._begin(_Run(stamp_ns, mission, travelled_m, begun_s, self._store.site))
 
     def keep(self) -> None:
         """Store what the present run has come to; any thread may call it."""
@@ -142,10 +145,15 @@ class _Run:
     """The present run."""
 
     def __init__(
-        self, stamp_ns: int, mission: Mission, travelled_m: float, where: Mapping[str, object]
+        self,
+        stamp_ns: int,
+        mission: Mission,
+        travelled_m: float,
+        begun_unix_s: int,
+        site: SiteStore,
     ) -> None:
-        """`where`: when and where the run has begun, as the report says it."""
-        self._where = where
+        self.site_id, self._site_name, self._begun_unix_s = site.id, site.name, begun_unix_s
+        """Site at which the run has begun."""
         self._started_ns = self._last_ns = stamp_ns
         self._started_m = self._last_m = travelled_m
         self._series = TimeSeries(max_rows=MAX_ROWS, thinning=True)
@@ -195,7 +203,8 @@ class _Run:
         """Return the run's own part of the report."""
         return {
             "id": self._id,
-            **self._where,
+            "begun_unix_s": self._begun_unix_s,
+            "site": self._site_name,
             "goals": [[goal.x_m, goal.y_m] for goal in tuple(self._goals.values())],
             "goal_count": self._goal_count,
             "goals_reached": self._reached_count - self._reached_before,

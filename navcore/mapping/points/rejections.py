@@ -36,7 +36,7 @@ class Rejection:
     """One detection that was rejected."""
 
     id: int
-    """Number of the rejection since the start of the program; 0 for one that has none yet."""
+    """Number of the rejection, on this map alone; 0 for one that has none yet."""
     class_id: int
     """Class that is not there."""
     confidence: float

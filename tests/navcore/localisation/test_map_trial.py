@@ -17,6 +17,8 @@ from navcore.localisation.estimate import LocalisationEstimate, LocalisationStat
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.map_trial import MapTrial
 from navcore.mapping.point_map import PointMap
+from navcore.mapping.points.coloured import PastView
+from navcore.mission.beware_list import NOTHING
 
 RULES = StartConfig()
 LOCATED = LocalisationEstimate(state=LocalisationState.LOCATED)
@@ -97,7 +99,8 @@ def test_an_edit_by_hand_ends_the_trial_at_once() -> None:
     for edits in (0, 1):
         begun, point_map, driving = trial()
         begun.follow(LOCATED)
-        point_map.edits.count += edits
+        point_map.edits.by_operator += edits
+        assert (begun.held is None) is (edits == 1), "what was edited is to be stored"
         assert begun.take_back() is (edits == 0)
         assert driving.forgotten == 1 - edits and begun.is_open is (edits == 0)
 
@@ -137,3 +140,14 @@ def test_a_place_that_a_search_has_found_later_is_on_trial_in_a_saved_map(
     point_map.load_prior(occupied)
     assert begun.follow(LOST) is has_saved_map
     assert bool(point_map.layers.bools(0).all()) is not has_saved_map
+
+
+def test_another_colour_rule_is_no_edit_by_which_the_map_is_found_right() -> None:
+    begun, point_map, _ = trial()
+    begun.follow(LOCATED)
+    past = PastView(frames=(), points=point_map.edits.beware_points)
+    point_map.edits.forget_coloured(1, None, None, past)
+    assert begun.take_back()
+    begun.follow(LOCATED)
+    point_map.edits.erase(np.array([0]), [NOTHING])
+    assert not begun.take_back()

@@ -61,12 +61,12 @@ def test_repeats_are_one_row_with_a_count_and_the_log_is_searched(
         )
         log.note(tenth / 10, "released", f"After 0.{tenth} s the robot drives on.")
     log.note(2.0, "goal", "Nurse station is reached.", (-3.0, 1.0))
-    # Late commands are in the status line; the badge counts what is nowhere else.
+    # Late decisions are in the status line; the badge counts what is nowhere else.
     expect(page.get_by_test_id("tab-log")).to_have_text("Log · 1 new")
     page.get_by_test_id("tab-log").click()
     rows = page.get_by_test_id("log-entry")
     expect(rows).to_have_count(3)
-    late = rows.filter(has_text="newest command")
+    late = rows.filter(has_text="newest decision")
     expect(late).to_contain_text("0.33 s old")
     expect(late.get_by_test_id("log-count")).to_contain_text("× 14 in")
     page.get_by_test_id("log-search").fill("nurse")

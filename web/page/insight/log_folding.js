@@ -13,8 +13,8 @@ const LEVEL_OF_KIND = {
   zone: "notice",
   beware: "notice",
 };
-// A robot that is held for want of images or commands is reported in the status line.
-const LATE = /\b(image|picture|frame|command)\b.* s old/i;
+// A robot that is held for want of images or decisions is reported in the status line.
+const LATE = /\b(image|picture|frame|command|decision)\b.* s old/i;
 const NUMBERS = /\d+(?:[.,]\d+)?/g;
 
 export function levelOf({ kind, text }) {

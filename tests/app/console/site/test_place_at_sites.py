@@ -186,8 +186,13 @@ def test_the_place_at_a_site_is_not_taken_for_that_at_another_one_of_its_name(
 def test_the_place_at_which_a_robot_has_left_a_site_on_trial_does_not_hold_when_it_comes_back(
     desk: Desk, on_trial: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    desk.sites.keep_session()
+    navigator, there = desk.controller.navigator, Pose2(x_m=3.0, y_m=1.0, yaw_rad=0.5)
+    navigator.place_robot(there, np.eye(3) * 1e-4, FRAMES[0])
+    desk.tick()
     with monkeypatch.context() as leaving:
         leaving.setattr(Navigator, "map_is_on_trial", on_trial)
         desk.choose("hall")
-    _, kept = desk.sites._expected_place(desk.store.sites.open("default"))
+    expected, kept = desk.sites._expected_place(desk.store.sites.open("default"))
     assert (kept is None) is on_trial
+    assert expected is not None and expected.distance_to(there.x_m, there.y_m) < 0.05

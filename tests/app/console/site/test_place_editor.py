@@ -123,6 +123,11 @@ def test_what_is_seen_from_a_forced_place_in_a_saved_map_is_taken_back_if_it_was
     wrong = navigator.map.state()
     assert len(wrong.poses) > len(before.poses)
     assert (wrong.visible.bools & ~before.visible.bools).sum() > 300
+    # Once more the same place: nothing new is known.
+    used.editor.place(used.controller.place.T_map_base, force=True)
+    used.see()
+    assert used.editor.status().on_trial is is_saved
+    assert len(navigator.map.state().poses) >= len(wrong.poses)
     used.editor.place(HERE, force=False)
     used.see()
     after = navigator.map.state()

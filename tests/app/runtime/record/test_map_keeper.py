@@ -86,7 +86,8 @@ def test_a_map_that_a_correction_has_moved_is_copied_at_once(tmp_path: Path) -> 
         assert kept.exists() is is_corrected
 
 
-def test_why_the_map_is_not_kept_is_told_until_it_is(tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", ["by the thread", "as an operator asks for it"])
+def test_why_the_map_is_not_kept_is_told_until_it_is(tmp_path: Path, how: str) -> None:
     blocked, cloud = tmp_path / "file", PointMap(SPEC, MappingConfig())
     blocked.write_text("no folder")
     keeper = MapKeeper(blocked / "kept.map", NO_NAMES)
@@ -96,5 +97,25 @@ def test_why_the_map_is_not_kept_is_told_until_it_is(tmp_path: Path) -> None:
         keeper._write_logged()
         assert keeper.failure is not None and "kept.map" in keeper.failure
     blocked.unlink()
-    keeper._write_logged()
+    if how == "by the thread":
+        keeper._write_logged()
+    else:
+
+        def edit_map(edit: Any) -> None:
+            edit(cloud)
+            keeper.note_tick(cloud, NO_NAMES, 1)
+
+        keeper.write_now(edit_map)
     assert keeper.failure is None and (blocked / "kept.map").exists()
+
+
+def test_any_failure_of_a_write_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise MemoryError("no memory")
+
+    keeper = MapKeeper(tmp_path / "kept.map", NO_NAMES)
+    keeper.note_tick(PointMap(SPEC, MappingConfig()), NO_NAMES, 0)
+    monkeypatch.setattr(map_file, "save", fail)
+    with pytest.raises(MemoryError):
+        keeper._write_logged()
+    assert keeper.failure == "no memory"

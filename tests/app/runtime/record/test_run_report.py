@@ -29,7 +29,7 @@ class Runs:
             robot="husky",
             now_s=lambda: 1_700_000_000.4,
         )
-        self.site = SimpleNamespace(name="ward")
+        self.site = SimpleNamespace(name="ward", id="1")
         self.ticks = 0
 
     def save_run(self, report: dict[str, Any]) -> None:
@@ -131,7 +131,7 @@ def test_a_long_patrol_reports_its_newest_goals_and_the_number_of_all(
 
 def test_a_report_says_when_and_at_which_site_the_run_has_begun(runs: Runs) -> None:
     mission = runs.tick(to(1.0).start())
-    runs.site.name = "another"  # entered meanwhile
+    runs.site.name = "another"  # renamed meanwhile
     runs.tick(mission.arrive())
     (report,) = runs.stored.values()
     assert (report["begun_unix_s"], report["site"]) == (1_700_000_000, "ward")
@@ -146,3 +146,12 @@ def test_a_report_says_whether_the_mission_was_cancelled(runs: Runs) -> None:
     mission = runs.tick(mission.pause())
     runs.tick(mission.refill(to(8.0).queue, loop=False))
     assert [report["cancelled"] for report in runs.stored.values()] == [True, False, True]
+
+
+def test_a_mission_that_waits_at_a_site_that_is_left_is_not_cancelled(runs: Runs) -> None:
+    mission = runs.tick(to(1.0, 2.0).start())
+    mission = runs.tick(mission.arrive())
+    runs.site = SimpleNamespace(name="hall", id="2")
+    runs.tick(dataclasses.replace(Mission(), runs=mission.runs + 1))
+    (report,) = runs.stored.values()
+    assert (report["site"], report["unfinished"], report["cancelled"]) == ("ward", True, False)
