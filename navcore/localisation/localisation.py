@@ -135,7 +135,9 @@ class Localisation:
         is_believed = not self.is_on_trial
         estimate = self._confirmed(self._fixed(frame, estimate), frame)
         was_lost, self._is_lost = self._is_lost, estimate.state is LocalisationState.LOST
-        self._T_map_driven = estimate.T_map_base @ self._driven.pose.inverse()
+        # Also where a correction still waits for the robot to stand.
+        believed = self.tracker.pending or estimate.T_map_base
+        self._T_map_driven = believed @ self._driven.pose.inverse()
         if self._is_lost and not was_lost:
             self._begin_search(may_be_there=is_believed and not self.has_saved_map)
         if not self._is_searching:

@@ -238,6 +238,29 @@ def test_a_refuted_start_is_beside_its_place_where_the_searches_find_that_one_al
         assert after.place_correction.shift_m == pytest.approx(1.2, abs=0.05)
 
 
+def test_while_a_correction_waits_for_standstill_the_place_that_it_leads_to_is_checked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else what has been corrected is refuted once more, and the robot is lost."""
+    localisation, scan, _ = started()
+    for _ in range(2):
+        localisation.take(search_result(fit(0.3), NEAR))
+    for number in (10, 11):
+        after = localisation.follow(frame_at(ROUTE[number + 33], number), scan)
+    pending = localisation.tracker.pending
+    assert pending is not None and pending.distance_to(
+        after.T_map_base.x_m, after.T_map_base.y_m
+    ) == pytest.approx(1.2, abs=0.05)
+    asked: list[Pose2] = []
+    monkeypatch.setattr(
+        localisation._search, "next_task", lambda _, given, last: asked.append(given)
+    )
+    localisation.next_task()
+    (given,) = asked
+    there = given @ localisation._driven.pose
+    assert there.distance_to(pending.x_m, pending.y_m) < 0.01
+
+
 def accepted_elsewhere(robot: Localisation) -> None:
     """Let the search beside a place on trial have found another one."""
     robot._search._relocaliser = Relocaliser(cast(PlaceMap, None), RelocalisationConfig())
