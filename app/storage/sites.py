@@ -2,13 +2,14 @@
 
 Rows are in the SQLite file under the id of the site, its map is in a folder of its own, which the
 row of the site names: a new name of the site changes one row and nothing else. Names are restricted
-to what is a plain file name everywhere, and differ in more than case.
+to what is a plain file name everywhere, and differ in more than case, in letters of any language.
 """
 
 from __future__ import annotations
 
 import re
 import shutil
+import unicodedata
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -50,13 +51,24 @@ class SiteRow:
 
 
 def checked_name(name: str) -> str:
-    """Return the name of a site; raises `BadConfiguration` for one that is not allowed."""
-    if re.fullmatch(SITE_NAME[1:-1], name, re.ASCII) is None:
+    """Return the name of a site with its letters as single characters, which they are not in names
+    of files on a Mac; raises `BadConfiguration` for one that is not allowed."""
+    name = unicodedata.normalize("NFC", name)
+    if re.fullmatch(SITE_NAME[1:-1], name) is None:
         raise BadConfiguration(
-            f"site name {name!r:.90}: expected 1 to 40 letters A to Z, digits, blanks, - and _, "
-            "beginning with a letter or digit"
+            f"site name {name!r:.90}: expected 1 to 40 letters, digits, blanks, - and _, beginning "
+            "with a letter or digit"
         )
     return name
+
+
+def _is_same(name: str, other: str) -> bool:
+    """Return whether two names are the same but for case."""
+    return _folded(name) == _folded(other)
+
+
+def _folded(name: str) -> str:
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 class SiteTable:
@@ -101,7 +113,7 @@ class SiteTable:
     def open(self, name: str) -> SiteStore:
         """Return the contents of a site; raises `NotKnown`."""
         for row in self.all():
-            if row.name.lower() == name.lower():
+            if _is_same(row.name, name):
                 return self.contents(row)
         raise NotKnown(f"no site is called {name!r:.90}")
 
@@ -111,9 +123,9 @@ class SiteTable:
         if fitting:
             return max(fitting, key=lambda row: row.chosen).name
         made = re.sub(r"[^A-Za-z0-9_-]+", "-", world).strip("-_")[:36] or "site"
-        known = {row.name.lower() for row in self.all()}
+        known = {_folded(row.name) for row in self.all()}
         names = (made, *(f"{made}-{number}" for number in range(2, MAX_SITES + 2)))
-        return next(name for name in names if name.lower() not in known)
+        return next(name for name in names if _folded(name) not in known)
 
     def of_start(self, name: str | None, world: str) -> SiteStore:
         """Return the site of a start in a world: that of a name, else the one that was last used
@@ -122,8 +134,7 @@ class SiteTable:
         try:
             return self.open(name)
         except NotKnown:
-            checked_name(name)
-            return self._new(name)
+            return self._new(checked_name(name))
 
     def choose(self, site: SiteStore, world: str) -> None:
         """Note that a site is in use now, in `world`; raises `Refused` where it is not stored yet
@@ -160,8 +171,7 @@ class SiteTable:
     @contextmanager
     def making(self, name: str, map_data: bytes | None = None) -> Iterator[SiteStore]:
         """Make a site with a map file, the rest of which the block stores: all or nothing."""
-        checked_name(name)
-        site = self._new(name)
+        site = self._new(checked_name(name))
         with self._draft(site.folder, map_data) as draft, self._database.writing() as connection:
             self._insert(connection.execute, site)
             yield site
@@ -199,8 +209,7 @@ class SiteTable:
     def copy(self, name: str, new_name: str) -> SiteStore:
         """Copy a site with everything in it; raises `NotKnown` also where it is deleted
         meanwhile."""
-        source = self.open(name)
-        checked_name(new_name)
+        source, new_name = self.open(name), checked_name(new_name)
         taken = read_whole(source.map_file, at_most=MAX_BYTES) if source.map_file.exists() else None
         with (
             self.making(new_name, taken) as site,
@@ -225,11 +234,11 @@ class SiteTable:
     def renaming(self, name: str, new_name: str | None) -> Iterator[SiteStore]:
         """Rename a site, of which the block stores more: all or nothing. None keeps its name."""
         if new_name is not None:
-            checked_name(new_name)
+            new_name = checked_name(new_name)
         with self._database.writing() as connection:
             site = self.open(name)
             if new_name is not None:
-                self._require_free(connection.execute, new_name, site.id)
+                self._require_free(new_name, site.id)
                 connection.execute("UPDATE sites SET name = ? WHERE id = ?", (new_name, site.id))
                 site = self.open(new_name)
             yield site
@@ -254,7 +263,7 @@ class SiteTable:
 
     def _insert(self, execute: Execute, site: SiteStore) -> None:
         """Add the row of a site."""
-        self._require_free(execute, site.name, site.id)
+        self._require_free(site.name, site.id)
         if execute("SELECT count(*) FROM sites").fetchone()[0] >= MAX_SITES:
             raise Refused(f"at most {MAX_SITES} sites are kept; delete one first")
         execute(
@@ -262,11 +271,9 @@ class SiteTable:
             (site.id, site.name, site.folder.name),
         )
 
-    @staticmethod
-    def _require_free(execute: Execute, name: str, site_id: str) -> None:
-        """Raise `Refused` where a site of another id has a name."""
-        taken = "SELECT 1 FROM sites WHERE name = ? AND id <> ?"
-        if execute(taken, (name, site_id)).fetchone():
+    def _require_free(self, name: str, site_id: str) -> None:
+        """Raise `Refused` where a site of another id has a name; called within a transaction."""
+        if any(_is_same(row.name, name) and row.id != site_id for row in self.all()):
             raise Refused(f"a site is called {name!r} already; choose another name")
 
 

@@ -7,6 +7,7 @@ import logging
 import os
 from collections.abc import Iterator
 from typing import BinaryIO
+from urllib.parse import quote
 
 from fastapi.responses import StreamingResponse
 from starlette.types import Message, Send
@@ -25,7 +26,8 @@ class Archive(StreamingResponse):
     def __init__(self, file: BinaryIO, name: str) -> None:
         size = file.seek(0, os.SEEK_END)
         headers = {
-            "Content-Disposition": f'attachment; filename="{name}"',
+            # By RFC 6266, as a name may have letters that a header has not.
+            "Content-Disposition": f"attachment; filename*=UTF-8''{quote(name)}",
             "Content-Length": str(size),
         }
         file.seek(0)

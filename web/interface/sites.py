@@ -18,8 +18,8 @@ from navcore.mapping.changes import ChangeKind
 from navcore.toml_config import ranged
 from web.interface.wire import WholePolyline, served
 
-SITE_NAME = r"^[A-Za-z0-9](?:[A-Za-z0-9 _-]{0,38}[A-Za-z0-9_-])?$"
-"""Names of sites, as a regular expression: folders of sites of earlier versions have them, too."""
+SITE_NAME = r"^[^\W_](?:[\w -]{0,38}[\w-])?$"
+"""Names of sites, as a regular expression: letters of any language, digits, blanks, `-`, `_`."""
 MAX_ARCHIVE_BYTES = 64_000_000
 """Largest site archive in bytes."""
 FAR_M = 1e6

@@ -28,7 +28,7 @@ class SiteIn(Closed):
     """Name of a new site."""
 
     name: SiteName
-    """1 to 40 letters A to Z, digits, blanks, `-` and `_`, beginning with a letter or digit."""
+    """1 to 40 letters, digits, blanks, `-` and `_`, beginning with a letter or digit."""
 
 
 class SiteChangesIn(Closed):

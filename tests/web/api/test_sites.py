@@ -10,6 +10,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, unquote
 
 import httpx
 import pytest
@@ -133,7 +134,7 @@ def test_the_site_stays_while_a_mission_drives(client: httpx.Client) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["", " a", "a ", "../up", "a/b", "a\\b", ".hidden", "a\x00b", "a\n", "é", "x" * 41, "CON:", 7],
+    ["", " a", "a ", "../up", "a/b", "a\\b", ".hidden", "a\x00b", "a\n", "★", "x" * 41, "CON:", 7],
 )
 def test_a_name_that_is_no_plain_file_name_is_refused(client: httpx.Client, name: Any) -> None:
     assert client.post("/api/v1/sites", json={"name": name}).status_code == 422
@@ -204,6 +205,19 @@ def test_a_site_and_its_nav2_map_are_files_to_download(client: httpx.Client) -> 
         assert answer.headers["content-type"] == "application/zip"
         assert "default" in answer.headers["content-disposition"] and b"default" in answer.content
         assert client.get(f"/api/v1/sites/elsewhere/{kind}").status_code == 404
+
+
+def test_a_name_has_letters_of_any_language_also_as_that_of_a_file(client: httpx.Client) -> None:
+    for name in ("Küche", "倉庫 2"):
+        assert client.post("/api/v1/sites", json={"name": name}).status_code == 201
+        assert name in names(client)
+        answer = client.get(f"/api/v1/sites/{quote(name)}/export")
+        assert answer.status_code == 200
+        file = answer.headers["content-disposition"].removeprefix("attachment; filename*=UTF-8''")
+        assert unquote(file) == f"{name}.site.zip"
+        assert client.delete(f"/api/v1/sites/{quote(name)}").status_code == 204
+    for name in ("a/b", "★", "", "x" * 41, "_a"):
+        assert client.post("/api/v1/sites", json={"name": name}).status_code == 422
 
 
 def test_one_site_is_exported_at_a_time(

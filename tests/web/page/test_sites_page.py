@@ -57,6 +57,16 @@ def make_site(panel: Locator, name: str) -> None:
     expect(row(panel, name)).to_be_visible()
 
 
+def test_a_site_may_be_called_in_letters_of_any_language(panel: Locator) -> None:
+    make_site(panel, "Küche 2")
+    name = panel.get_by_test_id("site-name")
+    for bad in ("a/b", "★", "-a"):
+        name.fill(bad)
+        assert not name.evaluate("field => field.checkValidity()")
+    name.fill("倉庫")
+    assert name.evaluate("field => field.checkValidity()")
+
+
 def test_sites_are_made_chosen_renamed_copied_and_deleted_by_hand(
     panel: Locator, operations: FakeOperations
 ) -> None:

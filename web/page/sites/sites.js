@@ -12,7 +12,7 @@ import * as changes from "./changes.js";
 import { buildDockAndTags, enter, follow, load } from "./dock_tags.js";
 import { buildPlacing } from "./placing.js";
 
-const NAME_RULE = "[A-Za-z0-9]([A-Za-z0-9 _\\-]{0,38}[A-Za-z0-9_\\-])?";
+const NAME_RULE = "[\\p{L}\\p{N}]([\\p{L}\\p{N} _\\-]{0,38}[\\p{L}\\p{N}_\\-])?";
 const panel = element("sites");
 const opener = element("sites-button");
 const list = make("ul", { class: "list", "data-testid": "sites-list" });
@@ -34,7 +34,7 @@ function nameField(label, testId) {
     required: "",
     maxlength: 40,
     pattern: NAME_RULE,
-    title: t("1 to 40 letters A to Z, digits, blanks, - and _"),
+    title: t("1 to 40 letters, digits, blanks, - and _"),
     "data-testid": testId,
   });
 }
@@ -171,7 +171,9 @@ async function answered(path, options) {
 // The name that was typed, else one made of the name of a file, and of a number if a site has it.
 function nameFor(file) {
   if (newName.value) return newName.value;
-  const made = file.name.replace(/(\.site)?\.[a-z0-9]+$/i, "").replace(/[^A-Za-z0-9 _-]+/g, "-");
+  // Names of files on a Mac have an umlaut in two parts.
+  const whole = file.name.normalize("NFC").replace(/(\.site)?\.[a-z0-9]+$/i, "");
+  const made = whole.replace(/[^\p{L}\p{N} _-]+/gu, "-");
   const name = made.replace(/^[-_ ]+|[- ]+$/g, "").slice(0, 36).trimEnd() || "site";
   const taken = new Set([...list.children].map((item) => item.dataset.name));
   let number = 1;
