@@ -463,12 +463,12 @@ class Navigator:
         agrees = self.place.is_known and not is_large(
             here, T_map_base @ here.inverse(), self._config.localisation.tracking
         )
-        if agrees and is_sure:
-            self._trial.end()
+        if agrees and is_sure and self.localisation.has_saved_map:
+            self._trial.end()  # in a new map all fits what was seen from there itself
         if not agrees and self._trial.take_back():
             self._plan_anew()
             self._taken_back = True
-        if not is_sure and self.localisation.has_saved_map:
+        if not is_sure:
             self._trial.hold(is_vouched=True)
         self.localisation.place(T_map_base, covariance, frame, is_sure=is_sure)
         self.reset_pose()
@@ -484,6 +484,7 @@ class Navigator:
         pose ID that is unknown or belongs to a loaded map."""
         self.map.correct(poses)
         self.localisation.move_keyframes(poses)
+        self._trial.end()  # what is held lies elsewhere now
         self._mapper.follow_correction()
 
     def reset_pose(self) -> None:

@@ -30,6 +30,9 @@ MAX_SITES = 100
 DRAFT = ".new-"
 """Begin of the name of a folder that is to become that of a site."""
 
+_MARKS = ("Mn", "Mc")
+"""Categories of the signs that belong to a letter before them, such as vowels in Indian scripts."""
+
 Execute = Callable[..., Any]
 """Function that executes a statement within a transaction."""
 
@@ -52,9 +55,11 @@ class SiteRow:
 
 def checked_name(name: str) -> str:
     """Return the name of a site with its letters as single characters, which they are not in names
-    of files on a Mac; raises `BadConfiguration` for one that is not allowed."""
-    name = unicodedata.normalize("NFC", name)
-    if re.fullmatch(SITE_NAME[1:-1], name) is None:
+    of files on a Mac, and without a second blank, which looks like one; raises `BadConfiguration`
+    for one that is not allowed."""
+    name = re.sub(" +", " ", unicodedata.normalize("NFC", name))
+    plain = "".join("a" if unicodedata.category(char) in _MARKS else char for char in name[1:])
+    if re.fullmatch(SITE_NAME[1:-1], name[:1] + plain) is None:
         raise BadConfiguration(
             f"site name {name!r:.90}: expected 1 to 40 letters, digits, blanks, - and _, beginning "
             "with a letter or digit"
@@ -68,7 +73,7 @@ def _is_same(name: str, other: str) -> bool:
 
 
 def _folded(name: str) -> str:
-    return unicodedata.normalize("NFC", name).casefold()
+    return re.sub(" +", " ", unicodedata.normalize("NFC", name)).casefold()
 
 
 class SiteTable:
@@ -273,8 +278,9 @@ class SiteTable:
 
     def _require_free(self, name: str, site_id: str) -> None:
         """Raise `Refused` where a site of another id has a name; called within a transaction."""
-        if any(_is_same(row.name, name) and row.id != site_id for row in self.all()):
-            raise Refused(f"a site is called {name!r} already; choose another name")
+        for row in self.all():
+            if _is_same(row.name, name) and row.id != site_id:
+                raise Refused(f"a site is called {row.name!r} already; choose another name")
 
 
 def _rename(folder: Path, new: Path) -> None:

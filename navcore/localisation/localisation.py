@@ -434,17 +434,11 @@ class Localisation:
         at_start = StartCheck(self._config.start, self._config.relocalisation).covariance
         return bool((np.diag(covariance) <= np.diag(at_start)).all())
 
-    def settle_session(self) -> None:
-        """Make the keyframes of this session part of the saved map, whose poses are constants: what
-        is seen from now on is compared with them."""
-        if len(self.tracker.own_map):
-            self.tracker.settle_own_map()
+    def return_to(self, keyframes: Iterable[Keyframe]) -> None:
+        """Take the keyframes that the map had, whose poses are constants now, for those of the
+        saved map, and forget what was made since at a wrong place."""
+        if self.tracker.return_to(keyframes):
             self._search.forget_map()
-        self._restart_chain()
-
-    def forget_session(self) -> None:
-        """Forget the keyframes of this session, which were made at a wrong place."""
-        self.tracker.forget_own_map()
         self._restart_chain()
 
     def _restart_chain(self) -> None:

@@ -13,6 +13,7 @@ from navcore.config.localisation.localisation import StartConfig
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.new_way import NewWay
+from navcore.localisation.scans.scan import Keyframe
 from navcore.mapping.point_map import Checkpoint, PointMap
 from navcore.mapping.storage.map_state import MapState
 
@@ -26,6 +27,8 @@ class MapTrial:
     ) -> None:
         self._map, self._localisation, self._config = point_map, localisation, config
         self._held: Checkpoint | None = None
+        self._keyframes: tuple[Keyframe, ...] = ()
+        """Those of the map that is held."""
         self._is_clean, self._edits = True, 0
         self._is_corrected, self._proof = False, NewWay(config.trial_m)
         self._is_vouched = self._was_lost = False
@@ -56,13 +59,12 @@ class MapTrial:
         a place that may be wrong; a map that is held already is held on.
 
         `is_vouched`: an operator says that it is right, so that metres count as well where the map
-        shows little of what is seen.
+        shows little of what is seen, as in a new one.
         """
         self._is_vouched, self._proof = is_vouched, NewWay(self._config.trial_m)
         if self._held is not None and not self._is_edited:
             return
-        self._localisation.settle_session()
-        self._held = self._map.checkpoint()
+        self._held, self._keyframes = self._map.checkpoint(), self._localisation.keyframes
         self._is_clean, self._edits = True, self._map.edits.by_operator
         self._is_corrected = False
 
@@ -90,7 +92,10 @@ class MapTrial:
             self._proof = NewWay(self._config.trial_m)
         if self._is_vouched or not self._localisation.is_in_new:
             self._proof.follow(place.T_driven_base)
-        if self._is_edited or not self._localisation.is_on_trial or self._proof.is_enough:
+        is_proving = self._localisation.is_on_trial or (
+            self._is_vouched and not self._localisation.has_saved_map
+        )
+        if self._is_edited or not is_proving or self._proof.is_enough:
             self._held = None
         self._is_clean = False
         return is_changed
@@ -107,6 +112,6 @@ class MapTrial:
         if self._held is None or self._is_clean:
             return False
         self._map.return_to(self._held)
-        self._localisation.forget_session()
+        self._localisation.return_to(self._keyframes)
         self._is_clean, self._is_corrected = True, False
         return True

@@ -363,10 +363,7 @@ class PointMap:
         self._placed.version += 1
 
     def checkpoint(self) -> Checkpoint:
-        """Return what the map holds; its present poses are constants from now on, and a correction
-        that is prepared cannot be applied."""
-        self.pose_ids.freeze()
-        self._placed.snapshot += 1
+        """Return what the map holds."""
         return Checkpoint(
             state=self.state(),
             terrain=self.terrain.records(),
@@ -376,7 +373,8 @@ class PointMap:
         )
 
     def return_to(self, checkpoint: Checkpoint) -> None:
-        """Take back all that has come since a checkpoint, and the growth of the grid."""
+        """Take back all that has come since a checkpoint, and the growth of the grid; its poses are
+        constants from then on."""
         scans = self.scans
         self.restore(checkpoint.state)
         self.scans = scans

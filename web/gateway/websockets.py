@@ -27,8 +27,16 @@ async def until_one_ends(*directions: Coroutine[Any, Any, None]) -> None:
         await asyncio.gather(*tasks, return_exceptions=True)
     for task in ended:
         error = task.exception()
-        if error is not None and not isinstance(error, WebSocketDisconnect | ConnectionClosed):
+        if error is not None and not _is_closed(error):
             raise error
+
+
+def _is_closed(error: BaseException) -> bool:
+    """Return whether an error says that the connection was closed, by either side."""
+    if isinstance(error, WebSocketDisconnect | ConnectionClosed):
+        return True
+    # The server raises no class of its own for what is sent in the moment of the close.
+    return isinstance(error, RuntimeError) and "websocket.close" in str(error)
 
 
 async def until_gone(socket: WebSocket) -> None:

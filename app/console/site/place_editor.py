@@ -45,11 +45,13 @@ class PlaceEditor:
     def status(self) -> PlaceOut:
         """Return how well the robot knows where it is."""
         place, searching = self._controller.place, self._controller.intent.searching
+        on_trial = place.is_known and self._controller.navigator.map_is_on_trial
+        text = in_words(place)
         variances, axes = np.linalg.eigh(place.covariance[:2, :2])
         minor, major = SIGMAS * np.sqrt(np.maximum(variances, 0.0))
         return PlaceOut(
             state=place.state,
-            text=in_words(place),
+            text=f"{text} It is not confirmed yet." if on_trial else text,
             major_m=round(float(major), 3),
             minor_m=round(float(minor), 3),
             axis_rad=round(math.atan2(axes[1, 1], axes[0, 1]), 3),
@@ -57,7 +59,7 @@ class PlaceEditor:
             match_share=None if place.match_share is None else round(place.match_share, 3),
             since_m=round(place.since_m, 2),
             candidates=place.candidates,
-            on_trial=place.is_known and self._controller.navigator.map_is_on_trial,
+            on_trial=on_trial,
             searching=searching,
             T_map_odom=place.T_map_odom,
         )
@@ -123,14 +125,14 @@ class PlaceEditor:
 
 def _answer(scan: Scan, found: CheckedPlace) -> PlaceCheck:
     fit = found.fit
-    text = f"{fit.fit_share:.0%} of what the camera sees fits the map here"
+    text = f"{fit.fit_share:.0%} of what the camera sees fits the map here."
     if found.reason:
-        text = f"{found.reason[0].upper()}{found.reason[1:]}"
+        text = f"{found.reason[0].upper()}{found.reason[1:]}."
     return PlaceCheck(
         pose=fit.T_map_base,
         match_share=round(fit.fit_share, 3) if len(scan) else None,
         fits=found.is_accepted,
-        text=f"{text}.",
+        text=text,
         scan=fit.T_map_base.to_parent(scan.points_base),
     )
 

@@ -56,8 +56,8 @@ POSE_STOPS = {
     ),
     LocalisationState.AMBIGUOUS: StopReason(
         cause=Cause.POSE_UNKNOWN,
-        text="The robot is unsure between several places. Drive it some metres by hand, or show "
-        "its place on the map.",
+        text="The robot is unsure of its place. Drive it some metres by hand, or show its place on "
+        "the map.",
     ),
 }
 """Reasons for which a robot that does not know its pose stands."""

@@ -108,7 +108,10 @@ class MapKeeper:
         if not self._answered.wait(SNAPSHOT_WAIT_S):
             self._asked.clear()
             raise Refused("the map cannot be kept now, as the camera delivers no image; try again")
-        self._write()
+        try:
+            self._write()
+        except StorageFailed as error:
+            raise StorageFailed(f"the map cannot be stored: {error}") from None
 
     def finish(
         self, point_map: PointMap, names: Mapping[int, str], held: MapState | None = None

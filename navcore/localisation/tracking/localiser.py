@@ -159,15 +159,15 @@ class Localiser:
         """Take the keyframes of a saved map, whose poses are constants from now on."""
         self._saved.replace(keyframes)
 
-    def settle_own_map(self) -> None:
-        """Make the keyframes of this session part of the saved map, whose poses are constants."""
-        for keyframe in self._chain.map.keyframes:
+    def return_to(self, keyframes: Iterable[Keyframe]) -> bool:
+        """Forget the keyframes of this session, but for those of former keyframes that are not in
+        the saved map, which become part of it; return whether it has changed."""
+        known = {keyframe.pose_id for keyframe in self._saved.keyframes}
+        added = [keyframe for keyframe in keyframes if keyframe.pose_id not in known]
+        for keyframe in added:
             self._saved.put(keyframe)
-        self.forget_own_map()
-
-    def forget_own_map(self) -> None:
-        """Forget the keyframes of this session."""
         self._chain, self._relative = KeyframeChain(self._pose_ids, self._config), {}
+        return len(added) > 0
 
     def correct(self, poses: Mapping[int, Pose2], known: tuple[int, Matrix] | None = None) -> None:
         """Move keyframes of this session to corrected poses by ID, and the robot with the newest;

@@ -211,12 +211,12 @@ def test_a_name_that_is_taken_is_refused_whatever_its_case(store: Store) -> None
 
 
 def test_letters_of_any_language_are_told_apart_in_more_than_case(store: Store) -> None:
-    for name in ("Küche", "Almacén 2", "倉庫"):
+    for name in ("Küche", "Almacén 2", "倉庫", "हिन्दी"):
         assert store.sites.make(name).name == name
         assert store.sites.open(name.upper()).name == name
     in_parts = unicodedata.normalize("NFD", "küche")
     assert in_parts != "küche"
-    for again in ("KÜCHE", in_parts):
+    for again in ("KÜCHE", in_parts, "almacén  2"):
         with pytest.raises(Refused, match="already"):
             store.sites.make(again)
     assert store.sites.rename("almacén 2", unicodedata.normalize("NFD", "Süd")).name == "Süd"

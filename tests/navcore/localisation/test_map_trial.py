@@ -16,6 +16,7 @@ from navcore.grid.grid import GridSpec
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState, PlaceCorrection
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.map_trial import MapTrial
+from navcore.localisation.scans.scan import Keyframe
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.coloured import PastView
 from navcore.mission.beware_list import NOTHING
@@ -36,10 +37,12 @@ class Driving:
     has_saved_map: bool = True
     forgotten: int = 0
 
-    def settle_session(self) -> None:
-        """Of this session there is nothing."""
+    @property
+    def keyframes(self) -> tuple[Keyframe, ...]:
+        return ()
 
-    def forget_session(self) -> None:
+    def return_to(self, keyframes: tuple[Keyframe, ...]) -> None:
+        assert keyframes == ()
         self.forgotten += 1
 
 
@@ -123,6 +126,17 @@ def test_what_an_operator_vouches_for_is_proved_also_where_the_map_shows_nothing
     assert metres_until_closed(begun) is None
     begun.hold(is_vouched=True)
     assert metres_until_closed(begun) == pytest.approx(RULES.trial_m, abs=1.3)
+
+
+def test_what_an_operator_vouches_for_in_a_new_map_is_on_trial_for_some_metres() -> None:
+    begun, point_map, driving = trial(Driving(is_on_trial=False, has_saved_map=False))
+    begun.hold(is_vouched=True)
+    begun.follow(LOCATED)
+    assert begun.is_open and begun.held is not None
+    assert begun.follow(LOST) and driving.forgotten == 1
+    begun.hold(is_vouched=True)
+    assert metres_until_closed(begun) == pytest.approx(RULES.trial_m, abs=1.3)
+    assert point_map.pose_ids.frozen == 0
 
 
 @pytest.mark.parametrize("has_saved_map", [True, False])

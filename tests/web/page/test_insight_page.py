@@ -331,7 +331,7 @@ def test_curves_ages_and_the_page_of_runs_are_shown(
     expect(newest).to_contain_text("ward")
     expect(newest).to_contain_text("cancelled")
     cut_off = page.get_by_test_id("run").filter(has_text="run-0")
-    expect(cut_off).to_contain_text("5000 of 5003, not ended")
+    expect(cut_off).to_contain_text("5000 of 5003, interrupted or going on")
 
 
 def test_plots_begin_again_with_the_console_also_while_they_are_closed(

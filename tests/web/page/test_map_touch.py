@@ -296,6 +296,12 @@ def test_a_place_that_does_not_fit_is_taken_only_when_the_operator_insists(
         expect(page.get_by_test_id("place-proposal")).to_be_hidden()
         moved = operations.state().pose != before
         assert moved == (choice == "place-force")
+    right_click(page, 2.0, 3.0)
+    press_item(page, "robot-here")
+    drag_map(page, (2.0, 3.0), (2.0, 4.5))
+    page.get_by_test_id("place-look").click()
+    expect(page.get_by_test_id("place-proposal")).to_be_hidden()
+    expect(page.get_by_test_id("status")).to_have_attribute("data-kind", "searching")
 
 
 def test_a_robot_that_is_lost_says_so_and_looks_round_when_told(

@@ -57,7 +57,8 @@ function show(asked, checked) {
     const [text, id] = checked.fits ? [t("Accept"), "place-accept"] : [t("Accept anyway"), "place-force"];
     panel.replaceChildren(
       make("p", { "data-testid": "place-fit" }, sentence(checked.text)),
-      ...(checked.fits ? [] : [make("p", {}, t("In a saved map, what the robot sees from here is taken back if its way does not fit. If you are not sure, look round instead."))]),
+      ...(checked.fits ? [] : [make("p", {}, t("What the robot sees from here is taken back if its way does not fit, or if you show it another place. If you are not sure, let it look round."))]),
+      ...(checked.fits ? [] : [make("button", { "data-testid": "place-look", onclick: lookRound }, t("Look round"))]),
       make("button", { "data-testid": id, onclick: () => accept(!checked.fits) }, text),
       make("button", { "data-testid": "place-cancel", onclick: withdraw }, t("Cancel")),
     );
@@ -82,7 +83,14 @@ async function accept(isForced) {
 
 onStale(() => set(element("place-unknown"), { hidden: true }));
 
-element("place-search").onclick = () => attempt(() => post("/localisation/search"));
+const search = () => attempt(() => post("/localisation/search"));
+
+function lookRound() {
+  withdraw();
+  search();
+}
+
+element("place-search").onclick = search;
 element("place-proposal").addEventListener("keydown", (event) => {
   if (event.key !== "Escape") return;
   event.stopPropagation();

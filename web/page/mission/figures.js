@@ -13,7 +13,14 @@ const PLACES = {
   ambiguous: t("unsure"),
   lost: t("lost"),
 };
+const KNOWN = new Set(["located", "dead reckoning"]);
 let shownMs = 0;
+
+// What is not known has no uncertainty: that would be of where the robot was taken to be.
+function placeText({ state, on_trial: isOnTrial, major_m: majorM }) {
+  if (!KNOWN.has(state)) return PLACES[state];
+  return `${isOnTrial ? t("being confirmed") : PLACES[state]} ± ${number(majorM, 2)} m`;
+}
 
 export function showFigures(state) {
   showSegmenter(state);
@@ -23,7 +30,7 @@ export function showFigures(state) {
   const { pose, place, twist } = state;
   const rows = [
     [t("position"), pose.x_m === null ? t("unknown") : `${pose.x_m.toFixed(2)}, ${pose.y_m.toFixed(2)} m`],
-    [t("place"), `${place.on_trial ? t("being confirmed") : PLACES[place.state]} ± ${number(place.major_m, 2)} m`],
+    [t("place"), placeText(place)],
     [t("speed"), formatNumber(twist.v_mps, 2, "m/s")],
     [t("to goal"), formatNumber(state.distance_to_goal_m, 1, "m")],
     [t("not seen"), formatNumber(state.unseen_m, 1, "m")],

@@ -12,7 +12,7 @@ import * as changes from "./changes.js";
 import { buildDockAndTags, enter, follow, load } from "./dock_tags.js";
 import { buildPlacing } from "./placing.js";
 
-const NAME_RULE = "[\\p{L}\\p{N}]([\\p{L}\\p{N} _\\-]{0,38}[\\p{L}\\p{N}_\\-])?";
+const NAME_RULE = "[\\p{L}\\p{N}]([\\p{L}\\p{M}\\p{N} _\\-]{0,38}[\\p{L}\\p{M}\\p{N}_\\-])?";
 const panel = element("sites");
 const opener = element("sites-button");
 const list = make("ul", { class: "list", "data-testid": "sites-list" });
@@ -34,8 +34,9 @@ function nameField(label, testId) {
     required: "",
     maxlength: 40,
     pattern: NAME_RULE,
-    title: t("1 to 40 letters, digits, blanks, - and _"),
+    title: t("1 to 40 letters, digits, blanks, - and _, beginning with a letter or digit"),
     "data-testid": testId,
+    onchange: ({ target }) => (target.value = target.value.normalize("NFC").trim().replace(/ +/g, " ")),
   });
 }
 
@@ -173,7 +174,7 @@ function nameFor(file) {
   if (newName.value) return newName.value;
   // Names of files on a Mac have an umlaut in two parts.
   const whole = file.name.normalize("NFC").replace(/(\.site)?\.[a-z0-9]+$/i, "");
-  const made = whole.replace(/[^\p{L}\p{N} _-]+/gu, "-");
+  const made = whole.replace(/[^\p{L}\p{M}\p{N} _-]+/gu, "-");
   const name = made.replace(/^[-_ ]+|[- ]+$/g, "").slice(0, 36).trimEnd() || "site";
   const taken = new Set([...list.children].map((item) => item.dataset.name));
   let number = 1;

@@ -10,7 +10,7 @@ const NAMES = {
   robot: t("robot"),
   goals: t("goals"),
   goal_count: t("number of goals"),
-  unfinished: t("not ended"),
+  unfinished: t("interrupted, or going on"),
   cancelled: t("cancelled"),
   goals_reached: t("goals reached"),
   success: t("success"),

@@ -20,7 +20,7 @@ const LIST = {
   scenario: (run) => run.scenario ?? "–",
   goals: (run) => {
     const numbers = { reached: run.goals_reached ?? "–", all: run.goal_count ?? run.goals?.length ?? "–" };
-    if (run.unfinished) return t("{reached} of {all}, not ended", numbers);
+    if (run.unfinished) return t("{reached} of {all}, interrupted or going on", numbers);
     return run.cancelled ? t("{reached} of {all}, cancelled", numbers) : t("{reached} of {all}", numbers);
   },
   sim_time_s: (run) => fixed(run.sim_time_s, 1),
@@ -106,7 +106,7 @@ async function showChosen() {
 function fieldRow(name, values) {
   const cells = values.map((value) => textOf(name, value));
   const isPair = values.length === 2;
-  if (isPair) cells.push(differenceOf(values));
+  if (isPair) cells.push(name === "begun_unix_s" ? "" : differenceOf(values));
   const differs = isPair && JSON.stringify(values[0]) !== JSON.stringify(values[1]);
   return make(
     "tr",
