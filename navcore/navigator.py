@@ -419,7 +419,8 @@ class Navigator:
 
     @property
     def held_map(self) -> MapState | None:
-        """The map without what may be taken back, to be stored; None where nothing may."""
+        """The saved map without what may be taken back, to be stored; None where nothing may, and
+        for a new map, which is stored as it is."""
         return self._trial.held
 
     def take(self, outcome: Outcome | PreparedCorrection | TaskFailed) -> None:
@@ -463,11 +464,11 @@ class Navigator:
         agrees = self.place.is_known and not is_large(
             here, T_map_base @ here.inverse(), self._config.localisation.tracking
         )
-        if agrees and is_sure and self.localisation.has_saved_map:
-            self._trial.end()  # in a new map all fits what was seen from there itself
         if not agrees and self._trial.take_back():
             self._plan_anew()
             self._taken_back = True
+        if is_sure and (self.localisation.has_saved_map or not agrees):
+            self._trial.end()  # in a new map all fits what was seen from the place itself
         if not is_sure:
             self._trial.hold(is_vouched=True)
         self.localisation.place(T_map_base, covariance, frame, is_sure=is_sure)

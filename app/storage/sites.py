@@ -23,15 +23,14 @@ from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
 from navcore.files import read_whole, remove_drafts, sync_folder, write_whole
 from navcore.mapping.storage.map_file import MAX_BYTES
-from web.interface.sites import SITE_NAME
+from web.interface.sites import is_same_name, plain_name
 
+MAX_NAME = 40
+"""Largest number of characters of a name."""
 MAX_SITES = 100
 """Largest number of sites in a data folder."""
 DRAFT = ".new-"
 """Begin of the name of a folder that is to become that of a site."""
-
-_MARKS = ("Mn", "Mc")
-"""Categories of the signs that belong to a letter before them, such as vowels in Indian scripts."""
 
 Execute = Callable[..., Any]
 """Function that executes a statement within a transaction."""
@@ -54,12 +53,15 @@ class SiteRow:
 
 
 def checked_name(name: str) -> str:
-    """Return the name of a site with its letters as single characters, which they are not in names
-    of files on a Mac, and without a second blank, which looks like one; raises `BadConfiguration`
-    for one that is not allowed."""
-    name = re.sub(" +", " ", unicodedata.normalize("NFC", name))
-    plain = "".join("a" if unicodedata.category(char) in _MARKS else char for char in name[1:])
-    if re.fullmatch(SITE_NAME[1:-1], name[:1] + plain) is None:
+    """Return the `plain_name` of a site; raises `BadConfiguration` for one that is not allowed."""
+    name = plain_name(name)
+    kinds = [_kind(char) for char in name]
+    if not (
+        0 < len(name) <= MAX_NAME
+        and kinds[0] in ("letter", "digit")
+        and None not in kinds
+        and name == name.strip()
+    ):
         raise BadConfiguration(
             f"site name {name!r:.90}: expected 1 to 40 letters, digits, blanks, - and _, beginning "
             "with a letter or digit"
@@ -67,13 +69,16 @@ def checked_name(name: str) -> str:
     return name
 
 
-def _is_same(name: str, other: str) -> bool:
-    """Return whether two names are the same but for case."""
-    return _folded(name) == _folded(other)
-
-
-def _folded(name: str) -> str:
-    return re.sub(" +", " ", unicodedata.normalize("NFC", name)).casefold()
+def _kind(char: str) -> str | None:
+    """Return what a character of a name is; None for one that has no place there."""
+    category = unicodedata.category(char)
+    if category in ("Mn", "Mc"):  # signs of the letter before them, as vowels in Indian scripts
+        return "mark"
+    if category.startswith("L"):
+        return "letter"
+    if category == "Nd":
+        return "digit"
+    return "sign" if char in " _-" else None
 
 
 class SiteTable:
@@ -117,8 +122,10 @@ class SiteTable:
 
     def open(self, name: str) -> SiteStore:
         """Return the contents of a site; raises `NotKnown`."""
-        for row in self.all():
-            if _is_same(row.name, name):
+        rows = self.all()
+        # Two of an earlier version may differ in the number of blanks alone.
+        for row in sorted(rows, key=lambda row: row.name != name):
+            if is_same_name(row.name, name):
                 return self.contents(row)
         raise NotKnown(f"no site is called {name!r:.90}")
 
@@ -128,9 +135,9 @@ class SiteTable:
         if fitting:
             return max(fitting, key=lambda row: row.chosen).name
         made = re.sub(r"[^A-Za-z0-9_-]+", "-", world).strip("-_")[:36] or "site"
-        known = {_folded(row.name) for row in self.all()}
+        known = [row.name for row in self.all()]
         names = (made, *(f"{made}-{number}" for number in range(2, MAX_SITES + 2)))
-        return next(name for name in names if _folded(name) not in known)
+        return next(name for name in names if not any(is_same_name(name, other) for other in known))
 
     def of_start(self, name: str | None, world: str) -> SiteStore:
         """Return the site of a start in a world: that of a name, else the one that was last used
@@ -279,7 +286,7 @@ class SiteTable:
     def _require_free(self, name: str, site_id: str) -> None:
         """Raise `Refused` where a site of another id has a name; called within a transaction."""
         for row in self.all():
-            if _is_same(row.name, name) and row.id != site_id:
+            if is_same_name(row.name, name) and row.id != site_id:
                 raise Refused(f"a site is called {row.name!r} already; choose another name")
 
 

@@ -435,9 +435,9 @@ class Localisation:
         return bool((np.diag(covariance) <= np.diag(at_start)).all())
 
     def return_to(self, keyframes: Iterable[Keyframe]) -> None:
-        """Take the keyframes that the map had, whose poses are constants now, for those of the
-        saved map, and forget what was made since at a wrong place."""
-        if self.tracker.return_to(keyframes):
+        """Return to the keyframes that the map had, whose poses are constants now: forget what was
+        made since at a wrong place."""
+        if self.tracker.return_to(keyframes) or not self.has_saved_map:
             self._search.forget_map()
         self._restart_chain()
 

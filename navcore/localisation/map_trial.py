@@ -40,8 +40,10 @@ class MapTrial:
 
     @property
     def held(self) -> MapState | None:
-        """The map without what may be taken back; None where nothing may."""
-        return None if self._held is None or self._is_edited else self._held.state
+        """The saved map without what may be taken back; None where nothing may."""
+        if self._held is None or self._is_edited or not self._localisation.has_saved_map:
+            return None
+        return self._held.state
 
     def end(self) -> None:
         """Take the place for right."""
@@ -59,7 +61,7 @@ class MapTrial:
         a place that may be wrong; a map that is held already is held on.
 
         `is_vouched`: an operator says that it is right, so that metres count as well where the map
-        shows little of what is seen, as in a new one.
+        shows little of what is seen. In a new map, which proves nothing, any metre counts.
         """
         self._is_vouched, self._proof = is_vouched, NewWay(self._config.trial_m)
         if self._held is not None and not self._is_edited:
@@ -92,13 +94,17 @@ class MapTrial:
             self._proof = NewWay(self._config.trial_m)
         if self._is_vouched or not self._localisation.is_in_new:
             self._proof.follow(place.T_driven_base)
-        is_proving = self._localisation.is_on_trial or (
-            self._is_vouched and not self._localisation.has_saved_map
-        )
-        if self._is_edited or not is_proving or self._proof.is_enough:
+        if self._is_edited or not self._is_proving or self._proof.is_enough:
             self._held = None
         self._is_clean = False
         return is_changed
+
+    @property
+    def _is_proving(self) -> bool:
+        """Whether the way from here on still has to tell whether the place is right."""
+        if self._localisation.has_saved_map:
+            return self._localisation.is_on_trial
+        return self._is_vouched and self._proof.driven_m < self._config.trial_m
 
     @property
     def _is_edited(self) -> bool:

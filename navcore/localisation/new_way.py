@@ -30,6 +30,8 @@ class NewWay:
         self._positions = np.zeros((0, 2))  # each apart from all others
         self._floor_m = self._turned_rad = self._most_rad = 0.0
         self._newest: Pose2 | None = None
+        self.driven_m = 0.0
+        """Distance in metres since the beginning, over new floor or not."""
 
     @property
     def is_enough(self) -> bool:
@@ -41,6 +43,8 @@ class NewWay:
         if self.is_enough:
             return
         if self._newest is not None:
+            moved_m = T_odom_base.distance_to(self._newest.x_m, self._newest.y_m)
+            self.driven_m += min(moved_m, _LONGEST_M)
             self._turned_rad += wrap_angle(T_odom_base.yaw_rad - self._newest.yaw_rad)
             self._most_rad = min(max(self._most_rad, abs(self._turned_rad)), _ROUND_RAD)
         self._newest, here = T_odom_base, np.array([T_odom_base.x_m, T_odom_base.y_m])

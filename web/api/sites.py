@@ -15,7 +15,7 @@ from web.api.router import api_router
 from web.gateway.problems import refusals
 from web.interface.operations import RobotService
 from web.interface.single_file import SingleFile
-from web.interface.sites import SITE_NAME, MapChanges, SeenTag, Site
+from web.interface.sites import SITE_NAME, MapChanges, SeenTag, Site, is_same_name
 from web.schemas.sites import AcceptIn, Nav2ImportIn, SiteChangesIn, SiteIn, SitesOut, TagIn
 
 SiteName = Annotated[str, Path(pattern=SITE_NAME)]
@@ -32,8 +32,8 @@ def sites_router(operations: RobotService) -> APIRouter:
         return Archive(exports.open(lambda: io.BytesIO(pack())), name)
 
     def find(name: str) -> Site:
-        for site in operations.sites.all():
-            if site.name == name:
+        for site in sorted(operations.sites.all(), key=lambda site: site.name != name):
+            if is_same_name(site.name, name):
                 return site
         raise NotKnown("no site has this name")
 

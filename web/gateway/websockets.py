@@ -11,6 +11,7 @@ from websockets.exceptions import ConnectionClosed
 
 GOING_AWAY, BAD_MESSAGE, POLICY_VIOLATION, TRY_AGAIN = 1001, 1007, 1008, 1013
 """Close codes of RFC 6455 and its registry."""
+_AFTER_CLOSE = "after sending 'websocket.close'", "once a close message has been sent"
 
 
 async def until_one_ends(*directions: Coroutine[Any, Any, None]) -> None:
@@ -36,7 +37,7 @@ def _is_closed(error: BaseException) -> bool:
     if isinstance(error, WebSocketDisconnect | ConnectionClosed):
         return True
     # The server raises no class of its own for what is sent in the moment of the close.
-    return isinstance(error, RuntimeError) and "websocket.close" in str(error)
+    return isinstance(error, RuntimeError) and any(text in str(error) for text in _AFTER_CLOSE)
 
 
 async def until_gone(socket: WebSocket) -> None:

@@ -7,6 +7,8 @@ those of `web.interface.operations`.
 from __future__ import annotations
 
 import math
+import re
+import unicodedata
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol
@@ -19,13 +21,25 @@ from navcore.toml_config import ranged
 from web.interface.wire import WholePolyline, served
 
 SITE_NAME = r"^[^\W_](?:[\w -]{0,38}[\w-])?$"
-"""Names of sites, as a regular expression: letters of any language, digits, blanks, `-`, `_`."""
+"""Names of sites, as a regular expression that no name lacks: letters of any language, digits,
+blanks, `-` and `_`. `app.storage.sites.checked_name` knows what a letter is."""
 MAX_ARCHIVE_BYTES = 64_000_000
 """Largest site archive in bytes."""
 FAR_M = 1e6
 """Largest coordinate in metres."""
 MAX_TAGS = LARGEST_TAG + 1
 """Largest number of tags of a site: each number once."""
+
+
+def plain_name(name: str) -> str:
+    """Return the name of a site with its letters as single characters, which they are not in names
+    of files on a Mac, and without a second blank, which looks like one."""
+    return re.sub(" +", " ", unicodedata.normalize("NFC", name))
+
+
+def is_same_name(name: str, other: str) -> bool:
+    """Return whether two names of sites differ in case alone."""
+    return plain_name(name).casefold() == plain_name(other).casefold()
 
 
 @served

@@ -288,7 +288,7 @@ class LiveSites:
         place = self._controller.place
         # Before the first tick the place is no estimate yet.
         has_place = self._controller.tick_state.decision is not None and place.is_known
-        is_open = self._controller.navigator.map_is_on_trial
+        is_open = self._controller.navigator.held_map is not None
         return place.T_map_base if has_place and not is_open else None
 
     # Inside
@@ -298,7 +298,7 @@ class LiveSites:
         self._controller.require_standing()
         before, spec = self._store.site, self._controller.navigator.first_grid
         left = self._controller.place
-        is_believed = not self._controller.navigator.map_is_on_trial
+        is_believed = self._controller.navigator.held_map is None
         expected, kept = self._expected_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
         mission, zones, beware = mission_of(site), site.zones(), site.beware() or self._new_beware

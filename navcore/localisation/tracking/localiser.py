@@ -161,12 +161,16 @@ class Localiser:
 
     def return_to(self, keyframes: Iterable[Keyframe]) -> bool:
         """Forget the keyframes of this session, but for those of former keyframes that are not in
-        the saved map, which become part of it; return whether it has changed."""
+        the saved map: they become part of it, or, where there is none, stay those of this session;
+        return whether the saved map has changed."""
         known = {keyframe.pose_id for keyframe in self._saved.keyframes}
         added = [keyframe for keyframe in keyframes if keyframe.pose_id not in known]
+        self._chain, self._relative = KeyframeChain(self._pose_ids, self._config), {}
+        if not known:  # else loops would be closed no more
+            self._chain.map.replace(added)
+            return False
         for keyframe in added:
             self._saved.put(keyframe)
-        self._chain, self._relative = KeyframeChain(self._pose_ids, self._config), {}
         return len(added) > 0
 
     def correct(self, poses: Mapping[int, Pose2], known: tuple[int, Matrix] | None = None) -> None:

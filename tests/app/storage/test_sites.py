@@ -24,6 +24,7 @@ from navcore.mission.beware_list import default_beware_list
 from navcore.mission.zone import Zone
 from web.auth.roles import Role
 from web.auth.users import User
+from web.schemas.sites import SiteIn
 
 CORNERS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 VERSION_1 = (
@@ -219,7 +220,29 @@ def test_letters_of_any_language_are_told_apart_in_more_than_case(store: Store) 
     for again in ("KÜCHE", in_parts, "almacén  2"):
         with pytest.raises(Refused, match="already"):
             store.sites.make(again)
+    for bad in ("Lager 20 m²", "Halle ½", "①", "\u0901a"):
+        with pytest.raises(BadConfiguration, match="1 to 40 letters"):
+            store.sites.make(bad)
     assert store.sites.rename("almacén 2", unicodedata.normalize("NFD", "Süd")).name == "Süd"
+
+
+def test_of_two_names_that_look_alike_the_one_that_is_given_is_meant(store: Store) -> None:
+    """An earlier version allowed several blanks."""
+    one, other = store.sites.make("Ward 3"), store.sites.make("Ward 4")
+    store._database.write("UPDATE sites SET name = 'Ward  3' WHERE id = ?", (other.id,))
+    assert store.sites.open("Ward 3").id == one.id
+    assert store.sites.open("Ward  3").id == other.id
+    store.sites.delete("Ward 3")
+    assert store.sites.open("ward 3").id == other.id
+
+
+@given(text=st.text(max_size=45))
+def test_the_api_takes_every_name_that_is_allowed(text: str) -> None:
+    try:
+        name = checked_name(text)
+    except BadConfiguration:
+        return
+    assert SiteIn(name=name).name == name
 
 
 def test_the_number_of_sites_is_bounded(store: Store) -> None:

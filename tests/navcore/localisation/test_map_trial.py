@@ -70,6 +70,13 @@ def frames_until_closed(
     """Frames of a drive to and fro on a lane, turning about at its ends, that end the trial; None
     if many times `trial_m` do not."""
     begun, _, _ = trial()
+    return frames_of(begun, corrected_at=corrected_at, lane_m=lane_m, step_m=step_m)
+
+
+def frames_of(
+    begun: MapTrial, *, corrected_at: int | None = None, lane_m: float, step_m: float
+) -> int | None:
+    """The same of a trial."""
     for count in range(1, round(10 * RULES.trial_m / step_m)):
         driven_m = step_m * count
         lanes, x_m = divmod(driven_m, lane_m)
@@ -130,13 +137,16 @@ def test_what_an_operator_vouches_for_is_proved_also_where_the_map_shows_nothing
 
 def test_what_an_operator_vouches_for_in_a_new_map_is_on_trial_for_some_metres() -> None:
     begun, point_map, driving = trial(Driving(is_on_trial=False, has_saved_map=False))
+    point_map.pose_ids.extend([Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)])
     begun.hold(is_vouched=True)
     begun.follow(LOCATED)
-    assert begun.is_open and begun.held is not None
+    assert begun.is_open and begun.held is None, "a new map is stored as it is"
+    assert point_map.pose_ids.frozen == 0, "loops may move it"
     assert begun.follow(LOST) and driving.forgotten == 1
-    begun.hold(is_vouched=True)
-    assert metres_until_closed(begun) == pytest.approx(RULES.trial_m, abs=1.3)
-    assert point_map.pose_ids.frozen == 0
+    for lane_m in (math.inf, 3.0):  # a room of some metres is driven to and fro
+        begun.hold(is_vouched=True)
+        frames = frames_of(begun, lane_m=lane_m, step_m=0.3)
+        assert frames is not None and frames * 0.3 == pytest.approx(RULES.trial_m, abs=1.0)
 
 
 @pytest.mark.parametrize("has_saved_map", [True, False])

@@ -216,6 +216,9 @@ def test_a_name_has_letters_of_any_language_also_as_that_of_a_file(client: httpx
         file = answer.headers["content-disposition"].removeprefix("attachment; filename*=UTF-8''")
         assert unquote(file) == f"{name}.site.zip"
         assert client.delete(f"/api/v1/sites/{quote(name)}").status_code == 204
+    assert client.post("/api/v1/sites", json={"name": "Ward 7"}).status_code == 201
+    assert client.get(f"/api/v1/sites/{quote('ward  7')}/export").status_code == 200
+    assert client.delete(f"/api/v1/sites/{quote('Ward 7')}").status_code == 204
     for name in ("a/b", "★", "", "x" * 41, "_a"):
         assert client.post("/api/v1/sites", json={"name": name}).status_code == 422
 

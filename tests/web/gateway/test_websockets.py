@@ -21,6 +21,9 @@ def test_a_closed_connection_ends_both_directions(error: Exception) -> None:
     asyncio.run(until_one_ends(ending(error), asyncio.sleep(60.0)))
 
 
-def test_a_fault_is_an_error() -> None:
-    with pytest.raises(RuntimeError, match="a bug"):
-        asyncio.run(until_one_ends(ending(RuntimeError("a bug")), asyncio.sleep(60.0)))
+@pytest.mark.parametrize(
+    "text", ["a bug", 'Expected ASGI message "websocket.send" or "websocket.close", but got x']
+)
+def test_a_fault_is_an_error(text: str) -> None:
+    with pytest.raises(RuntimeError, match=text):
+        asyncio.run(until_one_ends(ending(RuntimeError(text)), asyncio.sleep(60.0)))

@@ -12,7 +12,7 @@ import * as changes from "./changes.js";
 import { buildDockAndTags, enter, follow, load } from "./dock_tags.js";
 import { buildPlacing } from "./placing.js";
 
-const NAME_RULE = "[\\p{L}\\p{N}]([\\p{L}\\p{M}\\p{N} _\\-]{0,38}[\\p{L}\\p{M}\\p{N}_\\-])?";
+const NAME_RULE = "[\\p{L}\\p{Nd}]([\\p{L}\\p{M}\\p{Nd} _\\-]{0,38}[\\p{L}\\p{M}\\p{Nd}_\\-])?";
 const panel = element("sites");
 const opener = element("sites-button");
 const list = make("ul", { class: "list", "data-testid": "sites-list" });
@@ -174,8 +174,9 @@ function nameFor(file) {
   if (newName.value) return newName.value;
   // Names of files on a Mac have an umlaut in two parts.
   const whole = file.name.normalize("NFC").replace(/(\.site)?\.[a-z0-9]+$/i, "");
-  const made = whole.replace(/[^\p{L}\p{M}\p{N} _-]+/gu, "-");
-  const name = made.replace(/^[-_ ]+|[- ]+$/g, "").slice(0, 36).trimEnd() || "site";
+  const made = whole.replace(/[^\p{L}\p{M}\p{Nd} _-]+/gu, "-");
+  const bare = made.replace(/^[-_ \p{M}]+|[- ]+$/gu, "");
+  const name = [...bare].slice(0, 36).join("").trimEnd() || "site";
   const taken = new Set([...list.children].map((item) => item.dataset.name));
   let number = 1;
   while (taken.has(numbered(name, number))) number += 1;

@@ -54,7 +54,7 @@ def test_a_robot_that_was_just_switched_on_keeps_its_last_place_until_it_sees(
 def test_a_place_on_trial_does_not_replace_the_last_known_one(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Navigator, "map_is_on_trial", True)
+    monkeypatch.setattr(Navigator, "held_map", object())
     desk.sites.keep_session()
     assert last_place_of(desk.store.site) is None
     monkeypatch.undo()
@@ -191,7 +191,7 @@ def test_the_place_at_which_a_robot_has_left_a_site_on_trial_does_not_hold_when_
     navigator.place_robot(there, np.eye(3) * 1e-4, FRAMES[0])
     desk.tick()
     with monkeypatch.context() as leaving:
-        leaving.setattr(Navigator, "map_is_on_trial", on_trial)
+        leaving.setattr(Navigator, "held_map", object() if on_trial else None)
         desk.choose("hall")
     expected, kept = desk.sites._expected_place(desk.store.sites.open("default"))
     assert (kept is None) is on_trial

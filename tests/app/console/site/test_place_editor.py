@@ -137,6 +137,7 @@ def test_what_is_seen_from_a_forced_place_is_taken_back_if_another_one_is_shown(
     # What the robot has seen in this session before is still what its place is found by.
     np.testing.assert_array_equal(after.scans.pose_ids, before.scans.pose_ids)
     assert len(before.scans.pose_ids)
+    assert navigator.localisation.has_saved_map is is_saved, "loops are closed in a new map"
 
 
 def test_what_was_seen_from_a_place_on_trial_that_is_confirmed_by_the_operator_is_kept(
