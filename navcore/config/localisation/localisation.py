@@ -269,9 +269,9 @@ class StartConfig:
     confirmed a place, after which this may be confirmed for good by all that was seen; its turn
     counts as 0.5 m for each radian, a full turn at most."""
     trial_m: float = ranged(0.0, 500.0, default=20.0)
-    """The same distance after which what was seen stays on the map, and the map is written, even if
-    the place is not confirmed for good, as where two places are alike all the way; where little of
-    what was seen is on the map it does not count."""
+    """The same distance after which what was seen stays on the map even if the place is not
+    confirmed for good, as where two places are alike all the way; where little of what was seen is
+    on the map it counts only if the operator has put the robot there."""
     unfit_m: float = ranged(0.1, 500.0, default=6.0)
     """Distance in metres over which too little of what was seen fits there, and other places fit
     as well, from which the place is given up."""
