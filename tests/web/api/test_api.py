@@ -58,7 +58,8 @@ def test_the_state_says_what_labels_the_pictures_and_when_it_is_not_what_it_shou
 
 def test_reports_with_figures_that_are_none_are_still_json(client: httpx.Client) -> None:
     listed, _ = client.get("/api/v1/runs").json()
-    assert listed == {"id": "run-1", "scenario": "fake hall", "success": True, "spl": None}
+    assert listed["id"] == "run-1" and listed["success"] is True
+    assert listed["spl"] is None
     assert client.get("/api/v1/runs/run-1").json()["series"]["t_s"] == [0.0, 1.0, 2.0]
 
 
