@@ -94,7 +94,8 @@ class MapTrial:
             self._proof = NewWay(self._config.trial_m)
         if self._is_vouched or not self._localisation.is_in_new:
             self._proof.follow(place.T_driven_base)
-        if self._is_edited or not self._is_proving or self._proof.is_enough:
+        is_over = not self._is_proving or self._proof.is_enough
+        if self._is_edited or (is_over and not self._localisation.waits_for_standstill):
             self._held = None
         self._is_clean = False
         return is_changed

@@ -149,6 +149,16 @@ def test_what_an_operator_vouches_for_in_a_new_map_is_on_trial_for_some_metres()
         assert frames is not None and frames * 0.3 == pytest.approx(RULES.trial_m, abs=1.0)
 
 
+def test_a_trial_does_not_end_while_a_correction_waits() -> None:
+    begun, _, driving = trial()
+    driving.is_on_trial, driving.waits_for_standstill = False, True
+    begun.follow(LOCATED)
+    assert begun.is_open
+    driving.waits_for_standstill = False
+    begun.follow(LOCATED)
+    assert not begun.is_open
+
+
 @pytest.mark.parametrize("has_saved_map", [True, False])
 def test_a_place_that_a_search_has_found_later_is_on_trial_in_a_saved_map(
     has_saved_map: bool,
