@@ -226,8 +226,7 @@ class Navigator:
         request = dataclasses.replace(request, zones=self.zone_margins.follow(drawn, place))
         around = self.zone_margins.covering_robot(drawn, place) if request.goal else ()
         keep_outs = self.behaviour.keep_outs
-        # A place whose correction waits for the robot to stand is known to be wrong.
-        if place.is_known and not self.localisation.waits_for_standstill:
+        if place.is_known:
             self.grow_to(self._needed_part(frame, request, (*request.zones, *keep_outs)))
             labels = self.map.rejections.without(frame, labels)
             stages.update_map(self._mapper, frame, labels, beware, ground_m, place.T_map_odom)

@@ -83,11 +83,13 @@ class MapTrial:
             return self.take_back()
         if was_lost and self._localisation.is_on_trial and self._localisation.has_saved_map:
             self.hold(is_vouched=self._is_vouched)
-        # The pose follows a correction from the next frame on, or when the robot stands.
-        is_applied = self._is_corrected and not self._localisation.waits_for_standstill
+        # The pose follows a correction from the next frame on, or when the robot stands: until then
+        # the map shows what is seen where it lies beside the robot, by which rules are kept.
+        waits = self._localisation.waits_for_standstill
+        is_applied = self._is_corrected and not waits
         is_changed = is_applied and self.take_back()
-        self._is_corrected = place.place_correction is not None or (
-            self._is_corrected and not is_applied
+        self._is_corrected = (
+            waits or place.place_correction is not None or (self._is_corrected and not is_applied)
         )
         if place.place_correction is not None and place.place_correction.source is None:
             # By scans: the place that they have found has to prove itself.
@@ -95,7 +97,7 @@ class MapTrial:
         if self._is_vouched or not self._localisation.is_in_new:
             self._proof.follow(place.T_driven_base)
         is_over = not self._is_proving or self._proof.is_enough
-        if self._is_edited or (is_over and not self._localisation.waits_for_standstill):
+        if self._is_edited or (is_over and not waits):
             self._held = None
         self._is_clean = False
         return is_changed

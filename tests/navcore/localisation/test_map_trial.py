@@ -149,14 +149,17 @@ def test_what_an_operator_vouches_for_in_a_new_map_is_on_trial_for_some_metres()
         assert frames is not None and frames * 0.3 == pytest.approx(RULES.trial_m, abs=1.0)
 
 
-def test_a_trial_does_not_end_while_a_correction_waits() -> None:
-    begun, _, driving = trial()
+def test_a_trial_does_not_end_while_a_correction_waits_and_what_was_seen_is_taken_back() -> None:
+    begun, point_map, driving = trial()
+    begun.follow(LOCATED)
+    occupied = np.ones((point_map.spec.rows, point_map.spec.cols), dtype=np.bool_)
+    point_map.load_prior(occupied)
     driving.is_on_trial, driving.waits_for_standstill = False, True
-    begun.follow(LOCATED)
-    assert begun.is_open
+    assert not begun.follow(LOCATED)
+    assert begun.is_open and point_map.layers.bools(0).any(), "it is driven by"
     driving.waits_for_standstill = False
-    begun.follow(LOCATED)
-    assert not begun.is_open
+    assert begun.follow(LOCATED)
+    assert not begun.is_open and not point_map.layers.bools(0).any()
 
 
 @pytest.mark.parametrize("has_saved_map", [True, False])

@@ -83,20 +83,6 @@ def test_poses_that_were_taken_back_meanwhile_keep_nothing_else_from_being_done(
     assert driver.place.T_map_base.distance_to(shown.x_m, shown.y_m) < 0.01
 
 
-def test_what_is_seen_from_a_place_whose_correction_waits_is_not_on_the_map(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    driver, wall = controller(), Box(x=(2.0, 2.2), y=(-1.0, 1.0), z=(0.0, 1.0))
-    think(driver, picture(stamp_ns=SECOND))
-    before = len(driver.navigator.map.points.class_ids)
-    with monkeypatch.context() as waiting:
-        waiting.setattr(Localisation, "waits_for_standstill", True)
-        think(driver, picture(wall, stamp_ns=2 * SECOND))
-        assert len(driver.navigator.map.points.class_ids) == before
-    think(driver, picture(wall, stamp_ns=3 * SECOND))
-    assert len(driver.navigator.map.points.class_ids) > before
-
-
 def raising(*_: object) -> None:
     """A request, or a stage, that has a bug."""
     raise RuntimeError("a bug")
