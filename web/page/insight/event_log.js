@@ -19,7 +19,7 @@ const KINDS = {
   beware: t("▲ beware"),
   labelled: t("✎ labelled"),
   place: t("⊕ place"),
-  map: t("⌫ map edited"),
+  map: t("⌫ map"),
 };
 const LEVEL_NAMES = { detail: t("everything"), notice: t("goals, zones, stops"), alert: t("stops") };
 const MAX_NEW = 300;
