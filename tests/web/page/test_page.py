@@ -274,6 +274,12 @@ def test_a_stop_and_a_map_that_cannot_be_stored_are_told_until_they_are(
     operations.step()
     expect(toasts.locator(".toast")).to_have_count(1)
     expect(toasts).to_contain_text("The map cannot be stored: No space left on device")
+    toasts.get_by_label("Dismiss").click()
+    operations.step()
+    expect(toasts.locator(".toast")).to_have_count(0)
+    page.evaluate("const now = Date.now; Date.now = () => now() + 601000")
+    operations.step()
+    expect(toasts).to_contain_text("The map cannot be stored: No space left on device")
     operations.storage_warning = None
     operations.step()
     expect(toasts.locator(".toast")).to_have_count(0)

@@ -17,7 +17,11 @@ export function notify(
   { good = false, action = null, actions = action ? [action] : [], stays = false } = {},
 ) {
   for (const old of box.children) if (old.dataset.text === text) old.remove();
-  const close = make("button", { "aria-label": t("Dismiss"), onclick: () => toast.remove() }, "✕");
+  const dismiss = () => {
+    toast.dismissedAt = Date.now();
+    toast.remove();
+  };
+  const close = make("button", { "aria-label": t("Dismiss"), onclick: dismiss }, "✕");
   const toast = make(
     "div",
     { class: good ? "toast done" : "toast", "data-text": text },

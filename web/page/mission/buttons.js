@@ -34,12 +34,17 @@ function refusalsOf(state) {
   };
 }
 
-// Messages of what would not hold over a restart; each stays until it would, or is dismissed.
+// Messages of what would not hold over a restart; each stays until it would, and comes back some
+// time after it was dismissed.
 const unstored = {};
+const REMIND_MS = 600_000;
 
 function warnOf(name, text) {
   const told = unstored[name];
-  if (text === told?.text) return;
+  if (text === told?.text) {
+    if (!text || told.toast.isConnected) return;
+    if (Date.now() - (told.toast.dismissedAt ?? 0) < REMIND_MS) return;
+  }
   told?.toast?.remove();
   unstored[name] = { text, toast: text && notify(sentence(text), { stays: true }) };
 }
