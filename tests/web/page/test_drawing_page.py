@@ -324,6 +324,22 @@ def test_a_position_that_was_offered_goes_when_the_operator_goes_on(page: Page, 
     assert page.evaluate(offered) is None
 
 
+def test_a_position_that_was_offered_goes_when_the_mission_begins_or_ends(
+    page: Page, operations: FakeOperations
+) -> None:
+    await_map(page)
+    operations.goals.add(3.0, 0.0)
+    page.keyboard.press("g")
+    click_map(page, 4.0, 2.5)
+    offer = "async () => (await import('/page/mission/goals.js')).offer.position"
+    expect(page.get_by_test_id("toast-action")).to_be_visible()
+    assert page.evaluate(offer) is not None
+    page.locator("[data-mission=start]").click()
+    operations.step()
+    expect(page.locator("[data-mission=pause]")).to_be_enabled()
+    assert page.evaluate(offer) is None
+
+
 def test_zones_are_saved_in_sets_and_files_and_an_import_is_undone_with_one_key(
     page: Page, operations: FakeOperations, tmp_path: Path
 ) -> None:

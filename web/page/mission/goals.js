@@ -55,7 +55,11 @@ function setOffer(position, yaw = null) {
   for (const listener of listeners) listener();
 }
 
+let phase = "";
+
 export function showGoals(state) {
+  if (state.phase !== phase) dropOffer(); // who has gone on does without it
+  phase = state.phase;
   ids = state.queue.map((goal) => goal.id);
   const waiting = state.queue.map((goal, i) => ({ ...goal, number: i + 1 }));
   const reached = state.reached
