@@ -279,6 +279,7 @@ def test_a_large_archive_lies_on_the_disk_while_it_arrives_and_is_bounded_there_
 
     monkeypatch.setattr(operations.teaching.frames, "add_archive", note)
     assert client.post(url, content=chunks(size)).json() == {"added": 2 * size}
+    assert came[0].closed  # before the answer: the next one may follow at once
     monkeypatch.setitem(request_body.BODY_LIMITS, url, (size, 60.0))
     assert wrong(client.post(url, content=chunks(size + 1)), 413)["code"] == "too_large"
 
