@@ -134,6 +134,7 @@ class Simulator:
             rolling=self._robot.rolling(),
             people=self.moving_poses(),
             items=[pose_of(self.client, body) for body in self.world.item_bodies],
+            pushed_items=self._pushed_items(),
             period_s=PERIOD_S,
             odometry=self.dead_reckoning(),
             tilt_rad=self._robot.tilt_rad(),
@@ -261,6 +262,12 @@ class Simulator:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _pushed_items(self) -> list[int]:
+        """Return the numbers of the items that the robot pushes."""
+        bodies = self.world.item_bodies
+        pushed = self._robot.pushed() if bodies else set()
+        return [number for number, body in enumerate(bodies) if body in pushed]
 
     def _make_camera(self, size: tuple[int, int], errors: StereoErrors, seed: int) -> Camera:
         return Camera(

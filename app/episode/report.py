@@ -128,7 +128,6 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
     """Make the episode report, a JSON object."""
     referee, timer = record.simulator.referee, record.timer
     judged = referee.summary()
-    clearance_m = judged["min_clearance_m"]
     errors_m = record.goal_errors_m
     reached = sum(errors_m.get(goal.id, math.inf) <= GOAL_RADIUS_M for goal in record.goals)
     success = reached == len(record.goals) and referee.violations() == 0
@@ -159,7 +158,10 @@ def report_of(record: EpisodeRecord) -> dict[str, Any]:
         "sim_time_s": round(record.sim_time_s, 3),
         "wall_time_s": round(record.wall_time_s, 3),
         **judged,
-        "min_clearance_m": clearance_m if math.isfinite(clearance_m) else None,
+        **{
+            name: judged[name] if math.isfinite(judged[name]) else None
+            for name in ("min_clearance_m", "min_item_clearance_m")
+        },
         "shortest_m": _rounded(shortest_m),
         "spl": round(share, 4) if success else 0.0,
         "ideal_m": _rounded(ideal_m),

@@ -181,9 +181,11 @@ def _planned(out: Path, campaign: str | None = None, keys: Sequence[int] = ()) -
         return 0
     with suppress(BadConfiguration):  # a card that a kill cut short is written again
         card = read_card(out)
-        own, held = set(keys), set(card.keys)
+        asked, own, held = max(card.planned, len(card.keys)), set(keys), set(card.keys)
         if campaign is None or (card.campaign == campaign and (own <= held or held <= own)):
-            return max(card.planned, len(card.keys))
+            return asked
+        if card.campaign == campaign:
+            return asked + len(own - held)  # those that are left out now may have failed
     return 0
 
 

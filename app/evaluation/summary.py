@@ -23,6 +23,8 @@ Interval = tuple[float, float]
 RESAMPLES = 4000
 """Number of bootstrap resamples."""
 
+ZONE_RATE = "zone_rate"
+"""The rate that is one of the episodes with zones alone."""
 RATES: dict[str, tuple[str, Callable[[Report], bool]]] = {
     "success_rate": ("success", lambda report: report["success"]),
     "goals_rate": (
@@ -35,7 +37,7 @@ RATES: dict[str, tuple[str, Callable[[Report], bool]]] = {
         lambda report: report["struck_while_standing"] > 0,
     ),
     "beware_rate": ("over an item or a marking", lambda report: report["beware_intrusions"] > 0),
-    "zone_rate": ("over a zone", lambda report: report["zone_intrusions"] > 0),
+    ZONE_RATE: ("over a zone", lambda report: report["zone_intrusions"] > 0),
     "ground_rate": (
         "over an edge or a steep slope, or fell",
         # Reports of earlier versions do not judge the ground.
@@ -84,11 +86,14 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
     interval under `…_ci95`.
     """
     summary: dict[str, Any] = {}
+    with_zones = [report for report in reports if report["zones"]]
     for key, (_, holds) in RATES.items():
-        number = sum(holds(report) for report in reports)
+        # Where there is no zone none can be driven over.
+        judged = with_zones if key == ZONE_RATE else reports
+        number = sum(holds(report) for report in judged)
         summary |= {
-            key: round(number / len(reports), 4),
-            f"{key}_ci95": _rounded(rate_interval(number, len(reports))),
+            key: round(number / len(judged), 4) if judged else None,
+            f"{key}_ci95": _rounded(rate_interval(number, len(judged)) if judged else None),
         }
     for key, (_, measure) in MEANS.items():
         values = [float(measure(report)) for report in reports]
@@ -102,6 +107,8 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
     summary |= {key: sum(report.get(key, 0) for report in reports) for key in TOTALS}
     return summary | {
         "goals": sum(len(report["goals"]) for report in reports),
+        "zones": sum(len(report["zones"]) for report in reports),
+        "zone_episodes": len(with_zones),
         "goal_errors_m": _goal_errors_m(reports),
         "min_clearance_m": min(clear, default=None),
         "items": _items(reports),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-PUSH_LIMIT_M = 0.1
+PUSH_LIMIT_M = 0.02
 """Distance driven against an object in contact after which a robot that was struck while standing
 has collided after all."""
+AGAIN_S = 5.0
+"""Time since the end of a contact within which a new one with the same object goes on with it."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -34,6 +37,9 @@ class Contacts:
         moves by itself."""
         self._name_of, self._walks = name_of, walks
         self._open: dict[int, Contact] = {}
+        self._pressed: dict[int, tuple[float, float]] = {}
+        """Time of the newest contact with each object, and how far the robot has driven against it
+        by then."""
         self._all: list[Contact] = []
         self.struck_while_standing = 0
         """Number of contacts in which a person or mover struck a robot that stood or made way."""
@@ -54,19 +60,28 @@ class Contacts:
     ) -> None:
         """Judge one step by the objects in contact, each with the distances in metres by which the
         robot moved against it, and by which its wheels rolled against it, and whether the wheels
-        drive the robot. A robot that pushes against a person who stands does not move."""
+        drive the robot. A robot that pushes against a wall, or a person who stands, does not move,
+        and one that creeps counts as standing beside people, who may push it, and not beside
+        walls."""
         for number, (advance_m, rolled_m) in touched.items():
             contact = self._open.get(number)
             if contact is None:
                 walks = self._walks(number)
                 collided = driving and (advance_m > 0.0 or not walks)
-                contact = Contact(t_s=t_s, what=self._name_of(number), collided=collided)
+                last_s, pressed_m = self._pressed.get(number, (-math.inf, 0.0))
+                contact = Contact(
+                    t_s=t_s,
+                    what=self._name_of(number),
+                    collided=collided,
+                    pressed_m=pressed_m if t_s - last_s <= AGAIN_S else 0.0,
+                )
                 self._open[number] = contact
                 self._all.append(contact)
                 self.struck_while_standing += walks and not collided
-            elif driving:
-                contact.pressed_m += max(advance_m, rolled_m)
+            elif driving or not self._walks(number):
+                contact.pressed_m += max(advance_m, rolled_m) if driving else rolled_m
                 contact.collided = contact.collided or contact.pressed_m > PUSH_LIMIT_M
+            self._pressed[number] = t_s, contact.pressed_m
         self._open = {
             number: contact for number, contact in self._open.items() if number in touched
         }

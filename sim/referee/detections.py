@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 import cv2
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from navcore.geometry.camera import project
 from navcore.geometry.transform import Matrix, Pose2
@@ -87,7 +88,8 @@ class DetectionScore:
         placed: Callable[[Polygon], Polygon] = lambda outline: outline,
     ) -> dict[str, dict[str, int]]:
         """Return class → number of objects `there` in the world, `seen` within 4 m or `not_passed`,
-        of the seen ones those `missed` on the map under any class, and `false` ones.
+        of the seen ones those `missed` on the map under any class, and `false` ones. A cell of the
+        map shows the nearest object.
 
         `held`: class → (rows, cols) cells of the map, for each class of the list; objects of others
         are in no count, and no false ones. `placed` returns where the map shows what an outline of
@@ -97,20 +99,29 @@ class DetectionScore:
         counts: defaultdict[str, dict[str, int]] = defaultdict(
             lambda: {"there": 0, "seen": 0, "not_passed": 0, "missed": 0, "false": 0}
         )
-        real, anything = (
-            np.zeros((spec.rows, spec.cols), dtype=np.bool_),
-            np.zeros((spec.rows, spec.cols), dtype=np.bool_),
-        )
-        for cells in held.values():
-            anything |= cells
-        for entry, views in zip(self._objects, self._views, strict=True):
-            near = _dilated(rasterise([*map(placed, entry.outlines)], spec), MATCH_M, spec)
+        real = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+        anything = np.any(list(held.values()), axis=0) if held else real
+        rows, cols = np.nonzero(anything)
+        middles = shapely.points(spec.centres(np.column_stack([rows, cols])))
+        nearest_m, shown = np.full(len(rows), np.inf), np.full(len(rows), -1)
+        for number, entry in enumerate(self._objects):
+            outlines = [*map(placed, entry.outlines)]
+            near = _dilated(rasterise(outlines, spec), MATCH_M, spec)
             real |= near
+            (beside,) = np.nonzero(near[rows, cols])
+            if len(beside):
+                away_m = shapely.distance(
+                    shapely.union_all([*map(shapely.Polygon, outlines)]), middles[beside]
+                )
+                nearer = beside[away_m < nearest_m[beside]]
+                nearest_m[beside] = np.minimum(nearest_m[beside], away_m)
+                shown[nearer] = number
+        for number, (entry, views) in enumerate(zip(self._objects, self._views, strict=True)):
             if entry.name not in held:
                 continue
             counts[entry.name]["there"] += 1
             counts[entry.name]["seen" if views >= MIN_VIEWS else "not_passed"] += 1
-            counts[entry.name]["missed"] += int(views >= MIN_VIEWS and not (near & anything).any())
+            counts[entry.name]["missed"] += int(views >= MIN_VIEWS and number not in shown)
         for name, cells in held.items():
             wrong = cells & ~(self._near_people(spec) if name == PERSON else real)
             if wrong.any():

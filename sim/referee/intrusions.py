@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,17 +95,20 @@ class IntrusionMonitor:
         t_s: float,
         period_s: float,
         displaced: Mapping[int, Parts],
+        pushed: Collection[int] = (),
     ) -> None:
         """Judge one step: the true footprint, and the footprint by odometry.
 
         `displaced`: number of a moved object → its present parts; it is judged there and at its
-        original position.
+        original position. `pushed`: numbers of the objects that the body pushes, whose shape in the
+        engine is larger than their outlines.
         """
         if not self._names:
             return
         inside = self._inside(body)
         for number, parts in displaced.items():
             inside[number] |= any(distance_m(body, part) <= TOUCH_M for part in parts)
+        inside[list(pushed)] = True
         self._excused &= inside
         on: npt.NDArray[np.bool_] = inside & ~self._excused
         self._now = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -77,8 +77,11 @@ class Referee:
         self._t_s = 0.0
         self._pose = pose
         self._contacts = Contacts(self._name_of, lambda number: number >= self._fixed.count)
+        self._item_outlines = Outlines.of([item.outlines() for item in self._items])
         self.min_clearance_m = math.inf
         """Least distance of the footprint from any obstacle or person so far."""
+        self.min_item_clearance_m = math.inf
+        """The same from any item, where it lay at the start."""
         self.distance_m = 0.0
         """Distance driven by the centre of the robot."""
         self.fell = False
@@ -94,6 +97,7 @@ class Referee:
         people: Sequence[Pose2],
         period_s: float,
         items: Sequence[Pose2] = (),
+        pushed_items: Collection[int] = (),
         odometry: Pose2 | None = None,
         tilt_rad: float = 0.0,
     ) -> None:
@@ -102,8 +106,9 @@ class Referee:
 
         The wheels decide whether the robot drives, because a standing robot that a person pushes
         does not drive. `items`: present poses of the items of the scenario, in its order; those at
-        the start when left out. `odometry`: the pose by odometry, which changes no verdict; the
-        true pose when left out. `tilt_rad`: the true angle of the body from the vertical.
+        the start when left out. `pushed_items`: numbers of those that the body pushes. `odometry`:
+        the pose by odometry, which changes no verdict; the true pose when left out. `tilt_rad`: the
+        true angle of the body from the vertical.
         """
         self._began_s = t_s - period_s if self._began_s is None else self._began_s
         self._t_s = t_s - self._began_s
@@ -118,7 +123,15 @@ class Referee:
         self._judge_contacts(body, people, driving, before, rolling, period_s)
         believed = body if odometry is None else odometry.to_parent(self._footprint)
         self._beware.judge(
-            body, believed, t_s=self._t_s, period_s=period_s, displaced=self._displaced(items)
+            body,
+            believed,
+            t_s=self._t_s,
+            period_s=period_s,
+            displaced=self._displaced(items),
+            pushed=pushed_items,
+        )
+        _, self.min_item_clearance_m = self._item_outlines.proximity(
+            body, 0.0, self.min_item_clearance_m
         )
         for areas in (self._zones, self._ground):
             areas.judge(body, believed, t_s=self._t_s, period_s=period_s, displaced={})
@@ -208,6 +221,7 @@ class Referee:
             "struck_while_standing": self.struck_while_standing,
             "contacts": self._contacts.log(part),
             "min_clearance_m": round(self.min_clearance_m, 4),
+            "min_item_clearance_m": round(self.min_item_clearance_m, 4),
             "beware_intrusions": self.beware_intrusions,
             "beware_intrusion_s": round(self.beware_intrusion_s, 3),
             "beware_intrusion_m2s": round(self._beware.m2s, 5),
@@ -288,7 +302,9 @@ class Referee:
         assert self._pose is not None
         touched, self.min_clearance_m = self._fixed.proximity(body, CONTACT_M, self.min_clearance_m)
         step_m = before.distance_to(self._pose.x_m, self._pose.y_m)
-        now = {int(k): (step_m, step_m) for k in np.flatnonzero(touched)} if touched.any() else {}
+        turned_m = abs(rolling.w_radps) * self._robot.circumscribed_radius_m
+        along = step_m, (abs(rolling.v_mps) + turned_m) * period_s
+        now = {int(k): along for k in np.flatnonzero(touched)} if touched.any() else {}
         rolled = Pose2(x_m=rolling.v_mps * period_s, y_m=0.0, yaw_rad=rolling.w_radps * period_s)
         shapes = [self._person] * (len(people) - len(self._movers)) + self._movers
         for i, (person, shape) in enumerate(zip(people, shapes, strict=True)):

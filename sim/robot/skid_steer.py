@@ -25,6 +25,9 @@ COMMAND_TIMEOUT_NS = 250_000_000
 
 GRAVITY_MPS2 = 9.81
 
+_OTHER, _FORCE = 2, 9
+"""Elements of a contact point of the engine: the other body, and the force between both."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chassis:
@@ -179,6 +182,12 @@ class SkidSteer:
         pushes the robot."""
         left, right = self._wheel_states(1)
         return Twist(v_mps=(left + right) / 2, w_radps=(right - left) / self._chassis.track_m)
+
+    def pushed(self) -> set[int]:
+        """Return the numbers of the bodies that the robot pushes, or drives over."""
+        contacts = pybullet.getContactPoints(self.body, physicsClientId=self._client)
+        # The engine keeps points up to 2 cm apart, without a force.
+        return {contact[_OTHER] for contact in contacts if contact[_FORCE] > 0.0}
 
     def _motion(self, pose: Pose2) -> tuple[float, float, float]:
         """Return speed forward, speed to the left, and yaw rate."""

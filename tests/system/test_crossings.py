@@ -58,9 +58,10 @@ def test_a_robot_with_a_scanner_does_not_turn_into_a_person_who_comes_from_behin
 
 
 def test_every_crossing_hits_an_undisturbed_robot_and_the_same_seed_draws_the_same() -> None:
-    drawn = [draw_crossing(seed) for seed in range(60)]
-    assert all(crossing.hits_undisturbed_robot() for crossing in drawn)
-    assert drawn == [draw_crossing(seed) for seed in range(60)]
+    drawn = [draw_crossing(seed)[0] for seed in range(60)]
+    assert all(crossing.meets_undisturbed_robot() == (True, True) for crossing in drawn)
+    assert drawn == [draw_crossing(seed)[0] for seed in range(60)]
+    assert 0 < sum(draw_crossing(seed)[1] for seed in range(60)) < 120
     assert {crossing.kind for crossing in drawn} == {"walks on", "stops", "turns back"}
     assert min(crossing.speed_mps for crossing in drawn) < 0.6
     assert max(crossing.speed_mps for crossing in drawn) > 1.3

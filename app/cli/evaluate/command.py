@@ -36,7 +36,8 @@ FEW_LET_THROUGH = 0.1
 """Share of the prints of each class with a least height that the network claims and the check by
 depth lets through, up to which `prints` succeeds."""
 ENOUGH_PASSED = 0.95
-"""Share of doors passed at the first try at which `doors` succeeds."""
+"""Share of doors passed at the first try at which `doors` succeeds, and of goals reached at which
+`crossings` does: a robot that stays where it is drives into no person."""
 
 
 def evaluate(settings: EvaluateSettings) -> None:
@@ -124,7 +125,8 @@ def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
     from app.evaluation.driving.crossings import evaluate_crossings
 
     verdict = _seeded(settings, config, evaluate_crossings, episodes=200)
-    return bool(verdict["drove_into_people"] == 0)
+    goals = verdict["goals_reached"] / verdict["episodes"]
+    return bool(verdict["drove_into_people"] == 0 and goals >= ENOUGH_PASSED)
 
 
 def _doors(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:

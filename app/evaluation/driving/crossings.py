@@ -98,9 +98,9 @@ class Crossing:
             people=(person,),
         )
 
-    def hits_undisturbed_robot(self) -> bool:
+    def meets_undisturbed_robot(self) -> tuple[bool, bool]:
         """Return whether the person touches a robot that drives along x at its cruising speed, and
-        is visible to its camera before that."""
+        whether its camera shows them for a while before that."""
         angle = math.radians(self.angle_deg)
         t_s = np.linspace(0.0, 12.0, 481)
         robot_m = START_M + CRUISE_MPS * np.maximum(t_s - DELAY_S, 0.0)
@@ -115,19 +115,20 @@ class Crossing:
         )
         met = np.flatnonzero(gap_m < BODY_DIAMETER_M / 2)
         if not len(met):
-            return False
+            return False, False
         before = (t_s < t_s[met[0]]) & (t_s > t_s[met[0]] - NOTICE_S)
         seen = (np.abs(np.arctan2(y, x - CAMERA_M)) < WIDEST_RAD) & (np.hypot(x, y) < FARTHEST_M)
-        return bool((before & seen).sum() * (t_s[1] - t_s[0]) >= SEEN_S)
+        return True, bool((before & seen).sum() * (t_s[1] - t_s[0]) >= SEEN_S)
 
     def _due_s(self) -> float:
         """Return the time at which the undisturbed robot reaches the crossing."""
         return DELAY_S + (self.meeting_m - START_M) / CRUISE_MPS
 
 
-def draw_crossing(seed: int) -> Crossing:
-    """Return the crossing of a seed: the first one drawn that hits an undisturbed robot."""
-    rng = np.random.default_rng((seed, 0xC0551))
+def draw_crossing(seed: int) -> tuple[Crossing, int]:
+    """Return the crossing of a seed: the first one drawn in which an undisturbed robot is hit, and
+    has seen the person; and how many before it were left out because it had not."""
+    rng, unseen = np.random.default_rng((seed, 0xC0551)), 0
     while True:
         kind = str(rng.choice(["walks on", "walks on", "stops", "turns back"]))
         crossing = Crossing(
@@ -139,8 +140,10 @@ def draw_crossing(seed: int) -> Crossing:
             beyond_m=float(rng.uniform(-0.6, 1.2)),
             pause_s=float(rng.uniform(1.0, 6.0)) if kind == "stops" else 0.0,
         )
-        if crossing.hits_undisturbed_robot():
-            return crossing
+        is_met, is_seen = crossing.meets_undisturbed_robot()
+        if is_met and is_seen:
+            return crossing, unseen
+        unseen += is_met
 
 
 COLUMNS = (
@@ -164,7 +167,7 @@ def evaluate_crossings(
     """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
     reports = drive_drawn(
         Suite.CROSSINGS,
-        tuple(draw_crossing(seed).scenario() for seed in EXAMPLES),
+        tuple(draw_crossing(seed)[0].scenario() for seed in EXAMPLES),
         drive_crossing,
         dataclasses.replace(settings, max_time_s=PATIENCE_S),
         seeds=seeds,
@@ -176,7 +179,7 @@ def evaluate_crossings(
 
 def drive_crossing(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
     """Drive the crossing of a seed; return its report with the drawn values."""
-    crossing = draw_crossing(seed)
+    crossing, unseen = draw_crossing(seed)
     episode = Episode(crossing.scenario(), settings, seed=seed)
     try:
         report = episode.run()
@@ -186,6 +189,7 @@ def drive_crossing(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
         "kind": crossing.kind,
         "speed_mps": round(crossing.speed_mps, 2),
         "angle_deg": round(crossing.angle_deg),
+        "left_out": unseen,
     }
     return {**report, **drawn}
 
@@ -193,9 +197,10 @@ def drive_crossing(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
 def summarise(command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the summary of a campaign as a JSON object, with Wilson's interval.
 
-    A robot that drives into a person is at fault; one that a person walks into while it stands is
-    not.
+    A robot that drives into a person is at fault; one that a person walks into while it stands or
+    makes way is not.
     """
+    left_out = [report["left_out"] for report in reports if "left_out" in report]
     hit = [report for report in reports if report["collisions"]]
     untouched = [
         report
@@ -213,6 +218,8 @@ def summarise(command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]
         "untouched": len(untouched),
         "goals_reached": sum(report["goals_reached"] for report in reports),
         "kinds": dict(Counter(report["kind"] for report in reports)),
+        # Reports of earlier versions do not tell it.
+        "left_out": sum(left_out) if len(left_out) == len(reports) else None,
         "min_clearance_untouched_m": min(
             (report["min_clearance_m"] for report in untouched), default=None
         ),

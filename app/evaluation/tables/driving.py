@@ -128,6 +128,7 @@ def _crossings_row(result: Result) -> Row:
         f"{result['struck_while_standing']} of {episodes}",
         f"{result['goals_reached']} of {episodes}",
         f"{result['sim_time_s']:.1f} s",
+        "–" if result.get("left_out") is None else str(result["left_out"]),
     )
 
 
@@ -171,7 +172,7 @@ DOORS = Table(
     shows=is_of(Suite.DOORS),
     columns=(
         *("suite", "seeds", "passed at the first try", "collisions"),
-        *("least clearance", "not passed"),
+        *("least clearance", "not at the first try"),
     ),
     rows=single(_doors_row),
 )
@@ -179,7 +180,8 @@ CROSSINGS = Table(
     shows=is_of(Suite.CROSSINGS),
     columns=(
         *("suite", "seeds", "drove into a person", "seeds of these"),
-        *("a person walked into the standing robot", "goal reached", "mean time"),
+        *("a person walked into the robot as it stood or made way", "goal reached", "mean time"),
+        "crossings left out, as the camera shows the person too late",
     ),
     rows=single(_crossings_row),
 )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.evaluation.summary import rate_interval
+from app.evaluation.summary import ZONE_RATE, rate_interval
 
 Result = Mapping[str, Any]
 """A kept summary of a campaign, or report of a recording."""
@@ -66,14 +66,23 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 def count(result: Result, key: str) -> str:
-    """Return how many episodes a rate stands for."""
-    return f"{round(result[key] * result['episodes'])} of {result['episodes']}"
+    """Return how many episodes a rate stands for, of how many that it is judged by."""
+    episodes = _judged(result, key)
+    return f"{round((result[key] or 0.0) * episodes)} of {episodes}"
 
 
 def interval(result: Result, key: str) -> str:
-    """Return the 95 % interval of a rate over the episodes (Wilson)."""
-    episodes = result["episodes"]
-    return share_interval(round(result[key] * episodes), episodes)
+    """Return the 95 % interval of a rate over the episodes that it is judged by (Wilson); a dash
+    without one."""
+    episodes = _judged(result, key)
+    return share_interval(round(result[key] * episodes), episodes) if episodes else "–"
+
+
+def _judged(result: Result, key: str) -> int:
+    """Return how many episodes a rate is judged by: into a zone only those can drive that have
+    one. Summaries of earlier versions do not tell how many do."""
+    episodes: int = result["episodes"]
+    return int(result.get("zone_episodes", episodes)) if key == ZONE_RATE else episodes
 
 
 def share_interval(number: int, trials: int) -> str:

@@ -17,7 +17,6 @@ from app.evaluation.driving.doors import (
     draw_passages,
     drive_passage,
     first_clear,
-    is_first_try,
     summarise,
 )
 from navcore.errors import BadConfiguration
@@ -54,16 +53,37 @@ def test_the_robot_is_told_how_little_clearance_it_has_and_has_clear_floor_ahead
     assert min(told) < 1.0
 
 
-def test_a_door_is_passed_and_a_way_back_is_no_first_try() -> None:
+def test_a_door_is_passed_at_the_first_try() -> None:
     report = drive_passage(3, EpisodeSettings(beware=default_beware_list(), max_time_s=40.0))
     assert report["goals_reached"] == 1
-    assert report["first_try"]
-    longer = {**report, "distance_m": report["shortest_m"] + 2.0}
-    assert not is_first_try(longer)
-    assert not is_first_try({**report, "success": False})
-    summary = summarise("evaluate doors", [report, {**longer, "first_try": False}])
+    assert report["first_try"] and report["retreat_m"] < 0.1
+    summary = summarise("evaluate doors", [report, {**report, "first_try": False}])
     assert (summary["first_try"], summary["not_at_first_try_seeds"]) == (0.5, [3])
     assert (summary["seeds"], summary["segmenter"]) == ([3, 3], "colour rules")
+
+
+@pytest.mark.parametrize("into_room", [True, False])
+def test_a_retreat_is_what_the_robot_comes_away_from_the_door_before_it_is_through(
+    into_room: bool,
+) -> None:
+    drawn = (one for one in draw_passages(0) if one.into_room == into_room)
+    passage = next(one for one in drawn if one.door[1] > 0.0)
+    onwards = 1.0 if into_room else -1.0
+
+    def retreat_m(*past_m: float) -> float:
+        return passage.retreat_m([(0.0, 1.5 + onwards * past) for past in past_m])
+
+    assert retreat_m() == retreat_m(-1.0, -0.5, 0.0, 1.0) == 0.0
+    assert retreat_m(-1.0, -0.5, -1.2, -0.4, 0.6) == pytest.approx(0.7)
+    assert retreat_m(-1.0, 0.2, -0.3, 1.0) == pytest.approx(0.5)
+    assert retreat_m(-1.0, 0.6, -1.0) == 0.0, "it was through"
+
+
+def test_a_door_that_is_passed_at_the_second_try_is_told_from_the_others() -> None:
+    settings = EpisodeSettings(beware=default_beware_list(), max_time_s=doors.PATIENCE_S)
+    report = drive_passage(2222, settings)
+    assert report["goals_reached"] == 1
+    assert report["retreat_m"] > doors.RETREAT_M and not report["first_try"]
 
 
 def test_a_robot_that_fits_no_door_is_refused_after_some_tries(

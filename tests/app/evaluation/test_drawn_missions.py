@@ -36,7 +36,7 @@ def campaign_of(suite: ModuleType, out: Path, monkeypatch: pytest.MonkeyPatch) -
     [
         (doors, "quiet_office", lambda: CHANGED),
         (doors, "ROOM_M", (1.5, 2.7)),
-        (doors, "DETOUR_M", 2.0),
+        (doors, "RETREAT_M", 0.3),
         (crossings, "HALL_M", 31.0),
         (crossings, "SPEEDS_MPS", (0.4, 1.7)),
         (crossings, "GOAL_M", 4.6),
