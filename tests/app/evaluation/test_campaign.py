@@ -22,6 +22,7 @@ import pytest
 
 from app.episode.ablation import pursue
 from app.evaluation.campaign import HERE, Campaign, EpisodesFailed, Fleet
+from app.fleet.campaign_files import read_card
 from app.fleet.campaign_progress import rate_of
 from app.fleet.local import Processes
 from app.runtime.record.provenance import version
@@ -65,6 +66,12 @@ def test_recorded_episodes_are_not_driven_again_and_other_rules_are_refused(tmp_
     assert [report["key"] for report in again] == [2, 1, 0] and driven == [0, 1, 2]
     with pytest.raises(BadConfiguration, match="another campaign"):
         campaign(rules="others").run([0], fleet=HERE, out=tmp_path)
+
+
+def test_seeds_that_are_left_out_of_a_later_call_count_as_planned(tmp_path: Path) -> None:
+    for keys, planned in (([0, 1, 2], 3), ([0, 1], 3), ([0, 1, 2, 3], 4), ([1, 2, 3, 4, 5], 6)):
+        campaign().run(keys, fleet=HERE, out=tmp_path)
+        assert read_card(tmp_path).planned == planned, keys
 
 
 def test_a_campaign_says_which_version_has_driven_what_is_kept(

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from app.cli.evaluate import command
+from app.cli.evaluate.settings import EvaluateSettings
 from app.episode.episode import EpisodeSettings
 from app.evaluation.campaign import Conclusion
 from app.evaluation.driving import crossings, doors
@@ -49,3 +51,17 @@ def test_another_world_and_another_way_of_drawing_are_other_campaigns(
     assert campaign_of(suite, tmp_path / "b", monkeypatch) == before
     monkeypatch.setattr(suite, name, value)
     assert campaign_of(suite, tmp_path / "c", monkeypatch) != before
+
+
+@pytest.mark.parametrize(
+    ("drove_into_people", "goals_reached", "succeeds"),
+    [(0, 20, True), (0, 19, True), (0, 18, False), (0, 0, False), (1, 20, False)],
+)
+def test_a_robot_that_goes_nowhere_fails_the_crossings(
+    drove_into_people: int, goals_reached: int, succeeds: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    verdict = {"drove_into_people": drove_into_people, "goals_reached": goals_reached}
+    monkeypatch.setattr(
+        crossings, "evaluate_crossings", lambda *_, **__: verdict | {"episodes": 20}
+    )
+    assert command._crossings(EvaluateSettings(suite="crossings"), None) is succeeds

@@ -27,6 +27,7 @@ from app.evaluation.driving.scenario import (
 )
 from app.evaluation.summary import RATES, compare, mean_interval, rate_interval, summarise
 from app.evaluation.tables.pages import RESULTS
+from app.evaluation.tables.table import count
 from app.runtime.start import preparation
 from app.runtime.start.segmentation import Perception, colour_perception
 from app.runtime.start.segmenter_choice import SegmenterChoice
@@ -243,6 +244,7 @@ def test_tasks_that_make_no_sense_are_refused_by_option(about: dict[str, Any], w
 def made_up(seed: int, **changes: Any) -> dict[str, Any]:
     report: dict[str, Any] = {
         "scenario": "w",
+        "zones": [],
         "robot": "husky",
         "segmenter": "colour",
         "version": "1",
@@ -359,6 +361,17 @@ def test_a_summary_has_rates_and_means_with_their_intervals() -> None:
         "missed": 0,
         "false": 0,
     }
+
+
+def test_the_rate_of_zones_is_one_of_the_episodes_that_have_one() -> None:
+    zone = [[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]]
+    over = made_up(0, zones=zone, zone_intrusions=1, intrusions=[over_zone(0.0)])
+    summary = summarise([over, made_up(1, zones=2 * zone), *(made_up(n, zones=[]) for n in (2, 3))])
+    assert (summary["zones"], summary["zone_episodes"], summary["zone_rate"]) == (3, 2, 0.5)
+    assert count(summary | {"episodes": 4}, "zone_rate") == "1 of 2"
+    none = summarise([made_up(2, zones=[])])
+    assert (none["zone_rate"], none["zone_rate_ci95"]) == (None, None)
+    assert count(none | {"episodes": 1}, "zone_rate") == "0 of 0"
 
 
 def test_ground_beyond_the_limits_and_falls_are_a_rate_and_earlier_reports_have_none() -> None:

@@ -18,8 +18,10 @@ from navcore.grid.grid import GridSpec
 from navcore.robot.profile import HUSKY
 from sim.models.solids import Polygon, rectangle
 from sim.referee.clearance import Outlines, distance_m
+from sim.referee.contacts import Contacts
 from sim.referee.referee import Referee
 from sim.robot.skid_steer import pose_of
+from sim.scenario.layout import items
 from sim.scenario.schema import Furniture, Item, Marking, Person, Scenario
 from tests.sim.worlds import blind, drive, open_floor, shifted, wait
 
@@ -35,6 +37,13 @@ def pass_by(referee: Referee, y_m: float, *, speed_mps: float = 1.0) -> None:
         referee.observe(
             t_s=(step + 1) * PERIOD_S, pose=pose, rolling=rolling, people=(), period_s=PERIOD_S
         )
+
+
+def right_end_m(scenario: Scenario) -> float:
+    """y of the corner of the items that lies farthest to the right."""
+    return min(
+        float(outline[:, 1].min()) for item in items(scenario) for outline in item.outlines()
+    )
 
 
 def test_a_near_miss_is_measured_and_is_no_contact() -> None:
@@ -165,6 +174,63 @@ def test_a_bag_that_is_touched_slowly_and_hardly_moves_counts() -> None:
             drive(simulator, 0.05, 0.0, 0.02)
         assert moved_m() < 0.003  # the footprint is not yet over where it lay
         assert simulator.referee.beware_intrusions == 1
+
+
+def test_an_item_that_is_pushed_beside_its_outline_counts() -> None:
+    """The engine has it as a box, of which a corner lies beside the disc here."""
+    disc = Item(kind="landmine", at=(1.5, 0.0), yaw_deg=45.0)
+    right_m = right_end_m(open_floor(items=(disc,)))
+    disc = dataclasses.replace(disc, at=(1.5, HUSKY.width_m / 2 + 0.02 - right_m))
+    with blind(open_floor(items=(disc,), start=(0.0, 0.0, 0.0))) as simulator:
+        lies = pose_of(simulator.client, simulator.world.item_bodies[0])
+        while simulator.true_pose().x_m < 2.5 and simulator.referee.beware_intrusions == 0:
+            drive(simulator, 0.5, 0.0, 1 / 240)
+        now = pose_of(simulator.client, simulator.world.item_bodies[0])
+        assert simulator.referee.beware_intrusions == 1
+        assert lies.distance_to(now.x_m, now.y_m) < 0.003, "at the first push"
+        assert simulator.referee.min_item_clearance_m > 0.006
+
+
+def test_the_clearance_from_items_is_apart_from_that_of_walls_and_people() -> None:
+    cup = Item(kind="cup", at=(2.0, 0.6))
+    referee = Referee(open_floor(items=(cup,), furniture=(BOX,)))
+    for y_m in (-1.0, -1.2):
+        pass_by(referee, y_m)
+    gap_m = right_end_m(open_floor(items=(cup,))) + 1.0 - HUSKY.width_m / 2
+    assert referee.summary()["min_item_clearance_m"] == pytest.approx(gap_m, abs=1e-4)
+    assert referee.summary()["min_clearance_m"] == pytest.approx(0.15, abs=1e-4)
+    assert Referee(open_floor()).min_item_clearance_m == math.inf
+
+
+@pytest.mark.parametrize("speed_mps", [0.015, 0.5])
+def test_a_robot_that_pushes_against_a_wall_which_it_touched_at_rest_collides(
+    speed_mps: float,
+) -> None:
+    """The wall holds it, so only its wheels tell, also where they creep."""
+    referee = Referee(open_floor(furniture=(BOX,)))
+    pose = Pose2(x_m=1.5 - HUSKY.length_m / 2, y_m=0.0, yaw_rad=0.0)
+    steps = math.ceil(0.03 / (speed_mps * PERIOD_S))
+    for step in range(steps + 1):
+        rolling = Twist(v_mps=speed_mps if step else 0.0, w_radps=0.0)
+        referee.observe(
+            t_s=step * PERIOD_S, pose=pose, rolling=rolling, people=(), period_s=PERIOD_S
+        )
+        assert step or referee.collisions == 0
+    assert referee.touched and referee.collisions == 1
+
+
+@pytest.mark.parametrize(("apart_s", "collisions"), [(1.0, 1), (10.0, 0)])
+def test_what_is_driven_against_a_person_adds_up_over_contacts_that_follow_each_other(
+    apart_s: float, collisions: int
+) -> None:
+    contacts = Contacts(lambda number: "person", lambda number: True)
+    for n in range(3):
+        t_s = n * apart_s
+        contacts.judge({7: (0.0, 0.0)}, driving=False, t_s=t_s)
+        contacts.judge({7: (0.015, 0.015)}, driving=True, t_s=t_s + PERIOD_S)
+        contacts.judge({}, driving=True, t_s=t_s + 2 * PERIOD_S)
+    assert (contacts.collisions > 0) == (collisions > 0)
+    assert contacts.struck_while_standing == 3
 
 
 def test_a_marking_without_beware_may_be_driven_over() -> None:

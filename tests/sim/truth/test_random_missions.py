@@ -151,6 +151,24 @@ def test_what_was_seen_and_is_not_on_the_map_is_missed_and_what_is_not_there_is_
     assert score.counts_by_class(drifted, spec) != found
 
 
+def test_a_thing_is_not_held_by_the_cells_of_the_one_beside_it() -> None:
+    things = (Item(kind="cup", at=(2.0, 0.0)), Item(kind="bottle", at=(2.0, 0.3)))
+    scenario = open_floor(items=things)
+    score, spec = DetectionScore(scenario), GridSpec.centred(size_m=(20.0, 20.0), resolution_m=0.05)
+    with seeing(scenario) as simulator:
+        for _ in range(3):
+            frame = simulator.capture()
+            score.observe(frame, simulator.true_pose().matrix() @ frame.T_base_camera)
+    nothing = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
+    for y_m, held in ((0.0, "cup"), (0.1, "cup"), (0.22, "bottle"), (0.5, "bottle")):
+        cells = nothing.copy()
+        cells[spec.cell(2.0, y_m)] = True
+        found = score.counts_by_class({"cup": nothing, "bottle": cells}, spec)
+        missed = {name for name, counts in found.items() if counts["missed"]}
+        assert missed == {"cup", "bottle"} - {held}
+        assert not found["bottle"]["false"]
+
+
 @pytest.mark.parametrize("name", ["cup", "red floor", "person", "spill"])
 def test_the_labels_of_the_simulator_lie_on_the_objects(name: str) -> None:
     scenario = open_floor(
