@@ -102,7 +102,7 @@ class DetectionScore:
         real = np.zeros((spec.rows, spec.cols), dtype=np.bool_)
         anything = np.any(list(held.values()), axis=0) if held else real
         rows, cols = np.nonzero(anything)
-        middles = shapely.points(spec.centres(np.column_stack([rows, cols])))
+        middles = np.asarray(shapely.points(spec.centres(np.column_stack([rows, cols]))))
         nearest_m, shown = np.full(len(rows), np.inf), np.full(len(rows), -1)
         for number, entry in enumerate(self._objects):
             outlines = [*map(placed, entry.outlines)]
