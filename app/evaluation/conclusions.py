@@ -13,7 +13,7 @@ from navcore.errors import BadConfiguration
 CONCLUSIONS: Mapping[str, Conclusion] = {
     **scenario.CONCLUSIONS,
     **barn.CONCLUSIONS,
-    Suite.CROSSINGS: crossings.CONCLUSION,
+    **crossings.CONCLUSIONS,
     Suite.DOORS: doors.CONCLUSION,
 }
 

@@ -15,6 +15,8 @@ class Suite(StrEnum):
     BARN = "barn"
     DYNABARN = "dynabarn"
     CROSSINGS = "crossings"
+    UNSEEN_CROSSINGS = "unseen-crossings"
+    """Crossings that are left out of the others, as the camera shows the person too late."""
     DOORS = "doors"
     LOCALISATION = "localisation"
     FINDING = "finding"
@@ -36,5 +38,7 @@ VIEWING = (
 """Suites in which a camera sees things and nothing drives."""
 UNRECORDED = (Suite.LOCALISATION, Suite.TEACHING, Suite.TABLE_TOPS)
 """Suites that write their results at their end alone, and begin again after an interruption."""
-BY_NAME = (*BARN_SUITES, Suite.CROSSINGS, Suite.DOORS, Suite.LOCALISATION, *VIEWING)
+CROSSING_SUITES = (Suite.CROSSINGS, Suite.UNSEEN_CROSSINGS)
+"""Suites of people who cross the robot's path."""
+BY_NAME = (*BARN_SUITES, *CROSSING_SUITES, Suite.DOORS, Suite.LOCALISATION, *VIEWING)
 """Suites that `bewarenav evaluate` takes by their names; any other argument is a world."""

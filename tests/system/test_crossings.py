@@ -8,6 +8,7 @@ from typing import Any
 
 from app.episode.episode import Episode, EpisodeSettings
 from app.evaluation.driving.crossings import draw_crossing, drive_crossing
+from app.evaluation.suites import Suite
 from navcore.mission.beware_list import default_beware_list
 from navcore.navigator import Stages
 from navcore.robot.laser_scan import ScannerMount
@@ -62,6 +63,8 @@ def test_every_crossing_hits_an_undisturbed_robot_and_the_same_seed_draws_the_sa
     assert all(crossing.meets_undisturbed_robot() == (True, True) for crossing in drawn)
     assert drawn == [draw_crossing(seed)[0] for seed in range(60)]
     assert 0 < sum(draw_crossing(seed)[1] for seed in range(60)) < 120
+    unseen = [draw_crossing(seed, Suite.UNSEEN_CROSSINGS)[0] for seed in range(60)]
+    assert all(crossing.meets_undisturbed_robot() == (True, False) for crossing in unseen)
     assert {crossing.kind for crossing in drawn} == {"walks on", "stops", "turns back"}
     assert min(crossing.speed_mps for crossing in drawn) < 0.6
     assert max(crossing.speed_mps for crossing in drawn) > 1.3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ import typer
 from app.cli.evaluate.settings import PAPER, EvaluateSettings, check_options
 from app.cli.options import beware_list, prepare
 from app.episode.ablations import Ablation
-from app.evaluation.suites import BARN_SUITES, UNRECORDED, Suite
+from app.evaluation.suites import BARN_SUITES, CROSSING_SUITES, UNRECORDED, Suite
 from navcore.errors import BadConfiguration
 from sim.robot.odometry_grade import OdometryGrade
 
@@ -68,7 +69,7 @@ def _evaluated(settings: EvaluateSettings, config: NavigatorConfig | None) -> bo
     """Run the suite; return whether it succeeded."""
     if settings.suite in BARN_SUITES:
         return _barn(settings, config)
-    if settings.suite == Suite.CROSSINGS:
+    if settings.suite in CROSSING_SUITES:
         return _crossings(settings, config)
     if settings.suite == Suite.DOORS:
         return _doors(settings, config)
@@ -124,7 +125,8 @@ def _barn(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
 def _crossings(settings: EvaluateSettings, config: NavigatorConfig | None) -> bool:
     from app.evaluation.driving.crossings import evaluate_crossings
 
-    verdict = _seeded(settings, config, evaluate_crossings, episodes=200)
+    evaluate = partial(evaluate_crossings, suite=Suite(settings.suite))
+    verdict = _seeded(settings, config, evaluate, episodes=200)
     goals = verdict["goals_reached"] / verdict["episodes"]
     return bool(verdict["drove_into_people"] == 0 and goals >= ENOUGH_PASSED)
 

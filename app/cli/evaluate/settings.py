@@ -46,8 +46,8 @@ class EvaluateSettings:
         str,
         typer.Argument(
             help="A scenario, e.g. office, or a world file; or one of the suites barn, dynabarn, "
-            "crossings, doors, finding, light, localisation, one-click, prints, table-tops, "
-            "teaching and paper."
+            "crossings, unseen-crossings, doors, finding, light, localisation, one-click, prints, "
+            "table-tops, teaching and paper."
         ),
     ]
     experiment: Annotated[

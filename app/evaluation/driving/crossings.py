@@ -2,8 +2,9 @@
 
 The person does not avoid the robot. Speed, angle and time are drawn so that a robot that ignores
 people is hit; half of the people walk on, the others stop on the robot's path or turn back on it.
-Each is visible to the camera for a while before the collision: on a collision course a person stays
-at the same bearing, and one outside the camera's field of view could not be avoided.
+In `crossings` each is visible to the camera for a while before the collision: on a collision course
+a person stays at the same bearing, and one outside the camera's field of view is seen by chance at
+the most. These others are `unseen-crossings`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,7 +24,7 @@ from app.episode.episode import Episode, EpisodeSettings
 from app.evaluation.campaign import HERE, Conclusion, Fleet, show_reports
 from app.evaluation.driving.drawn_missions import EXAMPLES, drive_drawn
 from app.evaluation.origin import origin_of_drives
-from app.evaluation.suites import Suite
+from app.evaluation.suites import CROSSING_SUITES, Suite
 from app.evaluation.summary import rate_interval
 from app.runtime.record.provenance import command_line
 from navcore.robot.profile import HUSKY
@@ -125,10 +126,12 @@ class Crossing:
         return DELAY_S + (self.meeting_m - START_M) / CRUISE_MPS
 
 
-def draw_crossing(seed: int) -> tuple[Crossing, int]:
+def draw_crossing(seed: int, suite: Suite = Suite.CROSSINGS) -> tuple[Crossing, int]:
     """Return the crossing of a seed: the first one drawn in which an undisturbed robot is hit, and
-    has seen the person; and how many before it were left out because it had not."""
-    rng, unseen = np.random.default_rng((seed, 0xC0551)), 0
+    has seen the person, or has not, as the suite asks; and how many of the other kind came before
+    it."""
+    rng, left_out = np.random.default_rng((seed, 0xC0551)), 0
+    shall_be_seen = suite == Suite.CROSSINGS
     while True:
         kind = str(rng.choice(["walks on", "walks on", "stops", "turns back"]))
         crossing = Crossing(
@@ -141,9 +144,9 @@ def draw_crossing(seed: int) -> tuple[Crossing, int]:
             pause_s=float(rng.uniform(1.0, 6.0)) if kind == "stops" else 0.0,
         )
         is_met, is_seen = crossing.meets_undisturbed_robot()
-        if is_met and is_seen:
-            return crossing, unseen
-        unseen += is_met
+        if is_met and is_seen == shall_be_seen:
+            return crossing, left_out
+        left_out += is_met
 
 
 COLUMNS = (
@@ -162,24 +165,31 @@ COLUMNS = (
 
 
 def evaluate_crossings(
-    settings: EpisodeSettings, *, seeds: Iterable[int], fleet: Fleet = HERE, out: Path
+    settings: EpisodeSettings,
+    *,
+    seeds: Iterable[int],
+    fleet: Fleet = HERE,
+    out: Path,
+    suite: Suite = Suite.CROSSINGS,
 ) -> dict[str, Any]:
     """Drive one crossing per seed, print a table, write `summary.json`; return the summary."""
     reports = drive_drawn(
-        Suite.CROSSINGS,
-        tuple(draw_crossing(seed)[0].scenario() for seed in EXAMPLES),
-        drive_crossing,
+        suite,
+        tuple(draw_crossing(seed, suite)[0].scenario() for seed in EXAMPLES),
+        partial(drive_crossing, suite=suite),
         dataclasses.replace(settings, max_time_s=PATIENCE_S),
         seeds=seeds,
         fleet=fleet,
         out=out,
     )
-    return CONCLUSION.write(command_line(), reports, out)
+    return CONCLUSIONS[suite].write(command_line(), reports, out)
 
 
-def drive_crossing(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
+def drive_crossing(
+    seed: int, settings: EpisodeSettings, suite: Suite = Suite.CROSSINGS
+) -> dict[str, Any]:
     """Drive the crossing of a seed; return its report with the drawn values."""
-    crossing, unseen = draw_crossing(seed)
+    crossing, left_out = draw_crossing(seed, suite)
     episode = Episode(crossing.scenario(), settings, seed=seed)
     try:
         report = episode.run()
@@ -189,12 +199,14 @@ def drive_crossing(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
         "kind": crossing.kind,
         "speed_mps": round(crossing.speed_mps, 2),
         "angle_deg": round(crossing.angle_deg),
-        "left_out": unseen,
+        "left_out": left_out,
     }
     return {**report, **drawn}
 
 
-def summarise(command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def summarise(
+    command: str, reports: Sequence[dict[str, Any]], suite: Suite = Suite.CROSSINGS
+) -> dict[str, Any]:
     """Return the summary of a campaign as a JSON object, with Wilson's interval.
 
     A robot that drives into a person is at fault; one that a person walks into while it stands or
@@ -208,7 +220,7 @@ def summarise(command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]
         if not report["collisions"] and not report["struck_while_standing"]
     ]
     return {
-        **origin_of_drives(Suite.CROSSINGS, command, reports),
+        **origin_of_drives(suite, command, reports),
         "drove_into_people": len(hit),
         "drove_into_people_ci95": [round(end, 4) for end in rate_interval(len(hit), len(reports))],
         "drove_into_people_seeds": [report["seed"] for report in hit],
@@ -227,8 +239,11 @@ def summarise(command: str, reports: Sequence[dict[str, Any]]) -> dict[str, Any]
     }
 
 
-CONCLUSION = Conclusion(
-    summarise=summarise,
-    show=partial(show_reports, columns=COLUMNS, title=Suite.CROSSINGS),
-)
-"""What is made of a campaign."""
+CONCLUSIONS: Mapping[str, Conclusion] = {
+    suite: Conclusion(
+        summarise=partial(summarise, suite=suite),
+        show=partial(show_reports, columns=COLUMNS, title=suite),
+    )
+    for suite in CROSSING_SUITES
+}
+"""What is made of a campaign of each suite."""

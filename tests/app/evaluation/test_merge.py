@@ -12,7 +12,7 @@ import pytest
 from app.evaluation.campaign import Campaign, Fleet
 from app.evaluation.conclusions import CONCLUSIONS
 from app.evaluation.merge import Allowance, merge_shards
-from app.evaluation.suites import Suite
+from app.evaluation.suites import CROSSING_SUITES, Suite
 from app.fleet.campaign_files import EPISODES, read_card, recorded
 from app.fleet.shard import Shard
 from app.runtime.record.provenance import command_line
@@ -21,8 +21,8 @@ from navcore.errors import BadConfiguration
 SEEDS = range(3000, 3005)
 DRAWN: dict[str, dict[str, Any]] = {
     Suite.RANDOM: {},
-    Suite.DOORS: {"door": [3.0, 1.5], "into_room": True, "first_try": True},
-    Suite.CROSSINGS: {"kind": "stops", "speed_mps": 1.2, "angle_deg": 90},
+    Suite.DOORS: {"door": [3.0, 1.5], "into_room": True, "first_try": True, "retreat_m": 0.1},
+    **{suite: {"kind": "stops", "speed_mps": 1.2, "angle_deg": 90} for suite in CROSSING_SUITES},
 }
 """What reports of each suite have besides those of an episode."""
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from app.evaluation.perception.detection_counts import DetectionCounts, summary
-from app.evaluation.suites import Suite
+from app.evaluation.suites import CROSSING_SUITES, Suite
 from app.evaluation.tables.kinds import file_name, is_before, is_of, is_second_day
 from app.evaluation.tables.pages import (
     BEGIN,
@@ -28,7 +28,7 @@ from navcore.learning.data.class_names import BEWARE_CLASSES
 short_table = PAGES["README.md"]
 FILES = sorted(RESULTS.glob("*.json"))
 KEPT = dict(zip((path.stem for path in FILES), kept_results(), strict=True))
-BY_COLOUR = (Suite.DOORS, Suite.CROSSINGS, Suite.LOCALISATION)
+BY_COLOUR = (Suite.DOORS, *CROSSING_SUITES, Suite.LOCALISATION)
 """Suites that no network sees."""
 is_random = is_of(Suite.RANDOM)
 every_result = pytest.mark.parametrize("result", KEPT.values(), ids=KEPT)
