@@ -32,7 +32,13 @@ from navcore.control.motions.growth_exit import drive_out
 from navcore.control.motions.manoeuvring import drive_manoeuvre, find_manoeuvre, manoeuvre_problem
 from navcore.control.motions.path_follower import follow
 from navcore.control.motions.reversing import back_off, retreat
-from navcore.control.motions.turning import spin, turn_in_place, turn_with_room, turned_by
+from navcore.control.motions.turning import (
+    can_turn_about,
+    spin,
+    turn_in_place,
+    turn_with_room,
+    turned_by,
+)
 from navcore.control.people.people_state import NO_PEOPLE, PEOPLE_CONFIG, PeopleState
 from navcore.costmap.local_costmap import footprint_overlaps, outside
 from navcore.geometry.arrays import Points
@@ -290,7 +296,9 @@ def _turn_to_path(
 def _look(inputs: LocalPlannerInput, checker: CollisionChecker, path: Points) -> Motion | None:
     """Turn in place to see the unobserved floor where the path leads next, as long as there is room
     to turn: beside such floor the robot could only back off. None where the camera has it in view,
-    or the turn would bring the body close to an obstacle."""
+    or the turn would bring the body close to an obstacle, or in a door."""
+    if not can_turn_about(checker):
+        return None
     config = inputs.control.turn
     looking = inputs.previous.outcome is ControllerState.LOOK
     least_deg = config.look_until_deg if looking else config.look_from_deg

@@ -13,6 +13,8 @@ from navcore.geometry.transform import Twist
 
 _POSES = 12
 """Number of poses at which the clearance of a turn is measured."""
+_ABOUT_M = 0.1
+"""Clearance in metres from the middles of cells with which the robot turns all round."""
 _LONGER_RAD = math.radians(90.0)
 """Angle by which a turn may be longer to end past where people have walked."""
 
@@ -48,6 +50,13 @@ def turn_with_room(checker: CollisionChecker, bearing: float) -> Motion | None:
     if not (checker.clearance(poses) > close_m).all():
         return None
     return turn_in_place(checker, bearing, both_directions=False)
+
+
+def can_turn_about(checker: CollisionChecker) -> bool:
+    """Return whether the robot could turn all round where it is: in a door a part of a turn leaves
+    it askew between the posts."""
+    radius_m = checker.profile.circumscribed_radius_m + _ABOUT_M
+    return len(checker.obstacles) == 0 or bool(np.hypot(*checker.obstacles.T).min() > radius_m)
 
 
 def spin(checker: CollisionChecker) -> Motion | None:

@@ -183,6 +183,16 @@ def test_the_robot_does_not_turn_to_floor_that_it_could_not_see_or_close_to_an_o
         assert motion.outcome is not ControllerState.LOOK
 
 
+@pytest.mark.parametrize(("post", "looks"), [((-0.3, 0.6), False), ((-0.3, 0.75), True)])
+def test_in_a_door_the_robot_drives_on_before_it_looks(
+    post: tuple[float, float], looks: bool
+) -> None:
+    """The turn that it begins keeps clear of the posts, and leaves it askew between them."""
+    motion = decide(path=BEND, unseen=ROUND_THE_BEND, geometric=np.array([post]))
+    assert (motion.outcome is ControllerState.LOOK) is looks
+    assert looks or motion.outcome is ControllerState.FOLLOW
+
+
 def test_a_wall_ahead_slows_the_robot_down_the_nearer_it_is() -> None:
     speeds = [
         decide(geometric=np.array([[x, y] for y in np.arange(-1.5, 1.51, 0.1)])).twist.v_mps
