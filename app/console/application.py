@@ -248,13 +248,13 @@ def console(
         )
         # The last one is called first: what is to be stored waits for no network that is prepared.
         stack.callback(operations.close)
-        stack.callback(operations.sites.keep_session)  # goals lie on the map that is written first
         stack.callback(
             lambda: keeper.finish(
                 point_map, controller.intent.beware.names, controller.navigator.held_map
             )
         )
         stack.callback(recorder.close)
+        stack.callback(operations.sites.keep_session)
         stack.callback(latch.keep)
         zones_thread = PeriodicThread(
             lambda: operations.zones.expire(), period_s=EXPIRY_S, name="expiry of zones"

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path as FilePath
@@ -44,7 +43,7 @@ from app.teaching.networks.versions import START
 from app.teaching.service import DEFAULT_CHOICE, LiveTeaching
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.safety import DEFAULT_SAFETY
-from navcore.errors import Refused, StorageFailed
+from navcore.errors import Refused
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.localisation.fixes import TagMap
 from navcore.mission.beware_list import BewareList
@@ -61,7 +60,6 @@ from web.interface.meant_site import require_meant_site
 from web.interface.operations import MissionAction
 from web.interface.snapshots import Cloud, State, TickSnapshot
 
-log = logging.getLogger(__name__)
 MOVING_MPS = 1e-3
 """Commanded speed from which the robot is shown as moving, m/s or rad/s."""
 TRANSITIONS = {
@@ -116,7 +114,6 @@ class LiveOperations:
         self._verdict = GateDecision(twist=STANDSTILL, reasons=())
         self.keeper = keeper or MapKeeper(store.site.map_file, {})
         """Keeps the map on disk."""
-        self.keeper.on_written = self._store_moved
         self._edits_before, self._new_beware = 0, new_beware
         self._number, self._recent = itertools.count(1).__next__, RecentFrames()
         self._dates = ExpiryDates()
@@ -201,7 +198,6 @@ class LiveOperations:
             watcher=self._recorder,
             dates=self._dates,
             number=self._number,
-            is_on_stored_map=lambda: not self.keeper.lacks_correction,
         )
         self.beware = BewareEditor(
             controller,
@@ -238,7 +234,6 @@ class LiveOperations:
         more; after the block they are refused."""
         with self.beware.retired(), self.map_edits.retired(), self.path_settings.retired():
             keep_map()  # by a tick, which may have to move the zones first
-            self.zones.store_moved()
             with self.zones.retired():
                 yield
 
@@ -251,13 +246,6 @@ class LiveOperations:
         self._forget_map()
         # The tick that runs now still notes what it saw on the map before.
         self._controller.edit_map(lambda _: self._begin_map())
-
-    def _store_moved(self) -> None:
-        """Store where zones are that moved with the map, which was written."""
-        try:
-            self.zones.store_moved()
-        except (StorageFailed, Refused):
-            log.exception("zones that moved with the map are not stored yet; it is tried again")
 
     def _begin_map(self) -> None:
         """Begin on the map of another site, in the thread of the ticks."""

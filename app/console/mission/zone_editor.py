@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import uuid
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from itertools import zip_longest
 from typing import NamedTuple, Protocol
@@ -15,7 +15,7 @@ from app.console.mission.expiry_dates import ExpiryDates
 from app.console.mission.saved_missions import DocumentStore
 from app.runtime.control.operator_state import StateHolder
 from app.storage.records import zone_of, zone_record
-from navcore.errors import AlreadyThere, BadGeometry, NotKnown, Outdated, Refused
+from navcore.errors import AlreadyThere, BadGeometry, NotKnown, Outdated, Refused, StorageFailed
 from navcore.mission.zone import Zone, check_polygon, check_rules
 from navcore.mission.zone_shapes import still_drawn
 from web.interface.beware import OPERATOR
@@ -68,19 +68,16 @@ class ZoneEditor:
         dates: ExpiryDates | None = None,
         new_id: Callable[[], str] = lambda: uuid.uuid4().hex[:12],
         number: Callable[[], int] | None = None,
-        is_on_stored_map: Callable[[], bool] = lambda: True,
     ) -> None:
         """`dates`: when zones expire; one for the editors of all sites, so that a zone that was
-        drawn for some time keeps it. `number` counts the edits of all kinds. `is_on_stored_map`:
-        whether the map on disk has followed all corrections, by which zones may have moved."""
+        drawn for some time keeps it. `number` counts the edits of all kinds."""
         self._holder, self._store, self._watcher = holder, store, watcher
         self._dates, self._new_id = dates or ExpiryDates(), new_id
         self._edits = EditStack[_Zones](number=number)
-        self._is_on_stored_map = is_on_stored_map
-        self._unmoved: Callable[[Zone], Zone] | None = None
         saved = (zone for zones in self.sets().values() for zone in zones)
         self._versions = {zone.id: zone.version for zone in (*self.stored, *saved)}
-        self._unstored = frozenset[str]()  # ids of zones that moved and are not stored there yet
+        self._unmoved: Callable[[Zone], Zone] | None = None
+        self._unstored = frozenset[str]()  # ids of zones that moved while the store refused
         self._changes = 0
 
     def retired(self) -> AbstractContextManager[None]:
@@ -180,8 +177,8 @@ class ZoneEditor:
         each that moved, as it was and as it is.
 
         `placed` returns any zone of before where the correction has it: undone and repeated edits
-        and zone sets bring zones back there. Where they are now is stored after the map is, by
-        `store_moved`.
+        and zone sets bring zones back there. The zones move even if the store refuses; `expire`
+        tries that again.
         """
 
         def step_placed(step: _Zones) -> _Zones:
@@ -192,36 +189,37 @@ class ZoneEditor:
                 (zone, there) for zone in self.stored if (there := placed(zone)) is not zone
             )
             if moved:
-                there_by_id = {zone.id: self._newer(there) for zone, there in moved}
-                self._unstored |= there_by_id.keys()
-                self._put_in_force(there_by_id)
+                self._apply(
+                    {
+                        zone.id: dataclasses.replace(there, version=zone.version + 1)
+                        for zone, there in moved
+                    },
+                    even_unstored=True,
+                )
             self._edits.follow(step_placed)
             self._unmoved = placed
+            try:
+                self._move_sets()
+            except StorageFailed:
+                log.exception("sets of zones could not be moved with the map yet")
         return moved
-
-    def store_moved(self) -> None:
-        """Store where zones and sets of zones are that moved with the map, unless the map on disk
-        has yet to follow: after a kill the zones lie where that map has them. Raises
-        `StorageFailed`; the next call tries again."""
-        with self._edits.editing():
-            self._store_moved()
-
-    def _store_moved(self) -> None:
-        if not self._is_on_stored_map():
-            return
-        moved = [zone for zone in self.stored if zone.id in self._unstored]
-        if moved:
-            self._store.change_zones(moved, [])
-        self._unstored = frozenset()
-        if self._unmoved is not None:
-            for name, zones in self.sets().items():
-                self._store.save_document(SETS, name, [zone_record(zone) for zone in zones])
-        self._unmoved = None
 
     @property
     def has_unmoved_sets(self) -> bool:
-        """Whether sets of zones are not stored yet where the map has them."""
+        """Whether sets of zones could not be stored where the map has them."""
         return self._unmoved is not None
+
+    def _move_sets(self) -> None:
+        """Move the sets of zones by the newest correction of the map; raises `StorageFailed`."""
+        if self._unmoved is not None:
+            self._store_moved(self._unmoved)
+            self._unmoved = None
+
+    def _store_moved(self, placed: Callable[[Zone], Zone]) -> None:
+        for name, zones in self.sets().items():
+            there = [placed(zone) for zone in zones]
+            if there != list(zones):
+                self._store.save_document(SETS, name, [zone_record(zone) for zone in there])
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Delete a zone."""
@@ -242,14 +240,14 @@ class ZoneEditor:
         return edit.step
 
     def expire(self) -> None:
-        """Switch off expired zones, store those that moved, and give the others their dates by the
-        calendar clock, which holds over a restart, where that was set. Raises `StorageFailed` when
-        the store refuses; the next call tries again."""
-        has_moved = bool(self._unstored) or self.has_unmoved_sets
-        if not has_moved and all(self._aged(zone) is zone for zone in self.stored):
+        """Switch off expired zones, store those that moved while the store refused, and give the
+        others their dates by the calendar clock, which holds over a restart, where that was set.
+        Raises `StorageFailed` when the store refuses; the next call tries again."""
+        has_waiting = bool(self._unstored) or self.has_unmoved_sets
+        if not has_waiting and all(self._aged(zone) is zone for zone in self.stored):
             return
         with self._edits.editing():
-            self._store_moved()
+            self._move_sets()
             aged = [(zone, self._aged(zone)) for zone in self.stored]
             self._apply({zone.id: now for zone, now in aged if now is not zone})
         expired = [zone for zone, now in aged if zone.enabled and not now.enabled]
@@ -259,12 +257,9 @@ class ZoneEditor:
     # Named sets
 
     def sets(self) -> dict[str, tuple[Zone, ...]]:
-        """Return the zone sets by name, with the zones where the map has them now."""
-        placed, documents = self._unmoved or _as_it_is, self._store.documents(SETS)
-        return {
-            name: tuple(placed(zone_of(record)) for record in records)
-            for name, records in documents.items()
-        }
+        """Return the zone sets by name."""
+        documents = self._store.documents(SETS)
+        return {name: tuple(map(zone_of, records)) for name, records in documents.items()}
 
     def save_set(self, name: str, *, replace: bool = True) -> None:
         """Save the present zones under a name; `AlreadyThere` for the name of a set unless it is to
@@ -355,32 +350,40 @@ class ZoneEditor:
         self._apply(after)
         self._edits.add(text, _Zones(before, after))
 
-    def _apply(self, wanted: Mapping[str, Zone | None]) -> None:
-        """Store zones, then put them in force: a refusal has changed nothing."""
-        saved = {zone_id: self._newer(zone) for zone_id, zone in wanted.items() if zone is not None}
-        deleted = wanted.keys() - saved.keys()
-        self._store.change_zones(saved.values(), deleted)
-        self._unstored -= wanted.keys()
-        self._put_in_force(saved, deleted)
+    def _apply(self, wanted: Mapping[str, Zone | None], *, even_unstored: bool = False) -> None:
+        """Store zones, then put them in force: a refusal has changed nothing, unless they are to
+        be in force `even_unstored`.
 
-    def _newer(self, zone: Zone) -> Zone:
-        """Return a zone under a version that it never had: an edit of an outdated one is recognised
-        even when the zone was deleted and restored in between."""
-        newest = self._versions.get(zone.id, 0)
-        return dataclasses.replace(zone, version=max(zone.version, newest + 1))
-
-    def _put_in_force(self, saved: Mapping[str, Zone], deleted: Set[str] = frozenset()) -> None:
+        No version number is used twice, so that an edit of an outdated version is recognised even
+        when the zone was deleted and restored in between.
+        """
+        present = {zone.id: zone for zone in self.stored}
+        saved = {
+            zone_id: dataclasses.replace(
+                zone, version=max(zone.version, self._versions.get(zone_id, 0) + 1)
+            )
+            for zone_id, zone in wanted.items()
+            if zone is not None
+        }
+        deleted = [zone_id for zone_id, zone in wanted.items() if zone is None]
+        waiting = {
+            zone_id: present[zone_id] for zone_id in self._unstored - wanted.keys() & present.keys()
+        }
+        try:
+            self._store.change_zones([*waiting.values(), *saved.values()], deleted)
+            self._unstored = frozenset()
+        except StorageFailed:
+            if not even_unstored:
+                raise
+            log.exception("zones that moved with the map are in force, but not stored yet")
+            self._unstored |= saved.keys()
         self._versions |= {zone_id: zone.version for zone_id, zone in saved.items()}
-        merged = {**{zone.id: zone for zone in self.stored}, **saved}
+        merged = {**present, **saved}
         zones = tuple(zone for zone_id, zone in merged.items() if zone_id not in deleted)
         self._holder.change(lambda state: dataclasses.replace(state, zones=zones))
         self._changes += 1
         if self._watcher is not None:
             self._watcher.watch_zones(zones)
-
-
-def _as_it_is(zone: Zone) -> Zone:
-    return zone
 
 
 def _placed(

@@ -269,11 +269,7 @@ class LiveSites:
 
     def keep_session(self) -> None:
         """Store the goals, the phase and the place of the robot if they have changed; called
-        periodically. While a corrected map is being written they wait for it, so that they lie on
-        the map on disk."""
-        keeper = self._keeper
-        if keeper.lacks_correction and keeper.failure is None:
-            return
+        periodically."""
         with self._lock:
             mission, place = self._controller.intent.mission, self._known_place()
             if mission is not self._saved:

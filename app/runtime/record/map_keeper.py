@@ -32,8 +32,6 @@ class _Snapshot:
     path: Path
     state: MapState
     class_names: Mapping[int, str]
-    corrections: int
-    """Number of corrections that the map has followed."""
 
 
 class MapKeeper:
@@ -47,9 +45,6 @@ class MapKeeper:
         self._copied: tuple[int, float, int] | MapState | None = None
         """The map that was copied last, or what tells it from others."""
         self._looked_ns: int | None = None
-        self._corrections, self._written_corrections = 0, 0
-        self.on_written: Callable[[], None] = lambda: None
-        """Called after each write, by the thread that wrote."""
         self.left: Path | None = None
         """File of the map before, which is written no more once its folder is deleted."""
         self._asked, self._answered = threading.Event(), threading.Event()
@@ -72,19 +67,11 @@ class MapKeeper:
         """Keep another map in another file from the next snapshot on; called by the thread that
         changes the map."""
         self._path, self._names, self._copied = path, dict(class_names), None
-        self._written_corrections = self._corrections
 
     def note_correction(self) -> None:
         """Copy the map after this tick; called by the think thread when a correction has moved it,
-        as what moves with it is stored after it."""
-        self._corrections += 1
+        as what moves with it is stored at once."""
         self._looked_ns = None
-
-    @property
-    def lacks_correction(self) -> bool:
-        """Whether a correction that the map has followed is not in the file yet: after a kill the
-        map, and what moved with it, is where it was."""
-        return self._written_corrections < self._corrections
 
     def note_tick(
         self,
@@ -104,8 +91,6 @@ class MapKeeper:
             self._copy(point_map, names, held)
             self._answered.set()
             return
-        if held is not None:
-            self._written_corrections = self._corrections  # they concern nothing that is stored
         since_ns = self._looked_ns
         # Also where the clock was set back.
         is_due = since_ns is None or not 0 <= now_ns - since_ns < SNAPSHOT_PERIOD_S * 1e9
@@ -142,12 +127,7 @@ class MapKeeper:
         self._names |= names
         self._copied, state = held or _key(point_map), held or point_map.state()
         with self._handing:
-            self._waiting = _Snapshot(
-                path=self._path,
-                state=state,
-                class_names=dict(self._names),
-                corrections=self._corrections,
-            )
+            self._waiting = _Snapshot(path=self._path, state=state, class_names=dict(self._names))
 
     def _write(self) -> bool:
         """Write the snapshot that waits; return whether there was one."""
@@ -163,10 +143,8 @@ class MapKeeper:
                 self.failure = str(error)
                 raise
             self._drop(snapshot)
-            self._written_corrections = max(self._written_corrections, snapshot.corrections)
             self.failure = None
-        self.on_written()
-        return True
+            return True
 
     def _store(self, snapshot: _Snapshot) -> None:
         try:

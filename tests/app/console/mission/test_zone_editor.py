@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -162,39 +162,6 @@ def test_zones_move_with_the_map_even_while_the_store_refuses_and_are_stored_lat
     assert desk.store.site.zones() == desk.bound == (bound,)
     assert not desk.editor.has_unmoved_sets
     assert desk.editor.sets()["night"][0].polygon == bound.polygon
-
-
-def test_zones_that_moved_are_stored_after_the_map_is_and_sets_bring_them_where_they_are(
-    desk: Desk,
-) -> None:
-    is_stored = False
-    editor = ZoneEditor(desk, store=desk.store.site, is_on_stored_map=lambda: is_stored)
-    before = editor.add_all([SLOW, ROUND])
-    editor.save_set("night")
-
-    moves = {zone.polygon: tuple((x + 0.5, y) for x, y in zone.polygon) for zone in before}
-
-    def placed(zone: Zone) -> Zone:
-        polygon = moves.get(zone.polygon)
-        return zone if polygon is None else dataclasses.replace(zone, polygon=polygon, drawn=None)
-
-    def outlines(zones: Iterable[Zone]) -> list[object]:
-        return [zone.polygon for zone in zones]
-
-    there = [moves[zone.polygon] for zone in before]
-    editor.move(placed)
-    editor.expire()
-    assert outlines(desk.bound) == there and desk.store.site.zones() == before
-    editor.use_set("night")  # an edit of the operator is stored at once
-    assert outlines(desk.bound) == outlines(desk.store.site.zones()) == there
-    editor.undo()
-    editor.save_set("day")
-    is_stored = True
-    editor.store_moved()
-    assert desk.store.site.zones() == desk.bound and outlines(desk.bound) == there
-    assert not editor.has_unmoved_sets
-    for zones in ZoneEditor(desk, store=desk.store.site).sets().values():
-        assert outlines(zones) == there
 
 
 def test_a_new_edit_clears_redo_and_versions_only_grow(desk: Desk) -> None:

@@ -56,7 +56,6 @@ def test_what_can_be_undone_and_what_is_not_stored_yet_survive_a_new_name(
     with desk.ticking():
         desk.sites.change("default", SiteChanges(name="Ward 3"))
     desk.zones.add(dataclasses.replace(SQUARE, name="dry"))
-    desk.zones.expire()
     stored = desk.store.sites.open("Ward 3").zones()
     assert [(one.name, one.margin_m) for one in stored] == [("wet", 0.5), ("dry", 0.0)]
     desk.zones.undo()

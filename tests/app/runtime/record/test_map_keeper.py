@@ -71,8 +71,7 @@ def test_a_map_that_is_too_large_is_given_up_and_the_next_one_is_kept(
 
 
 def test_a_map_that_a_correction_has_moved_is_copied_at_once(tmp_path: Path) -> None:
-    """What moves with it is stored after it, and lies on the map on disk."""
-    lacks = list[bool]()
+    """What moves with it is stored at once, and has to lie on the map on disk."""
     kept, cloud = tmp_path / "kept.map", PointMap(SPEC, MappingConfig())
     keeper = MapKeeper(kept, NO_NAMES)
     keeper.note_tick(cloud, NO_NAMES, 0)
@@ -82,39 +81,9 @@ def test_a_map_that_a_correction_has_moved_is_copied_at_once(tmp_path: Path) -> 
     for is_corrected in (False, True):
         if is_corrected:
             keeper.note_correction()
-            keeper.on_written = lambda: lacks.append(keeper.lacks_correction)
-        assert keeper.lacks_correction is is_corrected
         keeper.note_tick(cloud, NO_NAMES, 1)
-        assert keeper.lacks_correction is is_corrected
         keeper._write()
         assert kept.exists() is is_corrected
-    assert lacks == [False]
-
-
-def test_a_correction_concerns_nothing_of_a_map_that_is_held(tmp_path: Path) -> None:
-    cloud = PointMap(SPEC, MappingConfig())
-    keeper, held = MapKeeper(tmp_path / "kept.map", NO_NAMES), cloud.state()
-    keeper.note_tick(cloud, NO_NAMES, 0, held=held)
-    keeper._write()
-    keeper.note_correction()
-    keeper.note_tick(cloud, NO_NAMES, 1, held=held)
-    assert not keeper.lacks_correction
-
-
-def test_of_two_corrections_the_second_is_lacking_until_its_own_map_is_written(
-    tmp_path: Path,
-) -> None:
-    cloud = PointMap(SPEC, MappingConfig())
-    keeper = MapKeeper(tmp_path / "kept.map", NO_NAMES)
-    keeper.note_correction()
-    keeper.note_tick(cloud, NO_NAMES, 0)
-    keeper.note_correction()
-    keeper._write()
-    assert keeper.lacks_correction
-    observe_scene(cloud, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
-    keeper.note_tick(cloud, NO_NAMES, 1)
-    keeper._write()
-    assert not keeper.lacks_correction
 
 
 @pytest.mark.parametrize("how", ["by the thread", "as an operator asks for it"])
