@@ -17,7 +17,7 @@ from typing import Any
 from rich.console import Console as Terminal
 from rich.table import Table
 
-from app.fleet.campaign_files import CARD, EPISODES, CampaignCard, Report, read_card, recorded
+from app.fleet.campaign_files import EPISODES, CampaignCard, Report, read_card, recorded
 from app.fleet.campaign_progress import Driven, shown
 from app.fleet.engine import Engine, Lost, run
 from app.fleet.local import ThisProcess
@@ -77,6 +77,9 @@ class Campaign:
         wanted = list(keys) if fleet.shard is None else fleet.shard.of(keys)
         if not wanted:
             raise BadConfiguration(f"--shard {fleet.shard}: there are only {len(keys)} episodes")
+        before = _card_of(out)
+        is_same = before is not None and before.campaign == name
+        asked = {*before.keys, *before.earlier} if before is not None and is_same else set[int]()
         card = CampaignCard(
             suite=self.suite,
             campaign=name,
@@ -84,7 +87,8 @@ class Campaign:
             key=self.key,
             keys=tuple(keys),
             shard=None if fleet.shard is None else str(fleet.shard),
-            planned=max(len(keys), _planned(out, name, keys)),
+            earlier=tuple(sorted(asked - set(keys))),
+            planned=max(len(asked | set(keys)), _planned(before) if is_same else 0),
         )
         kept = out / EPISODES
         with writing(out):
@@ -174,19 +178,17 @@ def writing(out: Path) -> Iterator[None]:
         raise BadConfiguration(f"{out} cannot be written: {error}") from None
 
 
-def _planned(out: Path, campaign: str | None = None, keys: Sequence[int] = ()) -> int:
-    """Return how many episodes were ever asked for in a folder, of a campaign that has these keys;
-    0 for a new one."""
-    if not (out / CARD).exists():
-        return 0
-    with suppress(BadConfiguration):  # a card that a kill cut short is written again
-        card = read_card(out)
-        asked, own, held = max(card.planned, len(card.keys)), set(keys), set(card.keys)
-        if campaign is None or (card.campaign == campaign and (own <= held or held <= own)):
-            return asked
-        if card.campaign == campaign:
-            return asked + len(own - held)  # those that are left out now may have failed
-    return 0
+def _card_of(out: Path) -> CampaignCard | None:
+    """Return the card of a folder; None where it has none, or one that a kill cut short, which is
+    written again."""
+    with suppress(BadConfiguration):
+        return read_card(out)
+    return None
+
+
+def _planned(card: CampaignCard | None) -> int:
+    """Return how many episodes were ever asked for; 0 without a card."""
+    return 0 if card is None else max(card.planned, len(card.keys))
 
 
 class EpisodesFailed(BadConfiguration):
@@ -215,7 +217,7 @@ def mean_of(reports: Sequence[Report], value: Callable[[Report], float]) -> floa
 def write_summary(summary: Report, out: Path) -> None:
     """Write `summary.json`, with the number of episodes that were planned if there were more;
     raises `BadConfiguration` when the folder cannot be written."""
-    note_planned(summary, _planned(out))
+    note_planned(summary, _planned(_card_of(out)))
     with writing(out):
         (out / SUMMARY).write_text(json.dumps(summary, indent=1), encoding="utf-8")
 
@@ -250,7 +252,8 @@ def show_reports(
     """Print a table of the reports, and the summary as JSON."""
     table = Table(*columns, title=title)
     for report in reports:
-        table.add_row(*(f"{report[column]}" for column in columns))
+        # Reports of earlier versions lack some.
+        table.add_row(*(f"{report.get(column, '–')}" for column in columns))
     terminal = Terminal(width=None if sys.stdout.isatty() else 160)
     terminal.print(table)
     terminal.print_json(data=summary)

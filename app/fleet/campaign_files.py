@@ -33,6 +33,8 @@ class CampaignCard:
     """Keys of all episodes, of all shards."""
     shard: str | None
     """Share of these keys that was driven here, as `i/n`; None for all."""
+    earlier: tuple[int, ...] = ()
+    """Keys that were asked for before, and are not among those of all episodes now."""
     planned: int = 0
     """Largest number of episodes that was ever asked for, of all shards: a campaign that was ended
     early is not one that was planned so."""

@@ -79,9 +79,11 @@ class Contacts:
                 self._all.append(contact)
                 self.struck_while_standing += walks and not collided
             elif driving or not self._walks(number):
-                contact.pressed_m += max(advance_m, rolled_m) if driving else rolled_m
-                contact.collided = contact.collided or contact.pressed_m > PUSH_LIMIT_M
-            self._pressed[number] = t_s, contact.pressed_m
+                pushed_m = max(advance_m, rolled_m) if driving else rolled_m
+                contact.pressed_m += pushed_m
+                contact.collided |= pushed_m > 0.0 and contact.pressed_m > PUSH_LIMIT_M
+            # What has counted once does not make the next contact one, too.
+            self._pressed[number] = t_s, 0.0 if contact.collided else contact.pressed_m
         self._open = {
             number: contact for number, contact in self._open.items() if number in touched
         }

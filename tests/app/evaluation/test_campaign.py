@@ -69,7 +69,8 @@ def test_recorded_episodes_are_not_driven_again_and_other_rules_are_refused(tmp_
 
 
 def test_seeds_that_are_left_out_of_a_later_call_count_as_planned(tmp_path: Path) -> None:
-    for keys, planned in (([0, 1, 2], 3), ([0, 1], 3), ([0, 1, 2, 3], 4), ([1, 2, 3, 4, 5], 6)):
+    calls = (([0, 1, 2], 3), ([1, 2], 3), ([1, 2, 3], 4), ([0, 1, 2], 4), ([1, 2, 3, 4], 5))
+    for keys, planned in calls:
         campaign().run(keys, fleet=HERE, out=tmp_path)
         assert read_card(tmp_path).planned == planned, keys
 

@@ -233,6 +233,18 @@ def test_what_is_driven_against_a_person_adds_up_over_contacts_that_follow_each_
     assert contacts.struck_while_standing == 3
 
 
+def test_who_touches_a_robot_again_that_makes_way_after_a_collision_is_not_driven_into_twice() -> (
+    None
+):
+    contacts = Contacts(lambda number: "person", lambda number: True)
+    contacts.judge({7: (0.01, 0.01)}, driving=True, t_s=0.0)
+    contacts.judge({7: (0.03, 0.03)}, driving=True, t_s=PERIOD_S)
+    contacts.judge({}, driving=True, t_s=1.0)
+    for step in range(3):
+        contacts.judge({7: (0.0, 0.0)}, driving=True, t_s=2.0 + step * PERIOD_S)
+    assert (contacts.collisions, contacts.struck_while_standing) == (1, 1)
+
+
 def test_a_marking_without_beware_may_be_driven_over() -> None:
     referee = Referee(
         open_floor(markings=(Marking(name="mat", polygon=shifted(2.0, 0.0), beware=False),))
