@@ -1,8 +1,9 @@
 """Evaluation of doors: from a drawn pose on one side of a door of the office, without people and
 items, to a goal on the other.
 
-A door is passed *at the first try* when the goal is reached without a violation, and the robot has
-not backed off from the line of the door, or turned back, before it was through.
+A door is passed *at the first try* when the goal is reached without a violation, the robot has not
+backed off from the line of the door, or turned back, before it was through, and it has not gone
+round by another door.
 """
 
 from __future__ import annotations
@@ -56,6 +57,8 @@ MOST_DRAWN = 100
 RETREAT_M = 0.2
 """Distance by which the robot may come away again from the line of the door at the first try, as
 where it turns on its way, metres."""
+DETOUR_M = 1.5
+"""Distance beyond the shortest way that still is the way through this door, metres."""
 THROUGH_M = 0.5
 """Distance of its middle behind the line of the door from which a robot is through, metres."""
 COLUMNS = (
@@ -124,7 +127,13 @@ def evaluate_doors(
     """Drive one passage per seed, print a table, write `summary.json`; return the summary."""
     reports = drive_drawn(
         Suite.DOORS,
-        (quiet_office(), RETREAT_M, THROUGH_M, *(next(draw_passages(seed)) for seed in EXAMPLES)),
+        (
+            quiet_office(),
+            RETREAT_M,
+            DETOUR_M,
+            THROUGH_M,
+            *(next(draw_passages(seed)) for seed in EXAMPLES),
+        ),
         drive_passage,
         dataclasses.replace(settings, max_time_s=PATIENCE_S),
         seeds=seeds,
@@ -142,12 +151,13 @@ def drive_passage(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
     finally:
         episode.close()
     retreat_m = passage.retreat_m(episode.driven)
+    goes_round = report["distance_m"] > report["shortest_m"] + DETOUR_M
     return {
         **report,
         "door": list(passage.door),
         "into_room": passage.into_room,
         "retreat_m": round(retreat_m, 3),
-        "first_try": bool(report["success"]) and retreat_m <= RETREAT_M,
+        "first_try": bool(report["success"]) and retreat_m <= RETREAT_M and not goes_round,
     }
 
 
