@@ -57,8 +57,9 @@ MOST_DRAWN = 100
 RETREAT_M = 0.2
 """Distance by which the robot may come away again from the line of the door at the first try, as
 where it turns on its way, metres."""
-DETOUR_M = 1.5
-"""Distance beyond the shortest way that still is the way through this door, metres."""
+BESIDE_M = 1.0
+"""Distance from the middle of the door within which the robot crosses its line, metres: the next
+door is farther away."""
 THROUGH_M = 0.5
 """Distance of its middle behind the line of the door from which a robot is through, metres."""
 COLUMNS = (
@@ -81,6 +82,13 @@ class Passage:
     """Goal on the other side."""
     clear_m: float = math.inf
     """Clearance around the start, metres; infinite before the furniture is known."""
+
+    def is_through(self, driven: Sequence[tuple[float, float]]) -> bool:
+        """Return whether a robot that has driven through (x, y) positions has first crossed the
+        line of the door in the door."""
+        (door_x, door_y), onwards = self.door, math.copysign(1.0, self.goal[1] - self.door[1])
+        crossed = (x for x, y in driven if onwards * (y - door_y) > 0.0)
+        return abs(next(crossed, math.inf) - door_x) <= BESIDE_M
 
     def retreat_m(self, driven: Sequence[tuple[float, float]]) -> float:
         """Return by how much a robot that has driven through (x, y) positions has come away again
@@ -130,7 +138,7 @@ def evaluate_doors(
         (
             quiet_office(),
             RETREAT_M,
-            DETOUR_M,
+            BESIDE_M,
             THROUGH_M,
             *(next(draw_passages(seed)) for seed in EXAMPLES),
         ),
@@ -151,13 +159,13 @@ def drive_passage(seed: int, settings: EpisodeSettings) -> dict[str, Any]:
     finally:
         episode.close()
     retreat_m = passage.retreat_m(episode.driven)
-    goes_round = report["distance_m"] > report["shortest_m"] + DETOUR_M
+    is_first_try = bool(report["success"]) and retreat_m <= RETREAT_M
     return {
         **report,
         "door": list(passage.door),
         "into_room": passage.into_room,
         "retreat_m": round(retreat_m, 3),
-        "first_try": bool(report["success"]) and retreat_m <= RETREAT_M and not goes_round,
+        "first_try": is_first_try and passage.is_through(episode.driven),
     }
 
 

@@ -77,6 +77,11 @@ def test_a_retreat_is_what_the_robot_comes_away_from_the_door_before_it_is_throu
     assert retreat_m(-1.0, -0.5, -1.2, -0.4, 0.6) == pytest.approx(0.7)
     assert retreat_m(-1.0, 0.2, -0.3, 1.0) == pytest.approx(0.5)
     assert retreat_m(-1.0, 0.6, -1.0) == 0.0, "it was through"
+    x = passage.door[0]
+    before, beyond = 1.5 - onwards, 1.5 + onwards
+    assert passage.is_through([(x, before), (x + 0.5, beyond), (x + 3.0, beyond)])
+    assert not passage.is_through([(x, before), (x + 6.0, before), (x + 6.0, beyond)])
+    assert not passage.is_through([(x, before)])
 
 
 def test_a_door_that_is_passed_at_the_second_try_is_told_from_the_others() -> None:
