@@ -14,6 +14,7 @@ from app.episode.episode import EpisodeSettings
 from app.evaluation.driving import doors
 from app.evaluation.driving.doors import (
     DOORS,
+    Passage,
     draw_passages,
     drive_passage,
     first_clear,
@@ -84,11 +85,13 @@ def test_a_retreat_is_what_the_robot_comes_away_from_the_door_before_it_is_throu
     assert not passage.is_through([(x, before)])
 
 
-def test_a_door_that_is_passed_at_the_second_try_is_told_from_the_others() -> None:
-    settings = EpisodeSettings(beware=default_beware_list(), max_time_s=doors.PATIENCE_S)
-    report = drive_passage(2222, settings)
-    assert report["goals_reached"] == 1
-    assert report["retreat_m"] > doors.RETREAT_M and not report["first_try"]
+@pytest.mark.parametrize(("measure", "measured"), [("retreat_m", 0.3), ("is_through", False)])
+def test_a_door_that_the_robot_comes_away_from_or_goes_round_is_not_passed_at_the_first_try(
+    measure: str, measured: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Passage, measure, lambda *_: measured)
+    report = drive_passage(3, EpisodeSettings(beware=default_beware_list(), max_time_s=40.0))
+    assert report["goals_reached"] == 1 and not report["first_try"]
 
 
 def test_a_robot_that_fits_no_door_is_refused_after_some_tries(
