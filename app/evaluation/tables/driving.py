@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from app.evaluation.suites import CROSSING_SUITES, Suite
 from app.evaluation.summary import RATES
 from app.evaluation.tables.kinds import departures, is_of, is_paper, is_second_day
@@ -18,6 +20,8 @@ from app.evaluation.tables.table import (
     single,
 )
 
+MOST_SEEDS = 10
+"""Largest number of seeds that a cell lists."""
 # No kept result is of a world with ground beyond the robot's limits, and all lack that rate.
 _SHOWN_RATES = tuple(key for key in RATES if key not in ("struck_rate", "ground_rate"))
 
@@ -118,13 +122,19 @@ def _doors_row(result: Result) -> Row:
     )
 
 
+def _listed_seeds(seeds: Sequence[int]) -> str:
+    """Return the seeds, the first ones of many."""
+    more = f" and {len(seeds) - MOST_SEEDS} more" if len(seeds) > MOST_SEEDS else ""
+    return (", ".join(map(str, seeds[:MOST_SEEDS])) or "none") + more
+
+
 def _crossings_row(result: Result) -> Row:
     episodes, (low, high) = result["episodes"], result["drove_into_people_ci95"]
     return (
         world(result),
         seeds(result),
         f"{result['drove_into_people']} of {episodes} ({percent(low)} to {percent(high)})",
-        ", ".join(map(str, result["drove_into_people_seeds"])) or "none",
+        _listed_seeds(result["drove_into_people_seeds"]),
         f"{result['struck_while_standing']} of {episodes}",
         f"{result['goals_reached']} of {episodes}",
         f"{result['sim_time_s']:.1f} s",

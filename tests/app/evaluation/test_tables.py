@@ -162,6 +162,8 @@ def test_crossings_have_a_table_of_their_own_on_the_page_about_evaluation() -> N
     assert row in shown
     assert short_table([result]).count("\n") == 2
     assert full_table([{**result, "drove_into_people": 0}]) != shown
+    many = {**result, "drove_into_people_seeds": list(range(2000, 2072)), "left_out": 5}
+    assert "2008, 2009 and 62 more | 2 of 3 | 3 of 3 | 21.0 s | 5 |" in full_table([many])
 
 
 def test_teaching_has_a_table_of_its_own_with_the_things_and_what_was_lost() -> None:
