@@ -18,6 +18,7 @@ const NAMES = {
   distance_m: t("distance, m"),
   spl: "SPL",
   min_clearance_m: t("least clearance, m"),
+  min_item_clearance_m: t("least clearance from items, m"),
   collisions: t("collisions"),
   struck_while_standing: t("struck while standing"),
   contacts: t("contacts"),
