@@ -9,11 +9,10 @@ READY := $(VENV)/ready
 run: setup
 	$(BIN)/bewarenav console $(ARGS)
 
-# Linters, types and all tests but the `long` ones: about 15 minutes on two cores. Three processes for two cores,
-# because the tests in the browser mostly wait.
+# Linters, types and all tests but the `long` ones: about 15 minutes on two cores.
 test: setup
 	@$(MAKE) --no-print-directory --jobs=2 lint kernels debian
-	$(BIN)/pytest --numprocesses=3 --dist=worksteal -m 'not long'
+	$(BIN)/pytest --numprocesses=2 --dist=worksteal -m 'not long'
 
 # The tests that take long and are no part of `test`: before a release, and after a change of what they test.
 test-long: setup
