@@ -117,20 +117,19 @@ class Guard:
             await body(scope, receive, send)
             return
         receive = replayed(body, scope, receive)
-        app = self._claimed(scope, headers, visitor) or self._app
-        if isinstance(body, bytes):
-            await app(scope, receive, send)
-            return
 
         async def send_after_close(message: Message) -> None:
-            # Before the answer: who has it may send the next file.
-            await close(body)
+            # Who has the answer may send the next file.
+            if not isinstance(body, bytes):
+                await close(body)
             await send(message)
 
         try:
+            app = self._claimed(scope, headers, visitor) or self._app
             await app(scope, receive, send_after_close)
         finally:
-            await close(body)
+            if not isinstance(body, bytes):
+                await close(body)
 
     def _refusal(self, scope: Scope, headers: Headers, visitor: Visitor | None) -> Response | None:
         """Return the refusal of an unknown visitor or of a role without the right, or None."""
