@@ -24,6 +24,7 @@ from app.console.mission.path_settings import stored_unknown_price
 from app.console.operations import LiveOperations
 from app.console.site.site_map import keep_list, list_of_start, map_of
 from app.console.site.sites import SESSION_PERIOD_S, expected_place, mission_of
+from app.console.site.stored_anchors import settle
 from app.console.status_message import storage_warning
 from app.console.stop_latch import PERIOD_S as STOP_PERIOD_S
 from app.console.stop_latch import StopLatch, read_latch
@@ -57,6 +58,7 @@ from navcore.config.navigator import NavigatorConfig, config_for, load_config
 from navcore.files import remove_drafts
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
+from navcore.mission.mission import Mission
 from navcore.navigator import Navigator, Stages
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import HUSKY, RobotProfile
@@ -218,6 +220,10 @@ def console(
         # Not before all is loaded: a start that is refused stores nothing.
         with store.using(site, back_end.name):
             keep_list(site, back_end.beware, beware)
+            settle(site, point_map.pose_ids.numbering_before, point_map.pose_ids.array())
+        controller.change(
+            lambda intent: dataclasses.replace(intent, mission=mission_of(site), zones=site.zones())
+        )
         expected = expected_place(site) if options.kept is None else None
         controller.navigator.adopt_map(expected)
         recorder = Recorder(
@@ -257,7 +263,7 @@ def console(
         stack.callback(operations.sites.keep_session)
         stack.callback(latch.keep)
         zones_thread = PeriodicThread(
-            lambda: operations.zones.expire(), period_s=EXPIRY_S, name="expiry of zones"
+            operations.keep_zones, period_s=EXPIRY_S, name="zones to disk"
         )
         session_thread = PeriodicThread(
             operations.sites.keep_session, period_s=SESSION_PERIOD_S, name="session to disk"
@@ -352,8 +358,9 @@ def _controller_of(
     *,
     stopped_by: str | None,
 ) -> RobotController:
-    """Return a controller with the zones, the beware list and the goals of the last session at a
-    site; it stands. `stopped_by`: who had stopped the robot, and has not reset the stop."""
+    """Return a controller with the beware list and the settings of a site, without zones and goals,
+    whose places the map tells; it stands. `stopped_by`: who had stopped the robot, and has not
+    reset the stop."""
     timer = StageTimer()
     navigator = Navigator(
         spec=back_end.spec,
@@ -365,9 +372,8 @@ def _controller_of(
     intent = OperatorState(
         site=site.name,
         site_id=site.id,
-        mission=mission_of(site),
+        mission=Mission(),
         beware=beware,
-        zones=site.zones(),
         stopped_by=stopped_by,
         unknown_price=stored_unknown_price(site),
     )

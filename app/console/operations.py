@@ -27,6 +27,7 @@ from app.console.mission.zone_editor import ZoneEditor
 from app.console.site.map_editor import MapEditor
 from app.console.site.place_editor import PlaceEditor, require_known
 from app.console.site.sites import LiveSites
+from app.console.site.stored_anchors import save_anchors
 from app.console.status_message import stands_in_zone, status_message
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
@@ -148,7 +149,11 @@ class LiveOperations:
         )
         self.place = PlaceEditor(controller, lambda text: self.insight.note_place([text]))
         self._anchored = AnchoredItems(
-            lambda: self.zones, lambda: controller.intent.mission, controller.change_mission
+            lambda: self.zones,
+            lambda: self._saved_missions,
+            lambda: controller.intent.mission,
+            controller.change_mission,
+            lambda anchors: save_anchors(self._site, anchors),
         )
         self._back_off = BackOff(
             controller,
@@ -184,12 +189,13 @@ class LiveOperations:
     def _edit(self, site: SiteStore) -> None:
         """Edit the contents of a site."""
         controller = self._controller
+        self._site, self._saved_missions = site, SavedMissions(site)
         self.goals = Goals(
             controller,
             view=self._recorder,
             spec=lambda: controller.navigator.map.spec,
             inflate=controller.navigator.inflate_draft,
-            saved=SavedMissions(site),
+            saved=self._saved_missions,
             site_id=site.id,
         )
         self.zones = ZoneEditor(
@@ -268,6 +274,12 @@ class LiveOperations:
         """URDF file of the robot for the 3D view; None without one."""
         return self._urdf
 
+    def keep_zones(self) -> None:
+        """End zones that have expired, and store what zones and goals belong to; called
+        periodically. Raises `StorageFailed`; the next call tries again."""
+        self.zones.expire()
+        self._anchored.keep()
+
     def note_verdict(self, verdict: GateDecision) -> None:
         """Called by the command thread after each command."""
         self._verdict = verdict
@@ -279,12 +291,11 @@ class LiveOperations:
         navigator = self._controller.navigator
         point_map, pose_ids = navigator.map, navigator.map.pose_ids
         # First, so that zones and goals follow the map whatever fails below.
-        if decision.taken_back:
-            # Their pose IDs are given to other poses, and a correction was of what is thrown away.
-            self._anchored.forget()
-        elif decision.correction is not None:
-            self.keeper.note_correction()
-        moved = self._anchored.note_tick(decision.correction, pose_ids)
+        moved = self._anchored.note_tick(
+            pose_ids,
+            is_corrected=decision.correction is not None,
+            taken_back=decision.taken_back,
+        )
         self._recorder.note_decision(decision)
         self.insight.note_decision(decision)
         if decision.taken_back:

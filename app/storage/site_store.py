@@ -11,6 +11,8 @@ from typing import Any
 from app.storage.database import Database
 from app.storage.records import zone_of, zone_record
 from navcore.errors import NotKnown
+from navcore.files import read_whole
+from navcore.mapping.storage.map_file import MAX_BYTES
 from navcore.mission.beware_list import BewareClass, BewareList, as_table
 from navcore.mission.zone import Zone
 from navcore.toml_config import from_table
@@ -43,6 +45,10 @@ class SiteStore:
         """Path of the map that is kept while driving."""
         return self.folder / MAP_FILE
 
+    def map_data(self, *, at_most: int = MAX_BYTES) -> bytes | None:
+        """Return the map file; None before the first map is kept."""
+        return read_whole(self.map_file, at_most=at_most) if self.map_file.exists() else None
+
     @contextmanager
     def reading(self) -> Iterator[None]:
         """Read within the block what the site holds at one moment; raises `NotKnown` where it has
@@ -50,6 +56,12 @@ class SiteStore:
         with self._database.reading():
             if not self._database.rows("SELECT 1 FROM sites WHERE id = ?", (self.id,)):
                 raise NotKnown(f"no site is called {self.name!r:.90}")
+            yield
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Store what the block stores as one: all or nothing; raises `StorageFailed`."""
+        with self._database.writing():
             yield
 
     def zones(self) -> tuple[Zone, ...]:

@@ -21,8 +21,7 @@ from app.storage.database import Database
 from app.storage.schema import MAPS, PER_SITE
 from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration, NotKnown, Refused, StorageFailed
-from navcore.files import read_whole, remove_drafts, sync_folder, write_whole
-from navcore.mapping.storage.map_file import MAX_BYTES
+from navcore.files import remove_drafts, sync_folder, write_whole
 from web.interface.sites import is_same_name, plain_name
 
 MAX_NAME = 40
@@ -222,7 +221,7 @@ class SiteTable:
         """Copy a site with everything in it; raises `NotKnown` also where it is deleted
         meanwhile."""
         source, new_name = self.open(name), checked_name(new_name)
-        taken = read_whole(source.map_file, at_most=MAX_BYTES) if source.map_file.exists() else None
+        taken = source.map_data()
         with (
             self.making(new_name, taken) as site,
             self._database.writing() as connection,

@@ -118,7 +118,7 @@ class PlacedPoints:
     def restore(self, state: MapState) -> None:
         """Replace grid, poses and points by stored ones; the poses are constants from then on."""
         self.spec, held = state.spec, state.points
-        self.pose_ids.restore(state.poses)
+        self.pose_ids.restore(state.poses, state.numbering)
         records = self.records(held, state.points_base, held.pose_ids, self.rows)
         records["pose_id"], records["looks"] = held.pose_ids, held.looks
         self.table = PointTable(self.spec.rows * self.spec.cols)

@@ -332,6 +332,7 @@ class PointMap:
             points=self._placed.table.copied(),
             points_base=np.column_stack([live["base_x"], live["base_y"]]),
             poses=self.pose_ids.array(),
+            numbering=self.pose_ids.numbering,
             measured=CellMask.copied(explored.planes[MEASURED], rows, cols),
             visible=CellMask.copied(explored.planes[VISIBLE], rows, cols),
             driven=CellMask.copied(explored.planes[DRIVEN], rows, cols),

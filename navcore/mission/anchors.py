@@ -2,16 +2,16 @@
 drawn, and move with them when those are corrected.
 
 The move is rigid and always computed from the item as it was drawn, so that corrections to and fro
-bring it back exactly. Items far from every pose, or beside a pose of the loaded map, have no anchor
-and stay.
+bring it back exactly, and that any state of the map, also an older one, tells where the item is in
+it. Items far from every pose, or beside a pose of the loaded map, have no anchor and stay.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -24,6 +24,10 @@ from navcore.mission.zone import Zone
 from navcore.mission.zone_shapes import Circle, Shape
 
 Item = TypeVar("Item", Zone, Goal)
+Outline = tuple[tuple[float, float], ...]
+"""Corners (x, y) of a zone in metres of the map frame."""
+Spot = tuple[float, float, float | None]
+"""x and y in metres and heading in radians of a goal."""
 
 REACH_M = 6.0
 """Distance in metres from an item within which a pose is beside it: about as far
@@ -43,15 +47,18 @@ class Anchor:
 
     def motion(self, poses: Sequence[Pose2]) -> Pose2:
         """Return the rigid motion of the map frame since the item was drawn, from the present poses
-        by ID: the mean of the motions of the anchor's poses at the item's middle."""
+        by ID: the mean of the motions of the anchor's poses at the item's middle. Those that a
+        map does not have yet are left out; without any there is no motion."""
         middle, identity = np.array(self.centre), True
         moved, turns = [], []
         for pose_id, then in self.poses:
+            if pose_id >= len(poses):
+                continue
             now = poses[pose_id]
             identity = identity and now == then
             moved.append((now @ then.inverse()).to_parent(middle))
             turns.append(wrap_angle(now.yaw_rad - then.yaw_rad))
-        if identity:
+        if identity:  # of none, too
             return Pose2(x_m=0.0, y_m=0.0, yaw_rad=0.0)
         turn = math.atan2(sum(map(math.sin, turns)), sum(map(math.cos, turns)))
         rotation = Pose2(x_m=0.0, y_m=0.0, yaw_rad=turn)
@@ -71,6 +78,46 @@ class Anchored(Generic[Item]):
     def at(self, poses: Sequence[Pose2]) -> Item:
         """Return the item for the present poses by ID."""
         return moved(self.item, self.anchor.motion(poses))
+
+
+LEAST_M = 0.01
+"""Distance in metres below which an item stays where it is, from where its poses have it: a
+correction that moves it less adds to the next."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Anchors:
+    """Zones and goals with their anchors, by where they are now. By outline and position, so that
+    edits, sets and missions that hold the same one move with it, and one that was edited does
+    not."""
+
+    numbering: str = ""
+    """Numbering of the poses, `PoseIds.numbering`."""
+    zones: Mapping[Outline, Anchored[Zone] | None] = field(default_factory=dict)
+    """By outline; None for one that stays."""
+    goals: Mapping[Spot, Anchored[Goal] | None] = field(default_factory=dict)
+    """By position and heading; None for one that stays."""
+
+    def zone_at(self, zone: Zone, poses: Sequence[Pose2]) -> Zone:
+        """Return a zone for the poses of a map by ID; the same one where it stays."""
+        held = self.zones.get(zone.polygon)
+        if held is None:
+            return zone
+        as_drawn = dataclasses.replace(zone, polygon=held.item.polygon, drawn=held.item.drawn)
+        return _unless_still(zone, dataclasses.replace(held, item=as_drawn).at(poses))
+
+    def goal_at(self, goal: Goal, poses: Sequence[Pose2]) -> Goal:
+        """Return a goal for the poses of a map by ID; the same one where it stays."""
+        held = self.goals.get(spot_of(goal))
+        if held is None:
+            return goal
+        as_queued = dataclasses.replace(held.item, id=goal.id, name=goal.name)
+        return _unless_still(goal, dataclasses.replace(held, item=as_queued).at(poses))
+
+
+def spot_of(goal: Goal) -> Spot:
+    """Return position and heading of a goal."""
+    return goal.x_m, goal.y_m, goal.yaw_rad
 
 
 def anchored(
@@ -109,6 +156,10 @@ def moved(item: Item, motion: Pose2) -> Item:
         shape = _moved_shape(item.drawn, motion)
         return dataclasses.replace(item, drawn=shape, polygon=shape.outline())
     return dataclasses.replace(item, polygon=_pairs(motion.to_parent(np.array(item.polygon))))
+
+
+def _unless_still(item: Item, there: Item) -> Item:
+    return item if moved_m(item, there) < LEAST_M else there
 
 
 def moved_m(before: Item, after: Item) -> float:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from app.storage.records import goal_of, goal_record
 from navcore.errors import AlreadyThere, NotKnown, Refused
-from navcore.mission.mission import Mission
+from navcore.mission.anchors import Spot, spot_of
+from navcore.mission.mission import Goal, Mission
 from web.interface.drafts import SavedMission
 
 MAX_MISSIONS = 200
@@ -25,10 +28,10 @@ class DocumentStore(Protocol):
 
 
 class SavedMissions:
-    """The saved missions of a store."""
+    """The saved missions of a store. Safe from any thread: one change at a time."""
 
     def __init__(self, store: DocumentStore) -> None:
-        self._store = store
+        self._store, self._changing = store, threading.Lock()
 
     def all(self) -> dict[str, SavedMission]:
         """Return all missions by name."""
@@ -48,23 +51,38 @@ class SavedMissions:
         """Save the waiting goals of a mission; raises `AlreadyThere`."""
         if not mission.queue:
             raise Refused("there is no goal to save; add one first")
-        saved = self._store.documents(MISSIONS)
-        if name in saved and not replace:
-            goals = len(saved[name]["goals"])
-            raise AlreadyThere(
-                f"a mission is called “{name}” already, with {goals} "
-                f"{'goal' if goals == 1 else 'goals'}; replace it, or give another name",
-                (name,),
-            )
-        if name not in saved and len(saved) >= MAX_MISSIONS:
-            raise Refused(f"at most {MAX_MISSIONS} missions are kept; delete one first")
-        self._store.save_document(
-            MISSIONS,
-            name,
-            {"goals": [goal_record(goal) for goal in mission.queue], "loop": mission.loop},
-        )
+        with self._changing:
+            saved = self._store.documents(MISSIONS)
+            if name in saved and not replace:
+                goals = len(saved[name]["goals"])
+                raise AlreadyThere(
+                    f"a mission is called “{name}” already, with {goals} "
+                    f"{'goal' if goals == 1 else 'goals'}; replace it, or give another name",
+                    (name,),
+                )
+            if name not in saved and len(saved) >= MAX_MISSIONS:
+                raise Refused(f"at most {MAX_MISSIONS} missions are kept; delete one first")
+            self._save(name, SavedMission(goals=mission.queue, loop=mission.loop))
 
     def delete(self, name: str) -> None:
         """Delete a mission; raises `NotKnown`."""
-        self.named(name)
-        self._store.save_document(MISSIONS, name, None)
+        with self._changing:
+            self.named(name)
+            self._store.save_document(MISSIONS, name, None)
+
+    def move(self, placed: Callable[[Goal], Goal]) -> None:
+        """Move the goals of all missions because the map was corrected, `placed` to where it
+        returns each."""
+        with self._changing:
+            for name, saved in self.all().items():
+                there = tuple(map(placed, saved.goals))
+                if there != saved.goals:
+                    self._save(name, SavedMission(goals=there, loop=saved.loop))
+
+    def spots(self) -> frozenset[Spot]:
+        """Return position and heading of the goals of all missions."""
+        return frozenset(spot_of(goal) for saved in self.all().values() for goal in saved.goals)
+
+    def _save(self, name: str, saved: SavedMission) -> None:
+        record = {"goals": [goal_record(goal) for goal in saved.goals], "loop": saved.loop}
+        self._store.save_document(MISSIONS, name, record)

@@ -23,10 +23,10 @@ from app.console.mission.path_settings import SETTINGS, stored_unknown_price
 from app.console.mission.saved_missions import MISSIONS
 from app.console.mission.zone_editor import SETS
 from app.console.site.site_map import ACCEPTED, accepted_map, cell_map_of, cell_map_record
+from app.console.site.stored_anchors import Placing, placing_in
 from app.storage.records import zone_of, zone_record
 from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration
-from navcore.files import read_whole
 from navcore.geometry.transform import wrap_angle
 from navcore.mapping.changes import CellMap
 from navcore.mapping.storage import map_file
@@ -76,10 +76,9 @@ def pack(site: SiteStore) -> bytes:
     """Return the archive of a site as it is at one moment; raises `NotKnown` where it has been
     deleted."""
     # Before the rest, so that the beware list has every class of the map.
-    has_map = site.map_file.exists()
-    map_data = read_whole(site.map_file, at_most=MAX_ARCHIVE_BYTES) if has_map else None
+    map_data = site.map_data(at_most=MAX_ARCHIVE_BYTES)
     with site.reading():
-        document = _document(site)
+        document = _document(site, placing_in(site, map_data))
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
         packed.writestr(DOCUMENT, json.dumps(document, allow_nan=False))
@@ -88,7 +87,7 @@ def pack(site: SiteStore) -> bytes:
     return file.getvalue()
 
 
-def _document(site: SiteStore) -> dict[str, Any]:
+def _document(site: SiteStore, found: Placing) -> dict[str, Any]:
     beware, accepted, furnished = site.beware(), accepted_map(site), furnishings_of(site)
     if (dock := furnished["dock"]) is not None:
         # Earlier versions stored any heading, and a document holds no more than some turns.
@@ -97,9 +96,11 @@ def _document(site: SiteStore) -> dict[str, Any]:
     return {
         "format": "bewarenav site",
         "version": 1,
-        "zones": _features(site.zones()),
-        "zone_sets": {name: _features(map(zone_of, records)) for name, records in sets},
-        "missions": site.documents(MISSIONS),
+        "zones": _features(map(found.zone, site.zones())),
+        "zone_sets": {name: _features(map(zone_of, found.zone_set(set_))) for name, set_ in sets},
+        "missions": {
+            name: found.mission(mission) for name, mission in site.documents(MISSIONS).items()
+        },
         "beware": None if beware is None else _beware_record(beware),
         **furnished,
         "accepted": None if accepted is None else cell_map_record(accepted),

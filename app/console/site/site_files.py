@@ -15,6 +15,7 @@ from app.console.mission.saved_missions import MISSIONS
 from app.console.site.dock_and_tags import dock_of, stored_tags
 from app.console.site.site_archive import unpack
 from app.console.site.site_map import ACCEPTED, cells_of, save_accepted
+from app.console.site.stored_anchors import placing_in
 from app.storage.site_store import SiteStore
 from app.storage.sites import SiteRow, SiteTable
 from navcore.config.mapping import MappingConfig
@@ -72,8 +73,9 @@ def export_nav2(site: SiteStore, config: MappingConfig) -> bytes:
     cells = cells_of(site, config)
     if cells is None:
         raise NotKnown(f"site {site.name!r} keeps no map yet; drive there first, without --map")
+    map_data = site.map_data()
     with site.reading():
-        zones = site.zones()
+        zones = tuple(map(placing_in(site, map_data).zone, site.zones()))
     spec = mask_spec(zones, cells.spec)  # zones may lie beyond the map
     closed = closed_cells(zones, spec)
     images = {

@@ -21,6 +21,7 @@ from app.console.site.site_map import (
     map_of,
     save_accepted,
 )
+from app.console.site.stored_anchors import MISSION, settle
 from app.runtime.control.operator_state import OperatorState, PlaceSearch
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.map_keeper import MapKeeper
@@ -51,8 +52,6 @@ from web.interface.sites import (
 )
 from web.interface.snapshots import TickSnapshot
 
-MISSION = ("mission in progress", "mission")
-"""Kind and name of the stored document."""
 LAST_PLACE = ("place of the robot", "last")
 """Kind and name of the stored document."""
 SESSION_PERIOD_S = 0.5
@@ -301,6 +300,7 @@ class LiveSites:
         is_believed = self._controller.navigator.held_map is None
         expected, kept = self._expected_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
+        settle(site, stored.state.numbering, stored.state.poses)
         mission, zones, beware = mission_of(site), site.zones(), site.beware() or self._new_beware
         price, tags = stored_unknown_price(site), self._tags_of(site)
         self.keep_session()

@@ -96,7 +96,7 @@ class Replay:
         """`saved`: keyframes of the saved map, and `poses` (P, 3) all its poses by ID."""
         self._map = PointMap(_GRID, config.map)
         if poses is not None:
-            self._map.pose_ids.restore(poses)
+            self._map.pose_ids.restore(poses, "")
         self.localisation = Localisation(
             self._map.pose_ids, config.localisation, HUSKY.depth_sensor
         )

@@ -68,11 +68,6 @@ class MapKeeper:
         changes the map."""
         self._path, self._names, self._copied = path, dict(class_names), None
 
-    def note_correction(self) -> None:
-        """Copy the map after this tick; called by the think thread when a correction has moved it,
-        as what moves with it is stored at once."""
-        self._looked_ns = None
-
     def note_tick(
         self,
         point_map: PointMap,

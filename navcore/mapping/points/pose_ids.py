@@ -7,6 +7,7 @@ bounded by the space that the robot can stand in and not by the distance it driv
 from __future__ import annotations
 
 import math
+import uuid
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 
@@ -47,6 +48,11 @@ class PoseIds:
         self._last: tuple[Pose2, int] | None = None
         self.frozen = 0
         """Number of the first IDs whose poses are constants, those of a loaded map."""
+        self.numbering = uuid.uuid4().hex
+        """Name of this numbering, under which no ID is given to another place; corrections keep
+        it."""
+        self.numbering_before = ""
+        """Numbering of the poses that were restored, of which they had their IDs; empty before."""
 
     def id_of(self, pose: Pose2) -> int:
         """Return the ID of the nearest known pose, or a new one if no known pose is near enough.
@@ -96,8 +102,10 @@ class PoseIds:
             [[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses], dtype=np.float64
         ).reshape(-1, 3)
 
-    def restore(self, poses: npt.NDArray[np.float64]) -> None:
-        """Replace all poses by those of an `array`, and freeze them."""
+    def restore(self, poses: npt.NDArray[np.float64], numbering: str) -> None:
+        """Replace all poses by those of an `array`, which had their IDs in another `numbering`, and
+        freeze them. The IDs after them are given to other places than there: a numbering begins."""
+        self.numbering, self.numbering_before = uuid.uuid4().hex, numbering
         self._poses.clear()
         self._buckets.clear()
         self._last = None

@@ -48,6 +48,8 @@ MAX_UNPACKED = 1 << 31
 MAX_SUBMAPS = 1 << 35
 """Largest total of the unpacked submaps, in bytes: the older programs stored one of some 40 kB for
 every pose ID. Only one at a time is unpacked, in about 0.1 ms."""
+_LONGEST_NUMBERING = 64
+"""Largest number of letters in the name of a numbering of poses."""
 _COLUMNS = ("rgb", "class_ids", "confidence", "range_m", "pose_ids")
 _MASKS = {"seen": "measured", "looked": "visible", "trodden": "driven", "prior": "prior"}
 """Part → field of `MapState` for each set of cells."""
@@ -110,6 +112,7 @@ class _Head:
     spec: _Spec
     class_ids: tuple[int, ...] = ranged(1, 255)
     class_names: tuple[str, ...]
+    numbering: str = ""
 
 
 class MapTooLarge(StorageFailed):
@@ -126,6 +129,7 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
         spec=_Spec(**asdict(state.spec)),
         class_ids=tuple(class_names),
         class_names=tuple(class_names.values()),
+        numbering=state.numbering,
     )
     parts: Parts = {name: getattr(state.points, name) for name in (*_COLUMNS, "looks")}
     parts |= {
@@ -172,6 +176,7 @@ def load(path: Path) -> StoredMap:
         ),
         points_base=points_base,
         poses=parts["poses"],
+        numbering=head.numbering,
         volume=parts["volume"],
         submaps={} if version == 1 else submaps_of(parts, len(parts["poses"]), MAX_SUBMAPS, where),
         scans=NO_SCANS if version == 1 else scans_of(parts, len(parts["poses"]), where),
@@ -183,6 +188,13 @@ def load(path: Path) -> StoredMap:
         state=state,
         class_names=dict(zip(head.class_ids, head.class_names, strict=True)),
     )
+
+
+def numbered_poses(data: bytes, where: str) -> tuple[str, npt.NDArray[np.float64]]:
+    """Return the numbering and the (P, 3) poses of a map file, as `MapState` has them; raises
+    `BadConfiguration` like `load`."""
+    version, parts = _read(data, where)
+    return _head(parts["head"], version, where).numbering, parts["poses"]
 
 
 def check_classes(stored: StoredMap, beware: BewareList) -> None:
@@ -291,5 +303,9 @@ def _head(part: npt.NDArray[Any], version: int, where: str) -> _Head:
     ):
         raise BadConfiguration(
             f"{where}: head.class_ids: expected one id for each name, and no id twice"
+        )
+    if len(head.numbering) > _LONGEST_NUMBERING:
+        raise BadConfiguration(
+            f"{where}: head.numbering: {len(head.numbering)} letters are too many"
         )
     return head

@@ -57,6 +57,8 @@ class MapState:
     """Scans by which the robot finds its pose on the map."""
     rejections: tuple[Rejection, ...] = ()
     """What an operator has said is not there."""
+    numbering: str = ""
+    """Numbering in which the poses have their IDs; empty in a file of an older program."""
 
     def grown(self, growth: Growth) -> MapState:
         """Return the state on a larger grid."""

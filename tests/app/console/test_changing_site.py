@@ -53,9 +53,9 @@ def test_a_tick_that_ends_after_a_change_of_site_leaves_nothing_of_its_map(
     recent, noted = RecentFrames(), list[str]()
 
     class Recorded(AnchoredItems):
-        def note_tick(self, *given: Any) -> tuple[str, ...]:
+        def note_tick(self, *given: Any, **named: Any) -> tuple[str, ...]:
             noted.append("anchored")
-            return super().note_tick(*given)
+            return super().note_tick(*given, **named)
 
         def forget(self) -> None:
             noted.append("forgotten")
@@ -109,8 +109,8 @@ def test_zones_follow_the_map_also_where_the_record_of_a_tick_fails(
 ) -> None:
     noted = list[object]()
 
-    def note_tick(_: AnchoredItems, *given: object) -> tuple[str, ...]:
-        noted.append(given[0])
+    def note_tick(_: AnchoredItems, *given: object, **named: object) -> tuple[str, ...]:
+        noted.append(named)
         return ()
 
     monkeypatch.setattr(AnchoredItems, "note_tick", note_tick)
@@ -122,7 +122,7 @@ def test_zones_follow_the_map_also_where_the_record_of_a_tick_fails(
         assert decision is not None
         with pytest.raises(ZeroDivisionError):
             operations.note_decision(decision)
-    assert noted == [None]
+    assert noted == [{"is_corrected": False, "taken_back": False}]
 
 
 def test_a_zone_drawn_for_an_hour_lasts_an_hour_also_after_a_visit_to_another_site(

@@ -70,22 +70,6 @@ def test_a_map_that_is_too_large_is_given_up_and_the_next_one_is_kept(
     assert len(load(kept).state.points.pose_ids)
 
 
-def test_a_map_that_a_correction_has_moved_is_copied_at_once(tmp_path: Path) -> None:
-    """What moves with it is stored at once, and has to lie on the map on disk."""
-    kept, cloud = tmp_path / "kept.map", PointMap(SPEC, MappingConfig())
-    keeper = MapKeeper(kept, NO_NAMES)
-    keeper.note_tick(cloud, NO_NAMES, 0)
-    keeper._write()
-    kept.unlink()
-    observe_scene(cloud, Paint(x=(1.5, 2.0), y=(-0.3, 0.3)))
-    for is_corrected in (False, True):
-        if is_corrected:
-            keeper.note_correction()
-        keeper.note_tick(cloud, NO_NAMES, 1)
-        keeper._write()
-        assert kept.exists() is is_corrected
-
-
 @pytest.mark.parametrize("how", ["by the thread", "as an operator asks for it"])
 def test_why_the_map_is_not_kept_is_told_until_it_is(tmp_path: Path, how: str) -> None:
     blocked, cloud = tmp_path / "file", PointMap(SPEC, MappingConfig())

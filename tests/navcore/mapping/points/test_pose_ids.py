@@ -117,8 +117,10 @@ def test_restored_ids_are_the_same_poses_and_frozen() -> None:
     for x in (0.0, 1.0, 2.0):
         first.id_of(pose(x, 0.3, 20 * x))
     second.id_of(pose(7.0))
-    second.restore(first.array())
+    second.restore(first.array(), first.numbering)
     assert second.poses == first.poses
     assert second.frozen == 3
+    assert second.numbering_before == first.numbering
+    assert second.numbering not in ("", first.numbering), "its next ID is another place"
     assert second.known(pose(7.0)) is None
     assert second.known(pose(1.1, 0.3, 20.0)) == 1
