@@ -277,9 +277,7 @@ class Navigator:
         that waits is applied, and after it the map is freed of what was seen from a wrong place."""
         correction = self._correction.apply(self.place.T_map_base, frame.twist)
         if correction is not None:
-            earlier = self._corrected
-            self._corrected = correction.following(earlier) if earlier else correction
-            self._mapper.follow_correction()
+            self._note(correction)
         last = self.place
         self.place = self._stages.localise(self.localisation, frame, labels, people, ground_m)
         if self.place.T_map_odom != last.T_map_odom:
@@ -480,12 +478,19 @@ class Navigator:
         self.reset_pose()
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
-        """Move what was seen from past poses, T_map_base by pose ID, to corrected ones. The robot
-        and what an operator has drawn stay. Raises `BadConfiguration`, and changes nothing, for a
-        pose ID that is unknown or belongs to a loaded map."""
+        """Move what was seen from past poses, T_map_base by pose ID, to corrected ones; the next
+        result has the correction. The robot stays. Raises `BadConfiguration`, and changes nothing,
+        for a pose ID that is unknown or belongs to a loaded map."""
+        before = self.map.poses
         self.map.correct(poses)
         self.localisation.move_keyframes(poses)
         self._trial.end()  # what is held lies elsewhere now
+        self._note(AppliedCorrection(before=before, after=self.map.poses))
+
+    def _note(self, correction: AppliedCorrection) -> None:
+        """Note that the map was corrected, once more since the last result perhaps."""
+        earlier = self._corrected
+        self._corrected = correction.following(earlier) if earlier else correction
         self._mapper.follow_correction()
 
     def reset_pose(self) -> None:

@@ -42,7 +42,10 @@ class PlaceEvents:
     def after(self, decision: TickResult) -> list[str]:
         """Return sentences for one more tick."""
         told, place = [], decision.place
-        if (correction := decision.correction) is not None:
+        correction = decision.correction
+        if correction is not None and not correction.loops:
+            told.append("Another program has corrected poses of the map.")
+        elif correction is not None:
             here = correction.motion.inverse() @ place.T_map_base
             shift_m = here.distance_to(place.T_map_base.x_m, place.T_map_base.y_m)
             loops = "place was" if correction.loops == 1 else "places were"

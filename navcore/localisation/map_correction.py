@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from navcore.config.localisation.localisation import TrackingConfig
-from navcore.geometry.transform import Pose2, Twist
+from navcore.geometry.transform import IDENTITY, Pose2, Twist
 from navcore.localisation.localisation import Localisation, Outcome, Task
 from navcore.localisation.loops.loop_closure import LoopClosures
 from navcore.localisation.tasks import PrepareSearch, SearchPlaces, TaskFailed
@@ -45,10 +45,10 @@ class AppliedCorrection:
     """T_map_base of every pose ID before."""
     after: tuple[Pose2, ...]
     """The same after it."""
-    motion: Pose2
+    motion: Pose2 = IDENTITY
     """T_new_old of the robot."""
-    loops: int
-    """Number of loops that were closed."""
+    loops: int = 0
+    """Number of loops that were closed; none where another program has corrected poses."""
 
     def following(self, earlier: AppliedCorrection) -> AppliedCorrection:
         """Return an earlier correction and this one as one."""

@@ -276,8 +276,8 @@ class RobotService(Protocol):
         """Return T_map_base by pose id, the poses from which the map was observed."""
 
     def correct_poses(self, poses: Mapping[int, Pose2]) -> None:
-        """Correct past poses, for example after a loop closure; the points observed from them move
-        along before the next tick."""
+        """Correct past poses, for example after a loop closure; the points observed from them, and
+        the zones and goals that were drawn beside them, move along before the next tick."""
 
     def runs(self) -> tuple[Mapping[str, object], ...]:
         """Return the reports of past missions, newest first, without their time series."""

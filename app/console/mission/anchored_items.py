@@ -143,10 +143,10 @@ class AnchoredItems:
                 still_held[there.polygon] = anchors.zones[zone.polygon]
             return there
 
-        told = [
-            f"Zone “{zone.name}” moved {moved_m(zone, there):.2f} m with the map."
-            for zone, there in self._zones().move(placed)
-        ]
+        told = []
+        for zone, there in self._zones().move(placed):
+            distance_m = moved_m(zone, there)
+            told.append(f"Zone “{zone.name}” moved {distance_m:.2f} m with the map.")
         if self._zones().has_unmoved_sets:
             return {**anchors.zones, **still_held}, told
         return still_held, told  # the others belong to no zone, edit or set any more
@@ -163,11 +163,11 @@ class AnchoredItems:
                 still_held[spot_of(there)] = anchors.goals[spot_of(goal)]
             return there
 
-        told = [
-            f"Goal {goal.title} moved {moved_m(goal, there):.2f} m with the map."
-            for goal in self._mission().queue
-            if (there := placed(goal)) is not goal
-        ]
+        told = []
+        for goal in self._mission().queue:
+            if (there := placed(goal)) is not goal:
+                distance_m = moved_m(goal, there)
+                told.append(f"Goal {goal.title} moved {distance_m:.2f} m with the map.")
         if told:
             # By where each is at that moment: an operator may have put it elsewhere.
             self._change_mission(

@@ -7,7 +7,9 @@ import dataclasses
 import pytest
 
 from app.insight.place_events import PlaceEvents
+from navcore.geometry.transform import IDENTITY
 from navcore.localisation.estimate import LocalisationEstimate, PlaceCorrection
+from navcore.localisation.map_correction import AppliedCorrection
 from navcore.robot.fix import FixSource
 from tests.app.insight.test_event_detector import EMPTY, decision
 
@@ -39,3 +41,9 @@ def test_a_push_is_told_once_with_its_length() -> None:
     (told,) = events.after(dataclasses.replace(tick, taken_back=True))
     assert told == "What was seen from a wrong place is taken back from the map."
     assert events.after(tick) == []
+
+
+def test_poses_that_another_program_has_corrected_are_told() -> None:
+    correction = AppliedCorrection(before=(IDENTITY,), after=(IDENTITY,))
+    tick = dataclasses.replace(decision(EMPTY), correction=correction)
+    assert PlaceEvents().after(tick) == ["Another program has corrected poses of the map."]

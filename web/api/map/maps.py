@@ -228,7 +228,8 @@ def poses_router(operations: RobotService) -> APIRouter:
 
     @router.patch("/map/poses", status_code=204, response_class=Response, responses=refusals(422))
     def correct_poses(body: PosesIn) -> None:
-        """Correct past poses; from the next tick on, the points observed from them move along."""
+        """Correct past poses; from the next tick on, the points observed from them, and the zones
+        and goals that were drawn beside them, move along."""
         operations.correct_poses(
             {
                 pose.id: Pose2(x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad)

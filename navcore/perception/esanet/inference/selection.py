@@ -273,13 +273,14 @@ def candidates(
     if (network := file.network) is not None:
         from navcore.perception.esanet.inference.torch_engine import TorchInference
 
-        found.append(
-            Candidate(
-                name="torch bf16",
-                min_agreement=config.min_agreement,
-                build=lambda: TorchInference(network, precision="bf16", threads=threads),
+        if has_bf16():  # without it an image takes seconds
+            found.append(
+                Candidate(
+                    name="torch bf16",
+                    min_agreement=config.min_agreement,
+                    build=lambda: TorchInference(network, precision="bf16", threads=threads),
+                )
             )
-        )
         found.append(
             Candidate(
                 name="torch f32",

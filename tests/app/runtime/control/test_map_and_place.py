@@ -52,6 +52,9 @@ def test_a_corrected_pose_moves_its_points_at_the_next_tick_and_an_unknown_one_i
     driver.correct_poses({0: moved_to})
     # A frame from elsewhere, so that the old pose's points are not replaced.
     think(driver, picture(stamp_ns=2 * SECOND, pose=Pose2(x_m=-4.0, y_m=0.0, yaw_rad=math.pi)))
+    decision = driver.tick_state.decision
+    assert decision is not None and decision.correction is not None
+    assert decision.correction.after[0] == moved_to, "zones beside it move along"
     (keyframe,) = (one for one in driver.navigator.localisation.keyframes if one.pose_id == 0)
     assert keyframe.T_map_base == moved_to
     assert driver.place.T_map_base.distance_to(-4.0, 0.0) < 0.05

@@ -68,6 +68,7 @@ def state_of(seed: int, count: int = 20, rows: int = 13, cols: int = 21) -> MapS
         points=points,
         points_base=points_base,
         poses=poses,
+        numbering=f"{seed:032x}",
         measured=measured,
         visible=visible,
         driven=driven,
@@ -140,6 +141,7 @@ def test_a_map_comes_back_bit_by_bit(
     save(path, dataclasses.replace(state, scans=scans_of(seed)), NAMES)
     stored = load(path)
     assert stored.class_names == NAMES
+    assert stored.state.numbering == state.numbering
     assert_same(state, stored.state)
     for name, part in scan_parts(scans_of(seed)).items():
         np.testing.assert_array_equal(part, scan_parts(stored.state.scans)[name], err_msg=name)
@@ -400,6 +402,8 @@ HUGE = (
         ("head", head(colour=1), "m: head: unknown key 'colour'"),
         ("head", head(class_ids=[1, 2]), "m: head.class_ids: expected one id for each name"),
         ("head", head(class_ids=[0]), "m: head.class_ids[0]: 0 is out of range"),
+        ("head", head(numbering=5), "m: head.numbering: "),
+        ("head", head(numbering="x" * 65), "m: head.numbering: 65 letters are too many"),
     ],
 )
 def test_a_file_that_does_not_fit_itself_is_refused_by_part(
