@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
-from navcore.config.perception.perception import GroundConfig
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.controller import Controller, ControlTask
 from navcore.control.motion import ControllerState, Motion
@@ -17,7 +16,7 @@ from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
 from navcore.costmap.local_costmap import beware_cells
-from navcore.geometry.arrays import FloatImage, Floats, Points
+from navcore.geometry.arrays import FloatImage, Points
 from navcore.geometry.transform import Matrix, Pose2, Twist
 from navcore.grid.grid import Box, GridSpec, OccupancyGrid, inflate_layers
 from navcore.grid.growth import growth_to
@@ -45,14 +44,15 @@ from navcore.mission.zone import Zone
 from navcore.mission.zone_growth import GrownZone
 from navcore.perception.ground import cell_centres
 from navcore.perception.ground_memory import GroundMemory
-from navcore.perception.labels import Labels, Segmenter, only_coloured
+from navcore.perception.labels import Labels, Segmenter
 from navcore.perception.people.track import Track
 from navcore.perception.people.tracker import PeopleTracker
-from navcore.planning.global_planner import GlobalPlanner, Replan
+from navcore.planning.global_planner import GlobalPlanner
 from navcore.planning.path import NoPath
 from navcore.planning.route import NO_POINTS, Route
 from navcore.robot.frame import Frame, check_frame
 from navcore.robot.profile import RobotProfile
+from navcore.stages import Stages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,53 +93,6 @@ class TickResult:
     taken_back: bool = False
     """Whether what was seen from a wrong place was taken back from the saved map before this
     frame."""
-
-
-def _segment(segmenter: Segmenter, frame: Frame, beware: BewareList) -> Labels:
-    return only_coloured(segmenter.segment(frame, beware), frame)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stages:
-    """The stages of a tick, each a function of the component that holds its state.
-
-    Timing, fault injection and ablations wrap or replace fields of this record before they hand it
-    to the navigator; nothing is patched afterwards.
-    """
-
-    segment: Callable[[Segmenter, Frame, BewareList], Labels] = _segment
-    """Label the pixels."""
-    estimate_ground: Callable[
-        [GroundMemory, Frame, float, GroundConfig, Floats | None], FloatImage
-    ] = GroundMemory.estimate
-    """Height of the ground below each pixel, as of `ground_heights`; the number is the steepest
-    slope of ground, the last argument the slopes that were seen earlier."""
-    track: Callable[[PeopleTracker, Frame, Labels, BewareList, FloatImage], tuple[Track, ...]] = (
-        PeopleTracker.follow
-    )
-    """Track people, in odometry's frame."""
-    localise: Callable[
-        [Localisation, Frame, Labels, tuple[Track, ...], FloatImage], LocalisationEstimate
-    ] = Localisation.update
-    """Estimate where odometry's frame lies in the map; everything after it is in the map frame."""
-    update_map: Callable[[Mapper, Frame, Labels, BewareList, FloatImage, Pose2], None] = (
-        Mapper.update
-    )
-    """Insert the frame's points into the map."""
-    update_costmap: Callable[[LiveCostmap, BewareList, tuple[Zone, ...]], Costmap] = (
-        LiveCostmap.follow
-    )
-    """Follow the changes of the map, the beware list and the zones."""
-    plan: Callable[
-        [GlobalPlanner, Costmap, Pose2, NavigationRequest, tuple[Zone, ...], Replan], Route | None
-    ] = GlobalPlanner.route
-    """Give the present route; calls `replan` when something has changed."""
-    replan: Replan = GlobalPlanner.plan
-    """Plan in full."""
-    control: Callable[[Controller, ControlTask], Motion] = Controller.control
-    """Choose the motion."""
-    supervise: Callable[..., tuple[Behaviour, Motion]] = Behaviour.after
-    """Run the behaviours: recovery, waiting, keep-outs of the robot's own."""
 
 
 class Navigator:
@@ -184,6 +137,7 @@ class Navigator:
         )
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
         self._trial = MapTrial(self.map, self.localisation, config.localisation.start)
+        self._task: ControlTask | None = None  # of the newest tick, where it has decided the motion
         # What has become of the map, until the result of a tick tells it: a tick may fail after it.
         self._corrected: AppliedCorrection | None = None
         self._taken_back = False
@@ -237,8 +191,9 @@ class Navigator:
             kept_cells=grown_cells,
             kept_zones=self._zones_near(drawn),
         )
-        motion = stages.control(self._controller, task)
-        motion = self._supervise(motion, frame, route, people, held=held)
+        decided = stages.control(self._controller, task)
+        motion = self._supervise(decided, frame, route, people, held=held)
+        self._task = task if motion is decided else None
         result = TickResult(
             frame=frame,
             request=request,
@@ -258,6 +213,31 @@ class Navigator:
         )
         self._corrected, self._taken_back = None, False
         return result
+
+    def steer(
+        self, last: TickResult, T_odom_base: Pose2, twist: Twist, later_s: float
+    ) -> TickResult | None:
+        """Choose the motion again, by a pose of odometry and a measured velocity that are
+        `later_s` newer than the frame of the `last` tick, with all else as that tick has left it:
+        between two ticks that are far apart, and never instead of one. None where a behaviour has
+        the robot do something else than follow the local planner."""
+        if self._task is None:
+            return None
+        pose = self.place.T_map_odom @ T_odom_base
+        task = dataclasses.replace(
+            self._task,
+            pose=pose,
+            twist=twist,
+            people=tuple(person.after(later_s) for person in last.people),
+            expectations=self.behaviour.expectations(pose, self._profile, self._config),
+        )
+        motion = self._stages.control(self._controller, task)
+        return dataclasses.replace(
+            last,
+            motion=self.limit(motion, last.request.zones, pose, twist),
+            obstacles=self._controller.obstacles,
+            in_margin=self._controller.in_margin,
+        )
 
     def _estimate_ground(self, frame: Frame) -> FloatImage:
         """Return the height of the ground below each pixel. Localisation needs it: the slopes that

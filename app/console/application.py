@@ -59,9 +59,10 @@ from navcore.files import remove_drafts
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission
-from navcore.navigator import Navigator, Stages
+from navcore.navigator import Navigator
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.profile import HUSKY, RobotProfile
+from navcore.stages import Stages
 from navcore.warmup import warm_up
 from sim.robot.chassis import chassis_for
 from sim.robot.odometry_grade import OdometryGrade

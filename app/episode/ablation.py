@@ -16,10 +16,10 @@ from navcore.geometry.polyline import path_from
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import BoolGrid
 from navcore.mission.beware_list import NOTHING, BewareClass, BewareList
-from navcore.navigator import Stages
 from navcore.perception.labels import Labels, LabelSource, Segmenter
 from navcore.robot.frame import Frame
 from navcore.robot.profile import RobotProfile
+from navcore.stages import Stages
 from sim.simulator import Simulator
 
 TURN_FROM_RAD = math.radians(60)

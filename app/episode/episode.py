@@ -39,12 +39,13 @@ from navcore.localisation.estimate import LocalisationEstimate
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Goal, Mission, Phase
 from navcore.mission.zone import Zone
-from navcore.navigator import Navigator, Stages, TickResult
+from navcore.navigator import Navigator, TickResult
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.driver import Command
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY, RobotProfile
 from navcore.safety.gate import GateDecision
+from navcore.stages import Stages
 from navcore.warmup import warm_up
 from sim.referee.detections import DetectionScore
 from sim.robot.odometry_grade import OdometryGrade

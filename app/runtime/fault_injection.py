@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from navcore.navigator import Stages
 from navcore.perception.labels import Labels
+from navcore.stages import Stages
 from sim.sensors.faults import Fault
 
 POLL_S = 0.02

@@ -18,9 +18,9 @@ from navcore.grid.nearest import nearest_free
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.localisation.localisation import Localisation
 from navcore.localisation.map_correction import AppliedCorrection
-from navcore.navigator import Stages
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.robot.frame import Frame
+from navcore.stages import Stages
 from tests.navcore.scene import SPEC, Box, Paint, picture
 from tests.navcore.ticks import ACROSS, NAN, OPEN, SECOND, navigator, order
 

@@ -10,9 +10,10 @@ import numpy as np
 from navcore.config.navigator import NavigatorConfig
 from navcore.mission.order import NavigationRequest
 from navcore.mission.zone import Zone
-from navcore.navigator import Navigator, Stages
+from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.profile import HUSKY
+from navcore.stages import Stages
 from tests.navcore.scene import RED_LIST, SPEC, picture
 
 SECOND = 1_000_000_000

@@ -24,8 +24,8 @@ from app.runtime.start.segmentation import colour_perception, compose
 from app.storage import Store
 from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
-from navcore.navigator import Stages
 from navcore.robot.profile import HUSKY
+from navcore.stages import Stages
 from navcore.warmup import warm_up
 from sim.sensors.faults import Fault
 from tests.reliability.fault_runs import BenchRobot, first_frame, standing_controller

@@ -21,12 +21,13 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.beware_list import default_beware_list
 from navcore.mission.mission import Mission
-from navcore.navigator import Navigator, Stages
+from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause, GateDecision
+from navcore.stages import Stages
 from navcore.warmup import warm_up
 from sim.scenario.load import load_scenario
 from sim.scenario.schema import MapExtent, Scenario, map_grid

@@ -15,13 +15,13 @@ from navcore.control.motion import ControllerState, Motion
 from navcore.errors import BadGeometry
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mission.zone import Zone
-from navcore.navigator import Stages
 from navcore.planning.path import NoPath, Reason
 from navcore.planning.planner import plan
 from navcore.planning.route import no_route
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import StopReason
+from navcore.stages import Stages
 from sim.scenario.schema import Mover
 from tests.app.runtime.control.controlled import forget_frames
 from tests.reliability.fault_runs import OPEN_FLOOR, fault_run, first_frame, standing_controller

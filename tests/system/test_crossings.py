@@ -10,9 +10,9 @@ from app.episode.episode import Episode, EpisodeSettings
 from app.evaluation.driving.crossings import draw_crossing, drive_crossing
 from app.evaluation.suites import Suite
 from navcore.mission.beware_list import default_beware_list
-from navcore.navigator import Stages
 from navcore.robot.laser_scan import ScannerMount
 from navcore.robot.profile import HUSKY, RobotProfile
+from navcore.stages import Stages
 from sim.scenario.schema import MapExtent, Person, Scenario
 
 

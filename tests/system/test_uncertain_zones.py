@@ -16,8 +16,8 @@ from navcore.localisation import zone_margins
 from navcore.localisation.estimate import LocalisationEstimate
 from navcore.localisation.localisation import Localisation
 from navcore.mission.beware_list import default_beware_list
-from navcore.navigator import Stages
 from navcore.robot.profile import HUSKY
+from navcore.stages import Stages
 from tests.reliability.fault_runs import CAMERA, OPEN_FLOOR
 
 Corners = tuple[tuple[float, float], ...]

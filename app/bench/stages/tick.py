@@ -29,12 +29,13 @@ from navcore.grid.grid import GridSpec
 from navcore.mapping.views.voxels import depth_view, measured_voxels
 from navcore.mission.beware_list import NOTHING, BewareList, default_beware_list
 from navcore.mission.order import NavigationRequest
-from navcore.navigator import Navigator, Stages
+from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels, Segmenter, with_full_confidence
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.collision_monitor import RecentObstacles
+from navcore.stages import Stages
 from navcore.warmup import warm_up
 from sim.sensors.camera import T_BASE_CAMERA, d455_intrinsics
 

@@ -29,6 +29,14 @@ FRAME_WAIT_S = 0.2
 """Longest wait for a frame, and first wait after a failed tick, seconds."""
 MAX_RETRY_S = 2.0
 """Longest wait after a failed tick, seconds; each failure doubles the wait."""
+STEER_S = 0.1
+"""Time between two decisions in seconds from which the robot decides again by its newest pose."""
+STEER_FACTOR = 2.0
+"""Multiple of the time that the labels of the last frame took for which it does so: those of the
+next one are overdue then."""
+LONGEST_STEER_S = 0.75
+"""Longest time for which it does so, seconds: with the age of the frame itself a second or so, in
+which the robot drives no farther than the camera sees."""
 JOIN_S = 2.0
 """Longest wait for the end of a thread, seconds."""
 ROBOT_THREADS = frozenset({"sense", "segment", "think", "command", "to-simulator", "MainThread"})
@@ -99,13 +107,14 @@ class ControlLoop:
 
     def _think(self) -> None:
         frame: Frame | None = None
-        retry_s, failure = FRAME_WAIT_S, None
+        retry_s, failure, steer_s = FRAME_WAIT_S, None, 0.0
         while not self._ended.is_set():
             try:
-                segmented = self._next(frame)
+                segmented = self._next(frame, steer_s)
                 if segmented is None:
                     continue
                 frame = segmented.frame
+                steer_s = min(STEER_FACTOR * segmented.took_ms / 1e3, LONGEST_STEER_S)
                 decision = self._controller.think(frame, clock=self._robot.now_ns, ahead=segmented)
                 if decision is not None:
                     self._on_decision(decision)
@@ -123,18 +132,23 @@ class ControlLoop:
                 self._ended.wait(retry_s)
                 retry_s = min(2 * retry_s, MAX_RETRY_S)
 
-    def _next(self, last: Frame | None) -> SegmentedFrame | None:
+    def _next(self, last: Frame | None, steer_s: float) -> SegmentedFrame | None:
         """Wait for the next frame with its labels, and begin with the one after it if that is there
-        already; None when no frame comes in time."""
+        already; None when no frame comes in time. For up to `steer_s` seconds the robot is steered
+        meanwhile."""
         ahead, beware = self._ahead, self._controller.intent.beware
         if ahead.in_flight is None:
             newest = self._robot.wait_frame(last, FRAME_WAIT_S)
             if newest is None:
                 return None
             ahead.begin(newest, beware)
-        segmented = ahead.take()
+        began_s, segmented = time.monotonic(), ahead.take(STEER_S)
+        while segmented is None and not self._ended.is_set():
+            if time.monotonic() - began_s < steer_s:
+                self._controller.steer(self._robot.now_ns)
+            segmented = ahead.take(STEER_S)
         newest = self._robot.newest_frame()
-        if newest is not None and newest is not segmented.frame:
+        if segmented is not None and newest is not None and newest is not segmented.frame:
             ahead.begin(newest, beware)
         return segmented
 

@@ -19,9 +19,9 @@ from app.runtime.control.map_requests import MapRequests, ShownPlace
 from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.segmentation_ahead import SegmentedFrame
 from app.runtime.control.stage_timer import TICK, StageTimer
-from app.runtime.control.stop_reasons import BEWARE_BY_HAND, planner_stops
+from app.runtime.control.steering import steered, twist_of
+from app.runtime.control.stop_reasons import hand_stops, planner_stops
 from app.runtime.control.tick_state import TickState
-from navcore.behaviours.assisted_teleop import stays_out
 from navcore.behaviours.search_turn import SearchTurn
 from navcore.config.safety import DEFAULT_SAFETY, SensorMonitorConfig
 from navcore.control.motion import ControllerState, Motion
@@ -296,13 +296,23 @@ class RobotController:
             self.note_failure(frame, error)
         return decision
 
+    def steer(self, clock: Callable[[], int]) -> None:
+        """Decide again by the newest pose, while the labels of the next frame are waited for:
+        called by the thread that calls `think`, for as long as the newest tick may be trusted."""
+        with self._lock:
+            intent, sensors = self._intent, self._watched
+        if not intent.searching:
+            self._tick_state = steered(
+                self._tick_state, self.navigator, sensors, intent.request, clock
+            )
+
     def _follow(
         self, decision: TickResult, frame: Frame, intent: OperatorState, clock: Callable[[], int]
     ) -> None:
         """Do what follows from a tick for the robot, the mission and the next task."""
         goal, request = intent.mission.goal, intent.request
         command = (
-            Command(twist=self._corrected_twist(decision), stamp_ns=clock())
+            Command(twist=twist_of(decision, self.navigator), stamp_ns=clock())
             if (goal or request.leave) and decision.place.is_known
             else None
         )
@@ -361,10 +371,6 @@ class RobotController:
                 if held := self._held.is_over(frame.stamp_ns):
                     self._held = HeldTimer()  # what the robot tries next is judged afresh
             return self.navigator.tick(frame, request, labels, held=held)
-
-    def _corrected_twist(self, decision: TickResult) -> Twist:
-        """Return the twist of a tick; a standstill while a large correction waits for it."""
-        return STANDSTILL if self.navigator.waits_for_standstill else decision.motion.twist
 
     def _turn_round(
         self, frame: Frame, place: LocalisationEstimate, clock: Callable[[], int]
@@ -577,21 +583,13 @@ class RobotController:
         )
 
     def _teleop_stops(self, hand: Command, moved: Pose2) -> list[StopReason]:
-        """Return why teleoperation may not go on: it would enter a zone, or a mapped object of the
-        beware list. `moved`: T_frame_now of the newest frame.
-
-        The present zones hold before the first tick, too, and when ticks fail. A lost robot
-        may be driven anywhere: neither zones nor the map tell what is beside it.
-        """
-        decision, newest = self._tick_state.decision, self._well_formed
+        """Return why teleoperation may not go on; `moved`: T_frame_now of the newest frame. A lost
+        robot may be driven anywhere: neither zones nor the map tell what is beside it."""
+        newest = self._well_formed
         if newest is None or self.place.is_lost:
             return []
-        is_clear = stays_out(
-            hand.twist,
-            newest.placed(self.place.T_map_odom).pose @ moved,
-            self.profile,
-            zones=self._intent.zones,
-            spec=self.navigator.map.spec,
-            seen=None if decision is None else decision.occupancy,
+        pose = newest.placed(self.place.T_map_odom).pose @ moved
+        spec = self.navigator.map.spec
+        return hand_stops(
+            hand.twist, pose, self._intent.zones, self._tick_state, self.profile, spec
         )
-        return [] if is_clear else [BEWARE_BY_HAND]

@@ -67,9 +67,12 @@ class SegmentationAhead:
         self.in_flight = frame
         self._asked.put((frame, beware))
 
-    def take(self) -> SegmentedFrame:
-        """Wait for the frame in flight."""
-        done = self._done.get()
+    def take(self, timeout_s: float) -> SegmentedFrame | None:
+        """Wait for the frame in flight; None where it is not labelled in time."""
+        try:
+            done = self._done.get(timeout=timeout_s)
+        except queue.Empty:
+            return None
         self.in_flight = None
         return done
 

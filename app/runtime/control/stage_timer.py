@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from navcore.navigator import Stages
+from navcore.stages import Stages
 
 STAGES = tuple(field.name for field in dataclasses.fields(Stages))
 """The stages of a tick, in the order of the data flow."""

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from app.runtime.control.operator_state import MOVING, OperatorState, PlaceSearch
 from app.runtime.control.tick_state import TickState
+from navcore.behaviours.assisted_teleop import stays_out
 from navcore.control.motion import ControllerState
 from navcore.costmap.cell_description import describe_cell
-from navcore.geometry.transform import STANDSTILL
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.bitplane import LONGEST_SIDE, MOST_CELLS
+from navcore.grid.grid import GridSpec
 from navcore.localisation.estimate import LocalisationState
 from navcore.mission.mission import Phase
+from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
 from navcore.planning.path import NoPath, Reason
+from navcore.robot.profile import RobotProfile
 from navcore.safety.gate import Cause, StopReason
 
 CONTROLLER_STOPS = {
@@ -67,6 +71,25 @@ SEARCH_FAILED = StopReason(
     "where it can turn, then have it look round again.",
 )
 """The reason of a robot whose search for its place has failed."""
+
+
+def hand_stops(
+    twist: Twist,
+    pose: Pose2,
+    zones: tuple[Zone, ...],
+    tick_state: TickState,
+    profile: RobotProfile,
+    spec: GridSpec,
+) -> list[StopReason]:
+    """Return why a robot at a pose, T_map_base, may not be driven by hand with a twist: it would
+    enter a zone, or a mapped object of the beware list. `spec`: grid of the map.
+
+    The present zones hold before the first tick, too, and when ticks fail.
+    """
+    decision = tick_state.decision
+    seen = None if decision is None else decision.occupancy
+    is_clear = stays_out(twist, pose, profile, zones=zones, spec=spec, seen=seen)
+    return [] if is_clear else [BEWARE_BY_HAND]
 
 
 def planner_stops(

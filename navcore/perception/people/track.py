@@ -79,6 +79,11 @@ class Track:
             course_rad=position.yaw_rad,
         )
 
+    def after(self, t_s: float) -> Track:
+        """Return the track `t_s` seconds later, if the person walks on."""
+        x_m, y_m = self.at(t_s)
+        return dataclasses.replace(self, x_m=x_m, y_m=y_m)
+
     def at(self, t_s: float) -> tuple[float, float]:
         """Return (x, y) in metres of the map frame, predicted `t_s` seconds after the frame."""
         return self.x_m + t_s * self.vx_mps, self.y_m + t_s * self.vy_mps

@@ -26,13 +26,14 @@ from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import BewareList
 from navcore.mission.order import NavigationRequest
-from navcore.navigator import Navigator, Stages
+from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.people.track import Track
 from navcore.planning.path import NoPath, Path, Reason
 from navcore.planning.route import Route
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
+from navcore.stages import Stages
 from tests.navcore.scene import picture
 
 RULES = RecoveryConfig()

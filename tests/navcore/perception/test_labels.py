@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 
 from navcore.mission.beware_list import NOTHING
-from navcore.navigator import Stages
 from navcore.perception.labels import Labels, with_full_confidence
+from navcore.stages import Stages
 from tests.navcore.scene import RED_LIST, picture
 
 

@@ -17,7 +17,7 @@ from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec
 from navcore.mission.beware_list import PERSON, BewareClass, BewareList
 from navcore.mission.order import NavigationRequest
-from navcore.navigator import Navigator, Stages
+from navcore.navigator import Navigator
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels, LabelSource
 from navcore.perception.people.detector import Cluster
@@ -25,6 +25,7 @@ from navcore.perception.people.track import KalmanTrack, Track
 from navcore.perception.people.tracker import PeopleTracker
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
+from navcore.stages import Stages
 from tests.navcore.scene import MOUNT, ORIGIN, Box, picture
 
 TENTH_NS = 100_000_000

@@ -18,8 +18,8 @@ from app.console.mission.saved_missions import SavedMissions
 from app.console.mission.zone_editor import ZoneEditor
 from app.console.site.site_archive import pack
 from app.console.site.site_files import export_nav2
-from app.console.site.sites import MISSION, mission_of
-from app.console.site.stored_anchors import ANCHORS, save_anchors, settle
+from app.console.site.sites import mission_of
+from app.console.site.stored_anchors import ANCHORS, MISSION, save_anchors, settle
 from app.runtime.control.operator_state import OperatorState
 from app.storage import Store
 from app.storage.site_store import SiteStore

@@ -5,11 +5,11 @@ from __future__ import annotations
 from app.runtime.control.operator_state import OperatorState
 from app.runtime.control.robot_controller import RobotController
 from navcore.mission.mission import Mission
-from navcore.navigator import Stages
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause, GateDecision
 from navcore.safety.sensor_monitor import SensorMonitor
+from navcore.stages import Stages
 from tests.navcore.scene import RED_LIST, SPEC
 from tests.navcore.ticks import OPEN, SECOND, navigator
 

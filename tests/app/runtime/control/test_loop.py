@@ -52,9 +52,11 @@ class HangingSegmenter(ColourSegmenter):
         self.go_on = threading.Event()
         self.go_on.set()
         self.broken = False
+        self.takes_s = 0.0
 
     def segment(self, frame: Frame, beware: Any) -> Labels:
         """Label by the colour rules."""
+        time.sleep(self.takes_s)
         self.go_on.wait(20.0)
         if self.broken:
             raise RuntimeError("the network is gone")
@@ -72,6 +74,7 @@ class Bench:
     stuck: bool = False
     jumped_m: float = 0.0
     held: bool = False
+    goes_on: bool = False
     noise: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     newest: Frame | None = None
 
@@ -79,12 +82,19 @@ class Bench:
         return time.monotonic_ns()
 
     def newest_frame(self) -> Frame | None:
+        """Return the newest frame; one that `goes_on` has new ones also while none is waited
+        for."""
+        if self.goes_on and self.newest is not None:
+            due_ns = self.newest.stamp_ns + round(FRAME_S * 1e9)
+            return self.shoot() if self.now_ns() > due_ns else self.newest
         return self.newest
 
     def wait_frame(self, after: Frame | None, timeout_s: float) -> Frame | None:
         time.sleep(timeout_s if self.covered else FRAME_S)
-        if self.covered:
-            return None
+        return None if self.covered else self.shoot()
+
+    def shoot(self) -> Frame:
+        """Take an image."""
         rgb, depth_m = self.wall.rgb, self.wall.depth_m
         if self.stuck and self.newest is not None:
             rgb, depth_m = self.newest.rgb, self.newest.depth_m
@@ -187,6 +197,33 @@ def test_without_its_expiry_the_old_command_would_be_sent_without_end(
     count = len(rig.robot.sent)
     until(lambda: len(rig.robot.sent) > count + 15)
     assert rig.robot.sent[-1][1] != STANDSTILL
+
+
+def drives_with_slow_labels(rig: Rig, seconds: float) -> set[Cause]:
+    """Drive with labels that take longer than a command lives; return why the robot stood."""
+    until(lambda: moving(rig))
+    rig.segmenter.takes_s, rig.robot.goes_on = 0.4, True
+    time.sleep(1.0)  # until the loop knows how long they take
+    rig.verdicts.clear()
+    time.sleep(seconds)
+    return {reason.cause for verdict in rig.verdicts for reason in verdict.reasons}
+
+
+def test_a_robot_whose_labels_take_long_is_steered_meanwhile_and_not_held(rig: Rig) -> None:
+    assert Cause.STALE_COMMAND not in drives_with_slow_labels(rig, 1.5)
+    assert moving(rig)
+    rig.segmenter.go_on.clear()
+    until(lambda: rig.robot.sent[-1][1] == STANDSTILL)
+    count = len(rig.robot.sent)
+    until(lambda: len(rig.robot.sent) > count + 10)
+    assert all(twist == STANDSTILL for _, twist in rig.robot.sent[count:])
+    assert Cause.STALE_COMMAND in rig.reasons(), "labels that never come are not waited for"
+
+
+def test_without_being_steered_it_would_be_held(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Control of the test above."""
+    monkeypatch.setattr("app.runtime.control.loop.STEER_FACTOR", 0.0)
+    assert Cause.STALE_COMMAND in drives_with_slow_labels(rig, 1.5)
 
 
 def test_nothing_that_was_decided_before_a_stop_is_sent_after_it_is_acknowledged(rig: Rig) -> None:

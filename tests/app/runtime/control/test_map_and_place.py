@@ -24,9 +24,9 @@ from navcore.localisation.localisation import Localisation
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.points.erasing import Erasable
 from navcore.mission.mission import Goal, Mission, Phase
-from navcore.navigator import Stages
 from navcore.robot.profile import HUSKY
 from navcore.safety.gate import Cause
+from navcore.stages import Stages
 from tests.app.runtime.control.controlled import causes, command, controller, forget_frames, think
 from tests.navcore.scene import RED_LIST, SPEC, Box, Paint, picture
 from tests.navcore.ticks import OPEN, SECOND, navigator

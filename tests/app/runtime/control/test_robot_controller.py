@@ -20,9 +20,9 @@ from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.localisation.estimate import LocalisationEstimate, LocalisationState
 from navcore.mission.mission import Mission, Phase
 from navcore.mission.zone import Zone, ZoneKind
-from navcore.navigator import Stages
 from navcore.planning.path import NoPath, Reason
 from navcore.safety.gate import Cause, GateDecision, GateInput, gate
+from navcore.stages import Stages
 from tests.app.runtime.control.controlled import causes, command, controller, forget_frames, think
 from tests.navcore.scene import SPEC, Box, picture
 from tests.navcore.ticks import ACROSS, NAN, OPEN, SECOND

@@ -17,11 +17,12 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.geometry.transform import STANDSTILL, Twist
 from navcore.mission.beware_list import BewareList
 from navcore.mission.mission import Mission
-from navcore.navigator import Navigator, Stages, TickResult
+from navcore.navigator import Navigator, TickResult
 from navcore.perception.colour_segmenter import ColourSegmenter
 from navcore.perception.labels import Labels, Segmenter
 from navcore.robot.frame import Frame
 from navcore.robot.profile import HUSKY
+from navcore.stages import Stages
 from tests.navcore.scene import RED_LIST, SPEC, Paint, picture
 
 OPEN = picture(stamp_ns=1_000_000_000)
@@ -108,9 +109,9 @@ def test_an_error_reaches_the_tick_which_meets_it_again() -> None:
     ahead.start()
     segmenter.broken = True
     ahead.begin(OPEN, RED_LIST)
-    unlabelled = ahead.take()
+    unlabelled = ahead.take(60.0)
     ahead.stop()
-    assert unlabelled.labels is None
+    assert unlabelled is not None and unlabelled.labels is None
     with pytest.raises(RuntimeError, match="the network is gone"):
         think(driver, unlabelled)
 

@@ -1,0 +1,136 @@
+"""Between two ticks the robot is steered by its newest pose, on what the newest tick has seen."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import pytest
+
+from app.runtime.control.robot_controller import RobotController
+from navcore.geometry.transform import STANDSTILL, Pose2, Twist
+from navcore.mission.mission import Mission
+from navcore.perception.people.track import Track
+from navcore.robot.frame import Frame
+from navcore.stages import Stages
+from tests.app.runtime.control.controlled import controller, think
+from tests.navcore.scene import picture
+from tests.navcore.ticks import OPEN, SECOND
+
+LATER = Pose2(x_m=0.3, y_m=0.0, yaw_rad=0.3)
+
+
+def sees(driver: RobotController, pose: Pose2, *, after_s: float = 0.3) -> Frame:
+    """Have the command thread see a newer frame, from another pose."""
+    frame = picture(pose=pose, stamp_ns=OPEN.stamp_ns + round(after_s * SECOND))
+    driver.command(lambda: frame.stamp_ns, 0.05, newest=frame)
+    return frame
+
+
+def steered(driver: RobotController, pose: Pose2 = LATER) -> Twist | None:
+    """Return the command after the robot was steered at a newer frame."""
+    frame = sees(driver, pose)
+    driver.steer(lambda: frame.stamp_ns + 1)
+    command = driver.tick_state.command
+    return None if command is None else command.twist
+
+
+def test_the_robot_is_steered_as_by_a_tick_at_its_newest_pose() -> None:
+    driver, other = controller((4.0, 0.0)), controller((4.0, 0.0))
+    think(driver)
+    before = driver.tick_state.command
+    assert before is not None and before.twist.w_radps == pytest.approx(0.0, abs=0.1)
+    twist = steered(driver)
+    assert twist is not None and twist.w_radps < -0.1, "back to the path"
+    after = driver.tick_state.command
+    assert after is not None and after.stamp_ns == OPEN.stamp_ns + round(0.3 * SECOND) + 1
+    think(other)
+    think(other, picture(pose=LATER, stamp_ns=OPEN.stamp_ns + round(0.3 * SECOND)))
+    expected = other.tick_state.command
+    assert expected is not None
+    assert twist.v_mps == pytest.approx(expected.twist.v_mps, abs=0.1)
+    assert math.copysign(1.0, twist.w_radps) == math.copysign(1.0, expected.twist.w_radps)
+    decision = driver.tick_state.decision
+    assert decision is not None and decision.frame.stamp_ns == OPEN.stamp_ns
+    assert decision.motion.twist == twist
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda driver: driver.change_mission(Mission.pause),
+        lambda driver: driver.change_mission(lambda mission: mission.cancel()),
+        lambda driver: driver.change(
+            lambda intent: dataclasses.replace(
+                intent, beware=intent.beware.edited("red floor", enabled=False)
+            )
+        ),
+    ],
+)
+def test_a_decision_for_what_is_asked_no_more_is_not_continued(
+    edit: Callable[[RobotController], object],
+) -> None:
+    driver = controller((4.0, 0.0))
+    think(driver)
+    before = driver.tick_state
+    edit(driver)
+    steered(driver)
+    assert driver.tick_state is before
+
+
+def test_nothing_is_continued_before_the_first_tick_nor_by_the_same_frame() -> None:
+    driver = controller((4.0, 0.0))
+    assert steered(driver) is None
+    think(driver)
+    before = driver.tick_state
+    driver.command(lambda: OPEN.stamp_ns, 0.05, newest=OPEN)
+    driver.steer(lambda: OPEN.stamp_ns)
+    assert driver.tick_state is before
+
+
+def test_a_pose_that_is_not_believed_steers_nothing() -> None:
+    driver = controller((4.0, 0.0))
+    think(driver)
+    driver.command(lambda: OPEN.stamp_ns, 0.05, newest=OPEN)
+    before = driver.tick_state
+    steered(driver, Pose2(x_m=5.0, y_m=0.0, yaw_rad=0.0))  # it has jumped
+    assert driver.tick_state is before
+
+
+def test_what_a_behaviour_has_the_robot_do_is_not_overruled() -> None:
+    def waits(behaviour: object, motion: object, **_: object) -> tuple[object, object]:
+        return behaviour, dataclasses.replace(motion, twist=STANDSTILL)  # type: ignore[type-var]
+
+    driver = controller((4.0, 0.0), stages=Stages(supervise=waits))  # type: ignore[arg-type]
+    think(driver)
+    assert steered(driver) == STANDSTILL
+
+
+def test_people_have_walked_on_meanwhile() -> None:
+    walker = Track(
+        id=1,
+        x_m=2.0,
+        y_m=1.0,
+        vx_mps=0.0,
+        vy_mps=-1.0,
+        radius_m=0.25,
+        age_s=2.0,
+        last_seen_ns=OPEN.stamp_ns,
+        walking_speed_mps=1.0,
+    )
+    asked = []
+    plain = Stages()
+
+    def control(controller: object, task: object) -> object:
+        asked.append(task)
+        return plain.control(controller, task)  # type: ignore[arg-type]
+
+    driver = controller(
+        (4.0, 0.0),
+        stages=Stages(track=lambda *_: (walker,), control=control),  # type: ignore[arg-type]
+    )
+    think(driver)
+    steered(driver)
+    (first, second) = (task.people[0] for task in asked)  # type: ignore[attr-defined]
+    assert (first.y_m, second.y_m) == (pytest.approx(1.0), pytest.approx(0.7))
