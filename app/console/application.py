@@ -11,6 +11,7 @@ import socket
 import sys
 import threading
 import time
+import uuid
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -22,9 +23,9 @@ import cv2
 from app.console.backend import BackEnd, recorded, simulated
 from app.console.mission.path_settings import stored_unknown_price
 from app.console.operations import LiveOperations
+from app.console.site.placing import numbered, settle
 from app.console.site.site_map import keep_list, list_of_start, map_of
 from app.console.site.sites import SESSION_PERIOD_S, expected_place, mission_of
-from app.console.site.stored_anchors import settle
 from app.console.status_message import storage_warning
 from app.console.stop_latch import PERIOD_S as STOP_PERIOD_S
 from app.console.stop_latch import StopLatch, read_latch
@@ -217,11 +218,13 @@ def console(
             stopped_by=read_latch(options.data / STOP_FILE),
         )
         point_map = controller.navigator.map
+        point_map.pose_ids.name_numberings(lambda: uuid.uuid4().hex)
         keeper = _load_map(point_map, site, options, beware)
         # Not before all is loaded: a start that is refused stores nothing.
         with store.using(site, back_end.name):
             keep_list(site, back_end.beware, beware)
-            settle(site, point_map.pose_ids.numbering_before, point_map.pose_ids.array())
+            pose_ids = point_map.pose_ids
+            settle(site, numbered(pose_ids.loaded_numbering, pose_ids.array()))
         controller.change(
             lambda intent: dataclasses.replace(intent, mission=mission_of(site), zones=site.zones())
         )
@@ -264,7 +267,7 @@ def console(
         stack.callback(operations.sites.keep_session)
         stack.callback(latch.keep)
         zones_thread = PeriodicThread(
-            operations.keep_zones, period_s=EXPIRY_S, name="zones to disk"
+            lambda: operations.zones.expire(), period_s=EXPIRY_S, name="expiry of zones"
         )
         session_thread = PeriodicThread(
             operations.sites.keep_session, period_s=SESSION_PERIOD_S, name="session to disk"

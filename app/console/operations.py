@@ -27,7 +27,6 @@ from app.console.mission.zone_editor import ZoneEditor
 from app.console.site.map_editor import MapEditor
 from app.console.site.place_editor import PlaceEditor, require_known
 from app.console.site.sites import LiveSites
-from app.console.site.stored_anchors import save_anchors
 from app.console.status_message import stands_in_zone, status_message
 from app.insight.labelling import LabellingFolder
 from app.insight.service import LiveInsight
@@ -134,6 +133,9 @@ class LiveOperations:
             examples=self._examples,
         )
         self._previews = Previews(controller, view=recorder, beware_map=self._beware_map)
+        self._anchored = AnchoredItems(
+            lambda: self.zones, lambda: controller.intent.mission, controller.change_mission
+        )
         self._edit(store.site)
         self.sites = LiveSites(
             store,
@@ -148,13 +150,6 @@ class LiveOperations:
             new_beware=new_beware,
         )
         self.place = PlaceEditor(controller, lambda text: self.insight.note_place([text]))
-        self._anchored = AnchoredItems(
-            lambda: self.zones,
-            lambda: self._saved_missions,
-            lambda: controller.intent.mission,
-            controller.change_mission,
-            lambda anchors: save_anchors(self._site, anchors),
-        )
         self._back_off = BackOff(
             controller,
             drive=self._driving,
@@ -189,13 +184,12 @@ class LiveOperations:
     def _edit(self, site: SiteStore) -> None:
         """Edit the contents of a site."""
         controller = self._controller
-        self._site, self._saved_missions = site, SavedMissions(site)
         self.goals = Goals(
             controller,
             view=self._recorder,
             spec=lambda: controller.navigator.map.spec,
             inflate=controller.navigator.inflate_draft,
-            saved=self._saved_missions,
+            saved=SavedMissions(site, self._anchored),
             site_id=site.id,
         )
         self.zones = ZoneEditor(
@@ -203,6 +197,7 @@ class LiveOperations:
             store=site,
             watcher=self._recorder,
             dates=self._dates,
+            anchors=self._anchored,
             number=self._number,
         )
         self.beware = BewareEditor(
@@ -274,12 +269,6 @@ class LiveOperations:
         """URDF file of the robot for the 3D view; None without one."""
         return self._urdf
 
-    def keep_zones(self) -> None:
-        """End zones that have expired, and store what zones and goals belong to; called
-        periodically. Raises `StorageFailed`; the next call tries again."""
-        self.zones.expire()
-        self._anchored.keep()
-
     def note_verdict(self, verdict: GateDecision) -> None:
         """Called by the command thread after each command."""
         self._verdict = verdict
@@ -291,11 +280,8 @@ class LiveOperations:
         navigator = self._controller.navigator
         point_map, pose_ids = navigator.map, navigator.map.pose_ids
         # First, so that zones and goals follow the map whatever fails below.
-        moved = self._anchored.note_tick(
-            pose_ids,
-            is_corrected=decision.correction is not None,
-            taken_back=decision.taken_back,
-        )
+        has_moved = decision.correction is not None or decision.taken_back
+        moved = self._anchored.note_tick(pose_ids, has_moved=has_moved)
         self._recorder.note_decision(decision)
         self.insight.note_decision(decision)
         if decision.taken_back:

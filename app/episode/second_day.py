@@ -26,7 +26,8 @@ from app.runtime.control.robot_controller import COMMAND_PERIOD_S
 from app.runtime.record.map_persistence import load_map, save_map
 from navcore.geometry.arrays import Points
 from navcore.geometry.transform import IDENTITY, Pose2, wrap_angle
-from navcore.mission.anchors import Item, anchored
+from navcore.mission.anchor import NumberedPoses
+from navcore.mission.anchors import Item, anchored, placed
 from navcore.mission.mission import Goal, Mission
 from navcore.mission.zone import Zone
 from navcore.navigator import TickResult
@@ -44,6 +45,8 @@ PATIENCE_S = 8.0
 """Longest time for which the robot looks for its place before the operator shows it, seconds."""
 ELSEWHERE_M = 1.0
 """Distance in metres from which an operator sees that the robot is not where the map shows it."""
+DRAWN = "first day"
+"""Numbering of the poses of the first day."""
 SHOWN = np.array([0.25, 0.25, math.radians(5.0)])
 """Standard deviations of a place that the operator shows: metres along x and y, and radians."""
 
@@ -64,8 +67,8 @@ class FirstDay:
     def placed(self, item: Item) -> Item:
         """Return a zone or goal of the true world where an operator draws it in the map: at the
         same place relative to the poses beside it. Far from all of them it stays."""
-        held = anchored(item, self.true_poses, frozen=0)
-        return item if held is None else held.at(self.map_poses)
+        drawn = anchored(item, NumberedPoses(numbering=DRAWN, poses=self.true_poses))
+        return placed(drawn, NumberedPoses(numbering=DRAWN, poses=self.map_poses))
 
     def placed_outline(self, outline: Points) -> Points:
         """Return where the map shows what an (N, 2) outline of the true world covers."""

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
+from navcore.geometry.transform import Pose2
+from navcore.mission.anchor import Anchor, Place
+from navcore.mission.anchors import Item, place_of, valid_anchor
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.mission.zone_shapes import Circle, Corridor, Shape
+
+ANCHORS = "anchors"
+"""Key of the anchors in a record."""
 
 
 def zone_record(zone: Zone) -> dict[str, Any]:
@@ -24,6 +31,7 @@ def zone_record(zone: Zone) -> dict[str, Any]:
         "colour": zone.colour,
         "expires_at_s": zone.expires_at_s,
         "drawn": _shape_record(zone.drawn),
+        **_anchors_record(zone),
     }
 
 
@@ -34,17 +42,72 @@ def zone_of(record: Mapping[str, Any]) -> Zone:
         "kind": ZoneKind(record["kind"]),
         "drawn": _shape_of(record["drawn"]),
     }
-    return Zone(**{**record, **converted})
+    plain = {name: value for name, value in record.items() if name != ANCHORS}
+    return _with_anchors(Zone(**{**plain, **converted}), record)
 
 
 def goal_record(goal: Goal) -> dict[str, Any]:
     """Convert a goal to JSON, without its id."""
-    return {"x_m": goal.x_m, "y_m": goal.y_m, "yaw_rad": goal.yaw_rad, "name": goal.name}
+    return {
+        "x_m": goal.x_m,
+        "y_m": goal.y_m,
+        "yaw_rad": goal.yaw_rad,
+        "name": goal.name,
+        **_anchors_record(goal),
+    }
 
 
 def goal_of(record: Mapping[str, Any]) -> Goal:
-    """Convert a record to a goal; the mission that takes the goal gives it an id."""
-    return Goal(id=0, **record)
+    """Convert a record to a goal; without an id in it, the mission that takes the goal gives it
+    one."""
+    plain = {name: value for name, value in record.items() if name != ANCHORS}
+    return _with_anchors(Goal(**{"id": 0, **plain}), record)
+
+
+def _anchors_record(item: Zone | Goal) -> dict[str, Any]:
+    """Return the anchors that tell where an item is, the newest first, if there are any."""
+    anchor, here = valid_anchor(item), place_of(item)
+    chain = () if anchor is None else (anchor, anchor.earlier)
+    anchors = [
+        {
+            "numbering": one.numbering,
+            "poses": [[n, pose.x_m, pose.y_m, pose.yaw_rad] for n, pose in one.poses],
+            # Left out where the item has not moved since.
+            "drawn": None if one.drawn == here else _place_record(one.drawn),
+        }
+        for one in chain
+        if one is not None and one.poses
+    ]
+    return {ANCHORS: anchors} if anchors else {}
+
+
+def _with_anchors(item: Item, record: Mapping[str, Any]) -> Item:
+    here, anchor = place_of(item), None
+    for one in reversed(record.get(ANCHORS, ())):
+        anchor = Anchor(
+            numbering=one["numbering"],
+            poses=tuple((n, Pose2(x_m=x, y_m=y, yaw_rad=yaw)) for n, x, y, yaw in one["poses"]),
+            drawn=here if one["drawn"] is None else _place_of(one["drawn"]),
+            place=here,
+            earlier=anchor,
+        )
+    return item if anchor is None else replace(item, anchor=anchor)
+
+
+def _place_record(place: Place) -> dict[str, Any]:
+    return {
+        "outline": place.outline,
+        "shape": _shape_record(place.shape),
+        "yaw_rad": place.yaw_rad,
+    }
+
+
+def _place_of(record: Mapping[str, Any]) -> Place:
+    return Place(
+        outline=_corners(record["outline"]),
+        shape=_shape_of(record["shape"]),
+        yaw_rad=record["yaw_rad"],
+    )
 
 
 def _shape_record(shape: Shape | None) -> dict[str, Any] | None:

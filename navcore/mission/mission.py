@@ -6,7 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from navcore.errors import BadGeometry, NotKnown, Refused
@@ -14,6 +14,7 @@ from navcore.geometry.transform import wrap_angle
 from navcore.grid.bitplane import LONGEST_SIDE, MOST_CELLS
 from navcore.grid.grid import GridSpec
 from navcore.grid.growth import is_possible, reaching
+from navcore.mission.anchor import Anchor
 
 FARTHEST_M = 10_000.0
 """Largest coordinate of a goal in metres."""
@@ -51,6 +52,8 @@ class Goal:
     """Heading in radians of the map frame at the goal; None for any."""
     name: str = ""
     """Name that the operator gave it; empty for none."""
+    anchor: Anchor | None = field(default=None, compare=False, repr=False)
+    """Poses of the map that the goal belongs to; None before that is looked for."""
 
     @property
     def title(self) -> str:

@@ -10,7 +10,7 @@ import functools
 import itertools
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 
 import numpy as np
@@ -20,6 +20,7 @@ from shapely.validation import explain_validity
 from navcore.errors import BadGeometry, CrossedOutline
 from navcore.geometry.polyline import Corners
 from navcore.grid.grid import BoolGrid, GridSpec
+from navcore.mission.anchor import Anchor
 from navcore.mission.zone_cells import rasterise
 from navcore.mission.zone_shapes import Shape
 
@@ -87,6 +88,8 @@ class Zone(ZoneSpec):
     further: tuple[Corners, ...] = ()
     """Further outlines of a zone that is grown by the uncertainty of the robot's position: those of
     the other parts of a stay-inside zone, or of the holes of another zone."""
+    anchor: Anchor | None = field(default=None, compare=False, repr=False)
+    """Poses of the map that the zone belongs to; None before that is looked for."""
 
     @classmethod
     def of(cls, spec: ZoneSpec, *, zone_id: str, version: int) -> Zone:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import Any, Protocol
 
+from app.console.mission.anchored_items import ItemAnchors, Unanchored
 from app.storage.records import goal_of, goal_record
 from navcore.errors import AlreadyThere, NotKnown, Refused
-from navcore.mission.anchors import Spot, spot_of
-from navcore.mission.mission import Goal, Mission
+from navcore.mission.mission import Mission
 from web.interface.drafts import SavedMission
 
 MAX_MISSIONS = 200
@@ -30,13 +29,18 @@ class DocumentStore(Protocol):
 class SavedMissions:
     """The saved missions of a store. Safe from any thread: one change at a time."""
 
-    def __init__(self, store: DocumentStore) -> None:
+    def __init__(self, store: DocumentStore, anchors: ItemAnchors | None = None) -> None:
+        """`anchors`: how goals follow the map; None to leave them where they are."""
         self._store, self._changing = store, threading.Lock()
+        self._anchors = anchors or Unanchored()
 
     def all(self) -> dict[str, SavedMission]:
         """Return all missions by name."""
         return {
-            name: SavedMission(goals=tuple(map(goal_of, record["goals"])), loop=record["loop"])
+            name: SavedMission(
+                goals=tuple(self._anchors.placed(goal_of(goal)) for goal in record["goals"]),
+                loop=record["loop"],
+            )
             for name, record in self._store.documents(MISSIONS).items()
         }
 
@@ -62,27 +66,11 @@ class SavedMissions:
                 )
             if name not in saved and len(saved) >= MAX_MISSIONS:
                 raise Refused(f"at most {MAX_MISSIONS} missions are kept; delete one first")
-            self._save(name, SavedMission(goals=mission.queue, loop=mission.loop))
+            records = [goal_record(self._anchors.anchored(goal)) for goal in mission.queue]
+            self._store.save_document(MISSIONS, name, {"goals": records, "loop": mission.loop})
 
     def delete(self, name: str) -> None:
         """Delete a mission; raises `NotKnown`."""
         with self._changing:
             self.named(name)
             self._store.save_document(MISSIONS, name, None)
-
-    def move(self, placed: Callable[[Goal], Goal]) -> None:
-        """Move the goals of all missions because the map was corrected, `placed` to where it
-        returns each."""
-        with self._changing:
-            for name, saved in self.all().items():
-                there = tuple(map(placed, saved.goals))
-                if there != saved.goals:
-                    self._save(name, SavedMission(goals=there, loop=saved.loop))
-
-    def spots(self) -> frozenset[Spot]:
-        """Return position and heading of the goals of all missions."""
-        return frozenset(spot_of(goal) for saved in self.all().values() for goal in saved.goals)
-
-    def _save(self, name: str, saved: SavedMission) -> None:
-        record = {"goals": [goal_record(goal) for goal in saved.goals], "loop": saved.loop}
-        self._store.save_document(MISSIONS, name, record)

@@ -11,11 +11,13 @@ from itertools import zip_longest
 from typing import NamedTuple, Protocol
 
 from app.console.edit_history import Edit, EditStack
+from app.console.mission.anchored_items import ItemAnchors, Unanchored
 from app.console.mission.expiry_dates import ExpiryDates
 from app.console.mission.saved_missions import DocumentStore
 from app.runtime.control.operator_state import StateHolder
 from app.storage.records import zone_of, zone_record
 from navcore.errors import AlreadyThere, BadGeometry, NotKnown, Outdated, Refused, StorageFailed
+from navcore.mission.anchors import place_of
 from navcore.mission.zone import Zone, check_polygon, check_rules
 from navcore.mission.zone_shapes import still_drawn
 from web.interface.beware import OPERATOR
@@ -66,17 +68,19 @@ class ZoneEditor:
         store: ZoneStore,
         watcher: ZoneWatcher | None = None,
         dates: ExpiryDates | None = None,
+        anchors: ItemAnchors | None = None,
         new_id: Callable[[], str] = lambda: uuid.uuid4().hex[:12],
         number: Callable[[], int] | None = None,
     ) -> None:
         """`dates`: when zones expire; one for the editors of all sites, so that a zone that was
-        drawn for some time keeps it. `number` counts the edits of all kinds."""
+        drawn for some time keeps it. `anchors`: how zones follow the map; None to leave them where
+        they are. `number` counts the edits of all kinds."""
         self._holder, self._store, self._watcher = holder, store, watcher
         self._dates, self._new_id = dates or ExpiryDates(), new_id
+        self._anchors = anchors or Unanchored()
         self._edits = EditStack[_Zones](number=number)
         saved = (zone for zones in self.sets().values() for zone in zones)
         self._versions = {zone.id: zone.version for zone in (*self.stored, *saved)}
-        self._unmoved: Callable[[Zone], Zone] | None = None
         self._unstored = frozenset[str]()  # ids of zones that moved while the store refused
         self._changes = 0
 
@@ -176,14 +180,9 @@ class ZoneEditor:
         """Move zones because the map was corrected, which is no step that can be undone; return
         each that moved, as it was and as it is.
 
-        `placed` returns any zone of before where the correction has it: undone and repeated edits
-        and zone sets bring zones back there. The zones move even if the store refuses; `expire`
-        tries that again.
+        `placed` returns any zone where the correction has it: undone and repeated edits bring zones
+        back there, too. The zones move even if the store refuses; `expire` tries that again.
         """
-
-        def step_placed(step: _Zones) -> _Zones:
-            return _Zones(_placed(step.before, placed), _placed(step.after, placed))
-
         with self._edits.editing():
             moved = tuple(
                 (zone, there) for zone in self.stored if (there := placed(zone)) is not zone
@@ -196,30 +195,16 @@ class ZoneEditor:
                     },
                     even_unstored=True,
                 )
-            self._edits.follow(step_placed)
-            self._unmoved = placed
-            try:
-                self._move_sets()
-            except StorageFailed:
-                log.exception("sets of zones could not be moved with the map yet")
+            self._edits.follow(_each(placed))
         return moved
 
-    @property
-    def has_unmoved_sets(self) -> bool:
-        """Whether sets of zones could not be stored where the map has them."""
-        return self._unmoved is not None
-
-    def _move_sets(self) -> None:
-        """Move the sets of zones by the newest correction of the map; raises `StorageFailed`."""
-        if self._unmoved is not None:
-            self._store_moved(self._unmoved)
-            self._unmoved = None
-
-    def _store_moved(self, placed: Callable[[Zone], Zone]) -> None:
-        for name, zones in self.sets().items():
-            there = [placed(zone) for zone in zones]
-            if there != list(zones):
-                self._store.save_document(SETS, name, [zone_record(zone) for zone in there])
+    def anchor(self, anchored: Callable[[Zone], Zone]) -> None:
+        """Give zones the anchors with which `anchored` returns them; they are stored when they have
+        moved, with their next edit or correction."""
+        with self._edits.editing():
+            zones = tuple(map(anchored, self.stored))
+            self._holder.change(lambda state: dataclasses.replace(state, zones=zones))
+            self._edits.follow(_each(anchored))
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Delete a zone."""
@@ -243,11 +228,9 @@ class ZoneEditor:
         """Switch off expired zones, store those that moved while the store refused, and give the
         others their dates by the calendar clock, which holds over a restart, where that was set.
         Raises `StorageFailed` when the store refuses; the next call tries again."""
-        has_waiting = bool(self._unstored) or self.has_unmoved_sets
-        if not has_waiting and all(self._aged(zone) is zone for zone in self.stored):
+        if not self._unstored and all(self._aged(zone) is zone for zone in self.stored):
             return
         with self._edits.editing():
-            self._move_sets()
             aged = [(zone, self._aged(zone)) for zone in self.stored]
             self._apply({zone.id: now for zone, now in aged if now is not zone})
         expired = [zone for zone, now in aged if zone.enabled and not now.enabled]
@@ -259,7 +242,11 @@ class ZoneEditor:
     def sets(self) -> dict[str, tuple[Zone, ...]]:
         """Return the zone sets by name."""
         documents = self._store.documents(SETS)
-        return {name: tuple(map(zone_of, records)) for name, records in documents.items()}
+        placed = self._anchors.placed
+        return {
+            name: tuple(placed(zone_of(record)) for record in records)
+            for name, records in documents.items()
+        }
 
     def save_set(self, name: str, *, replace: bool = True) -> None:
         """Save the present zones under a name; `AlreadyThere` for the name of a set unless it is to
@@ -284,7 +271,8 @@ class ZoneEditor:
                 else dataclasses.replace(zone, expires_at_s=self._dates.left_s(zone.expires_at_s))
                 for zone in self.stored
             ]
-            self._store.save_document(SETS, name, [zone_record(zone) for zone in lasting])
+            anchored = map(self._anchors.anchored, lasting)
+            self._store.save_document(SETS, name, [zone_record(zone) for zone in anchored])
 
     def use_set(self, name: str) -> None:
         """Replace the present zones by those of a set, as one step that can be undone."""
@@ -347,8 +335,18 @@ class ZoneEditor:
     def _step(self, text: str, after: Mapping[str, Zone | None]) -> None:
         present = {zone.id: zone for zone in self.stored}
         before = {zone_id: present.get(zone_id) for zone_id in after}
+        after = {
+            zone_id: None if zone is None else self._anchored(zone, before[zone_id])
+            for zone_id, zone in after.items()
+        }
         self._apply(after)
         self._edits.add(text, _Zones(before, after))
+
+    def _anchored(self, zone: Zone, before: Zone | None) -> Zone:
+        """Return a zone with its anchor: that of before, where it has stayed in its place."""
+        if before is not None and place_of(before) == place_of(zone):
+            zone = dataclasses.replace(zone, anchor=before.anchor)
+        return self._anchors.anchored(zone)
 
     def _apply(self, wanted: Mapping[str, Zone | None], *, even_unstored: bool = False) -> None:
         """Store zones, then put them in force: a refusal has changed nothing, unless they are to
@@ -386,10 +384,13 @@ class ZoneEditor:
             self._watcher.watch_zones(zones)
 
 
-def _placed(
-    zones: Mapping[str, Zone | None], placed: Callable[[Zone], Zone]
-) -> dict[str, Zone | None]:
-    return {zone_id: None if zone is None else placed(zone) for zone_id, zone in zones.items()}
+def _each(change: Callable[[Zone], Zone]) -> Callable[[_Zones], _Zones]:
+    """Return the edit whose zones are changed, for one."""
+
+    def changed(zones: Mapping[str, Zone | None]) -> dict[str, Zone | None]:
+        return {zone_id: None if zone is None else change(zone) for zone_id, zone in zones.items()}
+
+    return lambda step: _Zones(changed(step.before), changed(step.after))
 
 
 def _expired_off(now_s: float, draft: ZoneDraft) -> ZoneDraft:

@@ -22,14 +22,16 @@ from pydantic import TypeAdapter, ValidationError
 from app.console.mission.path_settings import SETTINGS, stored_unknown_price
 from app.console.mission.saved_missions import MISSIONS
 from app.console.mission.zone_editor import SETS
+from app.console.site.placing import poses_of_file, zones_on
 from app.console.site.site_map import ACCEPTED, accepted_map, cell_map_of, cell_map_record
-from app.console.site.stored_anchors import Placing, placing_in
-from app.storage.records import zone_of, zone_record
+from app.storage.records import goal_of, goal_record, zone_of, zone_record
 from app.storage.site_store import MAP_FILE, SiteStore
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import wrap_angle
 from navcore.mapping.changes import CellMap
 from navcore.mapping.storage import map_file
+from navcore.mission.anchor import NumberedPoses
+from navcore.mission.anchors import placed
 from navcore.mission.beware_list import BewareList, as_table, default_beware_list
 from navcore.mission.zone import Zone, check_polygon, check_rules
 from navcore.mission.zone_shapes import still_drawn
@@ -77,8 +79,9 @@ def pack(site: SiteStore) -> bytes:
     deleted."""
     # Before the rest, so that the beware list has every class of the map.
     map_data = site.map_data(at_most=MAX_ARCHIVE_BYTES)
+    poses = poses_of_file(map_data, MAP_FILE)
     with site.reading():
-        document = _document(site, placing_in(site, map_data))
+        document = _document(site, poses)
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
         packed.writestr(DOCUMENT, json.dumps(document, allow_nan=False))
@@ -87,7 +90,7 @@ def pack(site: SiteStore) -> bytes:
     return file.getvalue()
 
 
-def _document(site: SiteStore, found: Placing) -> dict[str, Any]:
+def _document(site: SiteStore, poses: NumberedPoses) -> dict[str, Any]:
     beware, accepted, furnished = site.beware(), accepted_map(site), furnishings_of(site)
     if (dock := furnished["dock"]) is not None:
         # Earlier versions stored any heading, and a document holds no more than some turns.
@@ -96,10 +99,13 @@ def _document(site: SiteStore, found: Placing) -> dict[str, Any]:
     return {
         "format": "bewarenav site",
         "version": 1,
-        "zones": _features(map(found.zone, site.zones())),
-        "zone_sets": {name: _features(map(zone_of, found.zone_set(set_))) for name, set_ in sets},
+        "zones": _features(placed(zone, poses) for zone in site.zones()),
+        "zone_sets": {
+            name: _features(map(zone_of, zones_on(records, poses))) for name, records in sets
+        },
         "missions": {
-            name: found.mission(mission) for name, mission in site.documents(MISSIONS).items()
+            name: {**mission, "goals": [_goal(goal, poses) for goal in mission["goals"]]}
+            for name, mission in site.documents(MISSIONS).items()
         },
         "beware": None if beware is None else _beware_record(beware),
         **furnished,
@@ -155,6 +161,11 @@ def _documents(read: SiteDocument, accepted: CellMap | None) -> Iterable[tuple[s
 
 def _features(zones: Iterable[Zone]) -> list[dict[str, Any]]:
     return [ZoneOut.of(zone).model_dump(mode="json", exclude={"id"}) for zone in zones]
+
+
+def _goal(record: dict[str, Any], poses: NumberedPoses) -> dict[str, Any]:
+    """Return the record of a goal where a map has it, without what it belongs to there."""
+    return goal_record(dataclasses.replace(placed(goal_of(record), poses), anchor=None))
 
 
 def _zones(features: Iterable[ImportedFeatureIn]) -> tuple[Zone, ...]:

@@ -13,20 +13,21 @@ import numpy as np
 
 from app.console.mission.saved_missions import MISSIONS
 from app.console.site.dock_and_tags import dock_of, stored_tags
+from app.console.site.placing import poses_of_file
 from app.console.site.site_archive import unpack
 from app.console.site.site_map import ACCEPTED, cells_of, save_accepted
-from app.console.site.stored_anchors import placing_in
 from app.storage.site_store import SiteStore
 from app.storage.sites import SiteRow, SiteTable
 from navcore.config.mapping import MappingConfig
 from navcore.errors import BadConfiguration, NotKnown
-from navcore.formats.alignment import align, placed
+from navcore.formats import alignment
 from navcore.formats.keepout_mask import closed_cells, mask_spec
 from navcore.formats.map_image import encode
 from navcore.formats.nav2_map import Nav2Map, State, map_from_cells, yaml_text
 from navcore.grid.grid import DEFAULT_RESOLUTION_M, GridSpec
 from navcore.grid.growth import growth_over
 from navcore.mapping.changes import CellMap
+from navcore.mission.anchors import placed
 from web.interface.sites import PointPair, Site
 
 
@@ -70,12 +71,12 @@ def add(sites: SiteTable, name: str, archive: bytes) -> SiteStore:
 def export_nav2(site: SiteStore, config: MappingConfig) -> bytes:
     """Return a zip of Nav2 files: the map without the zones, and the keep-out mask of the zones
     beside it. Raises `NotKnown` without a map, and where the site has been deleted."""
-    cells = cells_of(site, config)
+    map_data = site.map_data()
+    cells, poses = cells_of(site, map_data, config), poses_of_file(map_data, site.map_file.name)
     if cells is None:
         raise NotKnown(f"site {site.name!r} keeps no map yet; drive there first, without --map")
-    map_data = site.map_data()
     with site.reading():
-        zones = tuple(map(placing_in(site, map_data).zone, site.zones()))
+        zones = tuple(placed(zone, poses) for zone in site.zones())
     spec = mask_spec(zones, cells.spec)  # zones may lie beyond the map
     closed = closed_cells(zones, spec)
     images = {
@@ -105,7 +106,7 @@ def add_nav2(
     Nav2 map.
     """
     if pairs is not None:
-        nav2_map = placed(nav2_map, align(*pairs))
+        nav2_map = alignment.placed(nav2_map, alignment.align(*pairs))
     if first_grid is not None:
         growth_over(first_grid, nav2_map.spec)
     else:

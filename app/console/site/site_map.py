@@ -96,12 +96,12 @@ def map_of(site: SiteStore, empty: MapState) -> SiteMap:
     return SiteMap(state=empty, class_names={})
 
 
-def cells_of(site: SiteStore, config: MappingConfig) -> CellMap | None:
-    """Return the cells of the kept map of a site, without zones, else those of the accepted one;
-    None without a map."""
-    if not site.map_file.exists():
+def cells_of(site: SiteStore, map_data: bytes | None, config: MappingConfig) -> CellMap | None:
+    """Return the cells of the kept map of a site, of its file, without zones, else those of the
+    accepted one; None without a map."""
+    if map_data is None:
         return accepted_map(site)
-    stored, beware = map_file.load(site.map_file), beware_of(site)
+    stored, beware = map_file.parsed(map_data, site.map_file.name), beware_of(site)
     map_file.check_classes(stored, beware)
     point_map = PointMap(stored.state.spec, config)
     point_map.restore(stored.state)

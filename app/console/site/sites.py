@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from app.console.mission.path_settings import stored_unknown_price
 from app.console.site import dock_and_tags, site_files
 from app.console.site.dock_and_tags import Dock, Tags
+from app.console.site.placing import MISSION, numbered, settle
 from app.console.site.site_archive import pack
 from app.console.site.site_map import (
     accepted_map,
@@ -21,12 +22,11 @@ from app.console.site.site_map import (
     map_of,
     save_accepted,
 )
-from app.console.site.stored_anchors import MISSION, settle
 from app.runtime.control.operator_state import OperatorState, PlaceSearch
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.record.map_keeper import MapKeeper
 from app.storage import Store
-from app.storage.records import goal_record
+from app.storage.records import goal_of, goal_record
 from app.storage.site_store import SiteStore
 from navcore.config.mapping import MappingConfig
 from navcore.errors import Outdated, Refused, StorageFailed
@@ -38,7 +38,7 @@ from navcore.localisation.fixes import TagMap
 from navcore.mapping.changes import CellMap, ChangedArea, accept, changed_areas
 from navcore.mapping.point_map import PointMap
 from navcore.mission.beware_list import BewareList, default_beware_list
-from navcore.mission.mission import Goal, Mission, Phase
+from navcore.mission.mission import Mission, Phase
 from web.interface.meant_site import require_meant_site
 from web.interface.sites import (
     AreaOut,
@@ -300,7 +300,7 @@ class LiveSites:
         is_believed = self._controller.navigator.held_map is None
         expected, kept = self._expected_place(site)
         stored = map_of(site, PointMap(spec, self._config).state())
-        settle(site, stored.state.numbering, stored.state.poses)
+        settle(site, numbered(stored.state.numbering, stored.state.poses))
         mission, zones, beware = mission_of(site), site.zones(), site.beware() or self._new_beware
         price, tags = stored_unknown_price(site), self._tags_of(site)
         self.keep_session()
@@ -420,9 +420,7 @@ def mission_of(site: SiteStore) -> Mission:
     record = site.documents(kind).get(name)
     if record is None:
         return Mission()
-    queue, reached = (
-        tuple(Goal(**goal) for goal in record[which]) for which in ("queue", "reached")
-    )
+    queue, reached = (tuple(map(goal_of, record[which])) for which in ("queue", "reached"))
     return Mission(
         phase=Phase(record["phase"]),
         queue=queue,

@@ -7,15 +7,15 @@ bounded by the space that the robot can stand in and not by the distance it driv
 from __future__ import annotations
 
 import math
-import uuid
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2, wrap_angle
+from navcore.mission.anchor import NumberedPoses
 
 Bucket = tuple[int, int, int]
 """Cell of the lookup grid: x and y in steps of the spacing, and the sector of the heading."""
@@ -48,11 +48,12 @@ class PoseIds:
         self._last: tuple[Pose2, int] | None = None
         self.frozen = 0
         """Number of the first IDs whose poses are constants, those of a loaded map."""
-        self.numbering = uuid.uuid4().hex
+        self._named: Callable[[], str] = str
+        self.numbering = self._named()
         """Name of this numbering, under which no ID is given to another place; corrections keep
-        it."""
-        self.numbering_before = ""
-        """Numbering of the poses that were restored, of which they had their IDs; empty before."""
+        it. Empty until numberings are named."""
+        self.loaded_numbering = ""
+        """Numbering in which the poses that were restored had their IDs; empty before."""
 
     def id_of(self, pose: Pose2) -> int:
         """Return the ID of the nearest known pose, or a new one if no known pose is near enough.
@@ -102,15 +103,31 @@ class PoseIds:
             [[pose.x_m, pose.y_m, pose.yaw_rad] for pose in self._poses], dtype=np.float64
         ).reshape(-1, 3)
 
+    def name_numberings(self, named: Callable[[], str]) -> None:
+        """Name this numbering and later ones, each by what `named` returns, which is never the same
+        twice. Where none is named, equal drives give equal maps."""
+        self._named = named
+        self.numbering = named()
+
     def restore(self, poses: npt.NDArray[np.float64], numbering: str) -> None:
         """Replace all poses by those of an `array`, which had their IDs in another `numbering`, and
         freeze them. The IDs after them are given to other places than there: a numbering begins."""
-        self.numbering, self.numbering_before = uuid.uuid4().hex, numbering
+        self.numbering, self.loaded_numbering = self._named(), numbering
         self._poses.clear()
         self._buckets.clear()
         self._last = None
         self.extend(Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in poses.tolist())
         self.freeze()
+
+    @property
+    def numbered(self) -> NumberedPoses:
+        """All poses with their numbering; for the thread that changes them."""
+        return NumberedPoses(
+            numbering=self.numbering,
+            poses=self.poses,
+            frozen=self.frozen,
+            loaded_numbering=self.loaded_numbering,
+        )
 
     @property
     def poses(self) -> tuple[Pose2, ...]:

@@ -11,7 +11,7 @@ import json
 import logging
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from navcore.mapping.points.fading import UNKNOWN_LOOKS
 from navcore.mapping.points.placing import base_points, map_points, pose_rows
 from navcore.mapping.points.point_table import MapPoints
 from navcore.mapping.storage import stored_rejections, stored_scans, stored_submaps
+from navcore.mapping.storage.map_rules import require, within
 from navcore.mapping.storage.map_state import MapState, check_points, check_state
 from navcore.mapping.storage.stored_rejections import rejection_parts, rejections_of
 from navcore.mapping.storage.stored_scans import NO_SCANS, scan_parts, scans_of
@@ -38,9 +39,10 @@ from navcore.toml_config import from_table, ranged
 
 log = logging.getLogger(__name__)
 FORMAT = "bewarenav map"
-VERSION = 3
-"""Version that is written. Version 2, which had neither rejections nor looks, and version 1, which
-had neither positions by pose nor submaps nor scans, are read, too."""
+VERSION = 4
+"""Version that is written. Version 3, which did not name the numbering of the poses, version 2,
+which had neither rejections nor looks, and version 1, which had neither positions by pose nor
+submaps nor scans, are read, too."""
 MAX_BYTES = 1 << 29
 """Largest file that is read, in bytes."""
 MAX_UNPACKED = 1 << 31
@@ -70,10 +72,16 @@ _BY_POSE: Mapping[str, tuple[type[np.generic], int]] = {
     **stored_submaps.KINDS,
     **stored_scans.KINDS,
 }
+_WITH_LOOKS: Mapping[str, tuple[type[np.generic], int]] = {
+    **_BY_POSE,
+    "looks": (np.uint8, 1),
+    **stored_rejections.KINDS,
+}
 _KINDS: Mapping[int, Mapping[str, tuple[type[np.generic], int]]] = {
     1: {**_COMMON, "points_map": (np.float32, 2)},
     2: _BY_POSE,
-    3: {**_BY_POSE, "looks": (np.uint8, 1), **stored_rejections.KINDS},
+    3: _WITH_LOOKS,
+    4: _WITH_LOOKS,
 }
 """Version → part → type and number of axes.
 
@@ -154,9 +162,14 @@ def save(path: Path, state: MapState, class_names: Mapping[int, str]) -> None:
 def load(path: Path) -> StoredMap:
     """The map of a file; raises `BadConfiguration` for one that is torn, damaged, too large or no
     map."""
-    version, parts = _read(read_whole(path, at_most=MAX_BYTES), path.name)
-    head = _head(parts["head"], version, path.name)
-    spec, where = GridSpec(**asdict(head.spec)), path.name
+    return parsed(read_whole(path, at_most=MAX_BYTES), path.name)
+
+
+def parsed(data: bytes, where: str) -> StoredMap:
+    """Return the contents of a map file; raises `BadConfiguration` like `load`."""
+    version, parts = _read(data, where)
+    head = _head(parts["head"], version, where)
+    spec = GridSpec(**asdict(head.spec))
     check_points(parts, spec, where)
     rows = pose_rows(Pose2(x_m=x, y_m=y, yaw_rad=yaw) for x, y, yaw in parts["poses"].tolist())
     if version < 3:
@@ -191,10 +204,12 @@ def load(path: Path) -> StoredMap:
 
 
 def numbered_poses(data: bytes, where: str) -> tuple[str, npt.NDArray[np.float64]]:
-    """Return the numbering and the (P, 3) poses of a map file, as `MapState` has them; raises
-    `BadConfiguration` like `load`."""
-    version, parts = _read(data, where)
-    return _head(parts["head"], version, where).numbering, parts["poses"]
+    """Return the numbering and the (P, 3) poses of a map file, as `MapState` has them, and unpack
+    nothing else; raises `BadConfiguration` like `load`."""
+    version, parts = _read(data, where, only=("head", "poses"))
+    poses = parts["poses"]
+    require({"poses": poses.shape[1:] == (3,) and within(poses, -1e7, 1e7)}, where)
+    return _head(parts["head"], version, where).numbering, poses
 
 
 def check_classes(stored: StoredMap, beware: BewareList) -> None:
@@ -221,8 +236,9 @@ def check_classes(stored: StoredMap, beware: BewareList) -> None:
             )
 
 
-def _read(data: bytes, where: str) -> tuple[int, Parts]:
-    """Return the version of a file, by the parts that it has, and its parts."""
+def _read(data: bytes, where: str, only: Collection[str] = ()) -> tuple[int, Parts]:
+    """Return the version of a file, by the parts that it has, and its parts, or those named
+    alone."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             names = sorted(packed.namelist())
@@ -241,7 +257,7 @@ def _read(data: bytes, where: str) -> tuple[int, Parts]:
                 )
             return version, {
                 name: _array(packed.read(f"{name}.npy"), *kinds[name], f"{where}: {name}")
-                for name in kinds
+                for name in only or kinds
             }
     except (
         zipfile.BadZipFile,
@@ -287,7 +303,7 @@ def _head(part: npt.NDArray[Any], version: int, where: str) -> _Head:
         raise BadConfiguration(f"{where}: head: damaged, not readable as JSON") from None
     if not isinstance(table, dict) or table.get("format") != FORMAT:
         raise BadConfiguration(f"{where}: no map of this program")
-    if table.get("version") != version:
+    if table.get("version") not in [v for v, kinds in _KINDS.items() if kinds is _KINDS[version]]:
         raise BadConfiguration(
             f"{where}: made in version {table.get('version')!r:.20} of the format, this program "
             f"reads {', '.join(map(str, _KINDS))}, and the parts are those of {version}"

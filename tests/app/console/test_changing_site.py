@@ -122,7 +122,7 @@ def test_zones_follow_the_map_also_where_the_record_of_a_tick_fails(
         assert decision is not None
         with pytest.raises(ZeroDivisionError):
             operations.note_decision(decision)
-    assert noted == [{"is_corrected": False, "taken_back": False}]
+    assert noted == [{"has_moved": False}]
 
 
 def test_a_zone_drawn_for_an_hour_lasts_an_hour_also_after_a_visit_to_another_site(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import uuid
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -30,6 +31,7 @@ PAUSED = Mission(phase=Phase.PAUSED, queue=(Goal(id=1, x_m=3.0, y_m=0.0),))
 @pytest.fixture
 def operations(tmp_path: Path) -> Iterator[LiveOperations]:
     controller = standing_controller()
+    controller.navigator.map.pose_ids.name_numberings(lambda: uuid.uuid4().hex)
     with closing(Store(tmp_path)) as store:
         yield operations_of(controller, first_frame(), store)
 
@@ -148,7 +150,7 @@ def test_zones_belong_to_no_pose_of_a_map_that_was_taken_back(operations: LiveOp
     controller, scene = operations._controller, first_frame()
     pose_ids = controller.navigator.map.pose_ids
     saved = pose_ids.array()
-    pose_ids.restore(saved, "")  # as of a map that was loaded
+    pose_ids.restore(saved, "before")  # as of a map that was loaded
     decision = controller.think(scene, clock=lambda: scene.stamp_ns)
     assert decision is not None
     here, before = decision.frame.pose, pose_ids.poses
@@ -164,7 +166,7 @@ def test_zones_belong_to_no_pose_of_a_map_that_was_taken_back(operations: LiveOp
         return AppliedCorrection(before=old, after=pose_ids.poses, motion=IDENTITY, loops=1)
 
     of_trial = corrected()
-    pose_ids.restore(saved, "")
+    pose_ids.restore(saved, pose_ids.numbering)
     operations.note_decision(dataclasses.replace(decision, correction=of_trial, taken_back=True))
     assert operations.zones.stored[0].polygon == beside, "the correction is taken back as well"
     elsewhere = Pose2(x_m=here.x_m + 30.0, y_m=here.y_m, yaw_rad=0.0)

@@ -156,7 +156,7 @@ def test_a_site_that_is_renamed_while_it_is_copied_is_copied_whole(
         store.sites.rename("default", "hall")
         return read_whole(path, at_most=at_most)
 
-    monkeypatch.setattr(sites, "read_whole", read_and_rename)
+    monkeypatch.setattr("app.storage.site_store.read_whole", read_and_rename)
     copied = store.sites.copy("default", "Day 2")
     assert copied.zones() == (zone("wet"),) and copied.map_file.read_bytes() == b"map"
 
@@ -172,7 +172,7 @@ def test_a_site_that_is_deleted_while_it_is_copied_is_no_empty_copy(
         store.sites.delete("hall")
         return data
 
-    monkeypatch.setattr(sites, "read_whole", read_and_delete)
+    monkeypatch.setattr("app.storage.site_store.read_whole", read_and_delete)
     with pytest.raises(NotKnown, match="'hall'"):
         store.sites.copy("hall", "Day 2")
     assert names(store) == ["default"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -10,45 +10,34 @@ from typing import Any
 import pytest
 
 from app.console.mission.anchored_items import AnchoredItems
-from app.console.mission.saved_missions import SavedMissions
-from navcore.errors import StorageFailed
 from navcore.geometry.transform import Pose2
 from navcore.mapping.points.pose_ids import PoseIds
-from navcore.mission.anchors import Anchors, spot_of
+from navcore.mission.anchors import is_anchored
 from navcore.mission.mission import Goal, Mission
 from navcore.mission.zone import Zone
 from tests.navcore.mapping.points.moved_poses import move
+from web.interface.sites import at_another_site
 
 ZONE = Zone(id="z", name="Wet floor", polygon=((2.0, 0.0), (3.0, 0.0), (3.0, 1.0), (2.0, 1.0)))
 FAR = Zone(id="f", name="Far", polygon=((42.0, 0.0), (43.0, 0.0), (43.0, 1.0)))
 
 
 class Held:
-    """Zones and missions in memory, and what is stored."""
+    """Zones and mission in memory."""
 
     def __init__(self) -> None:
         self.stored: tuple[Zone, ...] = (ZONE, FAR)
         self.mission = Mission(queue=(Goal(id=1, x_m=2.0, y_m=1.0, name="Dock"),))
-        self.has_unmoved_sets = False
-        self.stored_anchors: list[Anchors] = []
-        self.kept: dict[str, dict[str, Any]] = {}
-        self.saved = SavedMissions(self)
-        self.saved.save("round", self.mission, replace=False)
-
-    def documents(self, kind: str) -> dict[str, Any]:
-        """Return what was stored."""
-        documents: dict[str, Any] = json.loads(json.dumps(self.kept.get(kind, {})))
-        return documents
-
-    def save_document(self, kind: str, name: str, value: Any) -> None:
-        """Store a document."""
-        self.kept = {kind: {} if value is None else {name: value}}
 
     def move(self, placed: Callable[[Zone], Zone]) -> tuple[tuple[Zone, Zone], ...]:
         """Move zones."""
-        self.placed, before = placed, self.stored
+        before = self.stored
         self.stored = tuple(map(placed, before))
         return tuple((was, now) for was, now in zip(before, self.stored, strict=True) if now != was)
+
+    def anchor(self, anchored: Callable[[Zone], Zone]) -> None:
+        """Anchor zones."""
+        self.stored = tuple(map(anchored, self.stored))
 
     def change(self, edit: Callable[[Mission], Mission]) -> None:
         """Edit the mission."""
@@ -56,24 +45,19 @@ class Held:
 
 
 def items_of(held: Held) -> AnchoredItems:
-    return AnchoredItems(
-        lambda: held,
-        lambda: held.saved,
-        lambda: held.mission,
-        held.change,
-        held.stored_anchors.append,
-    )
+    return AnchoredItems(lambda: held, lambda: held.mission, held.change)
 
 
 def shifted(items: AnchoredItems, pose_ids: PoseIds, x_m: float) -> tuple[str, ...]:
     """Correct all poses, and return what is told."""
     move(pose_ids, {i: replace(p, x_m=p.x_m + x_m) for i, p in enumerate(pose_ids.poses)})
-    return items.note_tick(pose_ids, is_corrected=True)
+    return items.note_tick(pose_ids, has_moved=True)
 
 
 @pytest.fixture
 def pose_ids() -> PoseIds:
     ids = PoseIds(0.25, 10.0)
+    ids.name_numberings(map(str, itertools.count(1)).__next__)
     for step in range(8):
         ids.id_of(Pose2(x_m=0.5 * step, y_m=0.0, yaw_rad=0.0))
     return ids
@@ -91,8 +75,6 @@ def test_a_correction_takes_zones_and_goals_along_and_says_so(pose_ids: PoseIds)
         "Zone “Wet floor” moved 0.40 m with the map.",
         "Goal “Dock” moved 0.40 m with the map.",
     )
-    assert held.placed(ZONE).polygon[0] == pytest.approx((2.4, 0.0)), "as undone edits hold it"
-    assert held.placed(FAR) is FAR
     shifted(items, pose_ids, -0.4)
     assert held.stored[0].polygon[0] == pytest.approx((2.0, 0.0))
 
@@ -120,31 +102,17 @@ def test_a_goal_that_an_operator_edits_at_the_moment_of_a_correction_keeps_the_e
     edit: dict[str, Any], there: dict[str, Any], pose_ids: PoseIds
 ) -> None:
     held = Held()
-    (goal,) = held.mission.queue
 
     def change(moved: Callable[[Mission], Mission]) -> None:
         held.mission = moved(replace(held.mission, queue=(replace(goal, **edit),)))
 
-    items = AnchoredItems(
-        lambda: held, lambda: held.saved, lambda: Mission(queue=(goal,)), change, lambda _: None
-    )
+    items = items_of(held)
     items.note_tick(pose_ids)
+    (goal,) = held.mission.queue
+    items._change_mission = change
     shifted(items, pose_ids, 0.4)
     (found,) = held.mission.queue
     assert {"x_m": pytest.approx(found.x_m), "name": found.name} == there
-
-
-@pytest.mark.parametrize(("unmoved", "x_m"), [(True, 2.6), (False, 2.0)])
-def test_sets_that_could_not_be_moved_keep_their_anchors(
-    pose_ids: PoseIds, unmoved: bool, x_m: float
-) -> None:
-    held = Held()
-    items = items_of(held)
-    items.note_tick(pose_ids)
-    held.has_unmoved_sets = unmoved
-    shifted(items, pose_ids, 0.4)
-    shifted(items, pose_ids, 0.2)
-    assert held.placed(ZONE).polygon[0] == pytest.approx((x_m, 0.0))  # as a set holds it
 
 
 def test_corrections_that_are_too_small_by_themselves_add_up(pose_ids: PoseIds) -> None:
@@ -157,9 +125,7 @@ def test_corrections_that_are_too_small_by_themselves_add_up(pose_ids: PoseIds) 
     assert told.count("Zone “Wet floor” moved 0.02 m with the map.") == 6
 
 
-def test_what_edits_hold_moves_with_the_zone_and_not_with_poses_that_came_by_later(
-    pose_ids: PoseIds,
-) -> None:
+def test_a_zone_does_not_move_with_poses_that_came_by_later(pose_ids: PoseIds) -> None:
     """The robot comes back beside the zone with drift, and the loop moves these poses alone."""
     held = Held()
     items = items_of(held)
@@ -167,15 +133,13 @@ def test_what_edits_hold_moves_with_the_zone_and_not_with_poses_that_came_by_lat
     old = len(pose_ids.poses)
     for step in range(5):
         pose_ids.id_of(Pose2(x_m=2.1 + 0.3 * step, y_m=0.4, yaw_rad=0.0))
-    renamed = replace(ZONE, name="Spill", version=2)
+    renamed = replace(held.stored[0], name="Spill", version=2)
     held.stored = (renamed, FAR)
     items.note_tick(pose_ids)
-    before = pose_ids.poses
-    later = {i: p for i, p in enumerate(before) if i >= old}
+    later = {i: p for i, p in enumerate(pose_ids.poses) if i >= old}
     move(pose_ids, {i: replace(p, y_m=p.y_m + 0.5) for i, p in later.items()})
-    assert items.note_tick(pose_ids, is_corrected=True) == ()
+    assert items.note_tick(pose_ids, has_moved=True) == ()
     assert held.stored == (renamed, FAR)
-    assert held.placed(ZONE) is ZONE
 
 
 def test_what_belongs_to_a_loaded_map_stays(pose_ids: PoseIds) -> None:
@@ -187,88 +151,65 @@ def test_what_belongs_to_a_loaded_map_stays(pose_ids: PoseIds) -> None:
     assert held.stored == (ZONE, FAR)
 
 
-def test_saved_missions_move_with_the_map(pose_ids: PoseIds) -> None:
-    held = Held()
-    items = items_of(held)
-    items.note_tick(pose_ids)
-    held.mission = Mission()
-    items.note_tick(pose_ids)
-    shifted(items, pose_ids, 0.4)
-    assert held.saved.named("round").goals[0].x_m == pytest.approx(2.4)
-    shifted(items, pose_ids, 0.2)
-    assert held.saved.named("round").goals[0].x_m == pytest.approx(2.6)
-    held.saved.delete("round")
-    shifted(items, pose_ids, 0.2)
-    assert not items._anchors.goals, "of none that is queued or saved"
-
-
 def test_what_a_place_on_trial_has_moved_is_moved_back_with_the_map(pose_ids: PoseIds) -> None:
     held, before = Held(), pose_ids.array()
     items = items_of(held)
     items.note_tick(pose_ids)
     shifted(items, pose_ids, 0.4)
     pose_ids.restore(before, pose_ids.numbering)
-    told = items.note_tick(pose_ids, taken_back=True)
+    told = items.note_tick(pose_ids, has_moved=True)
     assert held.stored[0].polygon[0] == pytest.approx((2.0, 0.0))
     assert held.mission.queue[0].x_m == pytest.approx(2.0)
     assert told[0] == "Zone “Wet floor” moved 0.40 m with the map."
-    assert shifted(items, pose_ids, 0.4) == (), "the poses of before are constants now"
+    anchor = held.stored[0].anchor
+    assert anchor is not None and anchor.numbering == pose_ids.numbering
+    assert anchor.poses == (), "the poses of before are constants now"
 
 
-def test_anchors_are_stored_before_anything_moves_by_the_places_of_before_and_after(
-    pose_ids: PoseIds,
-) -> None:
-    held = Held()
-    items = items_of(held)
-    items.note_tick(pose_ids)
-    items.keep()
-    items.keep()
-    assert [set(stored.zones) for stored in held.stored_anchors] == [{ZONE.polygon, FAR.polygon}]
-    moves, stored_at_move = held.move, list[Anchors]()
-
-    def move_zones(placed: Callable[[Zone], Zone]) -> tuple[tuple[Zone, Zone], ...]:
-        stored_at_move.append(held.stored_anchors[-1])
-        return moves(placed)
-
-    held.move = move_zones  # type: ignore[method-assign]
-    shifted(items, pose_ids, 0.4)
-    (stored,) = stored_at_move
-    assert stored.numbering == pose_ids.numbering
-    assert {ZONE.polygon, held.stored[0].polygon} <= stored.zones.keys()
-    assert {(2.0, 1.0, None), spot_of(held.mission.queue[0])} <= stored.goals.keys()
-    items.keep()
-    assert ZONE.polygon not in held.stored_anchors[-1].zones
-
-
-def test_zones_move_though_their_anchors_cannot_be_stored_and_these_are_stored_later(
-    pose_ids: PoseIds,
-) -> None:
-    held = Held()
-    items, stored = items_of(held), held.stored_anchors.append
-
-    def refuse(_: Anchors) -> None:
-        raise StorageFailed("disk full")
-
-    items._store = refuse
-    items.note_tick(pose_ids)
-    shifted(items, pose_ids, 0.4)
-    assert held.stored[0].polygon[0] == pytest.approx((2.4, 0.0))
-    with pytest.raises(StorageFailed):
-        items.keep()
-    items._store = stored
-    items.keep()
-    assert held.stored[0].polygon in held.stored_anchors[-1].zones
-
-
-def test_goals_of_long_ago_are_forgotten_but_not_saved_ones(
+def test_nothing_is_looked_for_again_while_zones_and_goals_are_the_same(
     pose_ids: PoseIds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.console.mission.anchored_items.MOST_GOALS", 5)
-    held = Held()
+    held, asked = Held(), list[object]()
     items = items_of(held)
-    for step in range(20):
-        held.mission = Mission(queue=(Goal(id=step, x_m=2.0, y_m=1.0 + 0.1 * step),))
+    for _ in range(2):  # at the second tick they are found to have theirs
         items.note_tick(pose_ids)
-        assert (2.0, 1.0, None) in items._anchors.goals, "of the saved mission"
-        assert spot_of(held.mission.queue[0]) in items._anchors.goals
-        assert len(items._anchors.goals) <= 5
+    zones, mission = held.stored, held.mission
+    plain = held.anchor
+
+    def anchor(anchored: Callable[[Zone], Zone]) -> None:
+        asked.append(anchored)
+        plain(anchored)
+
+    monkeypatch.setattr(held, "anchor", anchor)
+    items.note_tick(pose_ids)
+    assert held.stored is zones and held.mission is mission and not asked
+    held.stored = (*zones, replace(ZONE, id="n", polygon=((4.0, 0.0), (5.0, 0.0), (5.0, 1.0))))
+    items.note_tick(pose_ids)
+    assert len(asked) == 1 and is_anchored(held.stored[2], pose_ids.numbering)
+
+
+def test_a_site_that_is_being_left_keeps_its_zones_where_they_are(pose_ids: PoseIds) -> None:
+    class Left(Held):
+        def move(self, placed: Callable[[Zone], Zone]) -> tuple[tuple[Zone, Zone], ...]:
+            raise at_another_site()
+
+        def anchor(self, anchored: Callable[[Zone], Zone]) -> None:
+            raise at_another_site()
+
+    items = items_of(Left())
+    items.note_tick(pose_ids)
+    assert shifted(items, pose_ids, 0.4) == ("Goal “Dock” moved 0.40 m with the map.",)
+
+
+def test_what_is_drawn_between_two_ticks_belongs_to_the_map_of_the_newest(
+    pose_ids: PoseIds,
+) -> None:
+    items = items_of(Held())
+    assert items.anchored(ZONE) is ZONE, "there is no map yet"
+    items.note_tick(pose_ids)
+    drawn = items.anchored(ZONE)
+    assert is_anchored(drawn, pose_ids.numbering)
+    shifted(items, pose_ids, 0.4)
+    assert items.placed(drawn).polygon[0] == pytest.approx((2.4, 0.0))
+    items.forget()
+    assert items.anchored(ZONE) is ZONE and items.placed(drawn) is drawn

@@ -102,14 +102,13 @@ def test_edits_are_undone_and_redone_one_by_one_in_the_store_too(desk: Desk) -> 
         desk.editor.redo()
 
 
-def test_what_edits_and_sets_bring_back_is_where_a_correction_of_the_map_has_it(desk: Desk) -> None:
+def test_what_edits_bring_back_is_where_a_correction_of_the_map_has_it(desk: Desk) -> None:
     def placed(zone: Zone) -> Zone:
         polygon = tuple((x + 0.5, y) for x, y in zone.polygon)
         return dataclasses.replace(zone, polygon=polygon, drawn=None)
 
     (kept,) = desk.editor.add_all([SLOW])
     (gone,) = desk.editor.add_all([ROUND])
-    desk.editor.save_set("both")
     desk.editor.delete(gone.id)
     desk.editor.replace(kept.id, dataclasses.replace(SLOW, name="slower"))
     ((before, after),) = desk.editor.move(placed)
@@ -128,8 +127,6 @@ def test_what_edits_and_sets_bring_back_is_where_a_correction_of_the_map_has_it(
     desk.editor.redo()
     desk.editor.redo()
     assert is_there("slower")
-    desk.editor.use_set("both")
-    assert is_there("slow", "round")
 
 
 def test_zones_move_with_the_map_even_while_the_store_refuses_and_are_stored_later(
@@ -145,23 +142,18 @@ def test_zones_move_with_the_map_even_while_the_store_refuses_and_are_stored_lat
     def full(*_: object) -> None:
         raise StorageFailed("the disk is full")
 
-    desk.editor.save_set("night")
     with monkeypatch.context() as patch:
         patch.setattr(desk.store.site, "change_zones", full)
-        patch.setattr(desk.store.site, "save_document", full)
         desk.editor.move(placed)
         (bound,) = desk.bound
         assert bound.polygon == placed(before).polygon and bound.version == before.version + 1
         assert desk.store.site.zones() == (before,)
         with pytest.raises(StorageFailed):  # the thread that calls it logs that once
             desk.editor.expire()
-        assert desk.editor.has_unmoved_sets
         with pytest.raises(StorageFailed):  # an edit of the operator is refused as before
             desk.editor.add_all([ROUND])
     desk.editor.expire()
     assert desk.store.site.zones() == desk.bound == (bound,)
-    assert not desk.editor.has_unmoved_sets
-    assert desk.editor.sets()["night"][0].polygon == bound.polygon
 
 
 def test_a_new_edit_clears_redo_and_versions_only_grow(desk: Desk) -> None:

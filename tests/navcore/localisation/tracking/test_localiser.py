@@ -95,8 +95,8 @@ KEYFRAMES = saved_map()
 def saved_trip(keyframes: tuple[Keyframe, ...]) -> Trip:
     """A robot in a saved map."""
     ids = PoseIds(0.25, 10.0)
-    ids.restore(np.array([[k.T_map_base.x_m, k.T_map_base.y_m, k.T_map_base.yaw_rad]
-                          for k in keyframes]))  # fmt: skip
+    poses = [k.T_map_base for k in keyframes]
+    ids.restore(np.array([[pose.x_m, pose.y_m, pose.yaw_rad] for pose in poses]), "")
     localiser = Localiser(ids)
     localiser.load(keyframes)
     return Trip(localiser)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -113,14 +114,17 @@ def test_an_unknown_or_frozen_pose_is_not_movable() -> None:
 
 
 def test_restored_ids_are_the_same_poses_and_frozen() -> None:
-    first, second = ids(), ids()
+    first, second, names = ids(), ids(), map(str, itertools.count(1)).__next__
+    assert first.numbering == second.numbering == "", "equal drives give equal maps"
+    first.name_numberings(names)
+    second.name_numberings(names)
     for x in (0.0, 1.0, 2.0):
         first.id_of(pose(x, 0.3, 20 * x))
     second.id_of(pose(7.0))
     second.restore(first.array(), first.numbering)
     assert second.poses == first.poses
     assert second.frozen == 3
-    assert second.numbering_before == first.numbering
+    assert second.loaded_numbering == first.numbering
     assert second.numbering not in ("", first.numbering), "its next ID is another place"
     assert second.known(pose(7.0)) is None
     assert second.known(pose(1.1, 0.3, 20.0)) == 1

@@ -208,6 +208,20 @@ def old(whole: bytes) -> bytes:
     return file.getvalue()
 
 
+def test_a_file_of_version_3_is_read_and_names_no_numbering(tmp_path: Path, whole: bytes) -> None:
+    (tmp_path / "m").write_bytes(remade(whole, "head", head(version=3)))
+    assert_same(load(tmp_path / "m").state, state_of(3))
+    assert load(tmp_path / "m").state.numbering == ""
+
+
+def test_the_poses_of_a_file_are_read_alone(whole: bytes) -> None:
+    numbering, poses = map_file.numbered_poses(whole, "m")
+    assert numbering == state_of(3).numbering != ""
+    np.testing.assert_array_equal(poses, state_of(3).poses)
+    with pytest.raises(BadConfiguration, match="m: poses: has values"):
+        map_file.numbered_poses(remade(whole, "poses", np.full((3, 3), np.inf)), "m")
+
+
 def test_a_file_of_version_1_is_read_and_its_points_keep_their_places(
     tmp_path: Path, old: bytes
 ) -> None:
@@ -292,7 +306,7 @@ def head(**changed: object) -> npt.NDArray[np.uint8]:
     spec = {"resolution_m": 0.1, "rows": 13, "cols": 21, "origin_x_m": -1.3, "origin_y_m": 0.7}
     values = {
         "format": "bewarenav map",
-        "version": 3,
+        "version": 4,
         "spec": spec,
         "class_ids": [1],
         "class_names": ["a"],
@@ -396,8 +410,16 @@ HUGE = (
         ("head", np.frombuffer(b"{", dtype=np.uint8), "m: head: damaged"),
         ("head", np.frombuffer(b"[" * 100_000, dtype=np.uint8), "m: head: damaged"),
         ("head", head(format="other"), "m: no map of this program"),
-        ("head", head(version=1), "m: made in version 1 of the format, this program reads 1, 2, 3"),
-        ("head", head(version=4), "m: made in version 4 of the format, this program reads 1, 2, 3"),
+        (
+            "head",
+            head(version=1),
+            "m: made in version 1 of the format, this program reads 1, 2, 3, 4",
+        ),
+        (
+            "head",
+            head(version=5),
+            "m: made in version 5 of the format, this program reads 1, 2, 3, 4",
+        ),
         ("head", head(spec={}), "m: head.spec: key 'resolution_m' is missing"),
         ("head", head(colour=1), "m: head: unknown key 'colour'"),
         ("head", head(class_ids=[1, 2]), "m: head.class_ids: expected one id for each name"),
@@ -418,7 +440,7 @@ def test_a_file_that_does_not_fit_itself_is_refused_by_part(
         ("points_map", GOOD["points_map"] + np.float32(50), "m: points_map: has values"),
         ("points_map", GOOD["points_map"] * np.float32(np.nan), "m: points_map: has values"),
         ("pose_ids", GOOD["pose_ids"] + np.int32(1), "m: pose_ids: has values"),
-        ("head", head(), "m: made in version 3 of the format"),
+        ("head", head(), "m: made in version 4 of the format"),
         ("points_base", GOOD["points_map"], "m: no map of this program; expected the parts"),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import uuid
 import zipfile
 from collections.abc import Iterator
 from contextlib import closing
@@ -16,12 +17,13 @@ import pytest
 from app.console.mission.anchored_items import AnchoredItems
 from app.console.mission.saved_missions import SavedMissions
 from app.console.mission.zone_editor import ZoneEditor
+from app.console.site.placing import MISSION, numbered, settle
 from app.console.site.site_archive import pack
 from app.console.site.site_files import export_nav2
 from app.console.site.sites import mission_of
-from app.console.site.stored_anchors import ANCHORS, MISSION, save_anchors, settle
 from app.runtime.control.operator_state import OperatorState
 from app.storage import Store
+from app.storage.records import goal_record
 from app.storage.site_store import SiteStore
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception.perception import ObservationConfig
@@ -73,39 +75,33 @@ class Session:
     def __init__(self, site: SiteStore) -> None:
         self.site, self.holder = site, Holder()
         self.map = PointMap(SPEC, MappingConfig())
+        self.map.pose_ids.name_numberings(lambda: uuid.uuid4().hex)
         if site.map_file.exists():
             self.map.restore(map_file.load(site.map_file).state)
-        settle(site, self.map.pose_ids.numbering_before, self.map.pose_ids.array())
+        pose_ids = self.map.pose_ids
+        settle(site, numbered(pose_ids.loaded_numbering, pose_ids.array()))
         self.holder.intent = dataclasses.replace(
             self.holder.intent, mission=mission_of(site), zones=site.zones()
         )
-        self.zones = ZoneEditor(self.holder, store=site)
-        self.saved = SavedMissions(site)
         self.anchored = AnchoredItems(
-            lambda: self.zones,
-            lambda: self.saved,
-            lambda: self.holder.intent.mission,
-            self.holder.change_mission,
-            lambda anchors: save_anchors(site, anchors),
+            lambda: self.zones, lambda: self.holder.intent.mission, self.holder.change_mission
         )
+        self.zones = ZoneEditor(self.holder, store=site, anchors=self.anchored)
+        self.saved = SavedMissions(site, self.anchored)
 
     def see(self, x_m: float) -> None:
         """Measure the scene from another pose."""
         observe_scene(self.map, Pose2(x_m=x_m, y_m=0.0, yaw_rad=0.0))
 
-    def tick(self, **changes: bool) -> None:
+    def tick(self, *, has_moved: bool = False) -> None:
         """Do what the console does after each tick, and what it stores some time later."""
-        self.anchored.note_tick(self.map.pose_ids, **changes)
-        self.anchored.keep()
+        self.anchored.note_tick(self.map.pose_ids, has_moved=has_moved)
         self.keep_mission()
 
     def keep_mission(self) -> None:
         """Store the mission in progress."""
         mission = self.holder.intent.mission
-        queue = [
-            {"id": goal.id, "x_m": goal.x_m, "y_m": goal.y_m, "yaw_rad": goal.yaw_rad, "name": ""}
-            for goal in mission.queue
-        ]
+        queue = [{"id": goal.id, **goal_record(goal)} for goal in mission.queue]
         record = {"phase": "paused", "queue": queue, "reached": [], "cancelled": False}
         self.site.save_document(*MISSION, {**record, "next_id": 9, "loop": False})
 
@@ -114,7 +110,7 @@ class Session:
         ids = self.map.pose_ids
         motion = Pose2(x_m=x_m, y_m=0.0, yaw_rad=turn_rad)
         move(ids, {n: motion @ ids[n] for n in range(ids.frozen, len(ids))})
-        self.tick(is_corrected=True)
+        self.tick(has_moved=True)
 
     def write(self) -> None:
         """Write the map."""
@@ -148,6 +144,7 @@ def session(store: Store) -> Session:
     session = Session(store.site)
     for x_m in (0.0, 0.5, 1.0):
         session.see(x_m)
+    session.tick()
     session.zones.add_all([SQUARE, POST])
     session.zones.save_set("all")
     session.holder.change_mission(lambda mission: mission.add(1.0, 0.5, SPEC, yaw_rad=1.0))
@@ -185,19 +182,84 @@ def test_after_a_kill_between_two_corrections_all_is_where_the_map_between_has_i
 
 
 def test_zones_that_were_not_stored_yet_are_where_a_newer_map_has_them(
-    session: Session, store: Store, monkeypatch: pytest.MonkeyPatch
+    session: Session, store: Store
 ) -> None:
-    """The think thread was killed between the storing of the anchors and that of the zones."""
-    session.write()
-    session.zones.move = lambda _: ()  # type: ignore[method-assign, assignment]
-    monkeypatch.setattr(SavedMissions, "move", lambda *_: None)
-    session.holder.change_mission = lambda _: None  # type: ignore[method-assign, assignment]
-    ids = session.map.pose_ids
+    """The program was killed between the correction and the storing of what it moves."""
+    ids, before = session.map.pose_ids, session.where()
     move(ids, {n: Pose2(x_m=0.4, y_m=0.0, yaw_rad=0.0) @ ids[n] for n in range(len(ids))})
-    before = session.where()
-    session.anchored.note_tick(ids, is_corrected=True)
     session.write()
     assert Session(store.site).where() == [(round(x + 0.4, 6), y) for x, y in before]
+
+
+def test_what_is_drawn_after_a_correction_is_where_the_older_map_has_it(
+    session: Session, store: Store
+) -> None:
+    """The program was killed right after it had acknowledged the zone."""
+    session.write()
+    session.correct(0.4, 0.0)
+    beside = dataclasses.replace(SQUARE, polygon=((1.4, -2.0), (2.0, -2.0), (2.0, -1.5)))
+    session.zones.add(beside)
+    (square, _, _) = session.zones.stored
+    bent = ((1.4, 1.0), (2.4, 1.0), (2.4, 2.5))
+    session.zones.replace(square.id, dataclasses.replace(SQUARE, polygon=bent))
+    bent_zone, _, new = Session(store.site).zones.stored
+    assert new.polygon[0] == pytest.approx((1.0, -2.0))
+    expected = [value for x, y in bent for value in (x - 0.4, y)]
+    assert [value for corner in bent_zone.polygon for value in corner] == pytest.approx(expected)
+
+
+def test_a_start_with_another_map_loses_no_anchor(session: Session, store: Store) -> None:
+    """As by `--map FILE`, also of a copy of the map of this session."""
+    session.write()
+    drawn, early = session.where(), store.site.map_file.read_bytes()
+    session.correct(0.4)
+    session.write()
+    own, late = session.where(), store.site.map_file.read_bytes()
+    session.correct(0.2)
+    other = PointMap(SPEC, MappingConfig())
+    observe_scene(other)
+    map_file.save(store.site.map_file, other.state(), RED_LIST.names)
+    Session(store.site).tick()
+    for data, places in ((early, drawn), (late, own), (early, drawn)):
+        store.site.map_file.write_bytes(data)
+        assert Session(store.site).where() == places
+
+
+def test_a_set_and_a_mission_that_are_used_later_are_where_the_map_has_them(
+    session: Session,
+) -> None:
+    drawn = session.zones.stored
+    session.zones.delete(drawn[0].id)
+    session.holder.change_mission(lambda mission: mission.cancel())
+    session.correct(0.4)
+    session.zones.use_set("all")
+    post, square = session.zones.stored
+    assert square.polygon[0] == pytest.approx((1.295171, 1.094838), abs=1e-6)
+    assert post.drawn is not None and post.drawn != CIRCLE
+    session.zones.undo()
+    session.zones.undo()
+    there = {zone.polygon for zone in session.zones.stored}
+    assert there == {square.polygon, post.polygon}, "as undone edits bring it back"
+    session.correct(-0.2, 0.0)
+    (goal,) = session.saved.named("round").goals
+    session.holder.change_mission(lambda mission: mission.refill([goal], loop=False))
+    session.correct(0.1, 0.0)
+    (queued,) = session.holder.intent.mission.queue
+    assert queued.x_m == pytest.approx(goal.x_m + 0.1)
+
+
+def test_a_rename_keeps_the_anchor_of_a_zone(session: Session, store: Store) -> None:
+    session.write()
+    session.correct(0.4)
+    (square, post) = session.zones.stored
+    session.zones.replace(
+        square.id, dataclasses.replace(SQUARE, name="dry", polygon=square.polygon)
+    )
+    session.zones.delete(post.id)
+    session.zones.undo()
+    square, post = Session(store.site).zones.stored
+    assert square.name == "dry" and square.polygon == SQUARE.polygon
+    assert post.drawn == CIRCLE
 
 
 def test_where_the_stored_map_is_another_one_all_stays_as_it_was_stored(
@@ -207,20 +269,9 @@ def test_where_the_stored_map_is_another_one_all_stays_as_it_was_stored(
     observe_scene(other)
     map_file.save(store.site.map_file, other.state(), RED_LIST.names)
     session.correct(0.4)
-    assert Session(store.site).where() == session.where()
-
-
-def test_what_an_operator_has_moved_since_stays_where_it_was_put(
-    session: Session, store: Store
-) -> None:
-    session.write()
-    session.correct(0.4)
-    (square, _) = session.zones.stored
-    elsewhere = dataclasses.replace(SQUARE, polygon=((3.0, 1.0), (4.0, 1.0), (4.0, 2.0)))
-    session.zones.replace(square.id, elsewhere)
-    again = Session(store.site)
-    assert again.zones.stored[0].polygon == elsewhere.polygon
-    assert again.zones.stored[1].drawn == CIRCLE
+    again, zones, queue = Session(store.site), session.zones.stored, session.holder.intent.mission
+    assert again.zones.stored == zones and again.holder.intent.mission.queue == queue.queue
+    assert session.zones.stored[0].polygon != SQUARE.polygon
 
 
 def test_what_was_drawn_beside_poses_that_are_not_stored_stays(
@@ -229,13 +280,12 @@ def test_what_was_drawn_beside_poses_that_are_not_stored_stays(
     session.write()
     ids = session.map.pose_ids
     session.see(9.0)
+    session.tick()
     far = dataclasses.replace(SQUARE, polygon=((10.0, 1.0), (10.5, 1.0), (10.5, 2.0)))
     session.zones.add(far)
     session.tick()
-    assert any(
-        held is not None and min(n for n, _ in held.anchor.poses) == len(ids) - 1
-        for held in session.anchored._anchors.zones.values()
-    )
+    anchor = session.zones.stored[2].anchor
+    assert anchor is not None and [n for n, _ in anchor.poses] == [len(ids) - 1]
     assert Session(store.site).zones.stored[2].polygon == far.polygon
 
 
@@ -243,8 +293,8 @@ def test_a_map_that_is_loaded_begins_afresh(session: Session, store: Store) -> N
     """Its poses are constants, and the IDs after them are given to other places."""
     session.write()
     again = Session(store.site)
-    assert store.site.documents(ANCHORS[0]) == {}
     again.see(9.0)
+    again.tick()
     drawn = again.where()
     again.correct(0.4)
     assert again.where() == drawn
