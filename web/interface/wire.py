@@ -12,7 +12,8 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ConfigDict, InstanceOf, PlainSerializer, TypeAdapter
+from pydantic import ConfigDict, GetCoreSchemaHandler, InstanceOf, PlainSerializer, TypeAdapter
+from pydantic_core.core_schema import any_schema
 
 from navcore.geometry.transform import Pose2, Twist
 from navcore.grid.grid import GridSpec
@@ -88,8 +89,20 @@ whole file again for every class: a second of each start.
 
 
 def served(kind: type[_Kind]) -> type[_Kind]:
-    """Class decorator of a dataclass in answers."""
+    """Class decorator of a dataclass in answers; they are without fields that count in no
+    comparison, which are no part of its value."""
     kind.__pydantic_config__ = DOCUMENTED  # type: ignore[attr-defined]
+    hidden = {field.name for field in fields(kind) if not field.compare}  # type: ignore[arg-type]
+    if hidden:
+
+        def schema_of(source: Any, handler: GetCoreSchemaHandler) -> Any:
+            schema: Any = handler(source)
+            for field in schema["schema"]["fields"]:
+                if field["name"] in hidden:
+                    field["serialization_exclude"], field["schema"] = True, any_schema()
+            return schema
+
+        kind.__get_pydantic_core_schema__ = staticmethod(schema_of)  # type: ignore[attr-defined]
     _served.append(kind)
     return kind
 

@@ -8,6 +8,7 @@ import httpx
 import pytest
 from pydantic import TypeAdapter
 
+from navcore.mission.anchor import Anchor, Place
 from navcore.safety.gate import Cause, StopReason
 from tests.web.api.answers import wrong, zone
 from tests.web.fake_operations import FakeOperations
@@ -162,3 +163,15 @@ def test_a_goal_beyond_the_map_and_a_site_to_stay_in_are_taken(client: httpx.Cli
     assert (
         "other zones have none" in wrong(client.post("/api/v1/zones", json=limited), 422)["message"]
     )
+
+
+def test_the_poses_that_a_goal_belongs_to_are_not_served(
+    client: httpx.Client, operations: FakeOperations
+) -> None:
+    client.post("/api/v1/goals", json={"x_m": 3.0, "y_m": 0.5})
+    state, place = operations.state(), Place(outline=((3.0, 0.5),))
+    anchor = Anchor(numbering="of a map", poses=(), drawn=place, place=place)
+    (goal,) = state.queue
+    anchored = dataclasses.replace(state, queue=(dataclasses.replace(goal, anchor=anchor),))
+    (served,) = TypeAdapter(State).dump_python(anchored)["queue"]
+    assert served == {"id": 1, "x_m": 3.0, "y_m": 0.5, "yaw_rad": None, "name": ""}
