@@ -34,9 +34,6 @@ STEER_S = 0.1
 STEER_FACTOR = 2.0
 """Multiple of the time that the labels of the last frame took for which it does so: those of the
 next one are overdue then."""
-LONGEST_STEER_S = 0.75
-"""Longest time for which it does so, seconds: with the age of the frame itself a second or so, in
-which the robot drives no farther than the camera sees."""
 JOIN_S = 2.0
 """Longest wait for the end of a thread, seconds."""
 ROBOT_THREADS = frozenset({"sense", "segment", "think", "command", "to-simulator", "MainThread"})
@@ -114,7 +111,7 @@ class ControlLoop:
                 if segmented is None:
                     continue
                 frame = segmented.frame
-                steer_s = min(STEER_FACTOR * segmented.took_ms / 1e3, LONGEST_STEER_S)
+                steer_s = STEER_FACTOR * segmented.took_ms / 1e3
                 decision = self._controller.think(frame, clock=self._robot.now_ns, ahead=segmented)
                 if decision is not None:
                     self._on_decision(decision)

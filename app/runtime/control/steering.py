@@ -16,6 +16,10 @@ from navcore.navigator import Navigator, TickResult
 from navcore.robot.driver import Command
 from navcore.safety.sensor_monitor import SensorMonitor
 
+OLDEST_S = 1.0
+"""Age in seconds of what the newest tick has seen, at the newest pose, up to which the robot is
+steered: it drives over no floor that no tick has seen, but the world may have changed."""
+
 
 def steered(
     tick_state: TickState,
@@ -26,7 +30,7 @@ def steered(
 ) -> TickState:
     """Return the outcome of a tick with the motion that is chosen again by the newest pose and
     velocity; the same one where it drives nowhere, is for another `request` than the present one,
-    or no newer pose can be believed."""
+    saw too long ago, or no newer pose can be believed."""
     last, newest = tick_state.decision, sensors.newest
     if (
         last is None
@@ -34,10 +38,11 @@ def steered(
         or tick_state.command is None
         or tick_state.request != request
         or not sensors.newest_is_trusted
-        or newest.stamp_ns <= last.frame.stamp_ns
     ):
         return tick_state
     later_s = (newest.stamp_ns - last.frame.stamp_ns) / 1e9
+    if not 0.0 < later_s <= OLDEST_S:
+        return tick_state
     decision = navigator.steer(last, newest.pose, newest.twist, later_s)
     if decision is None:
         return tick_state

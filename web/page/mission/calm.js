@@ -24,9 +24,9 @@ export function holdFilter() {
 
 const RATE_WINDOW_MS = 10_000;
 const FEWEST_MS = 5000;
-// A decision is continued until the next one is overdue, for less than a second in all: with fewer
-// images the gate holds the robot.
-export const NEEDED_HZ = 2;
+// A decision is continued for as long as its image is at most a second old: with fewer images,
+// each of which is some time old before it is decided on, the gate holds the robot.
+export const NEEDED_HZ = 3;
 
 // Return a function of (images, nowMs), the number that the robot has handled so far, that says how
 // many it handles a second, or null before it can tell.

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from app.runtime.control.robot_controller import RobotController
+from app.runtime.control.steering import OLDEST_S
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.mission import Mission
 from navcore.perception.people.track import Track
@@ -86,6 +87,15 @@ def test_nothing_is_continued_before_the_first_tick_nor_by_the_same_frame() -> N
     before = driver.tick_state
     driver.command(lambda: OPEN.stamp_ns, 0.05, newest=OPEN)
     driver.steer(lambda: OPEN.stamp_ns)
+    assert driver.tick_state is before
+
+
+def test_what_was_seen_long_ago_is_not_driven_by() -> None:
+    driver = controller((4.0, 0.0))
+    think(driver)
+    before = driver.tick_state
+    frame = sees(driver, LATER, after_s=OLDEST_S + 0.05)
+    driver.steer(lambda: frame.stamp_ns)
     assert driver.tick_state is before
 
 
