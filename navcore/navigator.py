@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from navcore.behaviours.supervisor import Behaviour
 from navcore.config.navigator import NavigatorConfig
 from navcore.config.safety import DEFAULT_SAFETY
-from navcore.control.controller import Controller, ControlTask
+from navcore.control.controller import Controller, ControllerMemory, ControlTask
 from navcore.control.motion import ControllerState, Motion
+from navcore.control.motions.beside_people import no_faster
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
@@ -138,6 +139,7 @@ class Navigator:
         self._correction = MapCorrection(self.map, self.localisation, config.localisation.tracking)
         self._trial = MapTrial(self.map, self.localisation, config.localisation.start)
         self._task: ControlTask | None = None  # of the newest tick, where it has decided the motion
+        self._steered: ControllerMemory | None = None  # of the newest decision since that tick
         # What has become of the map, until the result of a tick tells it: a tick may fail after it.
         self._corrected: AppliedCorrection | None = None
         self._taken_back = False
@@ -193,7 +195,7 @@ class Navigator:
         )
         decided = stages.control(self._controller, task)
         motion = self._supervise(decided, frame, route, people, held=held)
-        self._task = task if motion is decided else None
+        self._task, self._steered = task if motion is decided else None, None
         result = TickResult(
             frame=frame,
             request=request,
@@ -231,12 +233,20 @@ class Navigator:
             people=tuple(person.after(later_s) for person in last.people),
             expectations=self.behaviour.expectations(pose, self._profile, self._config),
         )
-        motion = self._stages.control(self._controller, task)
+        of_tick = self._controller.memory
+        self._controller.recall(self._steered or of_tick)
+        try:
+            motion = self._stages.control(self._controller, task)
+        finally:  # the next tick, of an older frame perhaps, goes on from the last one
+            self._steered = self._controller.memory
+            self._controller.recall(of_tick)
+        if last.people:  # who may have stopped meanwhile
+            motion = no_faster(motion, abs(last.motion.twist.v_mps), self._profile)
         return dataclasses.replace(
             last,
             motion=self.limit(motion, last.request.zones, pose, twist),
-            obstacles=self._controller.obstacles,
-            in_margin=self._controller.in_margin,
+            obstacles=self._steered.obstacles,
+            in_margin=self._steered.in_margin,
         )
 
     def _estimate_ground(self, frame: Frame) -> FloatImage:

@@ -236,7 +236,12 @@ class LiveOperations:
         with self.beware.retired(), self.map_edits.retired(), self.path_settings.retired():
             keep_map()  # by a tick, which may have to move the zones first
             with self.zones.retired():
-                yield
+                self._anchored.leave()
+                try:
+                    yield
+                except BaseException:
+                    self._anchored.begin(is_new=False)
+                    raise
 
     def enter_site(self, site: SiteStore) -> None:
         """Edit the contents of another site from now on."""
@@ -251,12 +256,12 @@ class LiveOperations:
     def _begin_map(self) -> None:
         """Begin on the map of another site, in the thread of the ticks."""
         self._forget_map()
+        self._anchored.begin(is_new=True)
         self._recorder.forget_path()
 
     def _forget_map(self) -> None:
-        """Forget what was seen, and what zones and goals were anchored to, on another map."""
+        """Forget what was seen on another map."""
         self.insight.forget_place()
-        self._anchored.forget()
         self._recent.forget()
 
     @property

@@ -8,7 +8,7 @@ from typing import Any
 
 from navcore.geometry.transform import Pose2
 from navcore.mission.anchor import Anchor, Place
-from navcore.mission.anchors import Item, place_of, valid_anchor
+from navcore.mission.anchors import Item, anchors_of, linked, place_of
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.mission.zone_shapes import Circle, Corridor, Shape
@@ -66,8 +66,7 @@ def goal_of(record: Mapping[str, Any]) -> Goal:
 
 def _anchors_record(item: Zone | Goal) -> dict[str, Any]:
     """Return the anchors that tell where an item is, the newest first, if there are any."""
-    anchor, here = valid_anchor(item), place_of(item)
-    chain = () if anchor is None else (anchor, anchor.earlier)
+    here = place_of(item)
     anchors = [
         {
             "numbering": one.numbering,
@@ -75,23 +74,24 @@ def _anchors_record(item: Zone | Goal) -> dict[str, Any]:
             # Left out where the item has not moved since.
             "drawn": None if one.drawn == here else _place_record(one.drawn),
         }
-        for one in chain
-        if one is not None and one.poses
+        for one in anchors_of(item)
+        if one.poses
     ]
     return {ANCHORS: anchors} if anchors else {}
 
 
 def _with_anchors(item: Item, record: Mapping[str, Any]) -> Item:
-    here, anchor = place_of(item), None
-    for one in reversed(record.get(ANCHORS, ())):
-        anchor = Anchor(
+    here = place_of(item)
+    anchors = [
+        Anchor(
             numbering=one["numbering"],
             poses=tuple((n, Pose2(x_m=x, y_m=y, yaw_rad=yaw)) for n, x, y, yaw in one["poses"]),
             drawn=here if one["drawn"] is None else _place_of(one["drawn"]),
             place=here,
-            earlier=anchor,
         )
-    return item if anchor is None else replace(item, anchor=anchor)
+        for one in record.get(ANCHORS, ())
+    ]
+    return replace(item, anchor=linked(anchors)) if anchors else item
 
 
 def _place_record(place: Place) -> dict[str, Any]:

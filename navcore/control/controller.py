@@ -73,6 +73,19 @@ class ControlTask:
     """Class ids of the beware list that are people."""
 
 
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ControllerMemory:
+    """What a step of the controller leaves behind."""
+
+    motion: Motion
+    """Its motion."""
+    in_margin: bool
+    """Whether a margin reaches the body, and what has it does not."""
+    obstacles: tuple[Points, Points]
+    """What stands near the robot, and where it is forbidden: (N, 2) middles of cells, base
+    frame."""
+
+
 class Controller:
     """Runs the local planner; remembers the newest motion, since a manoeuvre is carried through."""
 
@@ -154,6 +167,18 @@ class Controller:
         if at_end and not task.reaches_goal:
             self._motion = IDLE
         return self._motion
+
+    @property
+    def memory(self) -> ControllerMemory:
+        """What the next step goes on from, and what the newest one was decided by."""
+        return ControllerMemory(
+            motion=self._motion, in_margin=self.in_margin, obstacles=self.obstacles
+        )
+
+    def recall(self, memory: ControllerMemory) -> None:
+        """Go on from another step than the newest one."""
+        self._motion, self.in_margin = memory.motion, memory.in_margin
+        self.obstacles = memory.obstacles
 
     def limit(self, motion: Motion, zones: tuple[Zone, ...], pose: Pose2, twist: Twist) -> Motion:
         """Slow a motion down to the operator's speed limits; `twist` is the measured velocity."""

@@ -9,6 +9,7 @@ item is in it. Items far from every pose, or beside a pose of the loaded map, st
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -28,6 +29,8 @@ REACH_M = 6.0
 as the camera measures."""
 MOST_POSES = 5
 """Number of the nearest poses that an item belongs to."""
+MOST_EARLIER = 7
+"""Number of the maps before, of those that had poses beside an item, that its anchors tell of."""
 LEAST_M = 0.01
 """Distance in metres below which an item stays where it is, from where its poses have it: a
 correction that moves it less adds to the next."""
@@ -41,25 +44,25 @@ def anchored(item: Item, poses: NumberedPoses, reach_m: float = REACH_M) -> Item
     """
     if is_anchored(item, poses.numbering):
         return item
-    here, before = place_of(item), valid_anchor(item)
-    if before is not None and not before.poses:
-        before = before.earlier
+    here = place_of(item)
     anchor = Anchor(
         numbering=poses.numbering,
         poses=tuple((n, poses.poses[n]) for n in _beside(here, poses, reach_m)),
         drawn=here,
         place=here,
-        earlier=None if before is None else dataclasses.replace(before, earlier=None),
     )
-    return dataclasses.replace(item, anchor=anchor)
+    others: list[Anchor] = [
+        one for one in anchors_of(item) if one.poses and one.numbering != poses.numbering
+    ]
+    chain = [anchor, *others[:MOST_EARLIER]]
+    return dataclasses.replace(item, anchor=linked(chain))
 
 
 def placed(item: Item, poses: NumberedPoses) -> Item:
     """Return an item where the poses of a map have it; the same one where it stays."""
-    anchor = valid_anchor(item)
-    for one in () if anchor is None else (anchor, anchor.earlier):
-        known = poses.of(one.numbering) if one is not None and one.poses else None
-        if one is not None and known is not None:
+    for one in anchors_of(item):
+        known = poses.of(one.numbering) if one.poses else None
+        if known is not None:
             there = moved(one.drawn, one.motion(known))
             is_still = moved_m(place_of(item), there) < LEAST_M
             return item if is_still else at_place(item, there)
@@ -71,6 +74,23 @@ def valid_anchor(item: Zone | Goal) -> Anchor | None:
     elsewhere since."""
     anchor = item.anchor
     return anchor if anchor is not None and anchor.place == place_of(item) else None
+
+
+def anchors_of(item: Zone | Goal) -> list[Anchor]:
+    """Return the anchors of an item in all numberings, the newest first."""
+    found, anchor = list[Anchor](), valid_anchor(item)
+    while anchor is not None:
+        found.append(anchor)
+        anchor = anchor.earlier
+    return found
+
+
+def linked(anchors: Sequence[Anchor]) -> Anchor | None:
+    """Return the first of the anchors of an item, with all others as earlier ones."""
+    anchor: Anchor | None = None
+    for one in reversed(anchors):
+        anchor = dataclasses.replace(one, earlier=anchor)
+    return anchor
 
 
 def is_anchored(item: Zone | Goal, numbering: str) -> bool:
@@ -88,11 +108,7 @@ def place_of(item: Zone | Goal) -> Place:
 
 def at_place(item: Item, place: Place) -> Item:
     """Return an item at another place, to which its poses have brought it."""
-    anchor = item.anchor
-    if anchor is not None:
-        earlier = anchor.earlier
-        before = None if earlier is None else dataclasses.replace(earlier, place=place)
-        anchor = dataclasses.replace(anchor, place=place, earlier=before)
+    anchor = linked([dataclasses.replace(one, place=place) for one in anchors_of(item)])
     if isinstance(item, Goal):
         ((x_m, y_m),) = place.outline
         return dataclasses.replace(item, x_m=x_m, y_m=y_m, yaw_rad=place.yaw_rad, anchor=anchor)

@@ -78,7 +78,7 @@ class AnchoredItems:
     ) -> None:
         """`zones` gives the editor of the present site."""
         self._zones, self._mission, self._change_mission = zones, mission, change_mission
-        self._poses = NO_POSES
+        self._poses, self._is_left = NO_POSES, False
         self._seen: tuple[object, ...] = None, None, None
 
     def anchored(self, item: Item) -> Item:
@@ -95,14 +95,23 @@ class AnchoredItems:
         """Anchor what is new, and where the map `has_moved`, by a correction or because it was
         taken back to what it was, move what belongs to it; returns a sentence for each item that
         moved."""
+        if self._is_left:
+            return ()
         self._poses = pose_ids.numbered
         told = (*self._move_zones(), *self._move_goals()) if has_moved else ()
         self._anchor_new()
         return told
 
-    def forget(self) -> None:
-        """Forget the map: what is drawn next belongs to another one."""
-        self._poses = NO_POSES
+    def leave(self) -> None:
+        """Expect another map, and other items: the tick that runs now is still on the map before,
+        and what it moves stays where it is, until these are loaded again (`app.console.site`)."""
+        self._is_left = True
+
+    def begin(self, *, is_new: bool) -> None:
+        """Go on after `leave`, on the same map or on a new one, which the next tick is on."""
+        self._is_left = False
+        if is_new:
+            self._poses = NO_POSES
 
     def _anchor_new(self) -> None:
         zones, queue, numbering = self._zones(), self._mission().queue, self._poses.numbering

@@ -199,12 +199,23 @@ class ZoneEditor:
         return moved
 
     def anchor(self, anchored: Callable[[Zone], Zone]) -> None:
-        """Give zones the anchors with which `anchored` returns them; they are stored when they have
-        moved, with their next edit or correction."""
+        """Give zones the anchors with which `anchored` returns them, also if the store refuses;
+        `expire` tries that again."""
         with self._edits.editing():
-            zones = tuple(map(anchored, self.stored))
+            before = self.stored
+            zones = tuple(map(anchored, before))
             self._holder.change(lambda state: dataclasses.replace(state, zones=zones))
             self._edits.follow(_each(anchored))
+            new = [
+                zone
+                for zone, old in zip(zones, before, strict=True)
+                if zone is not old and zone.anchor is not None and zone.anchor.poses
+            ]
+            try:
+                self._store.change_zones(new, [])
+            except StorageFailed:
+                log.exception("the poses that zones belong to are not stored yet")
+                self._unstored |= {zone.id for zone in new}
 
     def delete(self, zone_id: str, *, expected_version: int | None = None) -> None:
         """Delete a zone."""

@@ -47,6 +47,13 @@ class MapRequests:
     place: ShownPlace | None = None
     """Place at the next frame; None to keep the estimate."""
 
+    @property
+    def concerns_place(self) -> bool:
+        """Whether the robot is somewhere else on the map, or on another one, from the next tick
+        on."""
+        is_map = self.replace_map is not None or bool(self.poses)
+        return is_map or self.trust_pose or self.search or self.place is not None
+
     def before(self, newer: MapRequests) -> MapRequests:
         """Return newer requests after these: of two places the newer one counts, and of what is
         meant for a map none on another one."""

@@ -301,7 +301,8 @@ class RobotController:
         called by the thread that calls `think`, for as long as the newest tick may be trusted."""
         with self._lock:
             intent, sensors = self._intent, self._watched
-        if not intent.searching:
+            is_elsewhere = intent.searching or self._requests.concerns_place
+        if not is_elsewhere:
             self._tick_state = steered(
                 self._tick_state, self.navigator, sensors, intent.request, clock
             )

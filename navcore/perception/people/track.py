@@ -80,9 +80,12 @@ class Track:
         )
 
     def after(self, t_s: float) -> Track:
-        """Return the track `t_s` seconds later, if the person walks on."""
+        """Return the track `t_s` seconds later, in which no frame has shown the person, if they
+        walk on."""
         x_m, y_m = self.at(t_s)
-        return dataclasses.replace(self, x_m=x_m, y_m=y_m)
+        return dataclasses.replace(
+            self, x_m=x_m, y_m=y_m, age_s=self.age_s + t_s, unseen_s=self.unseen_s + t_s
+        )
 
     def at(self, t_s: float) -> tuple[float, float]:
         """Return (x, y) in metres of the map frame, predicted `t_s` seconds after the frame."""

@@ -57,9 +57,9 @@ def test_a_tick_that_ends_after_a_change_of_site_leaves_nothing_of_its_map(
             noted.append("anchored")
             return super().note_tick(*given, **named)
 
-        def forget(self) -> None:
-            noted.append("forgotten")
-            super().forget()
+        def begin(self, *, is_new: bool) -> None:
+            noted.append("begun" if is_new else "gone on")
+            super().begin(is_new=is_new)
 
     monkeypatch.setattr("app.console.operations.RecentFrames", lambda: recent)
     monkeypatch.setattr("app.console.operations.AnchoredItems", Recorded)
@@ -101,7 +101,7 @@ def test_a_tick_that_ends_after_a_change_of_site_leaves_nothing_of_its_map(
         thread.join()
         tick()
         assert old.frame not in [one.frame for one in recent.all]
-        assert "forgotten" in noted
+        assert "begun" in noted and "gone on" not in noted
 
 
 def test_zones_follow_the_map_also_where_the_record_of_a_tick_fails(

@@ -211,5 +211,15 @@ def test_what_is_drawn_between_two_ticks_belongs_to_the_map_of_the_newest(
     assert is_anchored(drawn, pose_ids.numbering)
     shifted(items, pose_ids, 0.4)
     assert items.placed(drawn).polygon[0] == pytest.approx((2.4, 0.0))
-    items.forget()
+    items.begin(is_new=True)
     assert items.anchored(ZONE) is ZONE and items.placed(drawn) is drawn
+
+
+def test_a_tick_that_ends_while_the_site_is_changed_moves_nothing(pose_ids: PoseIds) -> None:
+    held = Held()
+    items = items_of(held)
+    items.note_tick(pose_ids)
+    items.leave()
+    assert shifted(items, pose_ids, 0.4) == () and held.stored == (ZONE, FAR)
+    items.begin(is_new=False)
+    assert shifted(items, pose_ids, 0.2)[0] == "Zone “Wet floor” moved 0.60 m with the map."

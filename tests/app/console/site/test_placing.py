@@ -27,6 +27,7 @@ from app.storage.records import goal_record
 from app.storage.site_store import SiteStore
 from navcore.config.mapping import MappingConfig
 from navcore.config.perception.perception import ObservationConfig
+from navcore.errors import StorageFailed
 from navcore.geometry.transform import IDENTITY, Pose2
 from navcore.mapping.point_map import PointMap
 from navcore.mapping.storage import map_file
@@ -223,6 +224,51 @@ def test_a_start_with_another_map_loses_no_anchor(session: Session, store: Store
     for data, places in ((early, drawn), (late, own), (early, drawn)):
         store.site.map_file.write_bytes(data)
         assert Session(store.site).where() == places
+
+
+def test_the_own_map_tells_where_a_zone_is_also_after_two_sessions_with_another_one(
+    session: Session, store: Store
+) -> None:
+    session.write()
+    own, drawn = store.site.map_file.read_bytes(), session.zones.stored[0].polygon
+    other = PointMap(SPEC, MappingConfig())
+    map_file.save(store.site.map_file, other.state(), RED_LIST.names)
+    for number in (1, 2, 3):
+        foreign = Session(store.site)
+        foreign.see(2.0)
+        foreign.tick()
+        foreign.correct(0.3, 0.0)
+        square = foreign.zones.stored[0]
+        renamed = dataclasses.replace(SQUARE, name=f"{number}", polygon=square.polygon)
+        foreign.zones.replace(square.id, renamed)
+        foreign.write()
+    assert square.polygon != drawn
+    store.site.map_file.write_bytes(own)
+    assert Session(store.site).zones.stored[0].polygon == drawn
+
+
+def test_a_zone_that_is_anchored_later_is_stored_with_its_anchor(
+    session: Session, store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was drawn before the first tick."""
+    store.site.map_file.unlink(missing_ok=True)
+    again = Session(store.site)
+    again.zones.add(dataclasses.replace(SQUARE, name="early"))
+    again.see(0.0)
+
+    def full(*_: object) -> None:
+        raise StorageFailed("disk full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store.site, "change_zones", full)
+        again.tick()
+    assert store.site.zones()[2].anchor is None
+    again.zones.expire()
+    assert store.site.zones()[2].anchor is not None
+    ids = again.map.pose_ids
+    move(ids, {0: Pose2(x_m=0.4, y_m=0.0, yaw_rad=0.0)})
+    again.write()
+    assert Session(store.site).zones.stored[2].polygon[0] == pytest.approx((1.4, 1.0))
 
 
 def test_a_set_and_a_mission_that_are_used_later_are_where_the_map_has_them(

@@ -5,11 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 
 from app.runtime.control.robot_controller import RobotController
 from app.runtime.control.steering import OLDEST_S
+from navcore.control.controller import Controller, ControlTask
+from navcore.control.motion import Motion
 from navcore.geometry.transform import STANDSTILL, Pose2, Twist
 from navcore.mission.mission import Mission
 from navcore.perception.people.track import Track
@@ -20,6 +23,17 @@ from tests.navcore.scene import picture
 from tests.navcore.ticks import OPEN, SECOND
 
 LATER = Pose2(x_m=0.3, y_m=0.0, yaw_rad=0.3)
+WALKER = Track(
+    id=1,
+    x_m=2.0,
+    y_m=1.0,
+    vx_mps=0.0,
+    vy_mps=-1.0,
+    radius_m=0.25,
+    age_s=2.0,
+    last_seen_ns=OPEN.stamp_ns,
+    walking_speed_mps=1.0,
+)
 
 
 def sees(driver: RobotController, pose: Pose2, *, after_s: float = 0.3) -> Frame:
@@ -118,17 +132,6 @@ def test_what_a_behaviour_has_the_robot_do_is_not_overruled() -> None:
 
 
 def test_people_have_walked_on_meanwhile() -> None:
-    walker = Track(
-        id=1,
-        x_m=2.0,
-        y_m=1.0,
-        vx_mps=0.0,
-        vy_mps=-1.0,
-        radius_m=0.25,
-        age_s=2.0,
-        last_seen_ns=OPEN.stamp_ns,
-        walking_speed_mps=1.0,
-    )
     asked = []
     plain = Stages()
 
@@ -138,9 +141,57 @@ def test_people_have_walked_on_meanwhile() -> None:
 
     driver = controller(
         (4.0, 0.0),
-        stages=Stages(track=lambda *_: (walker,), control=control),  # type: ignore[arg-type]
+        stages=Stages(track=lambda *_: (WALKER,), control=control),  # type: ignore[arg-type]
     )
     think(driver)
     steered(driver)
     (first, second) = (task.people[0] for task in asked)  # type: ignore[attr-defined]
     assert (first.y_m, second.y_m) == (pytest.approx(1.0), pytest.approx(0.7))
+    assert (first.unseen_s, second.unseen_s) == (0.0, pytest.approx(0.3))
+    assert first.at(-1.0) == pytest.approx((2.0, 2.0))
+    where_lost = second.at(first.unseen_s - second.unseen_s)
+    assert where_lost == pytest.approx((2.0, 1.0)), "where the tick has seen them"
+
+
+@pytest.mark.parametrize("has_people", [True, False])
+def test_beside_people_the_robot_gets_no_faster_than_the_tick_had_it(has_people: bool) -> None:
+    plain, speeds = Stages(), iter([0.3, 0.9])
+
+    def control(controller: Controller, task: ControlTask) -> Motion:
+        found = plain.control(controller, task)
+        return dataclasses.replace(found, twist=Twist(v_mps=next(speeds), w_radps=0.0))
+
+    people = (WALKER,) if has_people else ()
+    driver = controller((4.0, 0.0), stages=Stages(track=lambda *_: people, control=control))
+    think(driver)
+    twist = steered(driver)
+    assert twist is not None and twist.v_mps == pytest.approx(0.3 if has_people else 0.9)
+
+
+def test_the_next_tick_goes_on_from_the_tick_and_the_next_decision_from_the_last() -> None:
+    plain, previous = Stages(), list[Motion]()
+
+    def control(controller: Controller, task: ControlTask) -> Motion:
+        previous.append(controller.memory.motion)
+        return plain.control(controller, task)
+
+    driver = controller((4.0, 0.0), stages=Stages(control=control))
+    think(driver)
+    of_tick = driver.navigator._controller.memory
+    for number in (1, 2):
+        frame = sees(driver, LATER, after_s=0.3 * number)
+        driver.steer(partial(int, frame.stamp_ns))
+    left = driver.navigator._controller.memory
+    assert left.motion is of_tick.motion and left.obstacles is of_tick.obstacles
+    _, first, second = previous
+    assert first is of_tick.motion and second is not of_tick.motion
+
+
+@pytest.mark.parametrize("ask", ["trust_pose", "place", "search", "replace_map", "poses"])
+def test_a_robot_that_is_elsewhere_from_the_next_tick_on_is_not_steered(ask: str) -> None:
+    driver = controller((4.0, 0.0))
+    think(driver)
+    before = driver.tick_state
+    driver._ask(**{ask: {0: LATER} if ask == "poses" else True})
+    steered(driver)
+    assert driver.tick_state is before
