@@ -68,7 +68,7 @@ class ZoneMoves(Protocol):
 
 class AnchoredItems:
     """Anchors zones and goals, and moves them when the map is corrected. The think thread, which
-    changes the map, calls `note_tick` and `forget`; the other methods are safe from any."""
+    changes the map, calls `note_tick`; the other methods are safe from any."""
 
     def __init__(
         self,
