@@ -12,7 +12,7 @@ from navcore.config.navigator import NavigatorConfig
 from navcore.config.safety import DEFAULT_SAFETY
 from navcore.control.controller import Controller, ControllerMemory, ControlTask
 from navcore.control.motion import ControllerState, Motion
-from navcore.control.motions.beside_people import fastest_point_mps, no_faster
+from navcore.control.motions.beside_people import no_faster
 from navcore.control.speed_limits import travel_time_s
 from navcore.costmap.costmap import Costmap
 from navcore.costmap.live_costmap import LiveCostmap
@@ -241,7 +241,7 @@ class Navigator:
             self._steered = self._controller.memory
             self._controller.recall(of_tick)
         if last.people:  # who may have stopped meanwhile
-            limit_mps = fastest_point_mps(last.motion.twist, self._profile)
+            limit_mps = self._profile.fastest_mps(last.motion.twist)
             motion = no_faster(motion, limit_mps, self._profile)
         return dataclasses.replace(
             last,

@@ -8,7 +8,7 @@ from typing import Any
 
 from navcore.geometry.transform import Pose2
 from navcore.mission.anchor import Anchor, Place
-from navcore.mission.anchors import Item, anchors_of, linked, place_of
+from navcore.mission.anchors import Item, anchors_of, place_of
 from navcore.mission.mission import Goal
 from navcore.mission.zone import Zone, ZoneKind
 from navcore.mission.zone_shapes import Circle, Corridor, Shape
@@ -82,7 +82,7 @@ def _anchors_record(item: Zone | Goal) -> dict[str, Any]:
 
 def _with_anchors(item: Item, record: Mapping[str, Any]) -> Item:
     here = place_of(item)
-    anchors = [
+    anchors = tuple(
         Anchor(
             numbering=one["numbering"],
             poses=tuple((n, Pose2(x_m=x, y_m=y, yaw_rad=yaw)) for n, x, y, yaw in one["poses"]),
@@ -90,8 +90,8 @@ def _with_anchors(item: Item, record: Mapping[str, Any]) -> Item:
             place=here,
         )
         for one in record.get(ANCHORS, ())
-    ]
-    return replace(item, anchor=linked(anchors)) if anchors else item
+    )
+    return replace(item, anchors=anchors)
 
 
 def _place_record(place: Place) -> dict[str, Any]:

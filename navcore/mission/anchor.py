@@ -36,6 +36,10 @@ class NumberedPoses:
         return self.poses[: self.frozen] if numbering == self.loaded_numbering else None
 
 
+NO_POSES = NumberedPoses(numbering="", poses=())
+"""Those of no map."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
     """Where an item is."""
@@ -66,8 +70,6 @@ class Anchor:
     place: Place
     """Where it is by its poses: the anchor of an item that is elsewhere, as an operator has put it
     there since, tells nothing."""
-    earlier: Anchor | None = None
-    """Anchor in another numbering, which tells where the item is in an earlier map."""
 
     def motion(self, poses: Sequence[Pose2]) -> Pose2:
         """Return the rigid motion of the map frame since the item was drawn, from the present poses

@@ -9,7 +9,6 @@ item is in it. Items far from every pose, or beside a pose of the loaded map, st
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -45,17 +44,14 @@ def anchored(item: Item, poses: NumberedPoses, reach_m: float = REACH_M) -> Item
     if is_anchored(item, poses.numbering):
         return item
     here = place_of(item)
-    anchor = Anchor(
+    new = Anchor(
         numbering=poses.numbering,
         poses=tuple((n, poses.poses[n]) for n in _beside(here, poses, reach_m)),
         drawn=here,
         place=here,
     )
-    others: list[Anchor] = [
-        one for one in anchors_of(item) if one.poses and one.numbering != poses.numbering
-    ]
-    chain = [anchor, *others[:MOST_EARLIER]]
-    return dataclasses.replace(item, anchor=linked(chain))
+    earlier: tuple[Anchor, ...] = tuple(one for one in anchors_of(item) if one.poses)
+    return dataclasses.replace(item, anchors=(new, *earlier[:MOST_EARLIER]))
 
 
 def placed(item: Item, poses: NumberedPoses) -> Item:
@@ -69,34 +65,16 @@ def placed(item: Item, poses: NumberedPoses) -> Item:
     return item
 
 
-def valid_anchor(item: Zone | Goal) -> Anchor | None:
-    """Return the anchor of an item; None without one, and where an operator has put the item
+def anchors_of(item: Zone | Goal) -> tuple[Anchor, ...]:
+    """Return the anchors of an item, the newest first; none where an operator has put the item
     elsewhere since."""
-    anchor = item.anchor
-    return anchor if anchor is not None and anchor.place == place_of(item) else None
-
-
-def anchors_of(item: Zone | Goal) -> list[Anchor]:
-    """Return the anchors of an item in all numberings, the newest first."""
-    found, anchor = list[Anchor](), valid_anchor(item)
-    while anchor is not None:
-        found.append(anchor)
-        anchor = anchor.earlier
-    return found
-
-
-def linked(anchors: Sequence[Anchor]) -> Anchor | None:
-    """Return the first of the anchors of an item, with all others as earlier ones."""
-    anchor: Anchor | None = None
-    for one in reversed(anchors):
-        anchor = dataclasses.replace(one, earlier=anchor)
-    return anchor
+    here = place_of(item)
+    return tuple(one for one in item.anchors if one.place == here)
 
 
 def is_anchored(item: Zone | Goal, numbering: str) -> bool:
     """Return whether an item has an anchor in a numbering of poses."""
-    anchor = valid_anchor(item)
-    return anchor is not None and anchor.numbering == numbering
+    return any(one.numbering == numbering for one in anchors_of(item)[:1])
 
 
 def place_of(item: Zone | Goal) -> Place:
@@ -108,11 +86,11 @@ def place_of(item: Zone | Goal) -> Place:
 
 def at_place(item: Item, place: Place) -> Item:
     """Return an item at another place, to which its poses have brought it."""
-    anchor = linked([dataclasses.replace(one, place=place) for one in anchors_of(item)])
+    anchors = tuple(dataclasses.replace(one, place=place) for one in anchors_of(item))
     if isinstance(item, Goal):
         ((x_m, y_m),) = place.outline
-        return dataclasses.replace(item, x_m=x_m, y_m=y_m, yaw_rad=place.yaw_rad, anchor=anchor)
-    return dataclasses.replace(item, polygon=place.outline, drawn=place.shape, anchor=anchor)
+        return dataclasses.replace(item, x_m=x_m, y_m=y_m, yaw_rad=place.yaw_rad, anchors=anchors)
+    return dataclasses.replace(item, polygon=place.outline, drawn=place.shape, anchors=anchors)
 
 
 def moved(place: Place, motion: Pose2) -> Place:

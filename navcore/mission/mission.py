@@ -52,8 +52,9 @@ class Goal:
     """Heading in radians of the map frame at the goal; None for any."""
     name: str = ""
     """Name that the operator gave it; empty for none."""
-    anchor: Anchor | None = field(default=None, compare=False, repr=False)
-    """Poses of the map that the goal belongs to; None before that is looked for."""
+    anchors: tuple[Anchor, ...] = field(default=(), compare=False, repr=False)
+    """Poses that the goal belongs to, in the numbering of the map and of those before, the newest
+    first; none before that is looked for."""
 
     @property
     def title(self) -> str:

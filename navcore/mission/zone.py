@@ -88,8 +88,9 @@ class Zone(ZoneSpec):
     further: tuple[Corners, ...] = ()
     """Further outlines of a zone that is grown by the uncertainty of the robot's position: those of
     the other parts of a stay-inside zone, or of the holes of another zone."""
-    anchor: Anchor | None = field(default=None, compare=False, repr=False)
-    """Poses of the map that the zone belongs to; None before that is looked for."""
+    anchors: tuple[Anchor, ...] = field(default=(), compare=False, repr=False)
+    """Poses that the zone belongs to, in the numbering of the map and of those before, the newest
+    first; none before that is looked for."""
 
     @classmethod
     def of(cls, spec: ZoneSpec, *, zone_id: str, version: int) -> Zone:

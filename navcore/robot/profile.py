@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navcore.errors import BadConfiguration
-from navcore.geometry.transform import Matrix, camera_mount
+from navcore.geometry.transform import Matrix, Twist, camera_mount
 from navcore.robot.camera_stream import CameraStream
 from navcore.robot.laser_scan import ScannerMount
 from navcore.toml_config import from_table, ranged, read_toml
@@ -101,6 +101,10 @@ class RobotProfile:
     def circumscribed_radius_m(self) -> float:
         """Radius in metres of the circle that the footprint covers when it turns in place."""
         return float(np.hypot(self.length_m, self.width_m)) / 2
+
+    def fastest_mps(self, twist: Twist) -> float:
+        """Return an upper bound of the speed of every point of the body in metres per second."""
+        return abs(twist.v_mps) + abs(twist.w_radps) * self.circumscribed_radius_m
 
     def footprint(self, padding_m: float = 0.0) -> npt.NDArray[np.float64]:
         """Return the (4, 2) corners in metres of the base frame, counter-clockwise, enlarged by

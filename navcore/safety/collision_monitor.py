@@ -184,7 +184,7 @@ def time_to_contact(
     noise; one within the clearance around the start counts only when the body itself would touch
     it, so that the robot can turn away from what it stands close to.
     """
-    speed = fastest_mps(twist, profile)
+    speed = profile.fastest_mps(twist)
     if len(points) == 0 or speed == 0.0:
         return math.inf
     sweep = _Sweep(
@@ -198,11 +198,6 @@ def time_to_contact(
     )
     begin = float(start.x_m), float(start.y_m), float(start.yaw_rad)
     return float(_contact_time(points, begin, float(twist.v_mps), float(twist.w_radps), sweep))
-
-
-def fastest_mps(twist: Twist, profile: RobotProfile) -> float:
-    """Return an upper bound of the speed of every point of the body in metres per second."""
-    return abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
 
 
 def braking_s(twist: Twist, profile: RobotProfile) -> float:

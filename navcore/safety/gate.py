@@ -19,7 +19,6 @@ from navcore.safety.collision_monitor import (
     NearPoints,
     allowed_share,
     braking_s,
-    fastest_mps,
     time_to_contact,
 )
 from navcore.safety.keep_out_monitor import KeepOuts, permitted_share
@@ -129,7 +128,7 @@ def gate(
     )
     if share < 1.0:
         slowed = Twist(v_mps=share * slowed.v_mps, w_radps=share * slowed.w_radps)
-    if area and fastest_mps(slowed, profile) < config.collision.creep_mps:
+    if area and profile.fastest_mps(slowed) < config.collision.creep_mps:
         objections.append(_area_reason(area))
     if objections or facts.command is None:
         return GateDecision(twist=STANDSTILL, reasons=ranked(objections))
@@ -182,10 +181,10 @@ def wheels_blocked(
     sent: Twist, measured: Twist, profile: RobotProfile, config: GateConfig = DEFAULT_SAFETY.gate
 ) -> bool:
     """Return whether the wheels were commanded to turn and hardly do."""
-    asked_mps = fastest_mps(sent, profile)
+    asked_mps = profile.fastest_mps(sent)
     return (
         asked_mps > config.commanded_mps
-        and fastest_mps(measured, profile) < config.turning_share * asked_mps
+        and profile.fastest_mps(measured) < config.turning_share * asked_mps
     )
 
 
@@ -275,7 +274,7 @@ def _slowed(
     if share == 1.0:
         return asked
     slowed = Twist(v_mps=share * asked.v_mps, w_radps=share * asked.w_radps)
-    return STANDSTILL if fastest_mps(slowed, profile) < config.collision.creep_mps else slowed
+    return STANDSTILL if profile.fastest_mps(slowed) < config.collision.creep_mps else slowed
 
 
 def _contact_s(

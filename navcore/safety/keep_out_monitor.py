@@ -37,7 +37,7 @@ from navcore.mission.zone_growth import (
     spread_of,
 )
 from navcore.robot.profile import RobotProfile
-from navcore.safety.collision_monitor import braking_s, fastest_mps
+from navcore.safety.collision_monitor import braking_s
 
 NO_CELLS: Points = np.empty((0, 2))
 _DEFAULT = DEFAULT_SAFETY.keep_out
@@ -115,7 +115,7 @@ def permitted_share(
     the robot is slowed down.
     """
     start = keep_outs.pose
-    if start is None or fastest_mps(twist, profile) < config.standing_mps:
+    if start is None or profile.fastest_mps(twist) < config.standing_mps:
         return 1.0, ""
     late_s = max(config.reaction_s - frame_age_s, config.reaction_after_frame_s)
     travelled_m = abs(twist.v_mps) * (late_s + braking_s(twist, profile)) + config.stop_margin_m
@@ -124,7 +124,7 @@ def permitted_share(
     keep_outs = _near_cells(keep_outs, start, reach_m)
     if not areas and not len(keep_outs.cells):
         return 1.0, ""
-    blocking, slow = "", config.uncertain_mps / fastest_mps(twist, profile)
+    blocking, slow = "", config.uncertain_mps / profile.fastest_mps(twist)
     shares = config.shares if slow >= min(config.shares) else (*config.shares, slow)
     for share in shares:
         part = Twist(v_mps=share * twist.v_mps, w_radps=share * twist.w_radps)
@@ -188,7 +188,7 @@ def _stopping_poses(
     start: Pose2, twist: Twist, profile: RobotProfile, late_s: float, config: KeepOutMonitorConfig
 ) -> Iterator[Pose2]:
     """Yield the poses at which the robot may be until it stands, and a margin beyond."""
-    speed_mps = fastest_mps(twist, profile)
+    speed_mps = profile.fastest_mps(twist)
     until_s = late_s + braking_s(twist, profile) / 2 + config.stop_margin_m / speed_mps
     steps = max(1, math.ceil(until_s * speed_mps / config.step_m))
     for step in range(1, steps + 1):

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from navcore.errors import OtherSite
 from navcore.mapping.points.pose_ids import PoseIds
-from navcore.mission.anchor import NumberedPoses
+from navcore.mission.anchor import NO_POSES
 from navcore.mission.anchors import (
     Item,
     anchored,
@@ -25,8 +25,6 @@ from navcore.mission.anchors import (
 )
 from navcore.mission.mission import Mission
 from navcore.mission.zone import Zone
-
-NO_POSES = NumberedPoses(numbering="", poses=())
 
 
 class ItemAnchors(Protocol):
@@ -104,7 +102,7 @@ class AnchoredItems:
 
     def leave(self) -> None:
         """Expect another map, and other items: the tick that runs now is still on the map before,
-        and what it moves stays where it is, until these are loaded again (`app.console.site`)."""
+        and what it moves stays where it is, until these are loaded again."""
         self._is_left = True
 
     def begin(self, *, is_new: bool) -> None:

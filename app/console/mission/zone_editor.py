@@ -209,7 +209,7 @@ class ZoneEditor:
             new = [
                 zone
                 for zone, old in zip(zones, before, strict=True)
-                if zone is not old and zone.anchor is not None and zone.anchor.poses
+                if zone is not old and zone.anchors[0].poses
             ]
             try:
                 self._store.change_zones(new, [])
@@ -356,7 +356,7 @@ class ZoneEditor:
     def _anchored(self, zone: Zone, before: Zone | None) -> Zone:
         """Return a zone with its anchor: that of before, where it has stayed in its place."""
         if before is not None and place_of(before) == place_of(zone):
-            zone = dataclasses.replace(zone, anchor=before.anchor)
+            zone = dataclasses.replace(zone, anchors=before.anchors)
         return self._anchors.anchored(zone)
 
     def _apply(self, wanted: Mapping[str, Zone | None], *, even_unstored: bool = False) -> None:

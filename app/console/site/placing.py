@@ -22,7 +22,7 @@ from app.storage.site_store import SiteStore
 from navcore.errors import BadConfiguration
 from navcore.geometry.transform import Pose2
 from navcore.mapping.storage import map_file
-from navcore.mission.anchor import NumberedPoses
+from navcore.mission.anchor import NO_POSES, NumberedPoses
 from navcore.mission.anchors import placed
 
 MISSION = ("mission in progress", "mission")
@@ -41,13 +41,12 @@ def numbered(numbering: str, poses: npt.NDArray[np.float64]) -> NumberedPoses:
 
 def poses_of_file(map_data: bytes | None, where: str) -> NumberedPoses:
     """Return the poses of a map file; none without one, and for a damaged one."""
-    none = numbered("", np.empty((0, 3)))
     if map_data is None:
-        return none
+        return NO_POSES
     try:
         return numbered(*map_file.numbered_poses(map_data, where))
     except BadConfiguration:
-        return none
+        return NO_POSES
 
 
 def zones_on(records: Sequence[Record], poses: NumberedPoses) -> Sequence[Record]:

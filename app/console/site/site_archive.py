@@ -165,7 +165,7 @@ def _features(zones: Iterable[Zone]) -> list[dict[str, Any]]:
 
 def _goal(record: dict[str, Any], poses: NumberedPoses) -> dict[str, Any]:
     """Return the record of a goal where a map has it, without what it belongs to there."""
-    return goal_record(dataclasses.replace(placed(goal_of(record), poses), anchor=None))
+    return goal_record(dataclasses.replace(placed(goal_of(record), poses), anchors=()))
 
 
 def _zones(features: Iterable[ImportedFeatureIn]) -> tuple[Zone, ...]:

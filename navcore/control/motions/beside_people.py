@@ -27,14 +27,9 @@ def slow_beside_people(checker: CollisionChecker, motion: Motion) -> Motion:
     return no_faster(motion, limit_mps, checker.profile)
 
 
-def fastest_point_mps(twist: Twist, profile: RobotProfile) -> float:
-    """Return the speed in metres per second that no point of the body exceeds."""
-    return abs(twist.v_mps) + abs(twist.w_radps) * profile.circumscribed_radius_m
-
-
 def no_faster(motion: Motion, limit_mps: float, profile: RobotProfile) -> Motion:
     """The same motion with no point of the body faster than a limit."""
-    twist, fastest_mps = motion.twist, fastest_point_mps(motion.twist, profile)
+    twist, fastest_mps = motion.twist, profile.fastest_mps(motion.twist)
     if fastest_mps <= limit_mps:
         return motion
     share = limit_mps / fastest_mps

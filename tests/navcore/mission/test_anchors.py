@@ -43,8 +43,7 @@ def drawn(item: Item, poses: tuple[Pose2, ...] = PATH, frozen: int = 0) -> Item:
 
 
 def anchor_of(item: Zone | Goal) -> Anchor:
-    assert item.anchor is not None
-    return item.anchor
+    return item.anchors[0]
 
 
 def at(item: Item, poses: tuple[Pose2, ...]) -> Item:

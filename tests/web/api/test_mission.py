@@ -172,6 +172,6 @@ def test_the_poses_that_a_goal_belongs_to_are_not_served(
     state, place = operations.state(), Place(outline=((3.0, 0.5),))
     anchor = Anchor(numbering="of a map", poses=(), drawn=place, place=place)
     (goal,) = state.queue
-    anchored = dataclasses.replace(state, queue=(dataclasses.replace(goal, anchor=anchor),))
+    anchored = dataclasses.replace(state, queue=(dataclasses.replace(goal, anchors=(anchor,)),))
     (served,) = TypeAdapter(State).dump_python(anchored)["queue"]
     assert served == {"id": 1, "x_m": 3.0, "y_m": 0.5, "yaw_rad": None, "name": ""}

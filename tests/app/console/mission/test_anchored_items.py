@@ -161,8 +161,8 @@ def test_what_a_place_on_trial_has_moved_is_moved_back_with_the_map(pose_ids: Po
     assert held.stored[0].polygon[0] == pytest.approx((2.0, 0.0))
     assert held.mission.queue[0].x_m == pytest.approx(2.0)
     assert told[0] == "Zone “Wet floor” moved 0.40 m with the map."
-    anchor = held.stored[0].anchor
-    assert anchor is not None and anchor.numbering == pose_ids.numbering
+    anchor = held.stored[0].anchors[0]
+    assert anchor.numbering == pose_ids.numbering
     assert anchor.poses == (), "the poses of before are constants now"
 
 
